@@ -1,0 +1,25 @@
+"""What palpate raises when a person must change something: one sentence, what is wrong, where, what would be right."""
+
+
+class PalpateError(ValueError):
+    """Base of every error that palpate raises on purpose."""
+
+
+class ScenarioError(PalpateError):
+    """A scenario file has an unknown key, a wrong dimension, a missing or an impossible value."""
+
+
+class DeviceError(PalpateError):
+    """A device file or a device parameter is wrong (unknown name, negative mass, missing unit)."""
+
+
+class PoseError(PalpateError):
+    """A pose or a tip position is out of reach, singular, not finite, or has the wrong shape."""
+
+
+class RecordingError(PalpateError):
+    """A recording has gaps, repeated time stamps, non-finite samples or too little excitation."""
+
+
+class DesignError(PalpateError):
+    """A controller with the stated specification does not exist for this plant."""

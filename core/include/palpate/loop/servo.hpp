@@ -1,0 +1,121 @@
+#pragma once
+
+#include <cmath>
+
+#include "palpate/control/state_space.hpp"
+#include "palpate/control/virtual_coupling.hpp"
+#include "palpate/device/drive.hpp"
+#include "palpate/math/vector.hpp"
+#include "palpate/touch/anchor.hpp"
+
+namespace palpate {
+
+/// Where angles become tip positions and tip forces become torques: exactly, or linearised at a pose (thesis case C and D).
+template <class Mechanism>
+class Kinematics {
+ public:
+  static constexpr int dof = Mechanism::dof;
+
+  Kinematics() = default;
+  explicit Kinematics(const Mechanism& mechanism) : mechanism_(mechanism) {}
+
+  /// First-order kinematics at `pose` [rad]; `hold` [N] is the constant tip force there, whose torque turns with the pose.
+  Kinematics(const Mechanism& mechanism, const Joints<dof>& pose, const Vector3<>& hold)
+      : mechanism_(mechanism), frozen_(true), pose_(pose), tip_(mechanism.forward(pose)), jacobian_(mechanism.jacobian(pose)) {
+    using Variable = Dual<dof>;
+    Joints<dof, Variable> q;
+    for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
+    const TipJacobian<dof, Variable> j = mechanism.jacobian(q);
+    torque_turn_.setZero();
+    for (int i = 0; i < dof; ++i) {
+      for (int row = 0; row < 3; ++row) torque_turn_.row(i) += hold[row] * j(row, i).gradient.transpose();
+    }
+  }
+
+  [[nodiscard]] Vector3<> tip(const Joints<dof>& q) const noexcept {
+    if (frozen_) return tip_ + jacobian_ * (q - pose_);
+    return mechanism_.forward(q);
+  }
+
+  /// Torques [N*m] of tip force `command` on top of the constant `hold` [N].
+  [[nodiscard]] Joints<dof> torque(const Joints<dof>& q, const Vector3<>& command, const Vector3<>& hold) const noexcept {
+    if (frozen_) return jacobian_.transpose() * (command + hold) + torque_turn_ * (q - pose_);
+    return mechanism_.jacobian(q).transpose() * (command + hold);
+  }
+
+ private:
+  Mechanism mechanism_;
+  bool frozen_ = false;
+  Joints<dof> pose_ = Joints<dof>::Zero();
+  Vector3<> tip_ = Vector3<>::Zero();
+  TipJacobian<dof> jacobian_ = TipJacobian<dof>::Zero();
+  Eigen::Matrix<double, dof, dof> torque_turn_ = Eigen::Matrix<double, dof, dof>::Zero();  // d(J^T hold)/dq
+};
+
+/// One tick of the servo loop, the same in simulation and in real time: angles in, torques out. It takes no memory, no
+/// lock, throws nothing and asks nothing of the operating system.
+///
+///   angles -> counts -> tip -> contact -> object force -> controller -> limits -> torques -> delay
+template <class Mechanism>
+class Servo {
+ public:
+  static constexpr int dof = Mechanism::dof;
+
+  /// What one tick saw and did.
+  struct Tick {
+    Vector3<> tip = Vector3<>::Zero();           ///< measured, m
+    Vector3<> object_force = Vector3<>::Zero();  ///< of the tip on the object, N
+    Vector3<> command = Vector3<>::Zero();       ///< tip force after the drive's limits, without the hold, N
+    Joints<dof> torque = Joints<dof>::Zero();    ///< leaving the delay, N*m
+    bool touching = false;
+    bool saturated = false;
+  };
+
+  Servo() = default;
+  Servo(const Kinematics<Mechanism>& kinematics, const Encoder<dof>& encoder, const Anchor& anchor, const VirtualCoupling& coupling,
+        const StateSpace& controller, const Drive<dof>& drive, const Vector3<>& hold, int delay, const Joints<dof>& start)
+      : kinematics_(kinematics),
+        encoder_(encoder),
+        anchor_(anchor),
+        coupling_(coupling),
+        controller_(controller),
+        drive_(drive),
+        hold_(hold),
+        delay_(delay, drive.limit_torque(kinematics.torque(start, Vector3<>::Zero(), hold))) {}
+
+  /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
+  /// impedance display).
+  const Tick& tick(const Joints<dof>& angles, const Vector3<>& reference) noexcept {
+    const Joints<dof> q = encoder_.read(angles);
+    tick_.tip = kinematics_.tip(q);
+    const Anchor::Contact contact = anchor_.contact(tick_.tip);
+    tick_.touching = contact.touching;
+    Vector3<> force = coupling_.force(contact.deflection);
+    if (anchor_.kind == Anchor::Kind::half_space) {
+      // A wall pushes, it never pulls: neither its damper on the way out nor its memory after contact.
+      const double pressed = contact.touching ? std::fmin(0.0, anchor_.normal.dot(force)) : 0.0;
+      force = pressed * anchor_.normal;
+    }
+    tick_.object_force = force;
+    const Vector3<> wanted = controller_.output(reference, force);
+    tick_.command = drive_.limit_force(wanted + hold_) - hold_;
+    tick_.saturated = (tick_.command - wanted).squaredNorm() > 1e-24 * (1.0 + wanted.squaredNorm());
+    if (!tick_.saturated) tick_.command = wanted;
+    controller_.advance(tick_.command);
+    tick_.torque = delay_.pass(drive_.limit_torque(kinematics_.torque(q, tick_.command, hold_)));
+    return tick_;
+  }
+
+ private:
+  Kinematics<Mechanism> kinematics_;
+  Encoder<dof> encoder_;
+  Anchor anchor_;
+  VirtualCoupling coupling_;
+  StateSpace controller_;
+  Drive<dof> drive_;
+  Vector3<> hold_ = Vector3<>::Zero();
+  Delay<Joints<dof>> delay_;
+  Tick tick_;
+};
+
+}  // namespace palpate

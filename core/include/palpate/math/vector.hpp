@@ -1,0 +1,19 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace palpate {
+
+/// A point, displacement [m] or force [N] in the device's base frame: x to the right, y up, z towards the operator.
+template <class Scalar = double>
+using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
+
+/// One number for each joint: angles [rad], speeds [rad/s], torques [N*m] (metres and newtons for a sliding joint).
+template <int dof, class Scalar = double>
+using Joints = Eigen::Matrix<Scalar, dof, 1>;
+
+/// The derivative of the tip's position by the joints, 3 x dof [m/rad]; its transpose turns tip forces into torques.
+template <int dof, class Scalar = double>
+using TipJacobian = Eigen::Matrix<Scalar, 3, dof>;
+
+}  // namespace palpate

@@ -1,0 +1,252 @@
+/// The Python face of the core: batches of states in, arrays out, the loop's runs without the interpreter's lock.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <palpate/palpate.hpp>
+#include <tuple>
+#include <vector>
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<nb::numpy, double>;
+
+/// A numpy array of `shape` that owns its memory.
+template <class... Size>
+std::tuple<Numbers, double*> new_array(Size... shape) {
+  const std::initializer_list<std::size_t> sizes = {static_cast<std::size_t>(shape)...};
+  std::size_t count = 1;
+  for (const std::size_t s : sizes) count *= s;
+  auto* data = new double[count > 0 ? count : 1]();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  return {Numbers(data, sizes, owner), data};
+}
+
+template <int rows, int columns>
+using RowMajor = Eigen::Matrix<double, rows, columns, (columns > 1 ? Eigen::RowMajor : Eigen::ColMajor)>;
+
+template <class Mechanism>
+void bind_mechanism(nb::class_<Mechanism>& cls) {
+  constexpr int dof = Mechanism::dof;
+  using Q = palpate::Joints<dof>;
+  const auto joint = [](const Rows& a, std::size_t i) { return Q(Eigen::Map<const Q>(a.data() + i * dof)); };
+
+  cls.def("forward", [joint](const Mechanism& self, const Rows& q) {
+    auto [out, data] = new_array(q.shape(0), 3);
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<palpate::Vector3<>>(data + 3 * i) = self.forward(joint(q, i));
+    return out;
+  });
+  cls.def("jacobian", [joint](const Mechanism& self, const Rows& q) {
+    auto [out, data] = new_array(q.shape(0), 3, dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<RowMajor<3, dof>>(data + 3 * dof * i) = self.jacobian(joint(q, i));
+    return out;
+  });
+  cls.def("tip_hessian", [joint](const Mechanism& self, const Rows& q) {
+    using Variable = palpate::Dual<dof>;
+    auto [out, data] = new_array(q.shape(0), 3, dof, dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i) {
+      const Q at = joint(q, i);
+      palpate::Joints<dof, Variable> variables;
+      for (int k = 0; k < dof; ++k) variables[k] = Variable::variable(at[k], k);
+      const palpate::TipJacobian<dof, Variable> j = self.jacobian(variables);
+      double* hessian = data + 3 * dof * dof * i;
+      for (int row = 0; row < 3; ++row)
+        for (int a = 0; a < dof; ++a)
+          for (int b = 0; b < dof; ++b) hessian[(row * dof + a) * dof + b] = j(row, a).gradient[b];
+    }
+    return out;
+  });
+  cls.def("mass_matrix", [joint](const Mechanism& self, const Rows& q) {
+    auto [out, data] = new_array(q.shape(0), dof, dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<RowMajor<dof, dof>>(data + dof * dof * i) = self.mass_matrix(joint(q, i));
+    return out;
+  });
+  cls.def("coriolis", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
+    auto [out, data] = new_array(q.shape(0), dof, dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i)
+      Eigen::Map<RowMajor<dof, dof>>(data + dof * dof * i) = self.coriolis(joint(q, i), joint(qd, i));
+    return out;
+  });
+  cls.def("gravity", [joint](const Mechanism& self, const Rows& q) {
+    auto [out, data] = new_array(q.shape(0), dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<Q>(data + dof * i) = self.gravity(joint(q, i));
+    return out;
+  });
+  cls.def("energy", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
+    auto [out, data] = new_array(q.shape(0));
+    for (std::size_t i = 0; i < q.shape(0); ++i) {
+      const Q at = joint(q, i);
+      const Q speed = joint(qd, i);
+      data[i] = 0.5 * speed.dot(self.mass_matrix(at) * speed) + self.potential(at);
+    }
+    return out;
+  });
+  cls.def("acceleration", [joint](const Mechanism& self, const palpate::Friction<dof>& friction, const Rows& q, const Rows& qd, const Rows& tau) {
+    const palpate::Motion<Mechanism> motion(self, friction, palpate::Hand{});
+    auto [out, data] = new_array(q.shape(0), dof);
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
+    return out;
+  });
+  cls.def("linearization", [](const Mechanism& self, const Q& viscous, const Q& q, const Q& qd, const Q& tau) {
+    using Variable = palpate::Dual<3 * dof>;
+    palpate::Joints<dof, Variable> at, speed, torque;
+    for (int k = 0; k < dof; ++k) {
+      at[k] = Variable::variable(q[k], k);
+      speed[k] = Variable::variable(qd[k], dof + k);
+      torque[k] = Variable::variable(tau[k], 2 * dof + k) - viscous[k] * speed[k];
+    }
+    const palpate::Joints<dof, Variable> qdd = self.acceleration(at, speed, torque);
+    Eigen::Matrix<double, dof, 3 * dof> d;
+    for (int k = 0; k < dof; ++k) d.row(k) = qdd[k].gradient.transpose();
+    return Eigen::MatrixXd(d);
+  });
+}
+
+template <class Mechanism>
+void bind_loop(nb::module_& m, const char* name) {
+  constexpr int dof = Mechanism::dof;
+  using Setup = palpate::SimulationSetup<Mechanism>;
+  using Friction = palpate::Friction<dof>;
+  using Limits = palpate::DriveLimits<dof>;
+  const std::string prefix = name;
+
+  nb::class_<Friction>(m, (prefix + "Friction").c_str())
+      .def(nb::init<>())
+      .def_rw("viscous", &Friction::viscous)
+      .def_rw("coulomb", &Friction::coulomb)
+      .def_rw("breakaway", &Friction::breakaway)
+      .def_rw("stribeck_speed", &Friction::stribeck_speed);
+  nb::class_<Limits>(m, (prefix + "Limits").c_str())
+      .def(nb::init<>())
+      .def_rw("peak_force", &Limits::peak_force)
+      .def_rw("continuous_force", &Limits::continuous_force)
+      .def_rw("thermal_time", &Limits::thermal_time)
+      .def_rw("peak_torque", &Limits::peak_torque);
+  nb::class_<Setup>(m, (prefix + "Setup").c_str())
+      .def(nb::init<>())
+      .def_rw("mechanism", &Setup::mechanism)
+      .def_rw("friction", &Setup::friction)
+      .def_rw("hand", &Setup::hand)
+      .def_prop_rw(
+          "encoder_step", [](const Setup& s) { return s.encoder.step; },
+          [](Setup& s, const palpate::Joints<dof>& step) { s.encoder.step = step; })
+      .def_rw("limits", &Setup::limits)
+      .def_rw("delay", &Setup::delay)
+      .def_rw("anchor", &Setup::anchor)
+      .def_rw("stiffness", &Setup::stiffness)
+      .def_rw("damping", &Setup::damping)
+      .def_rw("difference", &Setup::difference)
+      .def_rw("controller", &Setup::controller)
+      .def_rw("hold", &Setup::hold)
+      .def_rw("frozen_kinematics", &Setup::frozen_kinematics)
+      .def_rw("linear", &Setup::linear)
+      .def_rw("plant_a", &Setup::plant_a)
+      .def_rw("plant_b", &Setup::plant_b)
+      .def_rw("plant_c", &Setup::plant_c)
+      .def_rw("working_torque", &Setup::working_torque)
+      .def_rw("start", &Setup::start)
+      .def_rw("start_speed", &Setup::start_speed)
+      .def_rw("period", &Setup::period)
+      .def_rw("substeps", &Setup::substeps)
+      .def_rw("record_every", &Setup::record_every)
+      .def_rw("speed_limit", &Setup::speed_limit)
+      .def(
+          "run",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            const int ticks = static_cast<int>(reference.shape(0)) - 1;
+            const int most = ticks / self.record_every + 1;
+            auto [rows, data] = new_array(most, palpate::record_width<dof>);
+            palpate::SimulationOutcome outcome;
+            {
+              const nb::gil_scoped_release unlocked;
+              outcome = palpate::simulate(self, ticks, reference.data(), operator_force.data(), data);
+            }
+            return nb::make_tuple(rows, outcome.rows, outcome.unstable_tick);
+          },
+          "reference"_a, "operator_force"_a,
+          "Runs the loop; returns (rows, number of rows written, tick of divergence or -1).");
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  m.doc() = "palpate's core: device dynamics and the servo loop.";
+
+  nb::class_<palpate::Hand>(m, "Hand")
+      .def(nb::init<>())
+      .def_rw("mass", &palpate::Hand::mass)
+      .def_rw("damping", &palpate::Hand::damping)
+      .def_rw("stiffness", &palpate::Hand::stiffness)
+      .def_rw("tissue", &palpate::Hand::tissue)
+      .def_rw("tissue_stiffness", &palpate::Hand::tissue_stiffness)
+      .def_rw("tissue_damping", &palpate::Hand::tissue_damping)
+      .def_rw("rest", &palpate::Hand::rest);
+
+  nb::class_<palpate::Anchor> anchor(m, "Anchor");
+  nb::enum_<palpate::Anchor::Kind>(anchor, "Kind")
+      .value("none", palpate::Anchor::Kind::none)
+      .value("point", palpate::Anchor::Kind::point)
+      .value("half_space", palpate::Anchor::Kind::half_space);
+  anchor.def(nb::init<>())
+      .def_rw("kind", &palpate::Anchor::kind)
+      .def_rw("point", &palpate::Anchor::point)
+      .def_rw("normal", &palpate::Anchor::normal);
+
+  nb::enum_<palpate::VirtualCoupling::Difference>(m, "Difference")
+      .value("backward", palpate::VirtualCoupling::Difference::backward)
+      .value("bilinear", palpate::VirtualCoupling::Difference::bilinear);
+
+  nb::class_<palpate::StateSpace>(m, "StateSpace")
+      .def(nb::init<>())
+      .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&>(),
+           "a"_a, "b"_a, "c"_a, "d"_a, "antiwindup"_a)
+      .def_prop_ro("order", &palpate::StateSpace::order)
+      .def("output", &palpate::StateSpace::output)
+      .def("advance", &palpate::StateSpace::advance);
+
+  using palpate::PremiumParameters;
+  nb::class_<PremiumParameters>(m, "PremiumParameters")
+      .def(nb::init<>())
+      .def_rw("l1", &PremiumParameters::l1)
+      .def_rw("l2", &PremiumParameters::l2)
+      .def_rw("l3", &PremiumParameters::l3)
+      .def_rw("l5", &PremiumParameters::l5)
+      .def_rw("l6", &PremiumParameters::l6)
+      .def_rw("mass_a", &PremiumParameters::mass_a)
+      .def_rw("mass_c", &PremiumParameters::mass_c)
+      .def_rw("mass_be", &PremiumParameters::mass_be)
+      .def_rw("mass_df", &PremiumParameters::mass_df)
+      .def_rw("inertia_a", &PremiumParameters::inertia_a)
+      .def_rw("inertia_c", &PremiumParameters::inertia_c)
+      .def_rw("inertia_be", &PremiumParameters::inertia_be)
+      .def_rw("inertia_df", &PremiumParameters::inertia_df)
+      .def_rw("inertia_base", &PremiumParameters::inertia_base)
+      .def_rw("rotor_inertia", &PremiumParameters::rotor_inertia)
+      .def_rw("gravity", &PremiumParameters::gravity);
+
+  bind_loop<palpate::Premium>(m, "Premium");
+  bind_loop<palpate::Slider>(m, "Slider");
+
+  nb::class_<palpate::Premium> premium(m, "Premium");
+  premium.def(nb::init<const PremiumParameters&>());
+  bind_mechanism(premium);
+  premium.def(
+      "inverse",
+      [](const palpate::Premium& self, const palpate::Vector3<>& p, bool behind, bool elbow_down) {
+        const auto pose = self.inverse(p, behind, elbow_down);
+        return nb::make_tuple(static_cast<int>(pose.reach), pose.q);
+      },
+      "p"_a, "behind"_a, "elbow_down"_a);
+
+  nb::class_<palpate::Slider> slider(m, "Slider");
+  slider.def(nb::init<double>(), "mass"_a);
+  bind_mechanism(slider);
+}

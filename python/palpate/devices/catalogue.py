@@ -1,0 +1,214 @@
+"""Device files: TOML in which every number has a unit and a source. A user's own reads like the catalogue's."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from palpate.devices.device import MECHANISMS, Device, Parameters
+from palpate.errors import DeviceError, PalpateError
+from palpate.units import quantity, vector
+
+__all__ = ["Number", "load", "names", "read_numbers"]
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a device file.
+
+    Attributes:
+        key: "section.name", as in the file.
+        values: in SI; one, or one per axis or joint.
+        unit: SI unit; "" for a plain number.
+        text: the values as written in the file.
+        source: where it was published, in full.
+        note: what it is; may be empty.
+    """
+
+    key: str
+    values: tuple[float, ...]
+    unit: str
+    text: str
+    source: str
+    note: str
+
+
+class _Field(NamedTuple):
+    unit: str
+    size: int = 1
+    low: float = -math.inf  # the least value allowed
+    required: bool = True
+
+
+_INERTIA = _Field("kg*m^2", 3, 0.0)
+_DRIVE = {
+    "peak_force": _Field("N", 1, 0.0, False),
+    "continuous_force": _Field("N", 1, 0.0, False),
+    "thermal_time": _Field("s", 1, 0.0, False),
+}
+_PERIOD = _Field("s", 1, 0.0)
+
+# What a file of each mechanism may say, and in which unit: a name is "section.key", or a key at the file's top.
+FIELDS: dict[str, dict[str, _Field]] = {
+    "premium": {
+        "servo_period": _PERIOD,
+        **{f"geometry.{name}": _Field("m") for name in ("l1", "l2", "l3", "l5", "l6")},
+        **{f"mass.{name}": _Field("kg", 1, 0.0) for name in ("a", "c", "be", "df")},
+        **{f"inertia.{name}": _INERTIA for name in ("a", "c", "be", "df")},
+        "inertia.base": _Field("kg*m^2", 1, 0.0),
+        "friction.viscous": _Field("N*m*s/rad", 3, 0.0),
+        "friction.coulomb": _Field("N*m", 3, 0.0, False),
+        "friction.breakaway": _Field("N*m", 3, 0.0, False),
+        "friction.stribeck_speed": _Field("rad/s", 3, 0.0, False),
+        "drive.gear": _Field("", 3, 0.0, False),
+        "drive.encoder_counts": _Field("", 3, 0.0, False),
+        "drive.rotor_inertia": _Field("kg*m^2", 3, 0.0, False),
+        "drive.peak_torque": _Field("N*m", 3, 0.0, False),
+        **{f"drive.{name}": field for name, field in _DRIVE.items()},
+        "environment.gravity": _Field("m/s^2", 1, -math.inf, False),
+    },
+    "slider": {
+        "servo_period": _PERIOD,
+        "mass.tip": _Field("kg", 1, 0.0),
+        "friction.viscous": _Field("N*s/m", 1, 0.0),
+        "friction.coulomb": _Field("N", 1, 0.0, False),
+        "friction.breakaway": _Field("N", 1, 0.0, False),
+        "friction.stribeck_speed": _Field("m/s", 1, 0.0, False),
+        "drive.encoder_step": _Field("m", 1, 0.0, False),
+        **{f"drive.{name}": field for name, field in _DRIVE.items()},
+    },
+}
+_POSITIVE = {"servo_period", "geometry.l1", "geometry.l2", "mass.tip", "drive.gear", "drive.encoder_counts",
+             "drive.thermal_time", "friction.stribeck_speed", "drive.peak_force", "drive.continuous_force",
+             "drive.peak_torque"}  # fmt: skip
+_TEXTS = ("name", "description", "mechanism", "based_on")
+
+
+def names() -> list[str]:
+    """Names of the devices that come with palpate."""
+    files = resources.files("palpate.devices").iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+
+
+def load(name_or_path: str | os.PathLike[str]) -> Device:
+    """Return a device of the catalogue by name, or the one that a TOML file describes.
+
+    Raises:
+        DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
+            dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source.
+    """
+    where, tables = _read(name_or_path)
+    numbers = {number.key: number for number in _numbers(where, tables)}
+    mechanism = str(tables["mechanism"])
+    values = {key: number.values for key, number in numbers.items()}
+    device = Device(str(tables["name"]), str(tables["description"]), mechanism, Parameters(values))
+    try:
+        device.check()
+    except PalpateError as problem:
+        raise DeviceError(f"{where}: {problem}") from None
+    return device
+
+
+def read_numbers(name_or_path: str | os.PathLike[str]) -> list[Number]:
+    """Return every number of a device file with its unit, source and note, in the file's order.
+
+    Raises:
+        DeviceError: as `load`.
+    """
+    where, tables = _read(name_or_path)
+    return _numbers(where, tables)
+
+
+def _read(name_or_path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
+    """Return where a file lies and its tables, laid over those of the device it is based on."""
+    text, where = _text(name_or_path)
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise DeviceError(f"{where}: not valid TOML: {problem}") from None
+    if "based_on" in tables:
+        base = tables["based_on"]
+        if base not in names():
+            known = ", ".join(names())
+            raise DeviceError(f"{where}: based_on must be a device of the catalogue ({known}), not {base!r}")
+        _, below = _read(base)
+        for key, value in tables.items():
+            below[key] = {**below.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
+        tables = below
+    for key in ("name", "description", "mechanism"):
+        if not isinstance(tables.get(key), str):
+            raise DeviceError(f'{where}: {key} is missing; write {key} = "…" at the top of the file')
+    if tables["mechanism"] not in MECHANISMS:
+        known = " or ".join(f'"{m}"' for m in MECHANISMS)
+        raise DeviceError(f"{where}: mechanism must be {known}, not {tables['mechanism']!r}")
+    return where, tables
+
+
+def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
+    given = os.fspath(name_or_path)
+    path = Path(given)
+    if given in names():
+        return resources.files("palpate.devices").joinpath(f"{given}.toml").read_text("utf-8"), f"device {given}"
+    if path.suffix != ".toml":
+        close = difflib.get_close_matches(given, names(), 1)
+        hint = f"did you mean {close[0]}? For" if close else "for"
+        raise DeviceError(
+            f"there is no device {given!r} in the catalogue ({', '.join(names())}); "
+            f"{hint} your own, give the path of a .toml file"
+        )
+    try:
+        return path.read_text("utf-8"), str(path)
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
+        raise DeviceError(f"{path}: the device file cannot be read: {reason}") from None
+
+
+def _numbers(where: str, tables: Mapping[str, Any]) -> list[Number]:
+    fields = FIELDS[tables["mechanism"]]
+    sources = tables.get("sources", {})
+    entries: dict[str, Any] = {}
+    for name, value in tables.items():
+        if name == "sources" or name in _TEXTS:
+            continue
+        if name in fields or not isinstance(value, dict):
+            entries[name] = value
+        else:
+            entries.update({f"{name}.{key}": entry for key, entry in value.items()})
+    for name in entries:
+        if name not in fields:
+            close = difflib.get_close_matches(name, fields, 1)
+            raise DeviceError(f"{where}: unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
+    missing = [name for name, field in fields.items() if field.required and name not in entries]
+    if missing:
+        raise DeviceError(f"{where}: {missing[0]} is missing (a value in {fields[missing[0]].unit})")
+    return [_number(where, name, entry, fields[name], sources) for name, entry in entries.items()]
+
+
+def _number(where: str, name: str, entry: Any, field: _Field, sources: Mapping[str, str]) -> Number:
+    at = f"{where}: {name}"
+    if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
+        raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs its source')
+    unknown = set(entry) - {"value", "source", "note"}
+    if unknown:
+        raise DeviceError(f"{at}: unknown key {sorted(unknown)[0]}; there are value, source and note")
+    value = entry["value"]
+    if field.size > 1:
+        if not isinstance(value, list):
+            raise DeviceError(f"{at} needs {field.size} values in a list, one for each joint or axis")
+        values = vector(value, field.unit, at, field.size, error=DeviceError)
+    else:
+        values = (quantity(value, field.unit, at, error=DeviceError),)
+    if min(values) < field.low:
+        raise DeviceError(f"{at} is {min(values):g} {field.unit}; it cannot be negative")
+    if name in _POSITIVE and min(values) <= 0.0:
+        raise DeviceError(f"{at} is {min(values):g} {field.unit}; it must be positive")
+    source = str(entry["source"])
+    shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
+    return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

@@ -1,0 +1,314 @@
+"""A haptic device: kinematics, dynamics, friction and drive, computed by the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.errors import DeviceError, PoseError
+
+__all__ = ["MECHANISMS", "Device", "Parameters"]
+
+Array = NDArray[np.float64]
+MECHANISMS = {"premium": 3, "slider": 1}  # mechanism: degrees of freedom
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers of a device in SI, by the keys of its file ("geometry.l1")."""
+
+    values: Mapping[str, tuple[float, ...]]
+
+    def one(self, key: str, default: float | None = None) -> float:
+        """The single number under `key`."""
+        return float(self.many(key, 1, default)[0])
+
+    def many(self, key: str, size: int, default: float | None = None) -> Array:
+        """The numbers under `key`, (size,); `default` for each if the file has none.
+
+        Raises:
+            DeviceError: the key is missing and has no default.
+        """
+        if key not in self.values:
+            if default is None:
+                raise DeviceError(f"{key} is missing")
+            return np.full(size, default)
+        return np.array(self.values[key], dtype=float)
+
+    def with_values(self, **values: ArrayLike) -> Parameters:
+        """Return a copy with other numbers; a key is written with `__` for its dot ("friction__viscous")."""
+        new = {key.replace("__", "."): tuple(np.atleast_1d(np.asarray(v, float))) for key, v in values.items()}
+        return Parameters({**self.values, **new})
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device. Angles q in rad and torques in N*m (m and N for the slider), tip positions in m, base frame.
+
+    Every method takes one state, (dof,), or a stack of them, (n, dof), and answers in kind.
+
+    Attributes:
+        name: as in the catalogue or the file.
+        description: one line.
+        mechanism: "premium" or "slider".
+        parameters: every number in SI.
+    """
+
+    name: str
+    description: str
+    mechanism: str
+    parameters: Parameters
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: 3 for the premium arm, 1 for the slider."""
+        return MECHANISMS[self.mechanism]
+
+    # what the numbers are
+
+    @property
+    def viscous(self) -> Array:
+        """Viscous friction of the joints (dof,), N*m*s/rad."""
+        return self.parameters.many("friction.viscous", self.dof)
+
+    @property
+    def coulomb(self) -> Array:
+        """Coulomb friction of the sliding joints (dof,), N*m."""
+        return self.parameters.many("friction.coulomb", self.dof, 0.0)
+
+    @property
+    def breakaway(self) -> Array:
+        """Dry friction that holds a joint at rest (dof,), N*m; the Coulomb friction unless the file gives it."""
+        if "friction.breakaway" in self.parameters.values:
+            return self.parameters.many("friction.breakaway", self.dof)
+        return self.coulomb
+
+    @property
+    def stribeck_speed(self) -> Array:
+        """Speed at which breakaway has given way to Coulomb friction (dof,), rad/s."""
+        return self.parameters.many("friction.stribeck_speed", self.dof, 1e-2)
+
+    @property
+    def encoder_step(self) -> Array:
+        """Angle of one encoder count (dof,), rad; 0 where the device has no encoder."""
+        if self.mechanism == "slider":
+            return self.parameters.many("drive.encoder_step", 1, 0.0)
+        if "drive.encoder_counts" not in self.parameters.values:
+            return np.zeros(self.dof)
+        counts = self.parameters.many("drive.encoder_counts", self.dof)
+        return np.asarray(2 * np.pi / (counts * self.parameters.many("drive.gear", self.dof, 1.0)), dtype=float)
+
+    @property
+    def peak_force(self) -> float:
+        """Force that the tip can exert for a moment, N; inf where the file gives none."""
+        return self.parameters.one("drive.peak_force", np.inf)
+
+    @property
+    def continuous_force(self) -> float:
+        """Force that the tip can exert for ever, N; inf where the file gives none."""
+        return self.parameters.one("drive.continuous_force", np.inf)
+
+    @property
+    def peak_torque(self) -> Array:
+        """Torque limit of the motors at the joints (dof,), N*m; inf where the file gives none."""
+        return self.parameters.many("drive.peak_torque", self.dof, np.inf)
+
+    @property
+    def servo_period(self) -> float:
+        """The device's usual servo period, s."""
+        return self.parameters.one("servo_period")
+
+    # variants
+
+    def frictionless(self) -> Device:
+        """Return the same device without viscous and without dry friction."""
+        return self.with_friction(viscous=np.zeros(self.dof), coulomb=np.zeros(self.dof))
+
+    def with_viscous(self, viscous: ArrayLike) -> Device:
+        """Return the same device with other viscous friction (dof,), N*m*s/rad."""
+        return self.with_friction(viscous=viscous)
+
+    def with_friction(
+        self,
+        *,
+        viscous: ArrayLike | None = None,
+        coulomb: ArrayLike | None = None,
+        breakaway: ArrayLike | None = None,
+        stribeck_speed: ArrayLike | None = None,
+    ) -> Device:
+        """Return the same device with other friction, each (dof,) or one value for all joints.
+
+        A new Coulomb friction without a breakaway sets both.
+
+        Raises:
+            DeviceError: a value is negative or not finite, or breakaway is below Coulomb.
+        """
+        if coulomb is not None and breakaway is None:
+            breakaway = coulomb
+        given = {"viscous": viscous, "coulomb": coulomb, "breakaway": breakaway, "stribeck_speed": stribeck_speed}
+        new = {
+            f"friction__{key}": np.broadcast_to(np.asarray(value, dtype=float), (self.dof,))
+            for key, value in given.items()
+            if value is not None
+        }
+        device = replace(self, parameters=self.parameters.with_values(**new))
+        device.check()
+        return device
+
+    def check(self) -> None:
+        """Raise DeviceError unless friction, inertia and drive make a physical device."""
+        for name in ("viscous", "coulomb", "breakaway", "stribeck_speed"):
+            value = getattr(self, name)
+            if not np.all(np.isfinite(value)) or np.any(value < 0):
+                raise DeviceError(f"friction.{name} must be finite and not negative, not {value.tolist()}")
+        if np.any(self.breakaway < self.coulomb):
+            raise DeviceError("friction.breakaway must not be below friction.coulomb: rest holds at least as well")
+        angles = np.linspace(-np.pi, np.pi, 25)
+        grid = np.array(np.meshgrid(*[angles] * self.dof)).reshape(self.dof, -1).T
+        if np.linalg.eigvalsh(self.mass_matrix(grid)).min() <= 0.0:
+            raise DeviceError("the inertia matrix is not positive definite at every pose: check masses and inertias")
+
+    # kinematics
+
+    def forward(self, q: ArrayLike) -> Array:
+        """Return the tip position (3,), m (Hosseini-Zadeh 2004, 2.10), from where the tip is at q = 0."""
+        return self._call(self._mechanism.forward, q)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Return dp/dq (3, dof), m/rad (2.8, 2.14 turned to the base frame): v = J qd and tau = J^T f."""
+        return self._call(self._mechanism.jacobian, q)
+
+    def tip_hessian(self, q: ArrayLike) -> Array:
+        """Return d2p/dq2 (3, dof, dof), m/rad^2, exact by dual numbers."""
+        return self._call(self._mechanism.tip_hessian, q)
+
+    def inverse(self, p: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Return the pose whose tip is at p (3,), m.
+
+        Of the up to four poses (elbow either way, base turned or reaching over itself) the one nearest to `near`
+        (dof,), whole turns included; q = 0 if not given.
+
+        Raises:
+            PoseError: p is out of reach, on the yaw axis, not finite or has the wrong shape; the message says which.
+        """
+        points = np.asarray(p, dtype=float)
+        if points.ndim == 2:
+            return np.array([self.inverse(point, near) for point in points]).reshape(-1, self.dof)
+        if points.shape != (3,) or not np.all(np.isfinite(points)):
+            raise PoseError(f"inverse: a tip position is three finite numbers in m, not {points.tolist()}")
+        close = np.zeros(self.dof) if near is None else self._state(near, "near")[0][0]
+        if self.mechanism == "slider":
+            if np.any(points[1:] != 0.0):
+                raise PoseError(f"inverse: the slider's tip stays on the x axis; y and z are {points[1:].tolist()} m")
+            return points[:1].copy()
+        poses = []
+        for behind in (False, True):
+            for elbow_down in (False, True):
+                code, q = self._mechanism.inverse(points, behind, elbow_down)
+                if code != 0:
+                    raise PoseError(self._unreachable(code, points))
+                poses.append(close + np.angle(np.exp(1j * (np.asarray(q) - close))))
+        return np.asarray(min(poses, key=lambda q: float(np.sum((q - close) ** 2))), dtype=float)
+
+    def _unreachable(self, code: int, p: Array) -> str:
+        l1, l2 = self.parameters.one("geometry.l1"), self.parameters.one("geometry.l2")
+        distance = float(np.linalg.norm(p - np.array([0.0, l2, -l1])))
+        where = f"inverse: the tip cannot be at {np.array2string(p * 1e3, precision=1, separator=', ')} mm"
+        reason = {
+            1: f"{distance * 1e3:.1f} mm from the shoulder, and the arm reaches {(l1 + l2) * 1e3:.1f} mm",
+            2: f"{distance * 1e3:.1f} mm from the shoulder, and the folded arm keeps {abs(l1 - l2) * 1e3:.1f} mm away",
+            3: "it lies on the yaw axis, where the base angle is not determined",
+        }[code]
+        return f"{where}: {reason}"
+
+    # dynamics: M(q) qdd + C(q, qd) qd + N(q) + friction = tau
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return M(q) (dof, dof), kg*m^2 (2.62 to 2.66, with the sign of M23 that conserves energy)."""
+        return self._call(self._mechanism.mass_matrix, q)
+
+    def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """Return C(q, qd) (dof, dof), kg*m^2/s (2.67 to 2.73), such that dM/dt - 2C is skew-symmetric."""
+        return self._call(self._mechanism.coriolis, q, qd)
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Return N(q) (dof,), N*m: the torque that holds the arm against gravity (2.74, 2.75)."""
+        return self._call(self._mechanism.gravity, q)
+
+    def energy(self, q: ArrayLike, qd: ArrayLike) -> Any:
+        """Return kinetic plus potential energy, J: a float, or (n,) for stacked states."""
+        value = self._call(self._mechanism.energy, q, qd)
+        return float(value) if np.ndim(value) == 0 else value
+
+    def acceleration(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> Array:
+        """Return qdd (dof,), rad/s^2, under motor torque tau: a joint that dry friction can hold stays at rest."""
+        return self._call(lambda *s: self._mechanism.acceleration(self._friction, *s), q, qd, tau)
+
+    def linearization(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return (dqdd/dq, dqdd/dqd, dqdd/dtau), each (dof, dof), exact by dual numbers, viscous friction included.
+
+        Dry friction has no derivative at rest and is left out. One state only.
+        """
+        states = [self._state(value, name) for value, name in ((q, "q"), (qd, "qd"), (tau, "tau"))]
+        if any(stacked for _, stacked in states):
+            raise PoseError("linearization: give one state (dof,), not a stack")
+        d = np.asarray(self._mechanism.linearization(self.viscous, *(rows[0] for rows, _ in states)))
+        n = self.dof
+        return d[:, :n], d[:, n : 2 * n], d[:, 2 * n :]
+
+    # the core behind it
+
+    @cached_property
+    def _mechanism(self) -> Any:
+        numbers = self.parameters
+        if self.mechanism == "slider":
+            return _core.Slider(numbers.one("mass.tip"))
+        p = _core.PremiumParameters()
+        for name in ("l1", "l2", "l3", "l5", "l6"):
+            setattr(p, name, numbers.one(f"geometry.{name}"))
+        for name in ("a", "c", "be", "df"):
+            setattr(p, f"mass_{name}", numbers.one(f"mass.{name}"))
+            setattr(p, f"inertia_{name}", numbers.many(f"inertia.{name}", 3))
+        p.inertia_base = numbers.one("inertia.base")
+        p.rotor_inertia = numbers.many("drive.rotor_inertia", 3, 0.0) * numbers.many("drive.gear", 3, 1.0) ** 2
+        p.gravity = numbers.one("environment.gravity", 9.81)
+        return _core.Premium(p)
+
+    @cached_property
+    def _friction(self) -> Any:
+        friction = _core.PremiumFriction() if self.mechanism == "premium" else _core.SliderFriction()
+        friction.viscous, friction.coulomb = self.viscous, self.coulomb
+        friction.breakaway, friction.stribeck_speed = self.breakaway, self.stribeck_speed
+        return friction
+
+    def setup(self) -> Any:
+        """Return a new simulation setup of the core with this device's mechanism and friction in it."""
+        setup = _core.PremiumSetup() if self.mechanism == "premium" else _core.SliderSetup()
+        setup.mechanism, setup.friction = self._mechanism, self._friction
+        return setup
+
+    def _state(self, value: ArrayLike, name: str) -> tuple[Array, bool]:
+        """Return `value` as contiguous rows (n, dof), and whether it was stacked."""
+        rows = np.ascontiguousarray(value, dtype=float)
+        if rows.ndim not in (1, 2) or rows.shape[-1] != self.dof:
+            wanted = f"({self.dof},) or (n, {self.dof})"
+            raise PoseError(f"{name} must have shape {wanted} for {self.name}, not {rows.shape}")
+        if not np.all(np.isfinite(rows)):
+            raise PoseError(f"{name} must be finite; it is {value}")
+        return rows.reshape(-1, self.dof), rows.ndim == 2
+
+    def _call(self, function: Any, *values: ArrayLike) -> Array:
+        states = [self._state(value, name) for value, name in zip(values, ("q", "qd", "tau"), strict=False)]
+        count = max(len(rows) for rows, _ in states)
+        if any(len(rows) not in (1, count) for rows, _ in states):
+            raise PoseError(f"stacked states must have one length; they have {[len(rows) for rows, _ in states]}")
+        stacked = any(flag for _, flag in states)
+        full = [np.ascontiguousarray(np.broadcast_to(rows, (count, self.dof))) for rows, _ in states]
+        result = np.asarray(function(*full))
+        return result if stacked else np.asarray(result[0])

@@ -1,0 +1,5 @@
+"""The controller that the servo loop runs."""
+
+from palpate.control.controller import Controller
+
+__all__ = ["Controller"]

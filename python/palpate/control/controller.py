@@ -1,0 +1,70 @@
+"""A sampled controller as the servo loop runs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import DesignError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A discrete controller from [F_ref (3); F_object (3)] in N to the commanded tip force u (3) in N.
+
+    Each servo period, with v = [F_ref; F_object]:
+    u = C x + D v;  x <- A x + B v + antiwindup (u_applied - u).
+
+    Attributes:
+        system: python-control StateSpace, 6 inputs, 3 outputs, dt = servo period in s.
+        antiwindup: (n states, 3), or None: nothing is fed back when the force saturates.
+        kind: "gain", "lead_lag", "lqg" or "state_space".
+        notes: what was asked and what was achieved, for reports.
+
+    Raises:
+        DesignError: wrong shapes, not sampled, or a value that is not finite.
+    """
+
+    system: control.StateSpace
+    antiwindup: Array | None = None
+    kind: str = "state_space"
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        s = self.system
+        if (s.ninputs, s.noutputs) != (6, 3):
+            raise DesignError(
+                f"a controller maps 6 inputs [F_ref; F_object] to 3 outputs, not {s.ninputs} to {s.noutputs}"
+            )
+        if not s.isdtime(strict=True) or s.dt is True or not s.dt > 0:
+            raise DesignError(f"a controller is sampled with its servo period in s, not dt = {s.dt}")
+        if not all(np.all(np.isfinite(m)) for m in (s.A, s.B, s.C, s.D)):
+            raise DesignError("a controller's matrices must be finite")
+        if self.antiwindup is not None and self.antiwindup.shape != (s.nstates, 3):
+            raise DesignError(
+                f"antiwindup must be {s.nstates} x 3 (states x forces), not {self.antiwindup.shape}"
+            )
+
+    @property
+    def period(self) -> float:
+        """Servo period, s."""
+        return float(self.system.dt)
+
+    @property
+    def feedback(self) -> control.StateSpace:
+        """The part from F_object to u (3 x 3); the loop gain is -feedback times the plant."""
+        s = self.system
+        return control.StateSpace(s.A, s.B[:, 3:], s.C, s.D[:, 3:], s.dt)
+
+    @classmethod
+    def gain(cls, value: float | Array, period: float) -> Controller:
+        """Return u = value (F_ref - F_object); value in N/N, one number or three (x, y, z)."""
+        k = np.diag(np.broadcast_to(np.asarray(value, dtype=float), (3,)))
+        system = control.StateSpace([], [], [], np.hstack([k, -k]), period)
+        return cls(system, None, "gain", {"gain": np.diag(k).tolist()})

@@ -300,7 +300,7 @@ class Device:
             wanted = f"({self.dof},) or (n, {self.dof})"
             raise PoseError(f"{name} must have shape {wanted} for {self.name}, not {rows.shape}")
         if not np.all(np.isfinite(rows)):
-            raise PoseError(f"{name} must be finite; it is {value}")
+            raise PoseError(f"{name} must be finite; it is {rows.tolist()}")
         return rows.reshape(-1, self.dof), rows.ndim == 2
 
     def _call(self, function: Any, *values: ArrayLike) -> Array:

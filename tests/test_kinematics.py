@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate import devices
 from palpate.analysis import linearize
 from palpate.errors import PoseError
+from riesz import riesz_derivative
 
 Array = NDArray[np.float64]
 ARM = devices.load("phantom-premium-1.5a")
@@ -18,20 +19,6 @@ L1, L2 = 0.215, 0.170  # m
 SHOULDER = np.array([0.0, L2, -L1])  # in the frame whose origin is the tip at q = 0
 ANGLES = hnp.arrays(np.float64, 3, elements=st.floats(-np.pi, np.pi))
 VECTORS = hnp.arrays(np.float64, 3, elements=st.floats(-10, 10))
-
-
-def riesz_derivative(function, at: Array, joint: int, degree: int = 2) -> Array:  # type: ignore[no-untyped-def]
-    """Exact derivative along one joint of a trigonometric polynomial of at most this degree (M. Riesz).
-
-    f'(x) = sum_k (-1)^(k+1) f(x + t_k) / (4 n sin^2(t_k / 2)), t_k = (2 k - 1) pi / (2 n): no truncation error.
-    """
-    total = 0.0
-    for k in range(1, 2 * degree + 1):
-        shift = (2 * k - 1) * np.pi / (2 * degree)
-        moved = at.copy()
-        moved[joint] += shift
-        total = total + (-1) ** (k + 1) / (4 * degree * np.sin(shift / 2) ** 2) * function(moved)
-    return np.asarray(total, dtype=float)
 
 
 def rotation(q: Array) -> Array:

@@ -1,0 +1,464 @@
+"""The scenario: every choice of an experiment, checked, in SI.
+
+Each class is one table of the file and is named after it. Values come as text with a unit and are floats in SI
+afterwards; `Scenario.to_dict` gives the text back, so that a trace can carry the scenario it came from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from palpate.scenario.design_options import options_text, sort_options
+from palpate.scenario.fields import (
+    Damping3,
+    Duration,
+    Flag,
+    Matrix,
+    Number3,
+    OneDamping,
+    OneMass,
+    OneStiffness,
+    Position3,
+    Section,
+    Stiffness3,
+    Whole,
+)
+from palpate.scenario.signal import Signal
+from palpate.units import parse, write
+
+if TYPE_CHECKING:
+    from palpate.devices import Device
+
+__all__ = ["Controller", "DeviceChoice", "Object", "Operator", "Run", "Scenario", "Servo", "Start"]
+
+
+class DeviceChoice(Section):
+    """[device]: what is held, and how faithfully it is modelled.
+
+    Attributes:
+        name: catalogue name, or path of a TOML file (relative to the scenario's file; absolute once read).
+        model: "nonlinear", "linear" (exact linearisation at the start pose) or "experimental" (the identified
+            discrete model of Hosseini-Zadeh 2004, 3.25-3.31).
+        kinematics: "nonlinear", or "linear" (tip and torques with the Jacobian frozen at the start pose).
+        encoder: angles come in whole encoder counts.
+        saturation: the drive's force and torque limits hold.
+        delay: servo periods between computing a torque and its being applied.
+    """
+
+    name: str
+    model: Literal["nonlinear", "linear", "experimental"] = "nonlinear"
+    kinematics: Literal["nonlinear", "linear"] = "nonlinear"
+    encoder: Flag = False
+    saturation: Flag = False
+    delay: Whole = 0
+
+    @field_validator("name")
+    @classmethod
+    def _resolve(cls, name: str, info: ValidationInfo) -> str:
+        from palpate.devices import load
+        from palpate.errors import DeviceError
+
+        base = (info.context or {}).get("base")
+        if name.endswith(".toml") and base is not None:
+            name = str((Path(base) / name).resolve())
+        try:
+            load(name)
+        except DeviceError as problem:
+            raise ValueError(str(problem)) from None
+        return name
+
+    @field_validator("delay")
+    @classmethod
+    def _bounded(cls, delay: int) -> int:
+        if not 0 <= delay <= 64:
+            raise ValueError(f"{delay} servo periods; it must be between 0 and 64")
+        return delay
+
+
+def _joints(value: object) -> tuple[tuple[float, ...], str]:
+    """Return joint values and their unit, "rad" or "m", from a list of text or from one."""
+    entries = list(value) if isinstance(value, (list, tuple)) else [value]
+    if not entries:
+        raise ValueError('a pose has one value per joint, ["0 rad", "2.2305 rad", "3.2776 rad"] or ["0 mm"]')
+    try:
+        return tuple(parse(entry, "rad") for entry in entries), "rad"
+    except ValueError as problem:
+        try:
+            return tuple(parse(entry, "m") for entry in entries), "m"
+        except ValueError:
+            raise problem from None
+
+
+class Pose(tuple[float, ...]):
+    """Joint values (dof,) in rad, or in m for a sliding joint; `unit` says which."""
+
+    unit: str
+
+    def __new__(cls, values: tuple[float, ...], unit: str) -> Self:
+        """Make the pose with its unit."""
+        pose = super().__new__(cls, values)
+        pose.unit = unit
+        return pose
+
+
+def _pose(value: object) -> Pose:
+    return value if isinstance(value, Pose) else Pose(*_joints(value))
+
+
+def _pose_text(pose: Pose | None) -> list[str] | None:
+    return None if pose is None else [write(value, pose.unit) for value in pose]
+
+
+class Start(Section):
+    """[start]: where the device is at t = 0, at rest. One of `pose` and `tip`.
+
+    Attributes:
+        pose: joint values (dof,), rad, or m for the slider.
+        tip: tip position (3,), m, in the device's frame.
+    """
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    pose: Annotated[Any, BeforeValidator(_pose), PlainSerializer(_pose_text)] = None
+    tip: Position3 | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if self.pose is not None and self.tip is not None:
+            raise ValueError("give pose or tip, not both")
+        return self
+
+
+class Servo(Section):
+    """[servo]: the loop around the device.
+
+    Attributes:
+        period: s; None in the file means the device's usual one, and is replaced by it.
+        topology: "force_tracking" (the controller brings the force on the object to the reference) or
+            "impedance_display" (the operator pushes the tip, the device answers with the object's force).
+        gravity_hold: a constant tip force balances gravity at the start pose.
+    """
+
+    period: Duration | None = None
+    topology: Literal["force_tracking", "impedance_display"] = "force_tracking"
+    gravity_hold: Flag = True
+
+
+class Operator(Signal):
+    """[operator]: who holds the device (impedance_display).
+
+    Attributes:
+        kind: "none", "force" (a force in time at the tip), "hold" (the tip is held where it starts) or "arm"
+            (mass, damper and spring to the shoulder; with tissue_stiffness the fingertip lies in between;
+            a force in time may act on top).
+        mass: kg, stiffness: N/m, damping: N*s/m of the arm.
+        tissue_stiffness: N/m, tissue_damping: N*s/m of the fingertip; None: the hand grips rigidly.
+        rest: where the arm's spring is unstretched, from the start tip, m.
+    """
+
+    kind: Literal["none", "force", "hold", "arm"] = "none"
+    mass: OneMass | None = None
+    damping: OneDamping | None = None
+    stiffness: OneStiffness | None = None
+    tissue_stiffness: OneStiffness | None = None
+    tissue_damping: OneDamping | None = None
+    rest: Position3 = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        given = self.model_fields_set - {"kind"}
+        signal = given & set(Signal.model_fields)
+        if self.kind in ("none", "hold") and given:
+            raise ValueError(f'{min(given)} has no meaning for kind = "{self.kind}"')
+        if self.kind == "force" and given - signal:
+            raise ValueError(f'{min(given - signal)} belongs to kind = "arm"')
+        if self.kind == "force" or signal:
+            self.check_signal()
+        if self.kind == "arm":
+            for key in ("mass", "damping", "stiffness"):
+                if getattr(self, key) is None:
+                    raise ValueError(f"{key} is missing: an arm has mass, damping and stiffness")
+            if self.mass == 0.0 and self.tissue_stiffness is not None:
+                raise ValueError("mass must be positive for an arm behind fingertip tissue")
+            if self.tissue_damping is not None and self.tissue_stiffness is None:
+                raise ValueError("tissue_damping needs tissue_stiffness beside it")
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether a force in time is given."""
+        return self.force is not None or self.table is not None
+
+
+class Object(Section):
+    """[object]: what the tip touches.
+
+    Attributes:
+        kind: "none", "spring" (held from all sides, anchored where the tip starts) or "wall" (one-sided).
+        stiffness: N/m per axis. A wall has one: the first.
+        damping: N*s/m per axis.
+        coupling: how the damper's speed is sampled, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
+        position: of the anchor or of a point of the wall's surface, from the start tip, m.
+        normal: out of the wall, unit length once read.
+    """
+
+    kind: Literal["none", "spring", "wall"] = "spring"
+    stiffness: Stiffness3 | None = None
+    damping: Damping3 = (0.0, 0.0, 0.0)
+    coupling: Literal["backward", "bilinear"] = "backward"
+    position: Position3 = (0.0, 0.0, 0.0)
+    normal: Number3 | None = None
+
+    @field_validator("normal")
+    @classmethod
+    def _unit(cls, normal: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if normal is None:
+            return None
+        length = math.hypot(*normal)
+        if length == 0.0:
+            raise ValueError("a normal must point somewhere, for example [0, 0, 1]")
+        x, y, z = (component / length for component in normal)
+        return x, y, z
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.kind == "none":
+            stray = sorted(self.model_fields_set - {"kind"})
+            if stray:
+                raise ValueError(f'{stray[0]} has no meaning for kind = "none"')
+        elif self.stiffness is None:
+            raise ValueError('stiffness is missing; write for example stiffness = "3.5 N/mm"')
+        if self.kind == "wall" and self.normal is None:
+            raise ValueError("a wall needs its outward normal, for example normal = [0, 0, 1]")
+        if self.kind != "wall" and self.normal is not None:
+            raise ValueError('normal belongs to kind = "wall"')
+        if self.kind == "wall" and self.stiffness is not None and len({*self.stiffness}) > 1:
+            raise ValueError("a wall has one stiffness, along its normal")
+        return self
+
+
+class Controller(Section):
+    """[controller]: what steadies the loop.
+
+    Attributes:
+        kind: "none" (u = F_ref - F_object; an impedance display shows the object's force as it is), "gain",
+            "lead_lag", "lqg" or "state_space".
+        gain: N/N per axis.
+        A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled at the servo period.
+        antiwindup: (n, 3), see palpate.control.Controller.
+        options: of palpate.design.lead_lag or palpate.design.lqg, any other key of the table, in SI.
+    """
+
+    kind: Literal["none", "gain", "lead_lag", "lqg", "state_space"] = "none"
+    gain: Number3 | None = None
+    A: Matrix | None = None
+    B: Matrix | None = None
+    C: Matrix | None = None
+    D: Matrix | None = None
+    antiwindup: Matrix | None = None
+    options: Annotated[dict[str, Any], PlainSerializer(options_text)] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sort(cls, table: Any) -> Any:
+        return sort_options(table, set(cls.model_fields))
+
+    @field_validator("gain", mode="before")
+    @classmethod
+    def _spread(cls, gain: object) -> object:
+        return gain if isinstance(gain, (list, tuple)) else (gain,) * 3
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        matrices = {name: getattr(self, name) for name in ("A", "B", "C", "D")}
+        if self.kind == "gain" and self.gain is None:
+            raise ValueError("gain is missing; write for example gain = 2.0")
+        if self.kind != "gain" and self.gain is not None:
+            raise ValueError('gain belongs to kind = "gain"')
+        if self.kind == "state_space":
+            self._check_shapes(matrices)
+        elif self.antiwindup is not None or any(matrix is not None for matrix in matrices.values()):
+            raise ValueError('A, B, C, D and antiwindup belong to kind = "state_space"')
+        return self
+
+    def _check_shapes(self, matrices: Mapping[str, tuple[tuple[float, ...], ...] | None]) -> None:
+        for name, matrix in matrices.items():
+            if matrix is None:
+                raise ValueError(f"{name} is missing: a state space needs A, B, C and D")
+        n = len(self.A or ())
+        wanted = {"A": (n, n), "B": (n, 6), "C": (3, n), "D": (3, 6), "antiwindup": (n, 3)}
+        for name, matrix in {**matrices, "antiwindup": self.antiwindup}.items():
+            if matrix is None or (n == 0 and name != "D"):
+                continue
+            shape = (len(matrix), len(matrix[0]) if matrix else 0)
+            if shape != wanted[name]:
+                raise ValueError(
+                    f"{name} is {shape[0]} x {shape[1]}; with {n} states, 6 inputs [F_ref; F_object] and "
+                    f"3 outputs it must be {wanted[name][0]} x {wanted[name][1]}"
+                )
+
+
+class Run(Section):
+    """[run]: for how long and how finely.
+
+    Attributes:
+        duration: s.
+        substeps: integration steps of the device's motion in one servo period.
+        seed: of every random draw.
+        record_every: servo periods between recorded samples.
+    """
+
+    duration: Duration = 1.0
+    substeps: Whole = 2
+    seed: Whole = 0
+    record_every: Whole = 1
+
+    @field_validator("substeps", "record_every")
+    @classmethod
+    def _counted(cls, value: int, info: ValidationInfo) -> int:
+        if not 1 <= value <= 10_000:
+            raise ValueError(f"{value}; it must be between 1 and 10000")
+        return value
+
+    @field_validator("seed")
+    @classmethod
+    def _seed(cls, value: int) -> int:
+        if not 0 <= value < 2**63:
+            raise ValueError(f"{value}; a seed must not be negative, and fit 63 bits")
+        return value
+
+
+class Scenario(Section):
+    """A whole experiment: device, loop, operator or reference, object, controller, run."""
+
+    title: str = "Untitled scenario"
+    description: str = ""
+    device: DeviceChoice
+    start: Start = Field(default_factory=Start)
+    servo: Servo = Field(default_factory=Servo)
+    reference: Signal | None = None
+    operator: Operator = Field(default_factory=Operator)
+    object: Object
+    controller: Controller = Field(default_factory=Controller)
+    run: Run = Field(default_factory=Run)
+    _source: str = PrivateAttr("")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        device = self.load_device()
+        if self.servo.period is None:
+            self._fill("servo", self.servo.model_copy(update={"period": device.servo_period}))
+        self._check_start(device)
+        self._check_topology()
+        if self.device.model == "experimental" and device.mechanism != "premium":
+            raise ValueError(
+                'device.model: "experimental" is the identified model of the phantom-premium-1.5a; '
+                'use "nonlinear" or "linear"'
+            )
+        ticks = self.run.duration / self.period
+        if ticks < 1.0:
+            raise ValueError("run.duration: shorter than one servo period")
+        if ticks / self.run.record_every > 5e7:
+            raise ValueError("run.duration: more than 50 million samples; raise run.record_every")
+        return self
+
+    def _check_start(self, device: Device) -> None:
+        pose = self.start.pose
+        if pose is None and self.start.tip is None:
+            if device.dof > 1:
+                raise ValueError(
+                    'start: pose or tip is missing; write for example pose = ["0 rad", "2.2305 rad", "3.2776 rad"]'
+                )
+            self._fill("start", Start(pose=Pose((0.0,), "m")))
+            return
+        if pose is None:
+            return
+        unit = "m" if device.mechanism == "slider" else "rad"
+        if len(pose) != device.dof:
+            raise ValueError(f"start.pose: {len(pose)} values, but {device.name} has {device.dof} joints")
+        if pose.unit != unit:
+            wanted = "lengths, such as 5 mm" if unit == "m" else "angles, such as 2.2305 rad"
+            raise ValueError(f"start.pose: the joints of {device.name} take {wanted}")
+
+    def _check_topology(self) -> None:
+        if self.servo.topology == "force_tracking":
+            if self.operator.kind != "none":
+                raise ValueError(
+                    "operator: a force_tracking loop takes the operator's force as [reference]; "
+                    'remove [operator] or write servo.topology = "impedance_display"'
+                )
+            if self.reference is None:
+                raise ValueError(
+                    "reference is missing: a force_tracking loop follows a force; "
+                    'write [reference] force = ["8.5 N", "0 N", "0 N"]'
+                )
+        elif self.reference is not None:
+            raise ValueError(
+                "reference: an impedance_display has no reference force; the operator pushes: "
+                'write [operator] kind = "force" or "arm" instead'
+            )
+
+    def _fill(self, name: str, section: Section) -> None:
+        """Put in what the device decides (a scenario is frozen once validated)."""
+        self.__dict__[name] = section
+        self.__pydantic_fields_set__.add(name)
+
+    @property
+    def source(self) -> str:
+        """Path of the file that the scenario was read from; "" if it was not."""
+        return self._source
+
+    @property
+    def period(self) -> float:
+        """Servo period, s."""
+        assert self.servo.period is not None  # filled in by validation
+        return self.servo.period
+
+    def load_device(self) -> Device:
+        """Return the device that [device] names."""
+        from palpate.devices import load
+
+        return load(self.device.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario as tables of text with units: `Scenario.from_dict` reads it back to equal values."""
+        return self.model_dump(exclude_unset=True, exclude_none=True)
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Scenario:
+        """Read a TOML file; the path of a device's file in it is relative to it.
+
+        Raises:
+            ScenarioError: the file cannot be read, or has a mistake; the message has file, line and field.
+        """
+        from palpate.scenario.reader import read_file
+
+        return read_file(path)
+
+    @classmethod
+    def from_text(cls, text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
+        """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths."""
+        from palpate.scenario.reader import read_text
+
+        return read_text(text, name, base)
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
+        """Read tables shaped as the file's, values with units as text."""
+        from palpate.scenario.reader import read_tables
+
+        return read_tables(tables, base)

@@ -1,0 +1,213 @@
+"""From TOML to a Scenario, or to one sentence that says file, line, field, and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import BaseModel, ValidationError
+
+from palpate.errors import ScenarioError
+from palpate.scenario.model import Scenario
+
+__all__ = ["find_line", "read_file", "read_tables", "read_text"]
+
+_LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
+_HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
+_FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing)")
+_UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
+
+
+def read_file(path: str | Path) -> Scenario:
+    """Read a scenario file.
+
+    Raises:
+        ScenarioError: it cannot be read, is not TOML, or has a mistake.
+    """
+    file = Path(path)
+    try:
+        if file.stat().st_size > _LARGEST:
+            raise ScenarioError(f"{file}: larger than {_LARGEST // 1_000_000} MB; a scenario is a short TOML file")
+        text = file.read_bytes().decode("utf-8")
+    except FileNotFoundError:
+        raise ScenarioError(f"{file}: there is no such file{_similar_file(file)}") from None
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{file}: not UTF-8 text; a scenario is a TOML file") from None
+    except OSError as problem:
+        raise ScenarioError(f"{file}: cannot be read: {problem.strerror}") from None
+    scenario = read_text(text, str(file), file.parent)
+    scenario._source = str(file)
+    return scenario
+
+
+def read_text(text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
+    """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths.
+
+    Raises:
+        ScenarioError: as `read_file`.
+    """
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        where = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(problem))
+        line = f", line {where[1]}" if where and where[1] else ""
+        reason = str(problem).split(" (at ")[0]
+        raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
+    return _validate(tables, name, text, base)
+
+
+def read_tables(tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
+    """Read tables shaped as the file's.
+
+    Raises:
+        ScenarioError: as `read_file`, without file and line.
+    """
+    return _validate(dict(tables), "scenario", None, base)
+
+
+def find_line(text: str, field: Sequence[str | int]) -> int | None:
+    """Return the line (from 1) where `field`, such as ("object", "stiffness"), stands in TOML text.
+
+    Where the field itself is not written, the line of the innermost table around it; None if there is none.
+    """
+    wanted = tuple(part for part in field if isinstance(part, str))
+    best: tuple[int, int] | None = None  # how much of the path matched, line
+    table: tuple[str, ...] = ()
+    depth, fence = 0, ""  # inside a list that goes on over lines; inside a triple-quoted text
+    for number, line in enumerate(text.splitlines(), start=1):
+        here: tuple[str, ...] | None = None
+        if depth == 0 and not fence:
+            if header := _HEADER.match(line):
+                here = table = _parts(header[1])
+            elif key := _KEY.match(line):
+                here = (*table, *_parts(key[1]))
+        if here is not None:
+            # An inline table holds the field on its own line.
+            matched = len(here) if here == wanted[: len(here)] else 0
+            if matched and (best is None or matched > best[0]):
+                best = (matched, number)
+        depth, fence = _nesting(line, depth, fence)
+    return best[1] if best else None
+
+
+def _parts(dotted: str) -> tuple[str, ...]:
+    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _nesting(line: str, depth: int, fence: str) -> tuple[int, str]:
+    """Return bracket depth and open triple quote after a line."""
+    if _HEADER.match(line) and depth == 0 and not fence:
+        return 0, ""
+    quote, at = "", 0
+    while at < len(line):
+        three, char = line[at : at + 3], line[at]
+        if fence:
+            if three == fence:
+                fence, at = "", at + 2
+        elif quote:
+            if char == "\\" and quote == '"':
+                at += 1
+            elif char == quote:
+                quote = ""
+        elif three in ('"""', "'''"):
+            fence, at = three, at + 2
+        elif char in "\"'":
+            quote = char
+        elif char == "#":
+            break
+        elif char in "[{":
+            depth += 1
+        elif char in "]}":
+            depth = max(0, depth - 1)
+        at += 1
+    return depth, fence
+
+
+def _validate(tables: dict[str, Any], name: str, text: str | None, base: str | Path | None) -> Scenario:
+    context = {"base": None if base is None else str(base)}
+    try:
+        return Scenario.model_validate(tables, context=context)
+    except ValidationError as problems:
+        sentences: dict[tuple[int, str], None] = {}
+        errors = problems.errors()
+        meant = {_meant(error["loc"]) for error in errors if error["type"] == "extra_forbidden"}
+        for error in errors:
+            if error["type"] == "missing" and error["loc"] in meant:
+                continue  # it is there, misspelt
+            field, sentence = _sentence(error)
+            line = find_line(text, field) if text is not None else None
+            place = name if line is None else f"{name}, line {line}"
+            sentences[line or 0, f"{place}: {sentence}"] = None
+        raise ScenarioError("\n".join(sentence for _, sentence in sorted(sentences)[:5])) from None
+
+
+def _meant(field: tuple[str | int, ...]) -> tuple[str | int, ...] | None:
+    """Return the known field that a misspelt one stands for."""
+    close = difflib.get_close_matches(str(field[-1]), _keys_of(field[:-1]), 1)
+    return (*field[:-1], close[0]) if close else None
+
+
+def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
+    """Return the field that an error is about, and one sentence."""
+    field: tuple[str | int, ...] = tuple(error["loc"])
+    kind, value, message = error["type"], error.get("input"), str(error["msg"])
+    if kind == "value_error":
+        message = str(error["ctx"]["error"])
+    if not field or kind == "value_error":
+        # What a check of several fields says begins with the field it means.
+        if first := _FIELD_FIRST.match(message):
+            field = (*field, *first[1].split("."))
+            rest = message[first.end() :]
+            message = rest[2:] if rest.startswith(": ") else rest.lstrip()
+        elif unknown := _UNKNOWN.match(message):
+            table = ".".join(map(str, field))
+            return (*field, unknown[1]), message.replace(unknown[0], f"{unknown[0]} in [{table}]", 1)
+    dotted = ".".join(str(part) for part in field if isinstance(part, str))
+    if kind == "extra_forbidden":
+        keys = _keys_of(field[:-1])
+        close = difflib.get_close_matches(str(field[-1]), keys, 1)
+        hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(keys)}"
+        table = f"[{'.'.join(map(str, field[:-1]))}]" if len(field) > 1 else "the scenario"
+        return field, f'unknown key "{field[-1]}" in {table}; {hint}'
+    if kind == "missing":
+        is_table = len(field) == 1
+        return field, f"the table [{dotted}] is missing" if is_table else f"{dotted} is missing"
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", str(error["ctx"]["expected"]))
+        close = difflib.get_close_matches(str(value), choices, 1)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        return field, f'{dotted}: "{value}" is not one of {", ".join(choices)}{hint}'
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return field, f"{dotted} must be a table, written [{dotted}]"
+    if kind == "string_type":
+        return field, f"{dotted}: {value!r} must be text in quotation marks"
+    if message.startswith("must "):
+        shown = f'"{value}"' if isinstance(value, str) else repr(value)
+        message = f"{shown} {message}"
+    return field, f"{dotted} {message}" if message.startswith("is missing") else f"{dotted}: {message}"
+
+
+def _keys_of(field: Sequence[str | int]) -> list[str]:
+    """Return the keys that the table at `field` may have."""
+    model: Any = Scenario
+    for part in field:
+        info = model.model_fields.get(part) if isinstance(part, str) else None
+        kinds = [] if info is None else [info.annotation, *getattr(info.annotation, "__args__", ())]
+        model = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+        if model is None:
+            return []
+    return [key for key in model.model_fields if key != "options"]
+
+
+def _similar_file(file: Path) -> str:
+    try:
+        beside = [entry.name for entry in file.parent.glob("*.toml")]
+    except OSError:
+        return ""
+    close = difflib.get_close_matches(file.name, beside, 1)
+    return f"; did you mean {file.with_name(close[0])}?" if close else ""

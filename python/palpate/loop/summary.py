@@ -1,0 +1,115 @@
+"""A trace in numbers, and its verdict in one sentence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.loop.response import step_response
+
+if TYPE_CHECKING:
+    from palpate.loop.trace import Trace
+    from palpate.scenario import Scenario
+
+__all__ = ["summarize"]
+
+Array = NDArray[np.float64]
+AXES = ("x", "y", "z")
+
+
+def summarize(trace: Trace) -> dict[str, Any]:
+    """Return what `Trace.summary` documents."""
+    scenario = _scenario(trace)
+    summary: dict[str, Any] = {
+        "title": "" if scenario is None else scenario.title,
+        "stable": trace.stable,
+        "unstable_from_s": trace.unstable_from,
+        "duration_s": float(trace.time[-1]) if len(trace) else 0.0,
+        "samples": len(trace),
+        "peak_command_force_N": _peak(trace, "command_force"),
+        "peak_object_force_N": _peak(trace, "object_force"),
+        "peak_deflection_m": _peak(trace, "deflection"),
+        "peak_torque": _peak_each(trace, "torque"),
+        "torque_unit": trace.channels["torque"].unit if "torque" in trace else None,
+        "saturated_fraction": float(np.mean(trace["saturated"])) if "saturated" in trace and len(trace) else None,
+        "axes": {},
+    }
+    if trace.stable and "deflection" in trace and len(trace) > 1:
+        start = 0.0 if scenario is None else _step_time(scenario)
+        expected = expected_deflection(scenario)
+        deflection = trace["deflection"]
+        for axis in range(deflection.shape[1]):
+            if expected[axis] is None and not np.any(deflection[:, axis]):
+                continue
+            target = expected[axis]
+            response = step_response(trace.time, deflection[:, axis], start=start, expected=target)
+            summary["axes"][AXES[axis]] = {
+                "steady_deflection_m": response.steady,
+                "expected_deflection_m": response.expected,
+                "error_percent": response.error_percent,
+                "overshoot_percent": response.overshoot_percent,
+                "settling_5_percent_s": response.settling_time,
+                "peak_deflection_m": response.peak,
+                "ripple_m": response.ripple,
+            }
+    summary["verdict"] = _verdict(summary)
+    return summary
+
+
+def expected_deflection(scenario: Scenario | None) -> list[float | None]:
+    """Return force over stiffness per axis, m, where the loop follows a constant force; None elsewhere."""
+    if scenario is None or scenario.reference is None or scenario.object.kind != "spring":
+        return [None, None, None]
+    reference, stiffness = scenario.reference, scenario.object.stiffness
+    if reference.shape not in ("step", "ramp") or reference.stop is not None or reference.force is None:
+        return [None, None, None]
+    assert stiffness is not None  # a spring has one
+    dof = scenario.load_device().dof
+    return [
+        force / k if k > 0.0 and axis < dof else None
+        for axis, (force, k) in enumerate(zip(reference.force, stiffness, strict=True))
+    ]
+
+
+def _step_time(scenario: Scenario) -> float:
+    signal = scenario.reference or scenario.operator
+    return float(signal.start)
+
+
+def _scenario(trace: Trace) -> Scenario | None:
+    from palpate.errors import PalpateError
+    from palpate.scenario import Scenario
+
+    try:
+        return Scenario.from_dict(trace.scenario) if trace.scenario else None
+    except PalpateError:
+        return None  # written by another version, or its device file has gone
+
+
+def _peak(trace: Trace, name: str) -> float | None:
+    if name not in trace or not len(trace):
+        return None
+    return float(np.max(np.linalg.norm(trace[name], axis=1)))
+
+
+def _peak_each(trace: Trace, name: str) -> list[float] | None:
+    if name not in trace or not len(trace):
+        return None
+    return [float(value) for value in np.max(np.abs(trace[name]), axis=0)]
+
+
+def _verdict(summary: dict[str, Any]) -> str:
+    if not summary["stable"]:
+        return f"unstable from t = {summary['unstable_from_s']:.4g} s"
+    axes = summary["axes"]
+    unsettled = [axis for axis, row in axes.items() if row["settling_5_percent_s"] is None]
+    if unsettled:
+        return f"bounded, but not settled along {', '.join(unsettled)} after {summary['duration_s']:.4g} s"
+    worst = max((abs(row["error_percent"]) for row in axes.values() if row["error_percent"] is not None), default=None)
+    slowest = max((row["settling_5_percent_s"] for row in axes.values()), default=None)
+    if slowest is None:
+        return f"stable for {summary['duration_s']:.4g} s"
+    text = f"stable: settles to 5 % in {slowest * 1e3:.3g} ms"
+    return text if worst is None else f"{text}, steady error {worst:.3g} %"

@@ -220,7 +220,7 @@ class Trace:
             writer.writerows([repr(value) for value in row] for row in table.tolist())
 
 
-def write_whole(path: str | Path, write: Callable[[Path], None]) -> Path:
+def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
 
     Raises:

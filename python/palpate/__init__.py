@@ -1,1 +1,62 @@
 """palpate: model a haptic device, prove what it can render stably, design the controller, run the loop."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from palpate.errors import PalpateError
+
+if TYPE_CHECKING:
+    from palpate import analysis, bench, control, design, devices, identify, loop, report, scenario, thesis
+    from palpate.analysis import discretize, linearize
+    from palpate.control.controller import Controller
+    from palpate.devices import Device
+    from palpate.loop.simulate import simulate
+    from palpate.loop.trace import Trace
+    from palpate.scenario import Scenario
+
+# Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
+_HOMES = {
+    "Controller": "palpate.control.controller",
+    "Device": "palpate.devices",
+    "Scenario": "palpate.scenario",
+    "Trace": "palpate.loop.trace",
+    "discretize": "palpate.analysis",
+    "linearize": "palpate.analysis",
+    "simulate": "palpate.loop.simulate",
+}
+_ROOMS = ("analysis", "bench", "control", "design", "devices", "identify", "loop", "report", "scenario", "thesis")
+
+__all__ = [
+    "Controller",
+    "Device",
+    "PalpateError",
+    "Scenario",
+    "Trace",
+    "analysis",
+    "bench",
+    "control",
+    "design",
+    "devices",
+    "discretize",
+    "identify",
+    "linearize",
+    "loop",
+    "report",
+    "scenario",
+    "simulate",
+    "thesis",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    if name in _ROOMS:
+        return importlib.import_module(f"palpate.{name}")
+    raise AttributeError(f"module 'palpate' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -198,6 +198,9 @@ class PremiumParameters:
     @gravity.setter
     def gravity(self, arg: float, /) -> None: ...
 
+def phantom_premium_1_5a() -> PremiumParameters:
+    """The C++ catalogue's entry."""
+
 class PremiumFriction:
     def __init__(self) -> None: ...
 
@@ -332,6 +335,12 @@ class PremiumSetup:
 
     @frozen_kinematics.setter
     def frozen_kinematics(self, arg: bool, /) -> None: ...
+
+    @property
+    def held(self) -> bool: ...
+
+    @held.setter
+    def held(self, arg: bool, /) -> None: ...
 
     @property
     def linear(self) -> bool: ...
@@ -538,6 +547,12 @@ class SliderSetup:
 
     @frozen_kinematics.setter
     def frozen_kinematics(self, arg: bool, /) -> None: ...
+
+    @property
+    def held(self) -> bool: ...
+
+    @held.setter
+    def held(self, arg: bool, /) -> None: ...
 
     @property
     def linear(self) -> bool: ...

@@ -145,6 +145,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("controller", &Setup::controller)
       .def_rw("hold", &Setup::hold)
       .def_rw("frozen_kinematics", &Setup::frozen_kinematics)
+      .def_rw("held", &Setup::held)
       .def_rw("linear", &Setup::linear)
       .def_rw("plant_a", &Setup::plant_a)
       .def_rw("plant_b", &Setup::plant_b)
@@ -231,6 +232,8 @@ NB_MODULE(_core, m) {
       .def_rw("inertia_base", &PremiumParameters::inertia_base)
       .def_rw("rotor_inertia", &PremiumParameters::rotor_inertia)
       .def_rw("gravity", &PremiumParameters::gravity);
+
+  m.def("phantom_premium_1_5a", &palpate::phantom_premium_1_5a, "The C++ catalogue's entry.");
 
   bind_loop<palpate::Premium>(m, "Premium");
   bind_loop<palpate::Slider>(m, "Slider");

@@ -3,6 +3,7 @@
 /// Everything of palpate's core: device, touch, control, loop.
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
+#include "palpate/device/catalogue.hpp"
 #include "palpate/device/drive.hpp"
 #include "palpate/device/friction.hpp"
 #include "palpate/device/hand.hpp"

@@ -24,6 +24,13 @@ class StateSpace {
     next_.setZero();
   }
 
+  /// u = reference - object: no states. An impedance display with zero reference renders the object as it is.
+  static StateSpace negative_feedback() {
+    Eigen::MatrixXd d(3, 6);
+    d << Eigen::Matrix3d::Identity(), -Eigen::Matrix3d::Identity();
+    return {Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 6), Eigen::MatrixXd(3, 0), d, Eigen::MatrixXd(0, 3)};
+  }
+
   [[nodiscard]] int order() const { return order_; }
 
   /// Output for this sample: tip force [N] from reference force and object force [N].

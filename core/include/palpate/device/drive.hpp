@@ -72,11 +72,11 @@ class Drive {
 };
 
 /// A transport delay of whole servo periods.
-template <class Value, int longest = 64>
+template <class Value, int longest = 65>
 class Delay {
  public:
   Delay() = default;
-  /// `periods` in [0, longest); `initial` is what comes out before the first value arrives.
+  /// `periods` in [0, longest - 1]; `initial` is what comes out before the first value arrives.
   Delay(int periods, const Value& initial) : periods_(std::clamp(periods, 0, longest - 1)) { line_.fill(initial); }
 
   /// Puts `value` in, takes out what went in `periods` calls ago.

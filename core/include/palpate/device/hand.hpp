@@ -4,7 +4,7 @@
 
 namespace palpate {
 
-/// The operator at the tip: a mass, damper and spring to the shoulder (Gil et al. 2004; THEORY of the human arm), held rigidly
+/// The operator at the tip: a mass, damper and spring to the shoulder (Gil et al. 2004), held rigidly
 /// or through fingertip tissue, and a voluntary force. All zero: nobody holds the device, the force still acts on the tip.
 struct Hand {
   double mass = 0.0;              ///< kg

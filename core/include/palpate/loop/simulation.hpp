@@ -35,6 +35,7 @@ struct SimulationSetup {
   Vector3<> hold = Vector3<>::Zero();  ///< constant tip force added to every command, N
   bool frozen_kinematics = false;      ///< linearise tip and torque at the start pose
 
+  bool held = false;    ///< the operator holds the tip where it starts: nothing moves
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
@@ -107,6 +108,22 @@ class SampledPlant {
   double per_period_;
 };
 
+/// A device held at its start pose by a hand that does not yield.
+template <class Mechanism>
+class HeldPlant {
+ public:
+  static constexpr int dof = Mechanism::dof;
+  explicit HeldPlant(const SimulationSetup<Mechanism>& s) : angles_(s.start), speeds_(Joints<dof>::Zero()) {}
+  [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
+  [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
+  [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
+  void advance(const Joints<dof>& /*torque*/, const ForceSegment& /*force*/) noexcept {}
+
+ private:
+  Joints<dof> angles_;
+  Joints<dof> speeds_;
+};
+
 template <class Mechanism, class Plant>
 SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
                       double* rows) noexcept {
@@ -157,6 +174,10 @@ SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int
 template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                            double* rows) noexcept {
+  if (setup.held) {
+    detail::HeldPlant<Mechanism> plant(setup);
+    return detail::run(setup, plant, ticks, reference, operator_force, rows);
+  }
   if (setup.linear) {
     detail::SampledPlant<Mechanism> plant(setup);
     return detail::run(setup, plant, ticks, reference, operator_force, rows);

@@ -12,8 +12,8 @@ struct SineCosine {
   Scalar cosine;
 };
 
-/// Sine and cosine of an angle [rad], to 1 unit in the last place for |angle| <= 1e5 rad; beyond that, and for
-/// non-finite angles, the C library answers.
+/// Sine and cosine of an angle [rad], to 1 unit in the last place for |angle| <= 1e3 rad, 2 up to 1e5 rad; beyond that, and
+/// for non-finite angles, the C library answers.
 ///
 /// Why not std::sin: the arm's dynamics need nothing else that costs time, the library's version cannot be inlined and
 /// is not vectorised by g++. Reduction by pi/2 in three parts (33 + 33 + 53 bits, exact products up to 2^20 quadrants),

@@ -1,0 +1,69 @@
+#include <gtest/gtest.h>
+
+#include <palpate/device/drive.hpp>
+
+namespace {
+
+using palpate::Delay;
+using palpate::Drive;
+using palpate::DriveLimits;
+using palpate::Encoder;
+using palpate::Joints;
+using palpate::Vector3;
+
+TEST(Encoder, ReadsWholeCounts) {
+  Encoder<1> e;
+  e.step[0] = 0.25;
+  EXPECT_EQ(e.read(Joints<1>(0.37))[0], 0.25);
+  EXPECT_EQ(e.read(Joints<1>(0.38))[0], 0.5);
+  EXPECT_EQ(e.read(Joints<1>(-0.38))[0], -0.5);
+  e.step[0] = 0.0;
+  EXPECT_EQ(e.read(Joints<1>(0.38))[0], 0.38);
+}
+
+TEST(Drive, PeakKeepsTheDirection) {
+  DriveLimits<3> limits;
+  limits.peak_force = 8.5;
+  Drive<3> drive(limits, 1e-3);
+  EXPECT_EQ(drive.limit_force({3.0, 4.0, 0.0}), Vector3<>(3.0, 4.0, 0.0));
+  const Vector3<> f = drive.limit_force({30.0, 40.0, 0.0});
+  EXPECT_NEAR(f.norm(), 8.5, 1e-14);
+  EXPECT_NEAR(f[0] / f[1], 0.75, 1e-14);
+}
+
+// Law: what a drive gives for ever is its continuous force; a moment's peak is there first.
+TEST(Drive, HeatBringsThePeakDownToTheContinuousForce) {
+  DriveLimits<3> limits;
+  limits.peak_force = 8.5;
+  limits.continuous_force = 1.4;
+  limits.thermal_time = 10.0;
+  Drive<3> drive(limits, 1e-3);
+  EXPECT_NEAR(drive.limit_force({8.5, 0.0, 0.0}).norm(), 8.5, 1e-12);
+  double force = 0.0;
+  double largest_step = 0.0;
+  for (int k = 0; k < 100000; ++k) {
+    const double next = drive.limit_force({8.5, 0.0, 0.0}).norm();
+    if (k > 0) largest_step = std::max(largest_step, std::abs(next - force));
+    force = next;
+  }
+  EXPECT_NEAR(force, 1.4, 0.01 * 1.4 + 1e-3);
+  EXPECT_LT(largest_step, 0.3);  // no step that a hand would feel as a click
+  for (int k = 0; k < 100000; ++k) drive.limit_force({0.0, 0.0, 0.0});
+  EXPECT_NEAR(drive.limit_force({8.5, 0.0, 0.0}).norm(), 8.5, 1e-3);  // cold again
+}
+
+TEST(Drive, TorquesStayWithinTheMotors) {
+  DriveLimits<3> limits;
+  limits.peak_torque = Joints<3>(0.1, 0.2, 0.3);
+  const Drive<3> drive(limits, 1e-3);
+  EXPECT_EQ(drive.limit_torque(Joints<3>(1.0, -1.0, 0.2)), Joints<3>(0.1, -0.2, 0.2));
+}
+
+TEST(Delay, GivesBackWhatWentInPeriodsAgo) {
+  for (const int periods : {0, 1, 3, 17}) {
+    Delay<double> delay(periods, -1.0);
+    for (int k = 0; k < 200; ++k) EXPECT_EQ(delay.pass(k), k < periods ? -1.0 : k - periods);
+  }
+}
+
+}  // namespace

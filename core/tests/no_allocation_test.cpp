@@ -1,0 +1,77 @@
+// The servo tick and the motion take no memory: this program's own allocation functions count every call.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+
+#include "states.hpp"
+
+extern "C" void* __libc_malloc(std::size_t);
+extern "C" void __libc_free(void*);
+
+namespace {
+std::atomic<long> allocations{0};
+}
+
+extern "C" void* malloc(std::size_t size) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  return __libc_malloc(size);
+}
+
+namespace {
+
+using palpate::Joints;
+using palpate::Premium;
+using palpate::Vector3;
+
+// A counter that cannot count would let anything pass.
+TEST(NoAllocation, TheCounterCounts) {
+  const long before = allocations;
+  std::free(std::malloc(static_cast<std::size_t>(before) % 7 + 100));
+  const Eigen::MatrixXd m = Eigen::MatrixXd::Random(20, 20);
+  EXPECT_GE(allocations - before, 2) << m(0, 0);
+}
+
+TEST(NoAllocation, InATickAndAPeriodOfMotion) {
+  const Premium arm(palpate::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  palpate::Anchor spring;
+  spring.kind = palpate::Anchor::Kind::point;
+  spring.point = arm.forward(pose);
+  const int order = 15;
+  const palpate::StateSpace controller(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
+                                       0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6),
+                                       0.1 * Eigen::MatrixXd::Ones(order, 3));
+  palpate::DriveLimits<3> limits;
+  limits.peak_force = 8.5;
+  limits.continuous_force = 1.4;
+  palpate::Encoder<3> encoder;
+  encoder.step = Joints<3>::Constant(1e-4);
+  palpate::Servo<Premium> servo(palpate::Kinematics<Premium>(arm), encoder, spring,
+                                palpate::VirtualCoupling(Vector3<>::Constant(500.0), Vector3<>::Constant(1.0),
+                                                         palpate::VirtualCoupling::Difference::bilinear, 1e-3),
+                                controller, palpate::Drive<3>(limits, 1e-3), Vector3<>(0.1, 0.1, 0.1), 2, pose);
+  palpate::Friction<3> friction = palpate::phantom_premium_1_5a_friction();
+  friction.coulomb = friction.breakaway = Joints<3>::Constant(0.01);
+  palpate::Hand hand;
+  hand.mass = 0.15;
+  hand.damping = 4.5;
+  hand.stiffness = 560.0;
+  hand.tissue = true;
+  hand.tissue_stiffness = 500.0;
+  hand.tissue_damping = 0.5;
+  const palpate::Motion<Premium> motion(arm, friction, hand);
+  palpate::MotionState<3> state;
+  state.q = pose;
+  state.hand = arm.forward(pose);
+
+  const long before = allocations;
+  for (int k = 0; k < 2000; ++k) {
+    const auto& tick = servo.tick(state.q, Vector3<>(0.5, 0.2, -0.3));
+    motion.advance(state, tick.torque, palpate::ForceSegment{Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, 1e-3, 2);
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(state.q.allFinite());
+}
+
+}  // namespace

@@ -1,0 +1,102 @@
+#include <gtest/gtest.h>
+
+#include "states.hpp"
+
+namespace {
+
+using palpate::Dual;
+using palpate::Joints;
+using palpate::Premium;
+
+const Premium arm(palpate::phantom_premium_1_5a());
+
+template <class Scalar = Dual<3>>
+Joints<3, Scalar> variables(const Joints<3>& q) {
+  Joints<3, Scalar> v;
+  for (int i = 0; i < 3; ++i) v[i] = Scalar::variable(q[i], i);
+  return v;
+}
+
+// Law: the Jacobian is the derivative of the tip's position.
+TEST(Premium, JacobianIsTheDerivativeOfForward) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const auto p = arm.forward(variables(q));
+    const auto j = arm.jacobian(q);
+    for (int row = 0; row < 3; ++row) EXPECT_LT((p[row].gradient.transpose() - j.row(row)).norm(), 1e-15);
+  }
+}
+
+// Law: gravity is the derivative of the potential energy.
+TEST(Premium, GravityIsTheDerivativeOfThePotential) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    EXPECT_LT((arm.potential(variables(q)).gradient - arm.gravity(q)).norm(), 1e-16);
+  }
+}
+
+// Law: dM/dt - 2C is skew-symmetric, so the Coriolis terms do no work.
+TEST(Premium, MassRateLessTwiceCoriolisIsSkew) {
+  States states;
+  for (int n = 0; n < 1000; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const Joints<3> qd = states.draw(10.0);
+    const auto m = arm.mass_matrix(variables(q));
+    Eigen::Matrix3d rate;
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < 3; ++k) rate(i, k) = m(i, k).gradient.dot(qd);
+    const Eigen::Matrix3d skew = rate - 2.0 * arm.coriolis(q, qd);
+    EXPECT_LT((skew + skew.transpose()).cwiseAbs().maxCoeff(), 1e-12 * rate.cwiseAbs().maxCoeff() + 1e-18);
+  }
+}
+
+// Law: M qdd + C qd + N = tau; the closed-form acceleration solves it.
+TEST(Premium, AccelerationSolvesTheEquationOfMotion) {
+  States states;
+  for (int n = 0; n < 1000; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const Joints<3> qd = states.draw(10.0);
+    const Joints<3> tau = states.draw(1.0);
+    const Joints<3> qdd = arm.acceleration(q, qd, tau);
+    const Joints<3> left = arm.mass_matrix(q) * qdd + arm.coriolis(q, qd) * qd + arm.gravity(q);
+    EXPECT_LT((left - tau).norm(), 1e-12 * (1.0 + tau.norm() + (arm.coriolis(q, qd) * qd).norm()));
+  }
+}
+
+// Law: inverse undoes forward, on each of the four branches.
+TEST(Premium, InverseFindsEveryBranch) {
+  States states;
+  int tried = 0;
+  for (int n = 0; n < 300; ++n) {
+    const palpate::Vector3<> p = arm.forward(states.draw(3.0));
+    for (const bool behind : {false, true}) {
+      for (const bool elbow_down : {false, true}) {
+        const auto pose = arm.inverse(p, behind, elbow_down);
+        ASSERT_EQ(pose.reach, Premium::Reach::reachable);
+        EXPECT_LT((arm.forward(pose.q) - p).norm(), 1e-12);
+        ++tried;
+      }
+    }
+  }
+  EXPECT_EQ(tried, 1200);
+}
+
+TEST(Premium, InverseSaysWhyAPointIsOutOfReach) {
+  EXPECT_EQ(arm.inverse({1.0, 0.0, 0.0}).reach, Premium::Reach::too_far);
+  EXPECT_EQ(arm.inverse({0.0, 0.17, -0.2}).reach, Premium::Reach::too_close);
+  EXPECT_EQ(arm.inverse({0.0, 0.37, -0.215}).reach, Premium::Reach::on_yaw_axis);
+  EXPECT_EQ(arm.inverse({std::nan(""), 0.0, 0.0}).reach, Premium::Reach::not_finite);
+}
+
+// Golden values computed by hand from the published parameters.
+TEST(Premium, MassAndGravityAtTheZeroPose) {
+  const Eigen::Matrix3d m = arm.mass_matrix(Joints<3>(Joints<3>::Zero()));
+  EXPECT_NEAR(m(0, 0), 35.73e-4, 5e-7);
+  EXPECT_NEAR(m(1, 1), 24.26e-4, 5e-7);
+  EXPECT_NEAR(m(2, 2), 9.32e-4, 5e-7);
+  EXPECT_NEAR(arm.gravity(Joints<3>(Joints<3>::Zero()))[1], -0.0163, 5e-5);
+}
+
+}  // namespace

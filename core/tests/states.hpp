@@ -1,0 +1,18 @@
+#pragma once
+
+#include <palpate/palpate.hpp>
+#include <random>
+
+/// Random states with a fixed seed, for tests of laws that must hold everywhere.
+class States {
+ public:
+  palpate::Joints<3> draw(double size) {
+    palpate::Joints<3> q;
+    for (int i = 0; i < 3; ++i) q[i] = size * uniform_(engine_);
+    return q;
+  }
+
+ private:
+  std::mt19937_64 engine_{7};
+  std::uniform_real_distribution<double> uniform_{-1.0, 1.0};
+};

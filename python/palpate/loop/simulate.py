@@ -1,0 +1,232 @@
+"""A scenario in, a trace out: the loop of the block diagram, run by the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import _core
+from palpate.analysis.linearize import hold_force
+from palpate.control.controller import Controller
+from palpate.devices import Device
+from palpate.errors import ScenarioError
+from palpate.loop.plant import sampled_plant
+from palpate.loop.trace import Trace
+from palpate.scenario import Scenario
+
+__all__ = ["simulate"]
+
+Array = NDArray[np.float64]
+
+
+def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Trace:
+    """Run a scenario and return its trace.
+
+    The same scenario gives the same trace, bit for bit, on one machine.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: runs instead of the one that [controller] describes; sampled with the servo period.
+
+    Raises:
+        ScenarioError: the scenario has a mistake, or asks for what its device model cannot do.
+        PoseError: the start tip is out of reach, or the pose is singular for what is asked.
+        DesignError: no controller meets the options in [controller], or `controller` has another period.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    experiment = _Experiment.of(scenario, controller)
+    rows, count, unstable_tick = experiment.setup.run(experiment.reference, experiment.operator)
+    return experiment.trace(np.asarray(rows)[:count], unstable_tick)
+
+
+@dataclass(frozen=True)
+class _Experiment:
+    """A scenario made ready: the core's setup, and the forces at every sample (ticks + 1, 3), N."""
+
+    scenario: Scenario
+    device: Device
+    start: Array
+    hold: Array
+    controller: Controller
+    setup: Any
+    reference: Array
+    operator: Array
+
+    @classmethod
+    def of(cls, scenario: Scenario, controller: Controller | None) -> _Experiment:
+        from palpate.control.build import build_controller
+
+        device = scenario.load_device()
+        start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+        hold = np.zeros(3)
+        if scenario.servo.gravity_hold:
+            hold = hold_force(device.jacobian(start), device.gravity(start))
+        chosen = build_controller(scenario, device, start) if controller is None else controller
+        if abs(chosen.period - scenario.period) > 1e-9 * scenario.period:
+            raise ScenarioError(
+                f"servo.period is {scenario.period:g} s, but the controller is sampled every {chosen.period:g} s"
+            )
+        ticks = round(scenario.run.duration / scenario.period)
+        time = scenario.period * np.arange(ticks + 1)
+        silent = np.zeros((ticks + 1, 3))
+        reference = silent if scenario.reference is None else scenario.reference.values(time)
+        operator = scenario.operator.values(time) if scenario.operator.moves else silent
+        setup = _setup(scenario, device, start, hold, chosen)
+        return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
+
+    def trace(self, rows: Array, unstable_tick: int) -> Trace:
+        """Name the core's columns and add what follows from them."""
+        device, dof = self.device, self.device.dof
+        every = self.scenario.run.record_every
+        edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1])
+        q, qd, object_force, command, torque, operator, touching, saturated = np.split(rows, edges, axis=1)
+        tip = self._tip(q)
+        if self.scenario.operator.kind == "hold":
+            # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
+            needed = device.gravity(q) - torque
+            operator = np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(device.jacobian(q), 1, 2)), needed)
+        values = {
+            "angle": q,
+            "velocity": qd,
+            "tip": tip,
+            "deflection": self._deflection(tip),
+            "object_force": object_force,
+            "command_force": command,
+            "torque": torque,
+            "reference_force": self.reference[::every][: len(rows)],
+            "operator_force": operator,
+            "touching": touching,
+            "saturated": saturated,
+        }
+        if self.scenario.device.model == "nonlinear":
+            values["energy"] = device.energy(q, qd)
+        return Trace.of(
+            self.scenario.period * every * np.arange(len(rows)),
+            values,
+            units={"angle": "m", "velocity": "m/s", "torque": "N"} if device.mechanism == "slider" else None,
+            unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
+            metadata={
+                "scenario": self.scenario.to_dict(),
+                "version": _version(),
+                "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
+            },
+        )
+
+    def _tip(self, q: Array) -> Array:
+        """Tip positions as the servo computes them, before the encoders' rounding."""
+        if self.scenario.device.kinematics == "linear":
+            shift = (q - self.start) @ np.asarray(self.device.jacobian(self.start)).T
+            return np.asarray(self.device.forward(self.start) + shift, dtype=float)
+        return self.device.forward(q)
+
+    def _deflection(self, tip: Array) -> Array:
+        """How far the tip has pushed the object in; without an object, how far it has moved."""
+        away = tip - np.array(self.setup.anchor.point)
+        if self.scenario.object.kind != "wall":
+            return np.asarray(away, dtype=float)
+        normal = np.array(self.scenario.object.normal)
+        return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+
+
+def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, controller: Controller) -> Any:
+    setup = device.setup()
+    setup.start = start
+    setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
+    setup.hold = hold
+    setup.frozen_kinematics = scenario.device.kinematics == "linear"
+    setup.delay = scenario.device.delay
+    if scenario.device.encoder:
+        if not np.any(device.encoder_step):
+            raise ScenarioError(
+                f"device.encoder: {device.name} has no encoder; give its file one, or set encoder = false"
+            )
+        setup.encoder_step = device.encoder_step
+    if scenario.device.saturation:
+        limits = setup.limits
+        limits.peak_force, limits.continuous_force = device.peak_force, device.continuous_force
+        limits.thermal_time = device.parameters.one("drive.thermal_time", 1.0)
+        limits.peak_torque = device.peak_torque
+        setup.limits = limits
+    _touch(setup, scenario, device, start)
+    _hold(setup, scenario, device, start)
+    system = controller.system
+    none = np.zeros((system.nstates, 3))
+    antiwindup = none if controller.antiwindup is None else controller.antiwindup
+    setup.controller = _core.StateSpace(
+        np.asarray(system.A, float).reshape(system.nstates, system.nstates),
+        np.asarray(system.B, float).reshape(system.nstates, 6),
+        np.asarray(system.C, float).reshape(3, system.nstates),
+        np.asarray(system.D, float),
+        antiwindup,
+    )
+    if scenario.device.model != "nonlinear":
+        plant = sampled_plant(scenario.device.model, device, start, scenario.period)
+        setup.linear = True
+        setup.plant_a, setup.plant_b, setup.plant_c = plant.a, plant.b, plant.c
+        setup.working_torque = plant.working_torque
+    return setup
+
+
+def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
+    touched = scenario.object
+    anchor = _core.Anchor()
+    anchor.kind = {
+        "none": _core.Anchor.Kind.none,
+        "spring": _core.Anchor.Kind.point,
+        "wall": _core.Anchor.Kind.half_space,
+    }[touched.kind]
+    anchor.point = device.forward(start) + np.array(touched.position)
+    if touched.normal is not None:
+        anchor.normal = np.array(touched.normal)
+    setup.anchor = anchor
+    if touched.stiffness is not None:
+        setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
+    difference = _core.Difference
+    setup.difference = difference.bilinear if touched.coupling == "bilinear" else difference.backward
+
+
+def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
+    operator = scenario.operator
+    if operator.kind == "hold":
+        setup.held = True
+    if operator.kind != "arm":
+        return
+    if scenario.device.model != "nonlinear":
+        raise ScenarioError(
+            f'operator.kind: an arm moves with the nonlinear device; with device.model = "{scenario.device.model}" '
+            'use kind = "force"'
+        )
+    hand = _core.Hand()
+    hand.mass, hand.damping, hand.stiffness = operator.mass or 0.0, operator.damping or 0.0, operator.stiffness or 0.0
+    if operator.tissue_stiffness is not None:
+        hand.tissue = True
+        hand.tissue_stiffness, hand.tissue_damping = operator.tissue_stiffness, operator.tissue_damping or 0.0
+    hand.rest = device.forward(start) + np.array(operator.rest)
+    setup.hand = hand
+
+
+def _version() -> str:
+    try:
+        return version("palpate")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: arrays as lists, anything unknown as text."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)

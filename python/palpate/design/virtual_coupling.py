@@ -1,0 +1,49 @@
+"""The virtual coupling between tip and object: a spring and a dashpot in parallel, sampled."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import control
+import numpy as np
+
+from palpate.errors import DesignError
+
+
+def virtual_coupling(
+    stiffness: float, damping: float, period: float, difference: Literal["backward", "bilinear"] = "backward"
+) -> control.StateSpace:
+    """Return K + B s, sampled, from deflection (m) to force of the tip on the object (N).
+
+    - ``"backward"``: s = (1 - 1/z)/T. As a display it is passive if the device's own damping b >= B + K T/2.
+    - ``"bilinear"``: s = (2/T)(z - 1)/(z + 1) (Zilles & Salisbury 1995). Its pole at z = -1 keeps a ripple of
+      period two for ever, and the gain there is unbounded.
+
+    With B = 0 both are the constant K and have no state.
+
+    Args:
+        stiffness: K, N/m.
+        damping: B, N s/m.
+        period: T, s.
+
+    Raises:
+        DesignError: a negative or not finite value, a period that is not positive, or another rule.
+    """
+    for name, value, unit in (("stiffness", stiffness, "N/m"), ("damping", damping, "N s/m")):
+        if not np.isfinite(value) or value < 0:
+            raise DesignError(f"virtual_coupling: {name} must be finite and not negative in {unit}, not {value}")
+    if not np.isfinite(period) or period <= 0:
+        raise DesignError(f"virtual_coupling: the period must be positive and finite in s, not {period}")
+    if difference not in ("backward", "bilinear"):
+        raise DesignError(f'virtual_coupling: difference must be "backward" or "bilinear", not {difference!r}')
+    if damping == 0:
+        return control.StateSpace([], [], [], [[stiffness]], period)
+    if difference == "backward":
+        # the state is the deflection one sample ago
+        rate = damping / period
+        return control.StateSpace([[0.0]], [[1.0]], [[-rate]], [[stiffness + rate]], period)
+    # d'_k = 2/T (d_k - d_{k-1}) - d'_{k-1}; the state is -(2/T d_k + d'_k) of the last sample
+    rate = 2 / period
+    return control.StateSpace(
+        [[-1.0]], [[-2 * rate]], [[damping]], [[stiffness + damping * rate]], period
+    )

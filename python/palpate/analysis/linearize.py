@@ -60,10 +60,7 @@ def linearize(
     n = device.dof
     pose = _vector(q, n, "q", "rad")
     speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", "rad/s")
-    if tau is None:
-        torque = np.asarray(device.gravity(pose), dtype=float)
-    else:
-        torque = _vector(tau, n, "tau", "N m")
+    torque = np.asarray(device.gravity(pose), dtype=float) if tau is None else _vector(tau, n, "tau", "N m")
     a_q, a_v, a_tau = (np.asarray(d, dtype=float) for d in device.linearization(pose, speed, torque))
     jacobian = np.asarray(device.jacobian(pose), dtype=float)
 
@@ -74,10 +71,7 @@ def linearize(
         input_names = [f"torque[{i + 1}]" for i in range(n)]
     elif inputs == "force":
         require_regular(jacobian, pose)
-        if force is None:
-            held = hold_force(jacobian, torque)
-        else:
-            held = _vector(force, 3, "force", "N")
+        held = hold_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
         gain = jacobian.T
         stiffening = np.einsum("k,kij->ij", held, np.asarray(device.tip_hessian(pose), dtype=float))
         input_names = [f"force[{a}]" for a in AXES]

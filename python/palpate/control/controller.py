@@ -47,9 +47,7 @@ class Controller:
         if not all(np.all(np.isfinite(m)) for m in (s.A, s.B, s.C, s.D)):
             raise DesignError("a controller's matrices must be finite")
         if self.antiwindup is not None and self.antiwindup.shape != (s.nstates, 3):
-            raise DesignError(
-                f"antiwindup must be {s.nstates} x 3 (states x forces), not {self.antiwindup.shape}"
-            )
+            raise DesignError(f"antiwindup must be {s.nstates} x 3 (states x forces), not {self.antiwindup.shape}")
 
     @property
     def period(self) -> float:

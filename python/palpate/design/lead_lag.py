@@ -30,7 +30,7 @@ LAG_DECADE = 10.0  # the lag's zero lies this factor below the crossover and tak
 
 @dataclass(frozen=True)
 class Compensator:
-    """c(z) of one axis: gain * product of (z - zero)/(z - pole) scaled to what lead and lag are at high and low frequency.
+    """c(z) of one axis: gain, lead and lag, each (z - zero)/(z - pole); the lead is 1 at z = 1, the lag at z = -1.
 
     Attributes:
         gain: c at z = 1 without the lag, N/N.
@@ -57,8 +57,8 @@ class Compensator:
 def lead_lag(
     plant: control.StateSpace,
     *,
-    crossover: ArrayLike = 120.0,
-    phase_margin: ArrayLike = 55.0,
+    crossover: ArrayLike = 180.0,
+    phase_margin: ArrayLike = 60.0,
     steady_error: ArrayLike = 0.001,
     decouple: bool = True,
     smooth_reference: bool = True,
@@ -89,7 +89,9 @@ def lead_lag(
 
     blocks: dict[int, Compensator] = {}
     for i in axes:
-        loop = control.StateSpace(plant.A, plant.B @ matrix[:, [i]], plant.C[[i]], plant.D[[i]] @ matrix[:, [i]], period)
+        loop = control.StateSpace(
+            plant.A, plant.B @ matrix[:, [i]], plant.C[[i]], plant.D[[i]] @ matrix[:, [i]], period
+        )
         blocks[int(i)] = _compensate(loop, float(target[i]), float(wanted[i]), float(error[i]), AXES[i])
     system = _assemble(blocks, matrix, smooth_reference, period)
     notes: dict[str, Any] = {
@@ -117,8 +119,7 @@ def _compensate(loop: control.StateSpace, crossover: float, wanted: float, error
     if response == 0:
         raise DesignError(f"lead_lag: axis {axis} does not answer at {crossover:g} rad/s; no crossover there")
     rest = _gain_at_rest(loop)
-    # A plant whose low-frequency gain is negative needs a negative gain.
-    sign = -1.0 if np.cos(np.angle(response * np.exp(1j * (np.pi / 2)))) < -0.5 and rest < 0 else 1.0
+    sign = _first_answer(loop)
     phase = float(np.angle(sign * response))
     phase = phase - 2 * np.pi if phase > np.pi / 2 else phase
     big = 2 / period * np.tan(crossover * period / 2)
@@ -155,6 +156,16 @@ def _compensate(loop: control.StateSpace, crossover: float, wanted: float, error
     if lag_ratio > 1.0:
         lag_pair = (_to_z(big / LAG_DECADE, period), _to_z(big / (LAG_DECADE * lag_ratio), period))
     return Compensator(sign * float(gain), lead, lag_pair)
+
+
+def _first_answer(loop: control.StateSpace) -> float:
+    """Return the sign of the first sample of the impulse response that is not zero: that of the gain to use."""
+    state, size = loop.B[:, 0], float(np.abs(loop.B).sum() * np.abs(loop.C).sum())
+    samples = [float(loop.D[0, 0])]
+    for _ in range(loop.nstates):
+        samples.append(float(loop.C[0] @ state))
+        state = loop.A @ state
+    return next((float(np.sign(s)) for s in samples if abs(s) > 1e-9 * size), 1.0)
 
 
 def _gain_at_rest(loop: control.StateSpace) -> float:

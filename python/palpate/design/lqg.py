@@ -30,12 +30,12 @@ def lqg(
     plant: control.StateSpace,
     *,
     integrators: bool = True,
-    force_weight: float = 1.0,
-    speed_weight: float = 0.01,
-    integral_rate: float = 15.0,
+    force_weight: float = 2.0,
+    speed_weight: float = 0.012,
+    integral_rate: float = 8.0,
     state_weight: ArrayLike | None = None,
     disturbance: ArrayLike = 1.0,
-    noise: ArrayLike = 0.03,
+    noise: ArrayLike = 0.01,
     windup_time: float = 0.01,
 ) -> Controller:
     """Return an LQG controller for a sampled plant from tip force to object force.
@@ -51,7 +51,7 @@ def lqg(
             integrators (n + 3, n + 3) of (state, xi).
         disturbance: as in ``kalman``: force noise at the tip, N, or a process covariance.
         noise: as in ``kalman``: noise of F_object, N. The default ratio is 1 N of disturbance against the counts
-            of a 0.03 mm encoder on an object of 3.5 N/mm.
+            of a 0.03 mm encoder on an object of 1 N/mm.
         windup_time: time constant, s, with which the integrators follow a force that saturates.
 
     Raises:
@@ -80,9 +80,7 @@ def lqg(
     weight, cross = _cost(a, b, c, d, period, speed_weight, integral_rate if integrators else None, state_weight)
     cost = force_weight * np.eye(m) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
     value = solve_discrete_are(augmented_a, augmented_b, weight, cost, s=cross)
-    gain = np.linalg.solve(
-        cost + augmented_b.T @ value @ augmented_b, augmented_b.T @ value @ augmented_a + cross.T
-    )
+    gain = np.linalg.solve(cost + augmented_b.T @ value @ augmented_b, augmented_b.T @ value @ augmented_a + cross.T)
     feedback, integral = gain[:, :n], gain[:, n:]
 
     rest = np.block([[a - np.eye(n), b], [c, d]])
@@ -125,7 +123,7 @@ def lqg(
 
 def require_reachable_forces(a: Array, b: Array, c: Array, d: Array) -> None:
     """Raise DesignError if some constant object force cannot be held by any constant command (a zero at z = 1)."""
-    n, m = b.shape
+    n = len(a)
     size = np.linalg.norm(c, axis=1, keepdims=True)
     reach = np.linalg.norm(b, axis=0)
     scale = np.where(size > 0, size, 1.0)

@@ -183,7 +183,7 @@ def _grid(loop: control.StateSpace) -> Array:
     base = np.concatenate([np.geomspace(1e-6, np.pi, 600), np.linspace(0.01, np.pi, 400)])
     near = [base]
     for z in np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + loop.D, loop.C)):
-        if 0 < abs(z):
+        if abs(z) > 0:
             width = max(abs(np.log(abs(z))), 1e-6)
             near.append(abs(np.angle(z)) + width * np.linspace(-6, 6, 49))
     theta = np.unique(np.concatenate(near))
@@ -191,7 +191,7 @@ def _grid(loop: control.StateSpace) -> Array:
 
 
 def _unit_crossings(loop: control.StateSpace) -> list[tuple[float, float]]:
-    """Return (theta, angle) where an eigenvalue e^{j angle} of L(e^{j theta}) crosses the unit circle, theta in (0, pi].
+    """Return (theta, angle) where an eigenvalue e^{j angle} of L(e^{j theta}) crosses the unit circle.
 
     The eigenvalues are sorted by modulus: at a unit modulus the sorted one is continuous, so a change of sign of
     log|lambda| is a crossing.

@@ -44,6 +44,4 @@ def virtual_coupling(
         return control.StateSpace([[0.0]], [[1.0]], [[-rate]], [[stiffness + rate]], period)
     # d'_k = 2/T (d_k - d_{k-1}) - d'_{k-1}; the state is -(2/T d_k + d'_k) of the last sample
     rate = 2 / period
-    return control.StateSpace(
-        [[-1.0]], [[-2 * rate]], [[damping]], [[stiffness + damping * rate]], period
-    )
+    return control.StateSpace([[-1.0]], [[-2 * rate]], [[damping]], [[stiffness + damping * rate]], period)

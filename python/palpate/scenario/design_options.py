@@ -10,10 +10,28 @@ from palpate.units import parse, parse_vector, write
 
 __all__ = ["options_text", "sort_options"]
 
-# kind: option: (unit, whether it may differ between the axes)
+FLAG: Final = "true or false"
+
+# kind: option: (unit or FLAG, whether it may differ between the axes)
 OPTIONS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
-    "lead_lag": {"stiffness": ("N/m", True), "crossover": ("Hz", False), "phase_margin": ("rad", False)},
-    "lqg": {"stiffness": ("N/m", True)},
+    "lead_lag": {
+        "stiffness": ("N/m", True),
+        "crossover": ("rad/s", True),
+        "phase_margin": ("rad", True),
+        "steady_error": ("", True),
+        "decouple": (FLAG, False),
+        "smooth_reference": (FLAG, False),
+    },
+    "lqg": {
+        "stiffness": ("N/m", True),
+        "integrators": (FLAG, False),
+        "force_weight": ("", False),
+        "speed_weight": ("s", False),
+        "integral_rate": ("1/s", False),
+        "disturbance": ("N", True),
+        "noise": ("N", True),
+        "windup_time": ("s", False),
+    },
 }
 
 
@@ -43,9 +61,11 @@ def _value(kind: str, key: str, value: Any) -> Any:
         hint = f"did you mean {close[0]}?" if close else f"{kind} takes {', '.join(known)}"
         raise ValueError(f'unknown key "{key}"; {hint}')
     unit, axes = known[key]
+    if unit == FLAG:
+        if not isinstance(value, bool):
+            raise ValueError(f"{key}: {value!r} is neither true nor false")
+        return value
     try:
-        if isinstance(value, bool):
-            return value
         return parse_vector(value, unit, 3) if axes and isinstance(value, (list, tuple)) else parse(value, unit)
     except ValueError as problem:
         raise ValueError(f"{key}: {problem}") from None

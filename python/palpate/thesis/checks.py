@@ -9,12 +9,27 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache
 from importlib import resources
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Check", "Erratum", "Printed", "at_most", "compare", "printed", "statement", "within"]
+if TYPE_CHECKING:
+    from palpate.report import Page
+
+__all__ = [
+    "Check",
+    "Erratum",
+    "Printed",
+    "at_most",
+    "compare",
+    "keys",
+    "matrix_pair",
+    "printed",
+    "statement",
+    "with_zero",
+    "within",
+]
 
 Array = NDArray[np.float64]
 Status = Literal["match", "erratum", "differs"]
@@ -301,3 +316,26 @@ def _read(key: str, entry: Mapping[str, Any]) -> Printed:
         entry.get("because", ""),
         tuple(Erratum(e["right"], e["why"], tuple(e["at"]) if "at" in e else None) for e in errata),
     )
+
+
+def matrix_pair(page: Page, key: str, computed: ArrayLike) -> None:
+    """Write a printed matrix beside the computed one on a page; entries beyond their tolerance are marked."""
+    p = printed(key)
+    ours = np.asarray(computed, dtype=float)
+    ours = ours.reshape(1, -1) if ours.ndim < 2 else ours
+    differs = [
+        [
+            not _close(float(ours[i, j]), float(text), p.tolerance if p.tolerance is not None else p.resolution(text))
+            for j, text in enumerate(row)
+        ]
+        for i, row in enumerate(p.rows)
+    ]
+    why = " ".join(dict.fromkeys(erratum.why for erratum in p.errata))
+    unit = f" [{p.unit}]" if p.unit else ""
+    rows = [[with_zero(text) for text in row] for row in p.rows]
+    page.matrices(f"{p.where}: {p.what}{unit}", rows, ours.tolist(), differs=differs, explanation=why)
+
+
+def with_zero(text: str) -> str:
+    """Return a number as printed, with a zero before a leading point."""
+    return text.replace(".", "0.", 1) if text.startswith((".", "-.")) else text

@@ -79,7 +79,13 @@ def lqg(
     extra = m if integrators else 0
     weight, cross = _cost(a, b, c, d, period, speed_weight, integral_rate if integrators else None, state_weight)
     cost = force_weight * np.eye(m) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
-    value = solve_discrete_are(augmented_a, augmented_b, weight, cost, s=cross)
+    try:
+        value = solve_discrete_are(augmented_a, augmented_b, weight, cost, s=cross)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise DesignError(
+            "lqg: the weights leave a mode on the unit circle; weigh every state that does not decay, or make the "
+            "force cheaper"
+        ) from error
     gain = np.linalg.solve(cost + augmented_b.T @ value @ augmented_b, augmented_b.T @ value @ augmented_a + cross.T)
     feedback, integral = gain[:, :n], gain[:, n:]
 

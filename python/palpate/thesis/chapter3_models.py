@@ -1,4 +1,4 @@
-"""Chapter 3, the linear models: 3.9, discretisations, the experimental model 3.25 to 3.31, cases C and D 3.37 to 3.42."""
+"""Chapter 3, the linear models: 3.9, discretisations, experimental model 3.25 to 3.31, cases C and D 3.37 to 3.42."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.analysis.linearize import hold_force
 from palpate.devices import Device
 from palpate.report import Page
 from palpate.thesis import figures
-from palpate.thesis.checks import Check, compare, matrix_pair, printed, statement, with_zero, within
+from palpate.thesis.checks import Check, Status, compare, matrix_pair, printed, statement, with_zero, within
 from palpate.thesis.experimental import PERIOD, experimental_model
 
 __all__ = ["case_c", "case_d", "discretisation", "experimental", "linear_model"]
@@ -67,8 +67,8 @@ def discretisation(page: Page, device: Device) -> list[Check]:
     page.subsection("Discretisation (3.12) to (3.14)")
     page.paragraph(
         "The arm's fastest pole is 22 1/s and T = 0.5 ms, so four terms of the series are exact to "
-        f"{error['series']:.0e}: the truncation is far below anything that can be measured. Tustin's rule, which (3.42) "
-        "uses, answers within the sample (D ≠ 0), which no sampled loop with a hold does."
+        f"{error['series']:.0e}: the truncation is far below anything that can be measured. Tustin's rule, which "
+        "(3.42) uses, answers within the sample (D ≠ 0), which no sampled loop with a hold does."
     )
     page.table(
         ["method", "largest error of A_d", "relative error of the fastest pole", "answers within the sample"],
@@ -114,8 +114,8 @@ def experimental(page: Page) -> list[Check]:
                       labels=("printed transfer functions", "from the printed A_e, B_e"))  # fmt: skip
     page.paragraph(
         f"With that corrected, the largest pole of each axis is {outermost[0]:.4f}, {outermost[1]:.4f} and "
-        f"{outermost[2]:.4f}: on the unit circle but for the rounding of the printed digits. The model integrates, as an "
-        "arm does that only friction slows down, and palpate puts these poles at exactly 1."
+        f"{outermost[2]:.4f}: on the unit circle but for the rounding of the printed digits. The model integrates, "
+        "as an arm does that only friction slows down, and palpate puts these poles at exactly 1."
     )
     page.figure(
         figures.poles_in_the_disk({"as printed, corrected": poles, "misprint −1.1428": misprint}),
@@ -141,13 +141,14 @@ def _polynomials(a: Array, b: Array) -> list[Check]:
         out = {}
         for axis, key in enumerate(DENOMINATORS):
             block = slice(6 * axis, 6 * axis + 6)
-            out[key] = np.poly(a[block, block])
+            out[key] = np.asarray(np.poly(a[block, block]), dtype=np.float64)
         for key, (axis, column) in zip(NUMERATORS, ((1, 1), (1, 2), (2, 1), (2, 2)), strict=True):
             block = slice(6 * axis, 6 * axis + 6)
             c = np.zeros((1, 6))
             c[0, -1] = 0.5  # C_e of the axis's last state, by (3.37): C_dl(2,12) = -230.6 = 0.5 * -461.19
             # num = det(zI - A + b c) - det(zI - A)
-            out[key] = (np.poly(a[block, block] - b[block, [column]] @ c) - np.poly(a[block, block]))[2:]
+            closed = np.poly(a[block, block] - b[block, [column]] @ c)
+            out[key] = np.asarray((closed - np.poly(a[block, block]))[2:], dtype=np.float64)
         return out
 
     base = coefficients(a, b)
@@ -170,19 +171,19 @@ def _polynomials(a: Array, b: Array) -> list[Check]:
         for j, text in enumerate(entry.rows[0]):
             if float(text) == 0.0 or (j == 0 and "denominator" in key):
                 continue
-            wrong = entry.erratum(0, j)
             tolerance = entry.resolution(text) + float(slack[key][j])
             part = "denominator" if key in DENOMINATORS else "numerator"
             what = f"{entry.what.split(',')[0]}, {part}, z{_power(powers - j)}"
-            value = float(values[j])
+            name, value, where = f"{key}[{j + 1}]", float(values[j]), entry.where
+            wrong = entry.erratum(0, j)
             if wrong is None:
-                checks.append(within(f"{key}[{j + 1}]", what, float(text), value, "", tolerance, where=entry.where,
-                                     note="tolerance: rounding of the transfer function and of the matrices"))  # fmt: skip
-            else:
-                right, erratum = float(wrong[0]), wrong[1]
-                good = abs(value - right) <= tolerance and abs(value - float(text)) > tolerance
-                checks.append(Check(f"{key}[{j + 1}]", what, float(text), value, "", tolerance,
-                                    "erratum" if good else "differs", erratum.why, where=entry.where, right=right))  # fmt: skip
+                note = "tolerance: rounding of the transfer function and of the matrices"
+                checks.append(within(name, what, float(text), value, "", tolerance, where=where, note=note))
+                continue
+            right, why = float(wrong[0]), wrong[1].why
+            good = abs(value - right) <= tolerance < abs(value - float(text))
+            status: Status = "erratum" if good else "differs"
+            checks.append(Check(name, what, float(text), value, "", tolerance, status, why, where=where, right=right))
     return checks
 
 

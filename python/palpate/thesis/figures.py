@@ -28,7 +28,10 @@ def angles(
     targets: Sequence[float | None] = (None, None, None),
     limits: ArrayLike | None = None,
 ) -> Figure:
-    """Draw joint angles of several motions, a panel for each joint; `targets` (3,), rad, dashed; `limits` (3, 2) of y."""
+    """Draw joint angles of several motions, a panel for each joint.
+
+    `targets` (3,), rad, are dashed; `limits` (3, 2) cut the y axes.
+    """
     figure, rows = new_figure(1, 3)
     for joint, panel in enumerate(rows[0]):
         for label, motion in motions.items():

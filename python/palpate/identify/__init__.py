@@ -1,0 +1,1 @@
+"""Identification: experiments, recordings, ARX models, the device's own parameters and its friction."""

@@ -10,7 +10,7 @@ that the hold's half sample of delay is counted. With w = (2/T) (z-1)/(z+1) and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import control
@@ -99,7 +99,7 @@ def lead_lag(
         "phase_margin": np.degrees(wanted).tolist(),
         "steady_error": error.tolist(),
         "decoupling": matrix.tolist(),
-        "compensators": {AXES[i]: block for i, block in blocks.items()},
+        "compensators": {AXES[i]: asdict(block) for i, block in blocks.items()},
     }
     controller = Controller(system, _conditioning(system), "lead_lag", notes)
     radius = spectral_radius(loop_gain(controller, plant))

@@ -28,6 +28,30 @@ TEST(Premium, JacobianIsTheDerivativeOfForward) {
   }
 }
 
+// Law: torque and tip force do the same work, tau . qd = f . (J qd), so tau = J^T f.
+TEST(Premium, TorqueOfATipForceIsTheTransposedJacobian) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const palpate::Vector3<> f = states.draw(10.0);
+    EXPECT_LT((arm.torque(arm.posture(q), f) - arm.jacobian(q).transpose() * f).norm(), 1e-14);
+  }
+}
+
+// Law: a posture turned by a small or a large angle is the posture at the sum.
+TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
+  States states;
+  for (const double size : {1e-9, 1e-3, palpate::small_turn, 1.0}) {
+    for (int n = 0; n < 200; ++n) {
+      const Joints<3> q = states.draw(4.0);
+      const Joints<3> turn = states.draw(size);
+      const auto there = arm.turned(arm.posture(q), turn);
+      const auto exact = arm.posture(Joints<3>(q + turn));
+      EXPECT_LT((arm.forward(there) - arm.forward(exact)).norm(), 3e-16);
+    }
+  }
+}
+
 // Law: gravity is the derivative of the potential energy.
 TEST(Premium, GravityIsTheDerivativeOfThePotential) {
   States states;

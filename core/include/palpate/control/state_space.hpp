@@ -37,7 +37,10 @@ class StateSpace {
   Vector3<> output(const Vector3<>& reference, const Vector3<>& object) noexcept {
     xv_.segment<3>(order_) = reference;
     xv_.segment<3>(order_ + 3) = object;
-    output_.noalias() = cd_ * xv_.head(order_ + 6);
+    // Column by column in registers: a general matrix product costs more to call than to do at this size.
+    Vector3<> u = Vector3<>::Zero();
+    for (int j = 0; j < order_ + 6; ++j) u += xv_[j] * cd_.col(j);
+    output_ = u;
     return output_;
   }
 
@@ -56,7 +59,7 @@ class StateSpace {
  private:
   int order_ = 0;
   Eigen::MatrixXd ab_;    // [A B L], n x (n + 9)
-  Eigen::MatrixXd cd_;    // [C D], 3 x (n + 6)
+  Eigen::Matrix<double, 3, Eigen::Dynamic> cd_;  // [C D], 3 x (n + 6)
   Eigen::VectorXd xv_;    // state, reference, object, applied - output
   Eigen::VectorXd next_;  // state
   Vector3<> output_ = Vector3<>::Zero();

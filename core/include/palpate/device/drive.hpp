@@ -42,10 +42,13 @@ class Drive {
  public:
   Drive() = default;
   Drive(const DriveLimits<dof>& limits, double period)
-      : limits_(limits), warming_(1.0 - std::exp(-period / limits.thermal_time)) {}
+      : limits_(limits),
+        limits_force_(std::isfinite(limits.peak_force) || std::isfinite(limits.continuous_force)),
+        warming_(1.0 - std::exp(-period / limits.thermal_time)) {}
 
   /// The tip force [N] that the motors will give when `wanted` is asked for.
   Vector3<> limit_force(const Vector3<>& wanted) noexcept {
+    if (!limits_force_) return wanted;
     const double size = wanted.norm();
     double limit = limits_.peak_force;
     if (std::isfinite(limits_.continuous_force)) {
@@ -67,6 +70,7 @@ class Drive {
 
  private:
   DriveLimits<dof> limits_;
+  bool limits_force_ = false;
   double warming_ = 0.0;
   double heat_ = 0.0;
 };
@@ -82,8 +86,8 @@ class Delay {
   /// Puts `value` in, takes out what went in `periods` calls ago.
   Value pass(const Value& value) noexcept {
     line_[static_cast<std::size_t>(position_)] = value;
-    const int oldest = (position_ - periods_ + longest) % longest;
-    position_ = (position_ + 1) % longest;
+    const int oldest = position_ >= periods_ ? position_ - periods_ : position_ - periods_ + longest;
+    position_ = position_ + 1 < longest ? position_ + 1 : 0;
     return line_[static_cast<std::size_t>(oldest)];
   }
 

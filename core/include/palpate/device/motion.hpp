@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 #include "palpate/device/friction.hpp"
 #include "palpate/device/hand.hpp"
@@ -50,13 +52,13 @@ class Motion {
       if (dry_) {
         advance_with_sticking(state, push, step);
       } else if (hand_.tissue) {
-        state = runge_kutta<true>(state, step, [&](const State& s, double t) { return general_rate(s, push, t, free()); });
+        runge_kutta<true>(state, step, [&](const State& s, const Posture& at, double t) { return general_rate(s, at, push, t, free()); });
       } else if (loaded_) {
-        state = runge_kutta<false>(state, step, [&](const State& s, double t) { return general_rate(s, push, t, free()); });
+        runge_kutta<false>(state, step, [&](const State& s, const Posture& at, double t) { return general_rate(s, at, push, t, free()); });
       } else if (pushed) {
-        state = runge_kutta<false>(state, step, [&](const State& s, double t) { return pushed_rate(s, push, t); });
+        advance_freely<true>(state, push, step);
       } else {
-        state = runge_kutta<false>(state, step, [&](const State& s, double) { return bare_rate(s, push); });
+        advance_freely<false>(state, push, step);
       }
     }
   }
@@ -65,21 +67,28 @@ class Motion {
   [[nodiscard]] Torque acceleration(const Torque& q, const Torque& qd, const Torque& torque) const noexcept {
     const State state{q, qd, Vector3<>::Zero(), Vector3<>::Zero()};
     const Push push{torque, Vector3<>::Zero(), Vector3<>::Zero()};
-    if (!dry_) return bare_rate(state, push).qdd;
-    return general_rate(state, push, 0.0, choose_modes(state, push, 0.0)).qdd;
+    const Posture& at = mechanism_.posture(q);
+    if (!dry_) return free_acceleration<false>(at, qd, push, 0.0);
+    return general_rate(state, at, push, 0.0, choose_modes(state, at, push, 0.0)).qdd;
   }
 
   /// Force of the operator on the tip [N] at a state (what a force sensor in the stylus would read, without the hand's inertia
   /// when the grip is rigid).
   [[nodiscard]] Vector3<> hand_force(const State& s, const Vector3<>& voluntary) const noexcept {
     if (!loaded_) return voluntary;
-    const Vector3<> p = mechanism_.forward(s.q);
-    const Vector3<> v = mechanism_.jacobian(s.q) * s.qd;
+    return hand_force(s, mechanism_.posture(s.q), voluntary);
+  }
+
+ private:
+  using Posture = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Torque>()))>;
+
+  [[nodiscard]] Vector3<> hand_force(const State& s, const Posture& at, const Vector3<>& voluntary) const noexcept {
+    const Vector3<> p = mechanism_.forward(at);
+    const Vector3<> v = mechanism_.jacobian(at) * s.qd;
     if (hand_.tissue) return hand_.tissue_stiffness * (s.hand - p) + hand_.tissue_damping * (s.hand_velocity - v);
     return voluntary - hand_.stiffness * (p - hand_.rest) - hand_.damping * v;
   }
 
- private:
   struct Push {
     Torque torque;
     Vector3<> force;       // at the substep's beginning
@@ -104,35 +113,43 @@ class Motion {
     return modes;
   }
 
-  [[nodiscard]] Rate bare_rate(const State& s, const Push& push) const {
-    Rate r;
-    r.qd = s.qd;
-    const Torque net = push.torque - friction_.viscous.cwiseProduct(s.qd);
-    r.qdd = mechanism_.acceleration(s.q, s.qd, net);
-    return r;
+  /// Joint accelerations [rad/s^2] without dry friction, nobody's mass at the tip; `pushed`: under the operator's force.
+  template <bool pushed>
+  [[nodiscard, gnu::always_inline]] Torque free_acceleration(const Posture& at, const Torque& qd, const Push& push, double t) const {
+    Torque net = push.torque - friction_.viscous.cwiseProduct(qd);
+    if constexpr (pushed) net += mechanism_.torque(at, push.at(t));
+    return mechanism_.acceleration(at, qd, net);
   }
 
-  [[nodiscard]] Rate pushed_rate(const State& s, const Push& push, double t) const {
-    Rate r;
-    r.qd = s.qd;
-    const Torque net = push.torque - friction_.viscous.cwiseProduct(s.qd) + mechanism_.jacobian(s.q).transpose() * push.at(t);
-    r.qdd = mechanism_.acceleration(s.q, s.qd, net);
-    return r;
+  /// The common case, where a second of servo ticks is a second of these: Runge-Kutta written out for q' = v, v' = a(q, v, t).
+  template <bool pushed>
+  void advance_freely(State& s, const Push& push, double h) const {
+    const Posture at = mechanism_.posture(s.q);
+    const Torque v1 = s.qd;
+    const Torque a1 = free_acceleration<pushed>(at, v1, push, 0.0);
+    const Torque v2 = v1 + 0.5 * h * a1;
+    const Torque a2 = free_acceleration<pushed>(mechanism_.turned(at, 0.5 * h * v1), v2, push, 0.5 * h);
+    const Torque v3 = v1 + 0.5 * h * a2;
+    const Torque a3 = free_acceleration<pushed>(mechanism_.turned(at, 0.5 * h * v2), v3, push, 0.5 * h);
+    const Torque v4 = v1 + h * a3;
+    const Torque a4 = free_acceleration<pushed>(mechanism_.turned(at, h * v3), v4, push, h);
+    s.q += (h / 6.0) * (v1 + 2.0 * (v2 + v3) + v4);
+    s.qd += (h / 6.0) * (a1 + 2.0 * (a2 + a3) + a4);
   }
 
-  [[nodiscard]] Rate general_rate(const State& s, const Push& push, double t, const Modes& modes) const {
+  [[nodiscard]] Rate general_rate(const State& s, const Posture& at, const Push& push, double t, const Modes& modes) const {
     Rate r;
     r.qd = s.qd;
-    Eigen::Matrix<double, dof, dof> inertia = mechanism_.mass_matrix(s.q);
-    Torque net = push.torque - friction_.viscous.cwiseProduct(s.qd) - mechanism_.coriolis(s.q, s.qd) * s.qd - mechanism_.gravity(s.q);
-    const auto j = mechanism_.jacobian(s.q);
+    Eigen::Matrix<double, dof, dof> inertia = mechanism_.mass_matrix(at);
+    Torque net = push.torque - friction_.viscous.cwiseProduct(s.qd) - mechanism_.coriolis(at, s.qd) * s.qd - mechanism_.gravity(at);
+    const auto j = mechanism_.jacobian(at);
     if (hand_.tissue) {
-      const Vector3<> on_tip = hand_force(s, push.at(t));
+      const Vector3<> on_tip = hand_force(s, at, push.at(t));
       net += j.transpose() * on_tip;
       r.hand_velocity = s.hand_velocity;
       r.hand_acceleration = (push.at(t) - on_tip - hand_.stiffness * (s.hand - hand_.rest) - hand_.damping * s.hand_velocity) / hand_.mass;
     } else {
-      net += j.transpose() * hand_force(s, push.at(t));
+      net += j.transpose() * hand_force(s, at, push.at(t));
       if (hand_.mass > 0.0) {
         inertia += hand_.mass * j.transpose() * j;
         net -= hand_.mass * j.transpose() * tip_acceleration_at_rest_joints(s);
@@ -185,24 +202,27 @@ class Motion {
   }
 
   template <bool with_hand, class RateOf>
-  static State runge_kutta(const State& s, double h, const RateOf& rate) {
-    const Rate k1 = rate(s, 0.0);
-    const Rate k2 = rate(moved<with_hand>(s, k1, 0.5 * h), 0.5 * h);
-    const Rate k3 = rate(moved<with_hand>(s, k2, 0.5 * h), 0.5 * h);
-    const Rate k4 = rate(moved<with_hand>(s, k3, h), h);
-    State out = s;
-    out.q += (h / 6.0) * (k1.qd + 2.0 * (k2.qd + k3.qd) + k4.qd);
-    out.qd += (h / 6.0) * (k1.qdd + 2.0 * (k2.qdd + k3.qdd) + k4.qdd);
+  void runge_kutta(State& s, double h, const RateOf& rate) const {
+    const Posture at = mechanism_.posture(s.q);
+    const auto later = [&](const Rate& k, double t) {
+      const State there = moved<with_hand>(s, k, t);
+      return rate(there, mechanism_.turned(at, t * k.qd), t);
+    };
+    const Rate k1 = rate(s, at, 0.0);
+    const Rate k2 = later(k1, 0.5 * h);
+    const Rate k3 = later(k2, 0.5 * h);
+    const Rate k4 = later(k3, h);
+    const auto add = [h](auto& y, const auto& a, const auto& b, const auto& c, const auto& d) { y += (h / 6.0) * (a + 2.0 * (b + c) + d); };
+    add(s.q, k1.qd, k2.qd, k3.qd, k4.qd);
+    add(s.qd, k1.qdd, k2.qdd, k3.qdd, k4.qdd);
     if constexpr (with_hand) {
-      out.hand += (h / 6.0) * (k1.hand_velocity + 2.0 * (k2.hand_velocity + k3.hand_velocity) + k4.hand_velocity);
-      out.hand_velocity +=
-          (h / 6.0) * (k1.hand_acceleration + 2.0 * (k2.hand_acceleration + k3.hand_acceleration) + k4.hand_acceleration);
+      add(s.hand, k1.hand_velocity, k2.hand_velocity, k3.hand_velocity, k4.hand_velocity);
+      add(s.hand_velocity, k1.hand_acceleration, k2.hand_acceleration, k3.hand_acceleration, k4.hand_acceleration);
     }
-    return out;
   }
 
   /// For joints at rest: stuck if breakaway friction can hold them all, else the worst is let go, one by one.
-  [[nodiscard]] Modes choose_modes(const State& s, const Push& push, double t) const {
+  [[nodiscard]] Modes choose_modes(const State& s, const Posture& at, const Push& push, double t) const {
     Modes modes;
     for (int i = 0; i < dof; ++i) {
       if (!(friction_.breakaway[i] > 0.0)) {
@@ -214,7 +234,7 @@ class Motion {
       }
     }
     for (int released = 0; released < dof; ++released) {
-      const Rate r = general_rate(s, push, t, modes);
+      const Rate r = general_rate(s, at, push, t, modes);
       int worst = -1;
       double excess = 0.0;
       for (int i = 0; i < dof; ++i) {
@@ -240,7 +260,7 @@ class Motion {
       any_stuck = any_stuck || modes[i] == Mode::stuck;
     }
     if (!any_stuck) return false;
-    const Rate r = general_rate(s, push, t, modes);
+    const Rate r = general_rate(s, mechanism_.posture(s.q), push, t, modes);
     for (int i = 0; i < dof; ++i) {
       if (modes[i] == Mode::stuck && std::abs(r.holding[i]) > friction_.breakaway[i]) return true;
     }
@@ -252,10 +272,12 @@ class Motion {
     constexpr int bisections = 40;
     double t = 0.0;
     for (int event = 0; event < most_events && t < step; ++event) {
-      const Modes modes = choose_modes(state, push, t);
+      const Modes modes = choose_modes(state, mechanism_.posture(state.q), push, t);
       const auto slide = [&](double h) {
-        const auto rate = [&](const State& s, double dt) { return general_rate(s, push, t + dt, modes); };
-        return hand_.tissue ? runge_kutta<true>(state, h, rate) : runge_kutta<false>(state, h, rate);
+        const auto rate = [&](const State& s, const Posture& at, double dt) { return general_rate(s, at, push, t + dt, modes); };
+        State end = state;
+        hand_.tissue ? runge_kutta<true>(end, h, rate) : runge_kutta<false>(end, h, rate);
+        return end;
       };
       State next = slide(step - t);
       if (!mode_ends(next, push, step, modes)) {

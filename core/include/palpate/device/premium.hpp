@@ -63,22 +63,39 @@ class Premium {
         n2_(0.5 * p.gravity * (2.0 * p.l1 * p.mass_a + 2.0 * p.l5 * p.mass_be + p.l1 * p.mass_c)),
         n3_(0.5 * p.gravity * (p.l2 * p.mass_a + 2.0 * p.l3 * p.mass_c - 2.0 * p.l6 * p.mass_df)) {}
 
+  /// A pose with the sines and cosines of its angles: computed once, used by everything that is asked at that pose.
+  template <class Scalar = double>
+  struct Posture {
+    Angles<Scalar> q;
+    SineCosine<Scalar> yaw;    // theta1
+    SineCosine<Scalar> upper;  // theta2
+    SineCosine<Scalar> fore;   // theta3
+  };
+
+  template <class Scalar>
+  Posture<Scalar> posture(const Angles<Scalar>& q) const {
+    return {q, sincos(q[0]), sincos(q[1]), sincos(q[2])};
+  }
+
+  /// The posture `turn` [rad] further on, cheaper than a new one when the turn is small.
+  [[nodiscard, gnu::always_inline]] Posture<> turned(const Posture<>& from, const Joints<3>& turn) const {
+    if (!(turn.cwiseAbs().maxCoeff() <= small_turn)) return posture(Joints<3>(from.q + turn));
+    return {from.q + turn, palpate::turned(from.yaw, turn[0]), palpate::turned(from.upper, turn[1]), palpate::turned(from.fore, turn[2])};
+  }
+
   /// Tip position [m] (thesis 2.10).
   template <class Scalar>
-  Vector3<Scalar> forward(const Angles<Scalar>& q) const {
-    const auto [s1, c1] = sincos(q[0]);
-    const auto [s2, c2] = sincos(q[1]);
-    const auto [s3, c3] = sincos(q[2]);
-    const Scalar reach = l1_ * c2 + l2_ * s3;
-    return {s1 * reach, l2_ - l2_ * c3 + l1_ * s2, c1 * reach - l1_};
+  Vector3<Scalar> forward(const Posture<Scalar>& at) const {
+    const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
+    return {at.yaw.sine * reach, l2_ - l2_ * at.fore.cosine + l1_ * at.upper.sine, at.yaw.cosine * reach - l1_};
   }
 
   /// Tip Jacobian dp/dq [m/rad], 3 x 3; equals R(q) J_body(q) of thesis 2.8 and 2.14.
   template <class Scalar>
-  TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const {
-    const auto [s1, c1] = sincos(q[0]);
-    const auto [s2, c2] = sincos(q[1]);
-    const auto [s3, c3] = sincos(q[2]);
+  [[gnu::always_inline]] TipJacobian<3, Scalar> jacobian(const Posture<Scalar>& at) const {
+    const auto& [s1, c1] = at.yaw;
+    const auto& [s2, c2] = at.upper;
+    const auto& [s3, c3] = at.fore;
     const Scalar reach = l1_ * c2 + l2_ * s3;
     TipJacobian<3, Scalar> j;
     j << c1 * reach, -l1_ * s1 * s2, l2_ * s1 * c3,  //
@@ -87,11 +104,19 @@ class Premium {
     return j;
   }
 
+  /// Joint torques [N*m] of a force [N] at the tip, J^T force, without building J.
+  [[nodiscard, gnu::always_inline]] Joints<3> torque(const Posture<>& at, const Vector3<>& force) const {
+    const double reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
+    const double outwards = at.yaw.sine * force[0] + at.yaw.cosine * force[2];
+    return {reach * (at.yaw.cosine * force[0] - at.yaw.sine * force[2]), l1_ * (at.upper.cosine * force[1] - at.upper.sine * outwards),
+            l2_ * (at.fore.sine * force[1] + at.fore.cosine * outwards)};
+  }
+
   /// Inertia matrix M(q) [kg*m^2], 3 x 3 (thesis 2.62-2.66 with M23 = -h/2 sin(theta2 - theta3): the printed plus sign
   /// breaks energy conservation).
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const {
-    const Terms<Scalar> t = terms(q);
+  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Posture<Scalar>& at) const {
+    const Terms<Scalar> t = terms(at);
     Eigen::Matrix<Scalar, 3, 3> m = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
     m(0, 0) = t.m11;
     m(1, 1) = Scalar(m22_);
@@ -103,8 +128,8 @@ class Premium {
   /// Coriolis and centrifugal matrix C(q, qd) [kg*m^2/s] in Christoffel form, so that dM/dt - 2C is skew-symmetric
   /// (thesis 2.67-2.73 with C32 = -h/2 cos(theta2 - theta3) theta2').
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const {
-    const Terms<Scalar> t = terms(q);
+  Eigen::Matrix<Scalar, 3, 3> coriolis(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
+    const Terms<Scalar> t = terms(at);
     Eigen::Matrix<Scalar, 3, 3> c = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
     c(0, 0) = 0.5 * (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]);
     c(0, 1) = 0.5 * t.dm11_2 * qd[0];
@@ -118,20 +143,20 @@ class Premium {
 
   /// Torques that hold the arm against gravity, N(q) = dV/dq [N*m] (thesis 2.74, 2.75).
   template <class Scalar>
-  Angles<Scalar> gravity(const Angles<Scalar>& q) const {
-    return {Scalar(0.0), n2_ * sincos(q[1]).cosine, n3_ * sincos(q[2]).sine};
+  Angles<Scalar> gravity(const Posture<Scalar>& at) const {
+    return {Scalar(0.0), n2_ * at.upper.cosine, n3_ * at.fore.sine};
   }
 
   /// Potential energy [J]; zero at theta2 = 0, theta3 = pi/2.
   template <class Scalar>
-  Scalar potential(const Angles<Scalar>& q) const {
-    return n2_ * sincos(q[1]).sine - n3_ * sincos(q[2]).cosine;
+  Scalar potential(const Posture<Scalar>& at) const {
+    return n2_ * at.upper.sine - n3_ * at.fore.cosine;
   }
 
   /// Joint accelerations [rad/s^2] under joint torques [N*m] (friction's among them): M^-1 (torque - C qd - N).
   template <class Scalar>
-  Angles<Scalar> acceleration(const Angles<Scalar>& q, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
-    const Terms<Scalar> t = terms(q);
+  [[gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
+    const Terms<Scalar> t = terms(at);
     const Scalar yaw_rate_squared = qd[0] * qd[0];
     const Scalar f1 = torque[0] - (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]) * qd[0];
     const Scalar f2 = torque[1] + 0.5 * t.dm11_2 * yaw_rate_squared - t.coupling * qd[2] * qd[2] - n2_ * t.c2;
@@ -142,6 +167,24 @@ class Premium {
     const Scalar inverse_determinant = inverse * t.m11;
     return {f1 * (inverse * determinant), (m33_ * f2 - t.m23 * f3) * inverse_determinant,
             (m22_ * f3 - t.m23 * f2) * inverse_determinant};
+  }
+
+  // The same, asked once at a pose.
+  template <class Scalar>
+  Vector3<Scalar> forward(const Angles<Scalar>& q) const { return forward(posture(q)); }
+  template <class Scalar>
+  TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const { return jacobian(posture(q)); }
+  template <class Scalar>
+  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const { return mass_matrix(posture(q)); }
+  template <class Scalar>
+  Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const { return coriolis(posture(q), qd); }
+  template <class Scalar>
+  Angles<Scalar> gravity(const Angles<Scalar>& q) const { return gravity(posture(q)); }
+  template <class Scalar>
+  Scalar potential(const Angles<Scalar>& q) const { return potential(posture(q)); }
+  template <class Scalar>
+  Angles<Scalar> acceleration(const Angles<Scalar>& q, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
+    return acceleration(posture(q), qd, torque);
   }
 
   /// Why a position has no pose.
@@ -191,9 +234,9 @@ class Premium {
   };
 
   template <class Scalar>
-  Terms<Scalar> terms(const Angles<Scalar>& q) const {
-    const auto [s2, c2] = sincos(q[1]);
-    const auto [s3, c3] = sincos(q[2]);
+  [[gnu::always_inline]] Terms<Scalar> terms(const Posture<Scalar>& at) const {
+    const auto& [s2, c2] = at.upper;
+    const auto& [s3, c3] = at.fore;
     Terms<Scalar> t;
     t.s3 = s3;
     t.c2 = c2;

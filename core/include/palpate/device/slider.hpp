@@ -16,6 +16,13 @@ class Slider {
   Slider() = default;
   explicit Slider(double mass) : mass_(mass) {}
 
+  /// A slider's pose needs nothing computed beforehand.
+  template <class Scalar>
+  const Angles<Scalar>& posture(const Angles<Scalar>& q) const {
+    return q;
+  }
+  [[nodiscard]] Angles<double> turned(const Angles<double>& from, const Angles<double>& shift) const { return from + shift; }
+
   /// Tip position (q, 0, 0) [m].
   template <class Scalar>
   Vector3<Scalar> forward(const Angles<Scalar>& q) const {
@@ -27,6 +34,9 @@ class Slider {
   TipJacobian<1, Scalar> jacobian(const Angles<Scalar>& /*q*/) const {
     return TipJacobian<1, Scalar>(Scalar(1.0), Scalar(0.0), Scalar(0.0));
   }
+
+  /// The part of a tip force [N] along the axis.
+  [[nodiscard]] Joints<1> torque(const Joints<1>& /*q*/, const Vector3<>& force) const { return Joints<1>(force[0]); }
 
   /// The mass [kg], 1 x 1.
   template <class Scalar>

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
@@ -21,7 +23,7 @@ class Kinematics {
 
   /// First-order kinematics at `pose` [rad]; `hold` [N] is the constant tip force there, whose torque turns with the pose.
   Kinematics(const Mechanism& mechanism, const Joints<dof>& pose, const Vector3<>& hold)
-      : mechanism_(mechanism), frozen_(true), pose_(pose), tip_(mechanism.forward(pose)), jacobian_(mechanism.jacobian(pose)) {
+      : mechanism_(mechanism), frozen_(true), pose_(pose), pose_tip_(mechanism.forward(pose)), tip_(pose_tip_), jacobian_(mechanism.jacobian(pose)) {
     using Variable = Dual<dof>;
     Joints<dof, Variable> q;
     for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
@@ -32,23 +34,35 @@ class Kinematics {
     }
   }
 
-  [[nodiscard]] Vector3<> tip(const Joints<dof>& q) const noexcept {
-    if (frozen_) return tip_ + jacobian_ * (q - pose_);
-    return mechanism_.forward(q);
+  /// Takes the angles `q` [rad] of one tick.
+  void look(const Joints<dof>& q) noexcept {
+    if (frozen_) {
+      turn_ = q - pose_;
+      tip_ = pose_tip_ + jacobian_ * turn_;
+      return;
+    }
+    at_ = mechanism_.posture(q);
+    tip_ = mechanism_.forward(at_);
   }
 
-  /// Torques [N*m] of tip force `command` on top of the constant `hold` [N].
-  [[nodiscard]] Joints<dof> torque(const Joints<dof>& q, const Vector3<>& command, const Vector3<>& hold) const noexcept {
-    if (frozen_) return jacobian_.transpose() * (command + hold) + torque_turn_ * (q - pose_);
-    return mechanism_.jacobian(q).transpose() * (command + hold);
+  /// Tip position [m] at the angles last looked at.
+  [[nodiscard]] const Vector3<>& tip() const noexcept { return tip_; }
+
+  /// Torques [N*m], at the angles last looked at, of tip force `command` on top of the constant `hold` [N].
+  [[nodiscard]] Joints<dof> torque(const Vector3<>& command, const Vector3<>& hold) const noexcept {
+    if (frozen_) return jacobian_.transpose() * (command + hold) + torque_turn_ * turn_;
+    return mechanism_.torque(at_, command + hold);
   }
 
  private:
   Mechanism mechanism_;
   bool frozen_ = false;
   Joints<dof> pose_ = Joints<dof>::Zero();
+  Vector3<> pose_tip_ = Vector3<>::Zero();
+  Joints<dof> turn_ = Joints<dof>::Zero();  // from the frozen pose
   Vector3<> tip_ = Vector3<>::Zero();
-  TipJacobian<dof> jacobian_ = TipJacobian<dof>::Zero();
+  TipJacobian<dof> jacobian_ = TipJacobian<dof>::Zero();  // at the frozen pose
+  std::decay_t<decltype(std::declval<Mechanism>().posture(Joints<dof>()))> at_{};
   Eigen::Matrix<double, dof, dof> torque_turn_ = Eigen::Matrix<double, dof, dof>::Zero();  // d(J^T hold)/dq
 };
 
@@ -81,13 +95,17 @@ class Servo {
         controller_(controller),
         drive_(drive),
         hold_(hold),
-        delay_(delay, drive.limit_torque(kinematics.torque(start, Vector3<>::Zero(), hold))) {}
+        delay_(delay, Joints<dof>::Zero()) {
+    kinematics_.look(start);
+    delay_ = Delay<Joints<dof>>(delay, drive_.limit_torque(kinematics_.torque(Vector3<>::Zero(), hold_)));
+  }
 
   /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
   /// impedance display).
   const Tick& tick(const Joints<dof>& angles, const Vector3<>& reference) noexcept {
     const Joints<dof> q = encoder_.read(angles);
-    tick_.tip = kinematics_.tip(q);
+    kinematics_.look(q);
+    tick_.tip = kinematics_.tip();
     const Anchor::Contact contact = anchor_.contact(tick_.tip);
     tick_.touching = contact.touching;
     Vector3<> force = coupling_.force(contact.deflection);
@@ -102,7 +120,7 @@ class Servo {
     tick_.saturated = (tick_.command - wanted).squaredNorm() > 1e-24 * (1.0 + wanted.squaredNorm());
     if (!tick_.saturated) tick_.command = wanted;
     controller_.advance(tick_.command);
-    tick_.torque = delay_.pass(drive_.limit_torque(kinematics_.torque(q, tick_.command, hold_)));
+    tick_.torque = delay_.pass(drive_.limit_torque(kinematics_.torque(tick_.command, hold_)));
     return tick_;
   }
 

@@ -175,9 +175,9 @@ def test_impossible_plants_are_refused_with_the_reason() -> None:
     eye, none = np.eye(3), np.zeros((3, 3))
     blind = np.diag([1.01, 0.5, 0.5, 0.5])
     sees, moves = np.eye(3, 4, 1), np.eye(4, 3, -1)
-    with pytest.raises(DesignError, match="not stabilizable: no input reaches the mode at z = 1.01"):
+    with pytest.raises(DesignError, match=r"not stabilizable: no input reaches the mode at z = 1\.01"):
         lqg(control.StateSpace(blind, moves, np.eye(3, 4), none, T))
-    with pytest.raises(DesignError, match="not detectable: no output sees the mode at z = 1.01"):
+    with pytest.raises(DesignError, match=r"not detectable: no output sees the mode at z = 1\.01"):
         lqg(control.StateSpace(blind, np.eye(4, 3), sees, none, T))
     # A difference of the output: no constant force can be held.
     difference = control.StateSpace(0 * eye, eye, -eye, eye, T)

@@ -9,13 +9,14 @@ C      identified (3.25)      linearised kinematics
 D      linearised (3.9)       linearised kinematics
 =====  =====================  ====================
 
-In cases A and B the thesis designs the LQG on the model alone, as if its angles (rad) were the measured object force (N)
-and its torques (N m) the commanded tip force (N): the Jacobians and the object's stiffness, K J J^T, are missing
-from the loop that it was designed for.
+In cases A and B the thesis designs the LQG on the model alone, as if its angles (rad) were the measured object force
+(N) and its torques (N m) the commanded tip force (N): the Jacobians and the object's stiffness, K J J^T, are
+missing from the loop that it was designed for.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal
@@ -130,7 +131,8 @@ def ignorant_lqg(
 ) -> Controller:
     """Return an LQG for a model from torque to angle, put into a loop of forces as it is.
 
-    Q = I on state and integrals, R = ``input_weight`` I; process noise I, measurement noise ``noise_variance`` I.
+    Q = I on state and integrals, R = ``input_weight`` I; process noise I, measurement noise ``noise_variance`` I. It
+    works on the error F_ref - F_object (figure 4.1): a feedforward that asks for angles has no meaning there.
 
     Raises:
         DesignError: from ``lqg``.
@@ -144,8 +146,11 @@ def ignorant_lqg(
         disturbance=np.eye(n),
         noise=float(np.sqrt(noise_variance)),
     )
+    s = controller.system
+    b, d = s.B[:, 3:], s.D[:, 3:]
+    of_error = control.StateSpace(s.A, np.hstack([-b, b]), s.C, np.hstack([-d, d]), s.dt)
     notes = {**controller.notes, "jacobians": False, "input_weight": input_weight, "noise_variance": noise_variance}
-    return Controller(controller.system, controller.antiwindup, controller.kind, notes)
+    return Controller(of_error, controller.antiwindup, controller.kind, notes)
 
 
 def angle_plant(
@@ -255,7 +260,7 @@ def case_b(*, integrators: bool = False, device: Device | None = None, pose: Arr
     )
 
 
-def _smallest_stable_weight(run: Any) -> float:
+def _smallest_stable_weight(run: Callable[[float], control.StateSpace]) -> float:
     """Return the smallest R from which on (by decades, then bisection) the loop ``run(R)`` is stable."""
     stable = 10.0
     while spectral_radius(run(stable)) >= 1.0:

@@ -3,7 +3,7 @@
 Printed are the transfer functions h_ij and the matrices A_e and B_e; C_e is not. Two things must be put right before
 the model can be used:
 
-- (3.29), (3.30) print -1.1428 z^4 where A_e holds 2 x 0.0714: it is -0.1428 z^4. As printed the model has a pole at 1.763.
+- (3.29), (3.30) print -1.1428 z^4 where A_e holds 2 x 0.0714: it is -0.1428 z^4. As printed there is a pole at 1.763.
 - The rounding of the printed digits moves each axis's pole at z = 1 off the unit circle (1.0004, 0.9994). An
   arm that a constant torque keeps turning, against friction alone, integrates; so the model is taken to have its
   poles exactly there, which changes one coefficient of each axis by at most 0.0005.
@@ -47,7 +47,7 @@ def experimental_model(*, integrating: bool = True, mirror_axis1: bool = False) 
         _observer_form([_numerator("eq3.27-numerator"), _numerator("eq3.28-numerator")], second, CHAINS[1], ENDS[1]),
         _observer_form([_numerator("eq3.29-numerator"), _numerator("eq3.30-numerator")], third, CHAINS[2], ENDS[2]),
     ]
-    torques = ([0], [1, 2], [1, 2])
+    torques = (np.array([0]), np.array([1, 2]), np.array([1, 2]))
     a, b, c = np.zeros((18, 18)), np.zeros((18, 3)), np.zeros((3, 18))
     for axis, (block, inputs) in enumerate(zip(blocks, torques, strict=True)):
         states = np.arange(6 * axis + 6 - len(block[0]), 6 * axis + 6)
@@ -84,7 +84,7 @@ def denominators(*, integrating: bool = True) -> tuple[Array, Array, Array]:
 
 def _numerator(key: str) -> Array:
     """Return the coefficients of z^4 to z^0."""
-    return printed(key).values[0]
+    return np.asarray(printed(key).values[0], dtype=float)
 
 
 def _controller_form(

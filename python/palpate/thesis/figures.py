@@ -41,7 +41,7 @@ def angles(
             panel.axhline(target, color=INK, linestyle=DASHED, linewidth=1.0, zorder=1)
         if limits is not None:
             panel.set_ylim(*np.asarray(limits, dtype=float)[joint])
-        panel.set_title(f"θ{joint + 1}")
+        _title(panel, f"θ{joint + 1}")
         panel.set_xlabel("time [s]")
     rows[0][0].set_ylabel("angle [rad]")
     _legend(figure, rows[0][0])
@@ -96,7 +96,7 @@ def lines(
             table = np.asarray(values, dtype=float)
             look = {"linestyle": DASHED, "linewidth": 1.2, "color": INK} if label in dashed else {}
             panel.plot(*thin(time, table[:, column]), label=label, **look)  # type: ignore[arg-type]
-        panel.set_title(titles[column])
+        _title(panel, titles[column])
         panel.set_xlabel(xlabel)
     rows[0][0].set_ylabel(ylabel)
     _legend(figure, rows[0][0])
@@ -124,7 +124,7 @@ def steps(
                 panel.plot(*thin(time, np.asarray(values, dtype=float)[:, axis]), label=label, color=colour)
             for target in targets:
                 panel.axhline(target, color=INK, linestyle=DASHED, linewidth=0.9, zorder=1)
-            panel.set_title(f"{name}, {'xyz'[axis]}" if name else "xyz"[axis])
+            _title(panel, f"{name}, {'xyz'[axis]}" if name else "xyz"[axis])
             if until is not None:
                 panel.set_xlim(0.0, until)
             if lowest is not None and highest is not None:
@@ -139,4 +139,8 @@ def steps(
 def _legend(figure: Figure, panel: Axes) -> None:
     handles, labels = panel.get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)), frameon=False)
+
+
+def _title(panel: Axes, text: str) -> None:
+    panel.set_title(text, loc="left", fontsize=10.5, fontweight="bold")

@@ -50,9 +50,8 @@ def test_force_model_is_the_derivative_with_the_jacobian_turning(seed: int) -> N
     rng = np.random.default_rng(seed)
     q, held = POSE + rng.uniform(-0.4, 0.4, 3), rng.uniform(-1, 1, 3)
     torque = ARM.jacobian(q).T @ held
-    model = linearize(
-        ARM, q, None, torque, inputs="force", outputs="object_force", force=held, stiffness=[1e3, 2e3, 3e3]
-    )
+    each = [1e3, 2e3, 3e3]
+    model = linearize(ARM, q, None, torque, inputs="force", outputs="object_force", force=held, stiffness=each)
 
     def motion(state: Array) -> Array:
         push = ARM.jacobian(state[:3]).T @ (held + state[6:])

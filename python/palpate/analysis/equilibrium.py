@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
@@ -113,7 +114,7 @@ def _free_joints(device: Device, samples: int = 8) -> NDArray[np.bool_]:
     return free
 
 
-def _newton(balance, q: Array, steps: int = 40) -> Array | None:  # type: ignore[no-untyped-def]
+def _newton(balance: Callable[[Array], tuple[Array, Array, Array]], q: Array, steps: int = 40) -> Array | None:
     """Return a root of the balance by damped Newton steps of at most 0.5 rad, or None."""
     for _ in range(steps):
         residual, slope, _ = balance(q)

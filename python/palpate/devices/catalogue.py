@@ -8,8 +8,10 @@ import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from palpate.devices.device import MECHANISMS, Device, Parameters
@@ -104,11 +106,16 @@ def load(name_or_path: str | os.PathLike[str]) -> Device:
         DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
             dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source.
     """
-    where, tables = _read(name_or_path)
-    numbers = {number.key: number for number in _numbers(where, tables)}
-    mechanism = str(tables["mechanism"])
-    values = {key: number.values for key, number in numbers.items()}
-    device = Device(str(tables["name"]), str(tables["description"]), mechanism, Parameters(values))
+    return _device(*_text(name_or_path))
+
+
+@lru_cache(maxsize=64)
+def _device(text: str, where: str) -> Device:
+    """Read a device; a loop over scenarios asks for the same text again and again."""
+    where, tables = _tables(text, where)
+    values = {number.key: number.values for number in _numbers(where, tables)}
+    name, description, mechanism = (str(tables[key]) for key in ("name", "description", "mechanism"))
+    device = Device(name, description, mechanism, Parameters(MappingProxyType(values)))
     try:
         device.check()
     except PalpateError as problem:
@@ -122,13 +129,11 @@ def read_numbers(name_or_path: str | os.PathLike[str]) -> list[Number]:
     Raises:
         DeviceError: as `load`.
     """
-    where, tables = _read(name_or_path)
-    return _numbers(where, tables)
+    return _numbers(*_tables(*_text(name_or_path)))
 
 
-def _read(name_or_path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
+def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
     """Return where a file lies and its tables, laid over those of the device it is based on."""
-    text, where = _text(name_or_path)
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
@@ -138,7 +143,7 @@ def _read(name_or_path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
         if base not in names():
             known = ", ".join(names())
             raise DeviceError(f"{where}: based_on must be a device of the catalogue ({known}), not {base!r}")
-        _, below = _read(base)
+        _, below = _tables(*_text(base))
         for key, value in tables.items():
             below[key] = {**below.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
         tables = below

@@ -169,7 +169,7 @@ class Device:
                 raise DeviceError(f"friction.{name} must be finite and not negative, not {value.tolist()}")
         if np.any(self.breakaway < self.coulomb):
             raise DeviceError("friction.breakaway must not be below friction.coulomb: rest holds at least as well")
-        angles = np.linspace(-np.pi, np.pi, 25)
+        angles = np.linspace(-np.pi, np.pi, 13)
         grid = np.array(np.meshgrid(*[angles] * self.dof)).reshape(self.dof, -1).T
         if np.linalg.eigvalsh(self.mass_matrix(grid)).min() <= 0.0:
             raise DeviceError("the inertia matrix is not positive definite at every pose: check masses and inertias")
@@ -178,15 +178,15 @@ class Device:
 
     def forward(self, q: ArrayLike) -> Array:
         """Return the tip position (3,), m (Hosseini-Zadeh 2004, 2.10), from where the tip is at q = 0."""
-        return self._call(self._mechanism.forward, q)
+        return self._call(self.core.forward, q)
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Return dp/dq (3, dof), m/rad (2.8, 2.14 turned to the base frame): v = J qd and tau = J^T f."""
-        return self._call(self._mechanism.jacobian, q)
+        return self._call(self.core.jacobian, q)
 
     def tip_hessian(self, q: ArrayLike) -> Array:
         """Return d2p/dq2 (3, dof, dof), m/rad^2, exact by dual numbers."""
-        return self._call(self._mechanism.tip_hessian, q)
+        return self._call(self.core.tip_hessian, q)
 
     def inverse(self, p: ArrayLike, near: ArrayLike | None = None) -> Array:
         """Return the pose whose tip is at p (3,), m.
@@ -210,7 +210,7 @@ class Device:
         poses = []
         for behind in (False, True):
             for elbow_down in (False, True):
-                code, q = self._mechanism.inverse(points, behind, elbow_down)
+                code, q = self.core.inverse(points, behind, elbow_down)
                 if code != 0:
                     raise PoseError(self._unreachable(code, points))
                 poses.append(close + np.angle(np.exp(1j * (np.asarray(q) - close))))
@@ -231,24 +231,24 @@ class Device:
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Return M(q) (dof, dof), kg*m^2 (2.62 to 2.66, with the sign of M23 that conserves energy)."""
-        return self._call(self._mechanism.mass_matrix, q)
+        return self._call(self.core.mass_matrix, q)
 
     def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
         """Return C(q, qd) (dof, dof), kg*m^2/s (2.67 to 2.73), such that dM/dt - 2C is skew-symmetric."""
-        return self._call(self._mechanism.coriolis, q, qd)
+        return self._call(self.core.coriolis, q, qd)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Return N(q) (dof,), N*m: the torque that holds the arm against gravity (2.74, 2.75)."""
-        return self._call(self._mechanism.gravity, q)
+        return self._call(self.core.gravity, q)
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Any:
         """Return kinetic plus potential energy, J: a float, or (n,) for stacked states."""
-        value = self._call(self._mechanism.energy, q, qd)
+        value = self._call(self.core.energy, q, qd)
         return float(value) if np.ndim(value) == 0 else value
 
     def acceleration(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> Array:
         """Return qdd (dof,), rad/s^2, under motor torque tau: a joint that dry friction can hold stays at rest."""
-        return self._call(lambda *s: self._mechanism.acceleration(self._friction, *s), q, qd, tau)
+        return self._call(lambda *s: self.core.acceleration(self.core_friction, *s), q, qd, tau)
 
     def linearization(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> tuple[Array, Array, Array]:
         """Return (dqdd/dq, dqdd/dqd, dqdd/dtau), each (dof, dof), exact by dual numbers, viscous friction included.
@@ -258,14 +258,15 @@ class Device:
         states = [self._state(value, name) for value, name in ((q, "q"), (qd, "qd"), (tau, "tau"))]
         if any(stacked for _, stacked in states):
             raise PoseError("linearization: give one state (dof,), not a stack")
-        d = np.asarray(self._mechanism.linearization(self.viscous, *(rows[0] for rows, _ in states)))
+        d = np.asarray(self.core.linearization(self.viscous, *(rows[0] for rows, _ in states)))
         n = self.dof
         return d[:, :n], d[:, n : 2 * n], d[:, 2 * n :]
 
     # the core behind it
 
     @cached_property
-    def _mechanism(self) -> Any:
+    def core(self) -> Any:
+        """The core's mechanism: batched functions on (n, dof) rows, without checks."""
         numbers = self.parameters
         if self.mechanism == "slider":
             return _core.Slider(numbers.one("mass.tip"))
@@ -281,7 +282,8 @@ class Device:
         return _core.Premium(p)
 
     @cached_property
-    def _friction(self) -> Any:
+    def core_friction(self) -> Any:
+        """The core's friction of these joints."""
         friction = _core.PremiumFriction() if self.mechanism == "premium" else _core.SliderFriction()
         friction.viscous, friction.coulomb = self.viscous, self.coulomb
         friction.breakaway, friction.stribeck_speed = self.breakaway, self.stribeck_speed
@@ -290,7 +292,7 @@ class Device:
     def setup(self) -> Any:
         """Return a new simulation setup of the core with this device's mechanism and friction in it."""
         setup = _core.PremiumSetup() if self.mechanism == "premium" else _core.SliderSetup()
-        setup.mechanism, setup.friction = self._mechanism, self._friction
+        setup.mechanism, setup.friction = self.core, self.core_friction
         return setup
 
     def _state(self, value: ArrayLike, name: str) -> tuple[Array, bool]:

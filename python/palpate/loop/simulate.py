@@ -20,7 +20,7 @@ from palpate.loop.plant import sampled_plant
 from palpate.loop.trace import Trace
 from palpate.scenario import Scenario
 
-__all__ = ["simulate"]
+__all__ = ["Experiment", "prepare", "simulate"]
 
 Array = NDArray[np.float64]
 
@@ -39,15 +39,19 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Co
         PoseError: the start tip is out of reach, or the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller], or `controller` has another period.
     """
+    experiment = prepare(scenario, controller)
+    return experiment.trace(*experiment.run())
+
+
+def prepare(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Experiment:
+    """Return a scenario made ready to run, as `simulate` would run it: for running it many times."""
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
-    experiment = _Experiment.of(scenario, controller)
-    rows, count, unstable_tick = experiment.setup.run(experiment.reference, experiment.operator)
-    return experiment.trace(np.asarray(rows)[:count], unstable_tick)
+    return Experiment.of(scenario, controller)
 
 
 @dataclass(frozen=True)
-class _Experiment:
+class Experiment:
     """A scenario made ready: the core's setup, and the forces at every sample (ticks + 1, 3), N."""
 
     scenario: Scenario
@@ -60,7 +64,8 @@ class _Experiment:
     operator: Array
 
     @classmethod
-    def of(cls, scenario: Scenario, controller: Controller | None) -> _Experiment:
+    def of(cls, scenario: Scenario, controller: Controller | None) -> Experiment:
+        """Build what the scenario describes, around `controller` if given."""
         from palpate.control.build import build_controller
 
         device = scenario.load_device()
@@ -80,6 +85,11 @@ class _Experiment:
         operator = scenario.operator.values(time) if scenario.operator.moves else silent
         setup = _setup(scenario, device, start, hold, chosen)
         return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
+
+    def run(self) -> tuple[Array, int]:
+        """Return the core's rows (n, 3 dof + 11), and the tick at which the loop diverged or -1."""
+        rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
+        return np.asarray(rows)[:count], unstable_tick
 
     def trace(self, rows: Array, unstable_tick: int) -> Trace:
         """Name the core's columns and add what follows from them."""

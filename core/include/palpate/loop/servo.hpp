@@ -62,7 +62,8 @@ class Kinematics {
   Joints<dof> turn_ = Joints<dof>::Zero();  // from the frozen pose
   Vector3<> tip_ = Vector3<>::Zero();
   TipJacobian<dof> jacobian_ = TipJacobian<dof>::Zero();  // at the frozen pose
-  std::decay_t<decltype(std::declval<Mechanism>().posture(Joints<dof>()))> at_{};
+  using Posture = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Joints<dof>>()))>;
+  Posture at_ = Mechanism().posture(Joints<dof>(Joints<dof>::Zero()));
   Eigen::Matrix<double, dof, dof> torque_turn_ = Eigen::Matrix<double, dof, dof>::Zero();  // d(J^T hold)/dq
 };
 

@@ -1,0 +1,110 @@
+"""Base parameters: the combinations of inertia and gravity in which a device's dynamics are linear.
+
+    M(q) qdd + C(q, qd) qd + N(q) = sum over j of value_j * (torque of a fictitious device with that one parameter at 1)
+
+The fictitious devices are the device itself with other masses and inertias, so the physics stays in the core: nothing
+of it is written a second time here. Their masses may be negative; no such arm exists, but its columns are right.
+
+premium:  M11 = A + P cos 2θ2 - Q cos 2θ3 + h cos θ2 sin θ3,  M22, M33,  M23 = -h/2 sin(θ2 - θ3),
+          N = (0, n2 cos θ2, n3 sin θ3);  P and Q are an eighth of the P and Q of the usual closed form.
+slider:   the mass m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.devices import Device
+
+Array = NDArray[np.float64]
+
+_ZERO: dict[str, Any] = {f"mass__{s}": 0.0 for s in ("a", "c", "be", "df")} | {
+    f"inertia__{s}": [0.0, 0.0, 0.0] for s in ("a", "c", "be", "df")
+}
+_ZERO |= {"inertia__base": 0.0, "drive__rotor_inertia": [0.0] * 3, "environment__gravity": 0.0}
+
+_PREMIUM: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "A": ("kg*m^2", "constant part of M11", {"inertia__base": 1.0}),
+    "P": ("kg*m^2", "part of M11 with cos 2θ2", {"inertia__be": [0.0, 1.0, -1.0]}),
+    "Q": ("kg*m^2", "part of M11 with -cos 2θ3", {"inertia__df": [0.0, -1.0, 1.0]}),
+    # Every square cancels between these two masses; only the product l1 (l2 ma + l3 mc) stays.
+    "h": (
+        "kg*m^2",
+        "coupling l1 (l2 ma + l3 mc)",
+        {"geometry__l1": 1.0, "geometry__l2": 4.0, "geometry__l3": -1.0, "mass__a": 0.125, "mass__c": -0.5},
+    ),
+    "M22": ("kg*m^2", "inertia of joint 2", {"inertia__be": [1.0, 0.0, 0.0]}),
+    "M33": ("kg*m^2", "inertia of joint 3", {"inertia__df": [1.0, 0.0, 0.0]}),
+    "n2": ("N*m", "gravity of joint 2, with cos θ2", {"environment__gravity": 1.0, "geometry__l5": 1.0, "mass__be": 1.0}),
+    "n3": ("N*m", "gravity of joint 3, with sin θ3", {"environment__gravity": 1.0, "geometry__l6": -1.0, "mass__df": 1.0}),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown of the dynamics.
+
+    Attributes:
+        name: short, as in the formulas above; k1 and c1 are viscous and Coulomb friction of joint 1.
+        unit: SI.
+        meaning: in words.
+        joint: 0-based joint whose friction it is, or -1.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    joint: int = -1
+
+
+def base_parameters(device: Device) -> list[Parameter]:
+    """Return the parameters of inertia and gravity of `device`'s mechanism, in order."""
+    if device.mechanism == "slider":
+        return [Parameter("m", "kg", "moving mass")]
+    return [Parameter(name, unit, meaning) for name, (unit, meaning, _) in _PREMIUM.items()]
+
+
+def friction_parameters(device: Device, coulomb: bool = True) -> list[Parameter]:
+    """Return viscous (and Coulomb) friction of each joint."""
+    torque, speed = ("N*m", "N*m*s/rad") if device.mechanism == "premium" else ("N", "N*s/m")
+    joints = range(device.dof)
+    out = [Parameter(f"k{j + 1}", speed, f"viscous friction of joint {j + 1}", j) for j in joints]
+    if coulomb:
+        out += [Parameter(f"c{j + 1}", torque, f"Coulomb friction of joint {j + 1}", j) for j in joints]
+    return out
+
+
+def fictitious(device: Device) -> list[Device]:
+    """Return, for each base parameter, the device in which it alone is 1 and the rest, friction too, is 0."""
+    if device.mechanism == "slider":
+        return [replace(device, parameters=device.parameters.with_values(mass__tip=1.0))]
+    zero = device.parameters.with_values(**_ZERO)
+    return [replace(device, parameters=zero.with_values(**only)) for _, _, only in _PREMIUM.values()]
+
+
+def base_values(device: Device) -> Array:
+    """Return the device's own base parameters, (base parameters,), SI.
+
+    They solve, at random states, M(q) qd and N(q) of the device on those of the fictitious devices: exact to rounding.
+    """
+    draw = np.random.default_rng(0)
+    q, qd = draw.uniform(-np.pi, np.pi, (2, 40, device.dof))
+
+    def effects(one: Device) -> Array:
+        momentum = np.einsum("nij,nj->ni", one.mass_matrix(q), qd)
+        return np.concatenate([momentum.ravel(), one.gravity(q).ravel()])
+
+    columns = np.column_stack([effects(one) for one in fictitious(device)])
+    return np.asarray(np.linalg.lstsq(columns, effects(device), rcond=None)[0], dtype=float)
+
+
+def true_values(device: Device, parameters: list[Parameter]) -> Array:
+    """Return the catalogue's value of each of `parameters`, SI."""
+    values = dict(zip((p.name for p in base_parameters(device)), base_values(device), strict=True))
+    values |= {f"k{j + 1}": device.viscous[j] for j in range(device.dof)}
+    values |= {f"c{j + 1}": device.coulomb[j] for j in range(device.dof)}
+    return np.array([values[p.name] for p in parameters])

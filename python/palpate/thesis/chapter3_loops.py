@@ -45,8 +45,8 @@ def table31(page: Page) -> list[Check]:
     checks: list[Check] = []
     rows = []
     for key, loop, name in (
-        ("tab3.1-linear", linear, "identified model"),
-        ("tab3.1-nonlinear", nonlinear, "nonlinear model"),
+        ("tab3.1-linear", linear, "identified"),
+        ("tab3.1-nonlinear", nonlinear, "nonlinear"),
     ):
         mine = [_no_worse(key, loop, axis) for axis in range(3)]
         checks += mine

@@ -215,10 +215,27 @@ def case_c(page: Page, device: Device) -> list[Check]:
         if np.ndim(value):
             matrix_pair(page, key, value)
     y, z = checks[-2], checks[-1]
+    checks += _numerator_h11(float(jacobian[0, 0]))
     page.paragraph(
         f"C_dl(2,12): printed {y.printed:.1f}, computed {y.computed:.1f}. "
         f"C_dl(3,18): printed {z.printed:.1f}, computed {z.computed:.1f}.".replace("-", "−")
     )
+    return checks
+
+
+def _numerator_h11(reach: float) -> list[Check]:
+    """Check (3.26)'s numerator against the printed C_dl: C_e = C_dl / (K reach), times A_e's chain 2, 1, 1, .5, .25."""
+    entry, row = printed("eq3.26-numerator"), printed("eq3.37-C_dl-x")
+    chain = 0.5 * np.cumprod([2.0, 1.0, 1.0, 0.5, 0.25])
+    checks = []
+    for j, text in enumerate(entry.rows[0]):
+        scale = chain[j] / (STIFFEST * reach)
+        tolerance = entry.resolution(text) + abs(scale) * row.resolution(row.rows[0][j + 1])
+        checks.append(
+            within(f"{entry.id}[{j + 1}]", f"h11(z), numerator, z{_power(4 - j)}", float(text),
+                   float(scale * row.values[0, j + 1]), "", tolerance, where="(3.26) from C_dl of (3.37)",
+                   note="tolerance: rounding of the transfer function and of C_dl")
+        )  # fmt: skip
     return checks
 
 

@@ -54,8 +54,16 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     for loop, colour in zip(lqg, COLOURS, strict=False):
         left.plot(*thin(loop.time * 1e3, loop.deflection[:, 2]), color=colour)
         left.axhline(loop.ideal, color=INK, linestyle=(0, (4, 3)), linewidth=0.8, zorder=1)
-        left.annotate(f"{loop.stiffness:g} N/mm", (150.0, loop.ideal), xytext=(0, 3), textcoords="offset points",
-                      ha="right", va="bottom", fontsize=8.5, color=colour)  # fmt: skip
+        left.annotate(
+            f"{loop.stiffness:g} N/mm",
+            (150.0, loop.ideal),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+            color=colour,
+            annotation_clip=False,
+        )
     left.set_xlim(0.0, 150.0)
     left.set_ylim(0.0, 9.6)
     left.set_xlabel("time [ms]")
@@ -76,7 +84,7 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     right.set_xlabel("stiffness of the cube [N/mm]")
     right.set_ylabel("steady error [%]")
     right.set_ylim(FLOOR, 100.0)
-    right.set_title("steady error, worst axis", loc="left", fontsize=10.5, fontweight="bold")
+    right.set_title("steady error (worst axis; the thesis gives z)", loc="left", fontsize=10.5, fontweight="bold")
     handles, labels = right.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     return figure

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from palpate import devices
 from palpate.report import Page
 from palpate.thesis.chapter2 import DEVICE
+from palpate.thesis.chapter3_identification import arx_models, friction_factors
 from palpate.thesis.chapter3_loops import open_loop_with_friction, table31
 from palpate.thesis.chapter3_models import case_c, case_d, discretisation, experimental, linear_model
 from palpate.thesis.checks import Check
@@ -22,6 +23,10 @@ def chapter3(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     checks += discretisation(page, device)
     tick("identified model", 0.05)
     checks += experimental(page)
+    tick("ARX identification", 0.1)
+    checks += arx_models(page, device)
+    tick("friction factors", 0.35)
+    checks += friction_factors(page, device)
     tick("lead–lag, table 3.1", 0.6)
     checks += table31(page)
     tick("open loop with friction", 0.8)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.devices import Device
+from palpate.errors import RecordingError
 
 Array = NDArray[np.float64]
 
@@ -108,3 +109,42 @@ def true_values(device: Device, parameters: list[Parameter]) -> Array:
     values |= {f"k{j + 1}": device.viscous[j] for j in range(device.dof)}
     values |= {f"c{j + 1}": device.coulomb[j] for j in range(device.dof)}
     return np.array([values[p.name] for p in parameters])
+
+
+def with_base_values(device: Device, values: Array, viscous: Array | None = None, coulomb: Array | None = None) -> Device:
+    """Return a device of the same lengths whose base parameters are `values` (and whose friction is as given).
+
+    Infinitely many segments have the same base parameters, hence the same motion; this is one choice of them.
+
+    Raises:
+        RecordingError: gravity is asked of a device whose file gives its centres of mass no lever.
+        DeviceError: the values make no physical device (an inertia matrix that is not positive definite).
+    """
+    names = [p.name for p in base_parameters(device)]
+    want = dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True))
+    if device.mechanism == "slider":
+        out = replace(device, parameters=device.parameters.with_values(mass__tip=want["m"]))
+    else:
+        given = device.parameters
+        gravity = given.one("environment.gravity", 9.81)
+        here = dict(zip(names, base_values(device), strict=True))
+        scale = want["h"] / here["h"] if here["h"] else 0.0
+        levers = {"l5": given.one("geometry.l5"), "l6": given.one("geometry.l6")}
+        if 0.0 in levers.values() or gravity == 0.0:
+            raise RecordingError(f"{device.name} has no gravity to fit: its g, l5 or l6 is zero")
+        bare = {k: v for k, v in _ZERO.items() if k != "environment__gravity"}
+        bare |= {"mass__a": scale * given.one("mass.a"), "mass__c": scale * given.one("mass.c")}
+        start = replace(device, parameters=given.with_values(**bare))
+        rest = {name: want[name] - v for name, v in zip(names, base_values(start), strict=True)}
+        filled = start.parameters.with_values(
+            inertia__base=rest["A"],
+            inertia__be=[rest["M22"], rest["P"], -rest["P"]],
+            inertia__df=[rest["M33"], -rest["Q"], rest["Q"]],
+            mass__be=rest["n2"] / (gravity * levers["l5"]),
+            mass__df=-rest["n3"] / (gravity * levers["l6"]),
+        )
+        out = replace(device, parameters=filled)
+    return out.with_friction(
+        viscous=device.viscous if viscous is None else np.maximum(viscous, 0.0),
+        coulomb=device.coulomb if coulomb is None else np.maximum(coulomb, 0.0),
+    )

@@ -37,9 +37,12 @@ class Noise:
 
 
 def default_excitation(device: Device, seed: int = 0) -> Excitation:
-    """Return a multisine of torque, 0.3 to 6 Hz, that swings each joint by about half a radian (or 20 mm)."""
+    """Return a multisine of torque, 0.3 to 6 Hz, that swings each joint by about half a radian (or 20 mm).
+
+    Joint 1 gets twice as much: it is the most damped, and only its speed shows how M11 depends on the pose.
+    """
     inertia = np.diag(device.mass_matrix(home(device)))
-    reach = 0.5 if device.mechanism == "premium" else 0.02
+    reach = np.array([1.0, 0.5, 0.6]) if device.mechanism == "premium" else np.array([0.02])
     peak = reach * inertia * (2 * np.pi * 2.0) ** 2 + 2.0 * device.coulomb
     return multisine(peak, (0.3, 6.0), lines=12, seed=seed, logarithmic=True)
 
@@ -47,8 +50,8 @@ def default_excitation(device: Device, seed: int = 0) -> Excitation:
 def default_sway(device: Device, duration: float, seed: int = 0) -> Excitation:
     """Return slow changes of the pose, below 0.35 Hz: they show how inertia and gravity change with it."""
     low = 1.0 / duration
-    reach = 0.4 if device.mechanism == "premium" else 0.01
-    return multisine([reach] * device.dof, (low, max(0.35, 4 * device.dof * low)), lines=2, seed=seed + 1)
+    reach = [0.4, 0.4, 0.7] if device.mechanism == "premium" else [0.01]
+    return multisine(reach, (low, max(0.35, 4 * device.dof * low)), lines=2, seed=seed + 1)
 
 
 def experiment(

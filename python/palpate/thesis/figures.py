@@ -94,7 +94,7 @@ def lines(
     for column, panel in enumerate(rows[0]):
         for label, (time, values) in series.items():
             table = np.asarray(values, dtype=float)
-            look = {"linestyle": DASHED, "linewidth": 1.2, "color": INK} if label in dashed else {}
+            look = {"linestyle": DASHED, "linewidth": 1.2, "color": INK, "zorder": 5} if label in dashed else {}
             panel.plot(*thin(time, table[:, column]), label=label, **look)  # type: ignore[arg-type]
         _title(panel, titles[column])
         panel.set_xlabel(xlabel)

@@ -30,10 +30,10 @@ LEAD = (
     "computed by palpate and held against every number it prints."
 )
 CHAPTERS = (  # and how much of the time each takes
-    (chapter2, "chapter 2", 0.12),
-    (chapter3, "chapter 3", 0.38),
-    (chapter4, "chapter 4", 0.35),
-    (chapter5, "chapter 5", 0.08),
+    (chapter2, "chapter 2", 0.1),
+    (chapter3, "chapter 3", 0.45),
+    (chapter4, "chapter 4", 0.32),
+    (chapter5, "chapter 5", 0.06),
 )
 
 

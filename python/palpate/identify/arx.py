@@ -1,6 +1,7 @@
 """Multivariable ARX models with structure matrices: A(q) y(t) = B(q) u(t) + e(t) (Hosseini-Zadeh 2004, 3.17 to 3.23).
 
-    y_k(t) = - sum over j, l = 1..na_kj of a_kj^l y_j(t - l)  +  sum over j, l = 1..nb_kj of b_kj^l u_j(t - nk_kj - l + 1)
+    y_k(t) = - sum over j, l = 1..na_kj of a_kj^l y_j(t - l)
+             + sum over j, l = 1..nb_kj of b_kj^l u_j(t - nk_kj - l + 1) + e_k(t)
 
 y are the joint angles and u the torques of a recording, both counted from their means. Each output is one linear least
 squares problem, solved by QR.
@@ -125,7 +126,7 @@ class ArxModel:
         a, b, c, d = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
         n = a.shape[0]
         largest = float(np.abs(linalg.eigvals(a)).max())
-        if largest ** len(torque) > 1e6:
+        if largest > 1 and len(torque) * np.log(largest) > np.log(1e6):
             raise RecordingError(f"the model's free run diverges: its largest pole is {largest:.4g}")
         u = np.asarray(torque) - self.input_mean
         # One column is driven by the input from rest; the others are the free responses of the states.
@@ -156,7 +157,10 @@ class ArxModel:
     def coefficients(self) -> list[dict[str, Any]]:
         """Return every estimated coefficient: name, value, standard deviation."""
         rows = []
-        for polynomial, values, spread, orders in (("a", self.a, self.a_std, self.na), ("b", self.b, self.b_std, self.nb)):
+        for polynomial, values, spread, orders in (
+            ("a", self.a, self.a_std, self.na),
+            ("b", self.b, self.b_std, self.nb),
+        ):
             for k, j in np.ndindex(*orders.shape):
                 first = 1 if polynomial == "a" else int(self.nk[k, j])
                 for place in range(first, first + int(orders[k, j])):
@@ -234,7 +238,9 @@ def _estimate(
     rows = len(y) - reach
     most = int((na.sum(axis=1) + nb.sum(axis=1)).max())
     if rows < 2 * most:
-        raise RecordingError(f"{len(y)} samples are too few for {most} coefficients per output; {2 * most + reach} are needed")
+        raise RecordingError(
+            f"{len(y)} samples are too few for {most} coefficients per output; {2 * most + reach} are needed"
+        )
     a, b = np.zeros((ny, ny, 1 + na.max())), np.zeros((ny, nu, max(int((nk + nb).max()), 1)))
     a_std, b_std = np.zeros_like(a), np.zeros_like(b)
     a[:, :, 0] = np.eye(ny)
@@ -315,8 +321,8 @@ def _least_squares(columns: Array, target: Array, name: Any) -> tuple[Array, Arr
     diagonal = np.abs(np.diag(r))
     if diagonal.min() < 1e-10 * diagonal.max():
         raise RecordingError(
-            f"too little excitation: {name(int(np.argmin(diagonal)))} cannot be told apart from the other coefficients; "
-            "excite more frequencies or lower the orders"
+            f"too little excitation: {name(int(np.argmin(diagonal)))} cannot be told apart from the others"
+            "; excite more frequencies or lower the orders"
         )
     inverse = linalg.solve_triangular(r, np.eye(len(scale)))
     return inverse @ (q.T @ target) / scale, inverse @ inverse.T / np.outer(scale, scale)

@@ -40,8 +40,16 @@ _PREMIUM: dict[str, tuple[str, str, dict[str, Any]]] = {
     ),
     "M22": ("kg*m^2", "inertia of joint 2", {"inertia__be": [1.0, 0.0, 0.0]}),
     "M33": ("kg*m^2", "inertia of joint 3", {"inertia__df": [1.0, 0.0, 0.0]}),
-    "n2": ("N*m", "gravity of joint 2, with cos θ2", {"environment__gravity": 1.0, "geometry__l5": 1.0, "mass__be": 1.0}),
-    "n3": ("N*m", "gravity of joint 3, with sin θ3", {"environment__gravity": 1.0, "geometry__l6": -1.0, "mass__df": 1.0}),
+    "n2": (
+        "N*m",
+        "gravity of joint 2, with cos θ2",
+        {"environment__gravity": 1.0, "geometry__l5": 1.0, "mass__be": 1.0},
+    ),
+    "n3": (
+        "N*m",
+        "gravity of joint 3, with sin θ3",
+        {"environment__gravity": 1.0, "geometry__l6": -1.0, "mass__df": 1.0},
+    ),
 }
 
 
@@ -111,7 +119,9 @@ def true_values(device: Device, parameters: list[Parameter]) -> Array:
     return np.array([values[p.name] for p in parameters])
 
 
-def with_base_values(device: Device, values: Array, viscous: Array | None = None, coulomb: Array | None = None) -> Device:
+def with_base_values(
+    device: Device, values: Array, viscous: Array | None = None, coulomb: Array | None = None
+) -> Device:
     """Return a device of the same lengths whose base parameters are `values` (and whose friction is as given).
 
     Infinitely many segments have the same base parameters, hence the same motion; this is one choice of them.

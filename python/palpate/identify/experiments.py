@@ -116,9 +116,9 @@ def experiment(
         "sway": None if sway is None else sway.describe(),
     }
     units = ("rad", "N*m") if device.mechanism == "premium" else ("m", "N")
-    time: Array = np.arange(len(push)) * float(period)
+    time = np.asarray(np.arange(len(push)) * period, dtype=float)
     return Recording(time, run.reading, run.torque, period, metadata, injected, units)
 
 
 def _noise(device: Device) -> Noise:
-    return Noise() if device.mechanism == "premium" else Noise(angle=2e-6, torque=5e-3)
+    return Noise() if device.mechanism == "premium" else Noise(angle=2e-6, torque=1e-3)

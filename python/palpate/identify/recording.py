@@ -7,7 +7,6 @@ Convention of time: `angle[k]` is what the encoder read at `time[k]`; `torque[k]
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -113,23 +112,16 @@ class Recording:
         return read_csv(file)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write `.csv` or `.h5`, whole or not at all (a temporary file beside it, then a rename)."""
+        """Write `.csv` or `.h5`, whole or not at all."""
         file = Path(path)
         from palpate.identify.csv_file import write_csv
         from palpate.identify.hdf5_file import write_hdf5
+        from palpate.loop.trace import write_whole
 
         writers = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}
         if file.suffix.lower() not in writers:
             raise RecordingError(f"{file}: a recording is saved as .csv or .h5, not as '{file.suffix}'")
-        handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.", suffix=".part")
-        os.close(handle)
-        temporary = Path(name)
-        try:
-            writers[file.suffix.lower()](self, temporary)
-            temporary.replace(file)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+        write_whole(file, lambda part: writers[file.suffix.lower()](self, part))
         return file
 
     def split(self, fraction: float = 0.7) -> tuple[Recording, Recording]:

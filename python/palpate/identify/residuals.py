@@ -85,10 +85,10 @@ def independence(residual: Array, driven: Array, lags: int = 25, confidence: flo
 
 
 def _centred(values: Array, lags: int) -> Array:
-    x = np.asarray(values, dtype=float)
+    x = np.array(values, dtype=float)
     if x.ndim != 1 or len(x) < 4 * lags or lags < 1:
         raise RecordingError(f"a residual test over {lags} lags needs at least {4 * lags} samples of one signal")
-    x = x - x.mean()
+    x -= x.mean()
     if not np.any(x):
         raise RecordingError("the signal of a residual test never changes")
     return x

@@ -188,3 +188,21 @@ def respond(
                 f"the experiment runs away at t = {k * period:g} s; stiffen the servo or lower the excitation"
             )
     return Response(reading, angle, torque)
+
+
+def torque_response(device: Device, q: Array, qd: Array, torque: Array, period: float) -> Array:
+    """Return the angles (n, dof) at t = 0, period, … from the state (q, qd) under `torque` (n, dof), held, no servo.
+
+    Raises:
+        RecordingError: the arm runs away, with the time at which it does.
+    """
+    body = _Body(device, period)
+    out = np.empty((len(torque), device.dof))
+    q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
+    for k, tau in enumerate(torque):
+        out[k] = q
+        try:
+            q, qd = body.advance(q, qd, tau)
+        except (RecordingError, np.linalg.LinAlgError):
+            raise RecordingError(f"the fitted device runs away at t = {k * period:g} s") from None
+    return out

@@ -80,7 +80,12 @@ def smooth(angle: Array, period: float, window: float) -> tuple[Array, Array]:
 
 
 def weak_rows(
-    device: Device, recording: Recording, tests: TestFunctions, *, angle: Array | None = None, slowest: Array | None = None
+    device: Device,
+    recording: Recording,
+    tests: TestFunctions,
+    *,
+    angle: Array | None = None,
+    slowest: Array | None = None,
 ) -> WeakRows:
     """Return the rows of `recording`.
 

@@ -35,22 +35,23 @@ TEST(NoAllocation, TheCounterCounts) {
 TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   const Premium arm(palpate::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
-  palpate::Anchor spring;
-  spring.kind = palpate::Anchor::Kind::point;
-  spring.point = arm.forward(pose);
+  palpate::ServoSetup<Premium> setup{.mechanism = arm};
+  setup.anchor.kind = palpate::Anchor::Kind::point;
+  setup.anchor.point = arm.forward(pose);
+  setup.stiffness.setConstant(500.0);
+  setup.damping.setConstant(1.0);
+  setup.difference = palpate::VirtualCoupling::Difference::bilinear;
   const int order = 15;
-  const palpate::StateSpace controller(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
-                                       0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6),
-                                       0.1 * Eigen::MatrixXd::Ones(order, 3));
-  palpate::DriveLimits<3> limits;
-  limits.peak_force = 8.5;
-  limits.continuous_force = 1.4;
-  palpate::Encoder<3> encoder;
-  encoder.step = Joints<3>::Constant(1e-4);
-  palpate::Servo<Premium> servo(palpate::Kinematics<Premium>(arm), encoder, spring,
-                                palpate::VirtualCoupling(Vector3<>::Constant(500.0), Vector3<>::Constant(1.0),
-                                                         palpate::VirtualCoupling::Difference::bilinear, 1e-3),
-                                controller, palpate::Drive<3>(limits, 1e-3), Vector3<>(0.1, 0.1, 0.1), 2, pose);
+  setup.controller =
+      palpate::StateSpace(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
+                          0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6), 0.1 * Eigen::MatrixXd::Ones(order, 3));
+  setup.limits.peak_force = 8.5;
+  setup.limits.continuous_force = 1.4;
+  setup.encoder.step = Joints<3>::Constant(1e-4);
+  setup.hold = Vector3<>(0.1, 0.1, 0.1);
+  setup.delay = 2;
+  setup.start = pose;
+  palpate::Servo<Premium> servo(setup);
   palpate::Friction<3> friction = palpate::phantom_premium_1_5a_friction();
   friction.coulomb = friction.breakaway = Joints<3>::Constant(0.01);
   palpate::Hand hand;

@@ -5,31 +5,28 @@
 namespace {
 
 using palpate::Anchor;
-using palpate::Drive;
-using palpate::Encoder;
 using palpate::Joints;
 using palpate::Kinematics;
 using palpate::Premium;
 using palpate::Servo;
-using palpate::StateSpace;
+using palpate::ServoSetup;
 using palpate::Vector3;
-using palpate::VirtualCoupling;
 
 const Premium arm(palpate::phantom_premium_1_5a());
 const Joints<3> pose(0.0, 2.2305, 3.2776);
 
 // Law: torque and tip force do the same work: tau = J^T (F_ref - F_object).
 TEST(Servo, TurnsTipForceIntoTorqueByTheTransposedJacobian) {
-  Anchor spring;
-  spring.kind = Anchor::Kind::point;
-  spring.point = arm.forward(pose);
-  Servo<Premium> servo(Kinematics<Premium>(arm), Encoder<3>{}, spring,
-                       VirtualCoupling(Vector3<>::Constant(500.0), Vector3<>::Zero(), VirtualCoupling::Difference::backward, 1e-3), StateSpace::negative_feedback(),
-                       Drive<3>{}, Vector3<>::Zero(), 0, pose);
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.anchor.kind = Anchor::Kind::point;
+  setup.anchor.point = arm.forward(pose);
+  setup.stiffness.setConstant(500.0);
+  setup.start = pose;
+  Servo<Premium> servo(setup);
   const Joints<3> q = pose + Joints<3>(0.01, -0.02, 0.03);
   const Vector3<> reference(1.0, -2.0, 0.5);
   const auto& tick = servo.tick(q, reference);
-  const Vector3<> force = 500.0 * (arm.forward(q) - spring.point);
+  const Vector3<> force = 500.0 * (arm.forward(q) - setup.anchor.point);
   EXPECT_LT((tick.object_force - force).norm(), 1e-12);
   EXPECT_LT((tick.torque - arm.jacobian(q).transpose() * (reference - force)).norm(), 1e-13);
   EXPECT_TRUE(tick.touching);
@@ -55,19 +52,34 @@ TEST(Servo, FrozenKinematicsAreTheTangent) {
 
 // Law: a wall never pulls, whatever its damper says on the way out.
 TEST(Servo, AWallNeverPulls) {
-  Anchor wall;
-  wall.kind = Anchor::Kind::half_space;
-  wall.point = arm.forward(pose);
-  wall.normal = Vector3<>::UnitZ();
-  Servo<Premium> servo(Kinematics<Premium>(arm), Encoder<3>{}, wall,
-                       VirtualCoupling(Vector3<>::Constant(100.0), Vector3<>::Constant(50.0), VirtualCoupling::Difference::backward, 1e-3),
-                       StateSpace::negative_feedback(), Drive<3>{}, Vector3<>::Zero(), 0, pose);
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.anchor.kind = Anchor::Kind::half_space;
+  setup.anchor.point = arm.forward(pose);
+  setup.anchor.normal = Vector3<>::UnitZ();
+  setup.stiffness.setConstant(100.0);
+  setup.damping.setConstant(50.0);
+  setup.start = pose;
+  Servo<Premium> servo(setup);
   for (int k = 0; k < 400; ++k) {
     const Joints<3> q = pose + Joints<3>(0.0, 0.05 * std::sin(0.1 * k), 0.05 * std::cos(0.07 * k));
     const auto& tick = servo.tick(q, Vector3<>::Zero());
-    EXPECT_LE(wall.normal.dot(tick.object_force), 0.0);
+    EXPECT_LE(setup.anchor.normal.dot(tick.object_force), 0.0);
     EXPECT_TRUE(tick.touching || tick.object_force.isZero(0.0));
   }
+}
+
+// Law: a torque leaves the servo `delay` periods after it was computed; before that the device is held at rest.
+TEST(Servo, DelayHoldsTheTorqueBack) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  setup.delay = 2;
+  setup.hold = Vector3<>(0.0, 0.1, 0.0);
+  Servo<Premium> servo(setup);
+  const Joints<3> rest = arm.jacobian(pose).transpose() * setup.hold;
+  const Vector3<> push(1.0, 0.0, 0.0);
+  EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
+  EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
+  EXPECT_LT((servo.tick(pose, push).torque - rest - arm.jacobian(pose).transpose() * push).norm(), 1e-15);
 }
 
 }  // namespace

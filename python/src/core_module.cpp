@@ -87,12 +87,14 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
     }
     return out;
   });
-  cls.def("acceleration", [joint](const Mechanism& self, const palpate::Friction<dof>& friction, const Rows& q, const Rows& qd, const Rows& tau) {
-    const palpate::Motion<Mechanism> motion(self, friction, palpate::Hand{});
-    auto [out, data] = new_array(q.shape(0), dof);
-    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
-    return out;
-  });
+  cls.def("acceleration",
+          [joint](const Mechanism& self, const palpate::Friction<dof>& friction, const Rows& q, const Rows& qd, const Rows& tau) {
+            const palpate::Motion<Mechanism> motion(self, friction, palpate::Hand{});
+            auto [out, data] = new_array(q.shape(0), dof);
+            for (std::size_t i = 0; i < q.shape(0); ++i)
+              Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
+            return out;
+          });
   cls.def("linearization", [](const Mechanism& self, const Q& viscous, const Q& q, const Q& qd, const Q& tau) {
     using Variable = palpate::Dual<3 * dof>;
     palpate::Joints<dof, Variable> at, speed, torque;
@@ -160,7 +162,8 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {
-            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
               throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
             const int ticks = static_cast<int>(reference.shape(0)) - 1;
             const int most = ticks / self.record_every + 1;
@@ -172,8 +175,7 @@ void bind_loop(nb::module_& m, const char* name) {
             }
             return nb::make_tuple(rows, outcome.rows, outcome.unstable_tick);
           },
-          "reference"_a, "operator_force"_a,
-          "Runs the loop; returns (rows, number of rows written, tick of divergence or -1).");
+          "reference"_a, "operator_force"_a, "Runs the loop; returns (rows, number of rows written, tick of divergence or -1).");
 }
 
 }  // namespace
@@ -207,7 +209,8 @@ NB_MODULE(_core, m) {
 
   nb::class_<palpate::StateSpace>(m, "StateSpace")
       .def(nb::init<>())
-      .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&>(),
+      .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&,
+                    const Eigen::MatrixXd&>(),
            "a"_a, "b"_a, "c"_a, "d"_a, "antiwindup"_a)
       .def_prop_ro("order", &palpate::StateSpace::order)
       .def("output", &palpate::StateSpace::output)

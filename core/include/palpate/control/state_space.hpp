@@ -12,7 +12,9 @@ namespace palpate {
 /// an integrator that must not wind up, puts its gain there.
 class StateSpace {
  public:
-  StateSpace() : StateSpace(Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 6), Eigen::MatrixXd(3, 0), Eigen::MatrixXd::Zero(3, 6), Eigen::MatrixXd(0, 3)) {}
+  StateSpace()
+      : StateSpace(Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 6), Eigen::MatrixXd(3, 0), Eigen::MatrixXd::Zero(3, 6),
+                   Eigen::MatrixXd(0, 3)) {}
 
   /// A n x n, B n x 6, C 3 x n, D 3 x 6, L n x 3. All memory is taken here; the tick takes none.
   StateSpace(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::MatrixXd& c, const Eigen::MatrixXd& d,
@@ -58,10 +60,10 @@ class StateSpace {
 
  private:
   int order_ = 0;
-  Eigen::MatrixXd ab_;    // [A B L], n x (n + 9)
+  Eigen::MatrixXd ab_;                           // [A B L], n x (n + 9)
   Eigen::Matrix<double, 3, Eigen::Dynamic> cd_;  // [C D], 3 x (n + 6)
-  Eigen::VectorXd xv_;    // state, reference, object, applied - output
-  Eigen::VectorXd next_;  // state
+  Eigen::VectorXd xv_;                           // state, reference, object, applied - output
+  Eigen::VectorXd next_;                         // state
   Vector3<> output_ = Vector3<>::Zero();
 };
 

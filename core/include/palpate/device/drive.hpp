@@ -28,7 +28,7 @@ template <int dof>
 struct DriveLimits {
   double peak_force = std::numeric_limits<double>::infinity();        ///< at the tip, N
   double continuous_force = std::numeric_limits<double>::infinity();  ///< at the tip, N: what the motors stand for ever
-  double thermal_time = 1.0;  ///< s: time constant of the windings' heating
+  double thermal_time = 1.0;                                          ///< s: time constant of the windings' heating
   Joints<dof> peak_torque = Joints<dof>::Constant(std::numeric_limits<double>::infinity());  ///< N*m
 };
 

@@ -11,9 +11,9 @@ namespace palpate {
 /// exp(-(v/stribeck_speed)^2), against the motion.
 template <int dof>
 struct Friction {
-  Joints<dof> viscous = Joints<dof>::Zero();    ///< N*m*s/rad
-  Joints<dof> coulomb = Joints<dof>::Zero();    ///< N*m
-  Joints<dof> breakaway = Joints<dof>::Zero();  ///< N*m, not less than coulomb
+  Joints<dof> viscous = Joints<dof>::Zero();                 ///< N*m*s/rad
+  Joints<dof> coulomb = Joints<dof>::Zero();                 ///< N*m
+  Joints<dof> breakaway = Joints<dof>::Zero();               ///< N*m, not less than coulomb
   Joints<dof> stribeck_speed = Joints<dof>::Constant(1e-2);  ///< rad/s
 
   [[nodiscard]] bool dry() const { return (breakaway.array() > 0.0).any(); }

@@ -17,8 +17,8 @@ namespace palpate {
 /// What moves: joints and, when tissue parts them from the tip, the hand.
 template <int dof>
 struct MotionState {
-  Joints<dof> q = Joints<dof>::Zero();   ///< rad
-  Joints<dof> qd = Joints<dof>::Zero();  ///< rad/s
+  Joints<dof> q = Joints<dof>::Zero();          ///< rad
+  Joints<dof> qd = Joints<dof>::Zero();         ///< rad/s
   Vector3<> hand = Vector3<>::Zero();           ///< m
   Vector3<> hand_velocity = Vector3<>::Zero();  ///< m/s
 };

@@ -15,20 +15,20 @@ namespace palpate {
 /// Tendick 2002; Hosseini-Zadeh 2004, ch. 2). Segment inertias are diagonal, in segment axes; those of `be` and `df`
 /// are taken about the joint axis, so their centres of mass enter gravity only.
 struct PremiumParameters {
-  double l1 = 0.0;  ///< upper arm, m
-  double l2 = 0.0;  ///< forearm, elbow to tip, m
-  double l3 = 0.0;  ///< parallelogram's short side, m
-  double l5 = 0.0;  ///< centre of mass of segment be along the upper arm, m
-  double l6 = 0.0;  ///< centre of mass of segment df along the forearm, m
-  double mass_a = 0.0;   ///< forearm tube, kg
-  double mass_c = 0.0;   ///< parallel rod, kg
-  double mass_be = 0.0;  ///< upper arm with its motor, kg
-  double mass_df = 0.0;  ///< short link with its motor, kg
-  Vector3<> inertia_a = Vector3<>::Zero();   ///< about the centre of mass (xx, yy, zz), kg*m^2
-  Vector3<> inertia_c = Vector3<>::Zero();   ///< about the centre of mass, kg*m^2
-  Vector3<> inertia_be = Vector3<>::Zero();  ///< about the joint, kg*m^2
-  Vector3<> inertia_df = Vector3<>::Zero();  ///< about the joint, kg*m^2
-  double inertia_base = 0.0;                 ///< base about the vertical, kg*m^2
+  double l1 = 0.0;                              ///< upper arm, m
+  double l2 = 0.0;                              ///< forearm, elbow to tip, m
+  double l3 = 0.0;                              ///< parallelogram's short side, m
+  double l5 = 0.0;                              ///< centre of mass of segment be along the upper arm, m
+  double l6 = 0.0;                              ///< centre of mass of segment df along the forearm, m
+  double mass_a = 0.0;                          ///< forearm tube, kg
+  double mass_c = 0.0;                          ///< parallel rod, kg
+  double mass_be = 0.0;                         ///< upper arm with its motor, kg
+  double mass_df = 0.0;                         ///< short link with its motor, kg
+  Vector3<> inertia_a = Vector3<>::Zero();      ///< about the centre of mass (xx, yy, zz), kg*m^2
+  Vector3<> inertia_c = Vector3<>::Zero();      ///< about the centre of mass, kg*m^2
+  Vector3<> inertia_be = Vector3<>::Zero();     ///< about the joint, kg*m^2
+  Vector3<> inertia_df = Vector3<>::Zero();     ///< about the joint, kg*m^2
+  double inertia_base = 0.0;                    ///< base about the vertical, kg*m^2
   Vector3<> rotor_inertia = Vector3<>::Zero();  ///< motor rotors reflected to the joints, N^2 J, kg*m^2
   double gravity = 9.81;                        ///< m/s^2
 };
@@ -50,16 +50,15 @@ class Premium {
         h_(p.l1 * (p.l2 * p.mass_a + p.l3 * p.mass_c)),
         yaw_upper_(0.125 * (4.0 * (p.inertia_be[1] - p.inertia_be[2] + p.inertia_c[1] - p.inertia_c[2]) +
                             p.l1 * p.l1 * (4.0 * p.mass_a + p.mass_c))),
-        yaw_fore_(0.125 * (-4.0 * (p.inertia_a[1] - p.inertia_a[2] + p.inertia_df[1] - p.inertia_df[2]) +
-                           p.l2 * p.l2 * p.mass_a + 4.0 * p.l3 * p.l3 * p.mass_c)),
-        yaw_(0.125 * (4.0 * (p.inertia_a[1] + p.inertia_a[2] + p.inertia_be[1] + p.inertia_be[2] + p.inertia_c[1] +
-                             p.inertia_c[2] + p.inertia_df[1] + p.inertia_df[2]) +
-                      8.0 * p.inertia_base + 4.0 * p.l1 * p.l1 * p.mass_a + p.l2 * p.l2 * p.mass_a +
-                      p.l1 * p.l1 * p.mass_c + 4.0 * p.l3 * p.l3 * p.mass_c) +
+        yaw_fore_(0.125 * (-4.0 * (p.inertia_a[1] - p.inertia_a[2] + p.inertia_df[1] - p.inertia_df[2]) + p.l2 * p.l2 * p.mass_a +
+                           4.0 * p.l3 * p.l3 * p.mass_c)),
+        yaw_(0.125 * (4.0 * (p.inertia_a[1] + p.inertia_a[2] + p.inertia_be[1] + p.inertia_be[2] + p.inertia_c[1] + p.inertia_c[2] +
+                             p.inertia_df[1] + p.inertia_df[2]) +
+                      8.0 * p.inertia_base + 4.0 * p.l1 * p.l1 * p.mass_a + p.l2 * p.l2 * p.mass_a + p.l1 * p.l1 * p.mass_c +
+                      4.0 * p.l3 * p.l3 * p.mass_c) +
              p.rotor_inertia[0]),
         m22_(p.inertia_be[0] + p.inertia_c[0] + p.l1 * p.l1 * (p.mass_a + 0.25 * p.mass_c) + p.rotor_inertia[1]),
-        m33_(p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c +
-             p.rotor_inertia[2]),
+        m33_(p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c + p.rotor_inertia[2]),
         n2_(0.5 * p.gravity * (2.0 * p.l1 * p.mass_a + 2.0 * p.l5 * p.mass_be + p.l1 * p.mass_c)),
         n3_(0.5 * p.gravity * (p.l2 * p.mass_a + 2.0 * p.l3 * p.mass_c - 2.0 * p.l6 * p.mass_df)) {}
 
@@ -155,7 +154,8 @@ class Premium {
 
   /// Joint accelerations [rad/s^2] under joint torques [N*m] (friction's among them): M^-1 (torque - C qd - N).
   template <class Scalar>
-  [[gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
+  [[gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd,
+                                                     const Angles<Scalar>& torque) const {
     const Terms<Scalar> t = terms(at);
     const Scalar yaw_rate_squared = qd[0] * qd[0];
     const Scalar f1 = torque[0] - (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]) * qd[0];
@@ -165,23 +165,34 @@ class Premium {
     const Scalar determinant = m22_ * m33_ - t.m23 * t.m23;
     const Scalar inverse = 1.0 / (determinant * t.m11);
     const Scalar inverse_determinant = inverse * t.m11;
-    return {f1 * (inverse * determinant), (m33_ * f2 - t.m23 * f3) * inverse_determinant,
-            (m22_ * f3 - t.m23 * f2) * inverse_determinant};
+    return {f1 * (inverse * determinant), (m33_ * f2 - t.m23 * f3) * inverse_determinant, (m22_ * f3 - t.m23 * f2) * inverse_determinant};
   }
 
   // The same, asked once at a pose.
   template <class Scalar>
-  Vector3<Scalar> forward(const Angles<Scalar>& q) const { return forward(posture(q)); }
+  Vector3<Scalar> forward(const Angles<Scalar>& q) const {
+    return forward(posture(q));
+  }
   template <class Scalar>
-  TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const { return jacobian(posture(q)); }
+  TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const {
+    return jacobian(posture(q));
+  }
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const { return mass_matrix(posture(q)); }
+  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const {
+    return mass_matrix(posture(q));
+  }
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const { return coriolis(posture(q), qd); }
+  Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const {
+    return coriolis(posture(q), qd);
+  }
   template <class Scalar>
-  Angles<Scalar> gravity(const Angles<Scalar>& q) const { return gravity(posture(q)); }
+  Angles<Scalar> gravity(const Angles<Scalar>& q) const {
+    return gravity(posture(q));
+  }
   template <class Scalar>
-  Scalar potential(const Angles<Scalar>& q) const { return potential(posture(q)); }
+  Scalar potential(const Angles<Scalar>& q) const {
+    return potential(posture(q));
+  }
   template <class Scalar>
   Angles<Scalar> acceleration(const Angles<Scalar>& q, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
     return acceleration(posture(q), qd, torque);

@@ -23,7 +23,12 @@ class Kinematics {
 
   /// First-order kinematics at `pose` [rad]; `hold` [N] is the constant tip force there, whose torque turns with the pose.
   Kinematics(const Mechanism& mechanism, const Joints<dof>& pose, const Vector3<>& hold)
-      : mechanism_(mechanism), frozen_(true), pose_(pose), pose_tip_(mechanism.forward(pose)), tip_(pose_tip_), jacobian_(mechanism.jacobian(pose)) {
+      : mechanism_(mechanism),
+        frozen_(true),
+        pose_(pose),
+        pose_tip_(mechanism.forward(pose)),
+        tip_(pose_tip_),
+        jacobian_(mechanism.jacobian(pose)) {
     using Variable = Dual<dof>;
     Joints<dof, Variable> q;
     for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
@@ -67,6 +72,28 @@ class Kinematics {
   Eigen::Matrix<double, dof, dof> torque_turn_ = Eigen::Matrix<double, dof, dof>::Zero();  // d(J^T hold)/dq
 };
 
+/// What a servo loop is made of. Plain data; a Servo builds from it all that its tick needs.
+template <class Mechanism>
+struct ServoSetup {
+  static constexpr int dof = Mechanism::dof;
+
+  Mechanism mechanism{};
+  bool frozen_kinematics = false;  ///< linearise tip and torque at the start pose
+  Encoder<dof> encoder{};
+  DriveLimits<dof> limits{};
+  int delay = 0;  ///< servo periods between computing a torque and its being applied, at most 64
+
+  Anchor anchor{};
+  Vector3<> stiffness = Vector3<>::Zero();  ///< N/m
+  Vector3<> damping = Vector3<>::Zero();    ///< N*s/m
+  VirtualCoupling::Difference difference = VirtualCoupling::Difference::backward;
+
+  StateSpace controller = StateSpace::negative_feedback();
+  Vector3<> hold = Vector3<>::Zero();       ///< constant tip force added to every command, N
+  Joints<dof> start = Joints<dof>::Zero();  ///< pose at the first tick, rad
+  double period = 1e-3;                     ///< s
+};
+
 /// One tick of the servo loop, the same in simulation and in real time: angles in, torques out. It takes no memory, no
 /// lock, throws nothing and asks nothing of the operating system.
 ///
@@ -86,20 +113,15 @@ class Servo {
     bool saturated = false;
   };
 
-  Servo() = default;
-  Servo(const Kinematics<Mechanism>& kinematics, const Encoder<dof>& encoder, const Anchor& anchor, const VirtualCoupling& coupling,
-        const StateSpace& controller, const Drive<dof>& drive, const Vector3<>& hold, int delay, const Joints<dof>& start)
-      : kinematics_(kinematics),
-        encoder_(encoder),
-        anchor_(anchor),
-        coupling_(coupling),
-        controller_(controller),
-        drive_(drive),
-        hold_(hold),
-        delay_(delay, Joints<dof>::Zero()) {
-    kinematics_.look(start);
-    delay_ = Delay<Joints<dof>>(delay, drive_.limit_torque(kinematics_.torque(Vector3<>::Zero(), hold_)));
-  }
+  explicit Servo(const ServoSetup<Mechanism>& s)
+      : kinematics_(s.frozen_kinematics ? Kinematics<Mechanism>(s.mechanism, s.start, s.hold) : Kinematics<Mechanism>(s.mechanism)),
+        encoder_(s.encoder),
+        anchor_(s.anchor),
+        coupling_(s.stiffness, s.damping, s.difference, s.period),
+        controller_(s.controller),
+        drive_(s.limits, s.period),
+        hold_(s.hold),
+        delay_(s.delay, torque_at_rest(s.start)) {}
 
   /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
   /// impedance display).
@@ -126,6 +148,11 @@ class Servo {
   }
 
  private:
+  Joints<dof> torque_at_rest(const Joints<dof>& start) {
+    kinematics_.look(start);
+    return drive_.limit_torque(kinematics_.torque(Vector3<>::Zero(), hold_));
+  }
+
   Kinematics<Mechanism> kinematics_;
   Encoder<dof> encoder_;
   Anchor anchor_;

@@ -16,33 +16,18 @@ namespace palpate {
 /// A whole experiment in virtual time: what to build and how to run it. Plain data; every run builds afresh from it, so the same
 /// setup gives the same trace, bit for bit.
 template <class Mechanism>
-struct SimulationSetup {
+struct SimulationSetup : ServoSetup<Mechanism> {
   static constexpr int dof = Mechanism::dof;
 
-  Mechanism mechanism;
   Friction<dof> friction;
   Hand hand;
-  Encoder<dof> encoder;
-  DriveLimits<dof> limits;
-  int delay = 0;  ///< servo periods between computing a torque and its being applied
-
-  Anchor anchor;
-  Vector3<> stiffness = Vector3<>::Zero();  ///< N/m
-  Vector3<> damping = Vector3<>::Zero();    ///< N*s/m
-  VirtualCoupling::Difference difference = VirtualCoupling::Difference::backward;
-
-  StateSpace controller;
-  Vector3<> hold = Vector3<>::Zero();  ///< constant tip force added to every command, N
-  bool frozen_kinematics = false;      ///< linearise tip and torque at the start pose
 
   bool held = false;    ///< the operator holds the tip where it starts: nothing moves
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
 
-  Joints<dof> start = Joints<dof>::Zero();        ///< rad
   Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
-  double period = 1e-3;                           ///< s
   int substeps = 2;                               ///< of the motion in one period
   int record_every = 1;                           ///< periods between recorded rows
   double speed_limit = 1e3;                       ///< rad/s: past it (or not finite) the loop counts as diverged
@@ -63,7 +48,8 @@ namespace detail {
 template <class Mechanism>
 class MovingPlant {
  public:
-  explicit MovingPlant(const SimulationSetup<Mechanism>& s) : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps), period_(s.period) {
+  explicit MovingPlant(const SimulationSetup<Mechanism>& s)
+      : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps), period_(s.period) {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
@@ -87,7 +73,10 @@ class SampledPlant {
  public:
   static constexpr int dof = Mechanism::dof;
   explicit SampledPlant(const SimulationSetup<Mechanism>& s)
-      : plant_(s.plant_a, s.plant_b, s.plant_c, s.start, s.working_torque), kinematics_(s.mechanism), angles_(s.start), per_period_(1.0 / s.period) {
+      : plant_(s.plant_a, s.plant_b, s.plant_c, s.start, s.working_torque),
+        kinematics_(s.mechanism),
+        angles_(s.start),
+        per_period_(1.0 / s.period) {
     speeds_.setZero();
   }
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
@@ -125,15 +114,11 @@ class HeldPlant {
 };
 
 template <class Mechanism, class Plant>
-SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
-                      double* rows) noexcept {
+SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference,
+                      const double* operator_force, double* rows) noexcept {
   constexpr int dof = Mechanism::dof;
   constexpr int width = record_width<dof>;
-  const Kinematics<Mechanism> kinematics = setup.frozen_kinematics ? Kinematics<Mechanism>(setup.mechanism, setup.start, setup.hold)
-                                                                   : Kinematics<Mechanism>(setup.mechanism);
-  Servo<Mechanism> servo(kinematics, setup.encoder, setup.anchor,
-                         VirtualCoupling(setup.stiffness, setup.damping, setup.difference, setup.period), setup.controller,
-                         Drive<dof>(setup.limits, setup.period), setup.hold, setup.delay, setup.start);
+  Servo<Mechanism> servo(setup);
   SimulationOutcome outcome;
   const double fastest = setup.speed_limit;
   int until_record = 0;

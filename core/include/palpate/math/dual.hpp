@@ -26,10 +26,26 @@ struct Dual {
   }
 
   Dual operator-() const { return {-value, -gradient}; }
-  Dual& operator+=(const Dual& o) { value += o.value; gradient += o.gradient; return *this; }
-  Dual& operator-=(const Dual& o) { value -= o.value; gradient -= o.gradient; return *this; }
-  Dual& operator*=(const Dual& o) { gradient = gradient * o.value + value * o.gradient; value *= o.value; return *this; }
-  Dual& operator/=(const Dual& o) { value /= o.value; gradient = (gradient - value * o.gradient) / o.value; return *this; }
+  Dual& operator+=(const Dual& o) {
+    value += o.value;
+    gradient += o.gradient;
+    return *this;
+  }
+  Dual& operator-=(const Dual& o) {
+    value -= o.value;
+    gradient -= o.gradient;
+    return *this;
+  }
+  Dual& operator*=(const Dual& o) {
+    gradient = gradient * o.value + value * o.gradient;
+    value *= o.value;
+    return *this;
+  }
+  Dual& operator/=(const Dual& o) {
+    value /= o.value;
+    gradient = (gradient - value * o.gradient) / o.value;
+    return *this;
+  }
 
   friend Dual operator+(Dual a, const Dual& b) { return a += b; }
   friend Dual operator-(Dual a, const Dual& b) { return a -= b; }

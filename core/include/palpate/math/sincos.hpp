@@ -59,8 +59,7 @@ constexpr double small_turn = 1.0 / 32.0;
   const double u2 = u * u;
   const double sine = turn * ((1.0 - u * (1.0 / 6.0)) + u2 * ((1.0 / 120.0) - u * (1.0 / 5040.0)));
   const double cosine_less_one = u * ((u * (1.0 / 24.0) - 0.5) + u2 * (u * (1.0 / 40320.0) - (1.0 / 720.0)));
-  return {from.sine + (from.sine * cosine_less_one + from.cosine * sine),
-          from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
+  return {from.sine + (from.sine * cosine_less_one + from.cosine * sine), from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
 }
 
 }  // namespace palpate

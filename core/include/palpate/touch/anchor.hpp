@@ -13,8 +13,8 @@ struct Anchor {
     half_space,  ///< a wall: one-sided, along its normal
   };
   Kind kind = Kind::none;
-  Vector3<> point = Vector3<>::Zero();     ///< on the surface, m
-  Vector3<> normal = Vector3<>::UnitZ();   ///< unit, out of the wall
+  Vector3<> point = Vector3<>::Zero();    ///< on the surface, m
+  Vector3<> normal = Vector3<>::UnitZ();  ///< unit, out of the wall
 
   struct Contact {
     bool touching = false;

@@ -1,0 +1,56 @@
+# Two commands on a fresh machine (Python 3.11+, a C++20 compiler, make): `make reproduce` and `make test`.
+# Each makes .venv and installs what it needs from the package index.
+
+PYTHON ?= $(firstword $(shell command -v python3.12 python3.11 python3 2>/dev/null))
+BIN := .venv/bin
+CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake -type f)
+OUT ?= results
+JOBS ?= 2
+
+.PHONY: reproduce test bench lint tidy format clean
+
+reproduce: .venv/installed
+	$(BIN)/palpate reproduce --out $(OUT)
+
+test: .venv/test-installed
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+
+bench: .venv/test-installed
+	$(BIN)/palpate bench
+
+lint: .venv/lint-installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror $$(find core python/src -name '*.hpp' -o -name '*.cpp')
+
+tidy: .venv/lint-installed
+	$(BIN)/cmake -S . -B build/tidy -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DPALPATE_TESTS=ON -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python >/dev/null
+	printf '%s\n' core/tests/*.cpp | xargs -P $(JOBS) -n 2 $(BIN)/clang-tidy --quiet -p build/tidy
+
+format: .venv/lint-installed
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $$(find core python/src -name '*.hpp' -o -name '*.cpp')
+
+clean:
+	rm -rf .venv build results
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "palpate needs Python 3.11 or newer; set PYTHON=/path/to/it" >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+
+# Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
+.venv/installed: .venv/bin/python $(CORE)
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+.venv/test-installed: .venv/installed
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@touch $@
+
+.venv/lint-installed: .venv/test-installed
+	$(BIN)/python -m pip install --quiet --editable '.[lint]'
+	@touch $@

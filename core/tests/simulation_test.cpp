@@ -28,8 +28,8 @@ SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double vi
 
 /// Largest deflection in the last tenth of a run over that in the first.
 double growth(const SimulationSetup<Slider>& setup, int ticks) {
-  const std::vector<double> nothing(3 * static_cast<std::size_t>(ticks + 1), 0.0);
-  std::vector<double> rows(static_cast<std::size_t>(palpate::record_width<1> * (ticks + 1)));
+  const std::vector<double> nothing(3 * (static_cast<std::size_t>(ticks) + 1), 0.0);
+  std::vector<double> rows(palpate::record_width<1> * (static_cast<std::size_t>(ticks) + 1));
   const auto outcome = palpate::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
   if (outcome.unstable_tick >= 0) return 1e300;
   double first = 0.0, last = 0.0;
@@ -64,8 +64,8 @@ TEST(Simulation, IsReproducibleBitForBit) {
 TEST(Simulation, StopsWhereItDivergesAndRecordsNothingAfter) {
   const auto setup = sampled_wall(2e5, 0.0, 0.0, 3);
   const int ticks = 20000;
-  const std::vector<double> nothing(3 * static_cast<std::size_t>(ticks + 1), 0.0);
-  std::vector<double> rows(static_cast<std::size_t>(palpate::record_width<1> * (ticks + 1)), 7.0);
+  const std::vector<double> nothing(3 * (static_cast<std::size_t>(ticks) + 1), 0.0);
+  std::vector<double> rows(palpate::record_width<1> * (static_cast<std::size_t>(ticks) + 1), 7.0);
   const auto outcome = palpate::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
   ASSERT_GT(outcome.unstable_tick, 0);
   ASSERT_EQ(outcome.rows, outcome.unstable_tick);

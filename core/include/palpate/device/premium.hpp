@@ -72,7 +72,7 @@ class Premium {
   };
 
   template <class Scalar>
-  Posture<Scalar> posture(const Angles<Scalar>& q) const {
+  [[nodiscard]] Posture<Scalar> posture(const Angles<Scalar>& q) const {
     return {q, sincos(q[0]), sincos(q[1]), sincos(q[2])};
   }
 
@@ -84,14 +84,14 @@ class Premium {
 
   /// Tip position [m] (thesis 2.10).
   template <class Scalar>
-  Vector3<Scalar> forward(const Posture<Scalar>& at) const {
+  [[nodiscard]] Vector3<Scalar> forward(const Posture<Scalar>& at) const {
     const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
     return {at.yaw.sine * reach, l2_ - l2_ * at.fore.cosine + l1_ * at.upper.sine, at.yaw.cosine * reach - l1_};
   }
 
   /// Tip Jacobian dp/dq [m/rad], 3 x 3; equals R(q) J_body(q) of thesis 2.8 and 2.14.
   template <class Scalar>
-  [[gnu::always_inline]] TipJacobian<3, Scalar> jacobian(const Posture<Scalar>& at) const {
+  [[nodiscard, gnu::always_inline]] TipJacobian<3, Scalar> jacobian(const Posture<Scalar>& at) const {
     const auto& [s1, c1] = at.yaw;
     const auto& [s2, c2] = at.upper;
     const auto& [s3, c3] = at.fore;
@@ -114,7 +114,7 @@ class Premium {
   /// Inertia matrix M(q) [kg*m^2], 3 x 3 (thesis 2.62-2.66 with M23 = -h/2 sin(theta2 - theta3): the printed plus sign
   /// breaks energy conservation).
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Posture<Scalar>& at) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Posture<Scalar>& at) const {
     const Terms<Scalar> t = terms(at);
     Eigen::Matrix<Scalar, 3, 3> m = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
     m(0, 0) = t.m11;
@@ -127,7 +127,7 @@ class Premium {
   /// Coriolis and centrifugal matrix C(q, qd) [kg*m^2/s] in Christoffel form, so that dM/dt - 2C is skew-symmetric
   /// (thesis 2.67-2.73 with C32 = -h/2 cos(theta2 - theta3) theta2').
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> coriolis(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> coriolis(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
     const Terms<Scalar> t = terms(at);
     Eigen::Matrix<Scalar, 3, 3> c = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
     c(0, 0) = 0.5 * (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]);
@@ -142,20 +142,20 @@ class Premium {
 
   /// Torques that hold the arm against gravity, N(q) = dV/dq [N*m] (thesis 2.74, 2.75).
   template <class Scalar>
-  Angles<Scalar> gravity(const Posture<Scalar>& at) const {
+  [[nodiscard]] Angles<Scalar> gravity(const Posture<Scalar>& at) const {
     return {Scalar(0.0), n2_ * at.upper.cosine, n3_ * at.fore.sine};
   }
 
   /// Potential energy [J]; zero at theta2 = 0, theta3 = pi/2.
   template <class Scalar>
-  Scalar potential(const Posture<Scalar>& at) const {
+  [[nodiscard]] Scalar potential(const Posture<Scalar>& at) const {
     return n2_ * at.upper.sine - n3_ * at.fore.cosine;
   }
 
   /// Joint accelerations [rad/s^2] under joint torques [N*m] (friction's among them): M^-1 (torque - C qd - N).
   template <class Scalar>
-  [[gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd,
-                                                     const Angles<Scalar>& torque) const {
+  [[nodiscard, gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd,
+                                                                const Angles<Scalar>& torque) const {
     const Terms<Scalar> t = terms(at);
     const Scalar yaw_rate_squared = qd[0] * qd[0];
     const Scalar f1 = torque[0] - (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]) * qd[0];
@@ -170,31 +170,31 @@ class Premium {
 
   // The same, asked once at a pose.
   template <class Scalar>
-  Vector3<Scalar> forward(const Angles<Scalar>& q) const {
+  [[nodiscard]] Vector3<Scalar> forward(const Angles<Scalar>& q) const {
     return forward(posture(q));
   }
   template <class Scalar>
-  TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const {
+  [[nodiscard]] TipJacobian<3, Scalar> jacobian(const Angles<Scalar>& q) const {
     return jacobian(posture(q));
   }
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Angles<Scalar>& q) const {
     return mass_matrix(posture(q));
   }
   template <class Scalar>
-  Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> coriolis(const Angles<Scalar>& q, const Angles<Scalar>& qd) const {
     return coriolis(posture(q), qd);
   }
   template <class Scalar>
-  Angles<Scalar> gravity(const Angles<Scalar>& q) const {
+  [[nodiscard]] Angles<Scalar> gravity(const Angles<Scalar>& q) const {
     return gravity(posture(q));
   }
   template <class Scalar>
-  Scalar potential(const Angles<Scalar>& q) const {
+  [[nodiscard]] Scalar potential(const Angles<Scalar>& q) const {
     return potential(posture(q));
   }
   template <class Scalar>
-  Angles<Scalar> acceleration(const Angles<Scalar>& q, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
+  [[nodiscard]] Angles<Scalar> acceleration(const Angles<Scalar>& q, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
     return acceleration(posture(q), qd, torque);
   }
 
@@ -208,7 +208,7 @@ class Premium {
 
   /// A pose [rad] whose tip is at `p` [m] (thesis 2.11-2.13). The arm has up to four: `behind` turns the base half a turn and
   /// reaches over it, `elbow_down` folds the other way. Without them, the thesis's branch.
-  Pose inverse(const Vector3<>& p, bool behind = false, bool elbow_down = false) const {
+  [[nodiscard]] Pose inverse(const Vector3<>& p, bool behind = false, bool elbow_down = false) const {
     if (!p.allFinite()) return {Reach::not_finite, Joints<3>::Zero()};
     const double forwards = p[2] + l1_;
     double horizontal = std::hypot(p[0], forwards);

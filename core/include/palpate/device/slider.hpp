@@ -18,20 +18,20 @@ class Slider {
 
   /// A slider's pose needs nothing computed beforehand.
   template <class Scalar>
-  const Angles<Scalar>& posture(const Angles<Scalar>& q) const {
+  [[nodiscard]] const Angles<Scalar>& posture(const Angles<Scalar>& q) const {
     return q;
   }
   [[nodiscard]] Angles<double> turned(const Angles<double>& from, const Angles<double>& shift) const { return from + shift; }
 
   /// Tip position (q, 0, 0) [m].
   template <class Scalar>
-  Vector3<Scalar> forward(const Angles<Scalar>& q) const {
+  [[nodiscard]] Vector3<Scalar> forward(const Angles<Scalar>& q) const {
     return {q[0], Scalar(0.0), Scalar(0.0)};
   }
 
   /// dp/dq = (1, 0, 0).
   template <class Scalar>
-  TipJacobian<1, Scalar> jacobian(const Angles<Scalar>& /*q*/) const {
+  [[nodiscard]] TipJacobian<1, Scalar> jacobian(const Angles<Scalar>& /*q*/) const {
     return TipJacobian<1, Scalar>(Scalar(1.0), Scalar(0.0), Scalar(0.0));
   }
 
@@ -40,30 +40,30 @@ class Slider {
 
   /// The mass [kg], 1 x 1.
   template <class Scalar>
-  Eigen::Matrix<Scalar, 1, 1> mass_matrix(const Angles<Scalar>& /*q*/) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> mass_matrix(const Angles<Scalar>& /*q*/) const {
     return Eigen::Matrix<Scalar, 1, 1>(Scalar(mass_));
   }
 
   /// Zero: nothing turns.
   template <class Scalar>
-  Eigen::Matrix<Scalar, 1, 1> coriolis(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/) const {
+  [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> coriolis(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/) const {
     return Eigen::Matrix<Scalar, 1, 1>(Scalar(0.0));
   }
 
   /// Zero: the axis is level.
   template <class Scalar>
-  Angles<Scalar> gravity(const Angles<Scalar>& /*q*/) const {
+  [[nodiscard]] Angles<Scalar> gravity(const Angles<Scalar>& /*q*/) const {
     return Angles<Scalar>(Scalar(0.0));
   }
 
   template <class Scalar>
-  Scalar potential(const Angles<Scalar>& /*q*/) const {
+  [[nodiscard]] Scalar potential(const Angles<Scalar>& /*q*/) const {
     return Scalar(0.0);
   }
 
   /// force / mass [m/s^2].
   template <class Scalar>
-  Angles<Scalar> acceleration(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/, const Angles<Scalar>& force) const {
+  [[nodiscard]] Angles<Scalar> acceleration(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/, const Angles<Scalar>& force) const {
     return Angles<Scalar>(force[0] / mass_);
   }
 

@@ -317,7 +317,8 @@ def _least_squares(columns: Array, target: Array, name: Any) -> tuple[Array, Arr
     scale = np.linalg.norm(columns, axis=0)
     if np.any(scale == 0):
         raise RecordingError(f"too little excitation: nothing in the recording acts on {name(int(np.argmin(scale)))}")
-    q, r = np.linalg.qr(columns / scale)
+    whole = np.asarray(np.linalg.qr(np.column_stack([columns / scale, target]), mode="r"), dtype=float)
+    r, rest = whole[: len(scale), : len(scale)], whole[: len(scale), -1]
     diagonal = np.abs(np.diag(r))
     if diagonal.min() < 1e-10 * diagonal.max():
         raise RecordingError(
@@ -325,7 +326,7 @@ def _least_squares(columns: Array, target: Array, name: Any) -> tuple[Array, Arr
             "; excite more frequencies or lower the orders"
         )
     inverse = linalg.solve_triangular(r, np.eye(len(scale)))
-    return inverse @ (q.T @ target) / scale, inverse @ inverse.T / np.outer(scale, scale)
+    return inverse @ rest / scale, inverse @ inverse.T / np.outer(scale, scale)
 
 
 def _instrumental(columns: Array, target: Array, z: Array) -> tuple[Array, Array]:

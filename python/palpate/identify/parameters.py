@@ -122,6 +122,13 @@ def estimate_parameters(
             f"{recording.duration:g} s are too short for {len(parameters)} parameters; record at least 5 s"
         )
     keep = _usable(rows, coulomb)
+    for axis, count in enumerate(keep.sum(axis=0)):
+        if count < 20:
+            raise RecordingError(
+                f"too little excitation: joint {axis + 1} turns one way faster than {slowest[axis]:.2g} "
+                f"{recording.units[0]}/s for {bumps.width:g} s only {count:.0f} times; move it more, or leave Coulomb "
+                "friction out"
+            )
     weight = _balance(rows.torque)
     columns, target = _stack(rows, weight, keep, len(parameters))
     condition = _check_excitation(columns, parameters)
@@ -197,7 +204,7 @@ def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
             f"too little excitation: nothing moves that would show {', '.join(still)}; move every joint through "
             "some tenths of a radian"
         )
-    _, singular, directions = np.linalg.svd(flat / size, full_matrices=False)
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat / size, mode="r"))
     if singular[-1] < SINGULAR * singular[0]:
         mixed = [p.name for p, share in zip(parameters, np.abs(directions[-1]), strict=True) if share > 0.2]
         raise RecordingError(

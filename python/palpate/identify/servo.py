@@ -106,8 +106,9 @@ class _Body:
     """
 
     def __init__(self, device: Device, period: float) -> None:
-        self._device = device
+        self._dof = device.dof
         self._setup = device.setup()
+        self._jacobian = self._setup.mechanism.jacobian
         self._setup.period = period
         self._setup.substeps = 1
         self._setup.frozen_kinematics = True
@@ -121,8 +122,8 @@ class _Body:
 
     def advance(self, q: Array, qd: Array, torque: Array) -> tuple[Array, Array]:
         """Return angles and speeds one period later."""
-        jacobian = self._device.jacobian(q)
-        if self._device.dof == 1:
+        jacobian = self._jacobian(q[None])[0]
+        if self._dof == 1:
             self._force[0, 0] = torque[0] / jacobian[0, 0]
         else:
             self._force[0] = np.linalg.solve(jacobian.T, torque)
@@ -130,8 +131,7 @@ class _Body:
         rows, count, _ = self._setup.run(self._force, self._nobody)
         if count < 2:
             raise RecordingError("the arm turns faster than 1000 rad/s")
-        dof = self._device.dof
-        return rows[1, :dof], rows[1, dof : 2 * dof]
+        return rows[1, : self._dof], rows[1, self._dof : 2 * self._dof]
 
 
 def respond(

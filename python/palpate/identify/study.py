@@ -34,6 +34,7 @@ def identify_recording(
     device: str | Device,
     out: str | os.PathLike[str] | None = None,
     *,
+    coulomb: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Identify a device from a recording: its own parameters, and an ARX model beside them.
@@ -42,6 +43,7 @@ def identify_recording(
         path: CSV or HDF5 file (see `Recording.load`), or a recording.
         device: catalogue name, path of a device file, or a device: mechanism, lengths and the values to compare with.
         out: folder for `identification.json`, written whole or not at all; made if need be.
+        coulomb: estimate Coulomb friction too.
         progress: called with a few words before each step that takes a while.
 
     Returns:
@@ -59,11 +61,11 @@ def identify_recording(
     arm = device if isinstance(device, Device) else load(device)
     try:
         say("estimating inertia, gravity and friction")
-        fit = estimate_parameters(recording, arm)
+        fit = estimate_parameters(recording, arm, coulomb=coulomb)
         rows = summary_rows(fit, true_values(arm, fit.parameters))
         used, unused = recording.split(USED)
         say("running the fitted device on data not used")
-        device_run, why_not = _device_free_run(arm, used, unused)
+        device_run, why_not = _device_free_run(arm, used, unused, coulomb)
         say("fitting ARX models")
         arx_part = _arx_part(recording, arm)
     except RecordingError as error:
@@ -93,10 +95,12 @@ def identify_recording(
     return result
 
 
-def _device_free_run(device: Device, used: Recording, unused: Recording) -> tuple[list[float] | None, str | None]:
+def _device_free_run(
+    device: Device, used: Recording, unused: Recording, coulomb: bool
+) -> tuple[list[float] | None, str | None]:
     """Return the free run's fit per joint, NRMSE in percent; or None and why there is none."""
     try:
-        fit = estimate_parameters(used, device)
+        fit = estimate_parameters(used, device, coulomb=coulomb)
         base = len(base_parameters(device))
         fitted = with_base_values(
             device, fit.value[:base], fit.friction("k", device.dof), _certain_coulomb(fit, device.dof)
@@ -114,6 +118,8 @@ def _device_free_run(device: Device, used: Recording, unused: Recording) -> tupl
 def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
     """Return Coulomb friction (dof,), 0 where the interval does not exclude that there is none."""
     names = [p.name for p in fit.parameters]
+    if "c1" not in names:
+        return np.zeros(dof)
     low = np.array([fit.low[names.index(f"c{j + 1}")] for j in range(dof)])
     return np.where(low > 0, fit.friction("c", dof), 0.0)
 

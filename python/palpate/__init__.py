@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
-    from palpate import analysis, bench, control, design, devices, identify, loop, report, scenario, thesis
     from palpate.analysis import discretize, linearize
     from palpate.control.controller import Controller
     from palpate.devices import Device

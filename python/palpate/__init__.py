@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
-    from palpate.analysis import discretize, linearize
+    from palpate.analysis.discretize import discretize
+    from palpate.analysis.linearize import linearize
     from palpate.control.controller import Controller
     from palpate.devices import Device
     from palpate.loop.simulate import simulate

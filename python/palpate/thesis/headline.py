@@ -38,8 +38,8 @@ def headline(page: Page) -> Figure:
     page.figure(
         figure,
         "Left: the tip's deflection along z under LQG, settled within 5 % after "
-        f"{slowest * 1e3:.0f} ms at most; dashed, force / stiffness. Right: steady errors on the cubes of table 5.1; the "
-        "thesis's are known to half of 0.01 mm and not drawn below that.",
+        f"{slowest * 1e3:.0f} ms at most; dashed, force / stiffness. Right: steady errors on the cubes of table 5.1; "
+        "the thesis's are known to half of 0.01 mm and not drawn below that.",
         label="Deflection against time for five stiffnesses, and steady errors of the thesis's and our controllers",
     )
     return figure

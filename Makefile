@@ -1,7 +1,7 @@
 # Two commands on a fresh machine (Python 3.11+, a C++20 compiler, make): `make reproduce` and `make test`.
 # Each makes .venv and installs what it needs from the package index.
 
-PYTHON ?= $(firstword $(shell command -v python3.12 python3.11 python3 2>/dev/null))
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11; do if $$p -c '' 2>/dev/null; then echo $$p; exit; fi; done; echo python3)
 BIN := .venv/bin
 CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake -type f)
 OUT ?= results
@@ -37,7 +37,7 @@ clean:
 	rm -rf .venv build results
 
 .venv/bin/python:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 		{ echo "palpate needs Python 3.11 or newer; set PYTHON=/path/to/it" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip

@@ -7,6 +7,7 @@ import pytest
 from identify_data import premium_recording, short_recording
 from palpate import devices, identify
 from palpate.errors import RecordingError
+from palpate.identify.parameters import long_run_covariance
 from palpate.identify.weak_form import TestFunctions, weak_rows
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -148,3 +149,15 @@ def test_slow_motion_cannot_show_dry_friction():
 def test_a_recording_of_another_device_is_refused():
     with pytest.raises(RecordingError, match="3 joints, slider has 1"):
         identify.estimate_parameters(premium_recording(), devices.load("slider"))
+
+
+def test_uncertainty_counts_the_correlation_of_neighbouring_bumps():
+    # Moments that are a moving sum of four white ones: their sum varies 4^2 / 4 = 4 times as much as their squares say.
+    bumps = TestFunctions()
+    draw = np.random.default_rng(0)
+    ratio = []
+    for _ in range(50):
+        white = draw.normal(size=(803, 3))
+        moments = sum(white[lag : 800 + lag] for lag in range(4))
+        ratio.append(np.diag(long_run_covariance(moments, bumps)) / np.diag(moments.T @ moments))
+    assert np.mean(ratio) == pytest.approx(4.0, rel=0.1)

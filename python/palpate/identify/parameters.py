@@ -152,7 +152,7 @@ def estimate_parameters(
         value = np.linalg.solve(cross, np.einsum("rip,ri,i->p", z, target, joint**-2))
     error = target - columns @ value
     moments = np.einsum("rip,ri,i->rp", z, error, joint**-2)
-    spread = _long_run(moments, bumps) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
+    spread = long_run_covariance(moments, bumps) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
     inverse = np.linalg.inv(cross)
     covariance = inverse @ spread @ inverse.T
     worth = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
@@ -214,7 +214,7 @@ def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
     return float(singular[0] / singular[-1])
 
 
-def _long_run(moments: Array, bumps: TestFunctions) -> Array:
+def long_run_covariance(moments: Array, bumps: TestFunctions) -> Array:
     """Return the covariance of the sum of correlated `moments` (rows, p).
 
     Lags at which bumps overlap count in full, longer ones less and less up to three times as long (Politis & Romano

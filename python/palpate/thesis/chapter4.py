@@ -15,6 +15,7 @@ from palpate.thesis import figures
 from palpate.thesis.cases import CASES, case_b, case_plant, design
 from palpate.thesis.checks import Check, at_most, compare, statement, within
 from palpate.thesis.loops import FORCES, STIFFNESSES, Loop, respond, respond_case
+from palpate.thesis.topologies import other_topology
 
 __all__ = ["chapter4", "grid"]
 
@@ -66,6 +67,8 @@ def chapter4(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     checks += _table41(page, tables["lqg"])
     tick("soft object", 0.9)
     _soft(page, tables)
+    tick("the other topology", 0.95)
+    other_topology(page)
     return checks
 
 

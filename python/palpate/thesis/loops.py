@@ -8,13 +8,13 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import simulate
+from palpate import Trace, simulate
 from palpate.control import Controller
 from palpate.loop.response import StepResponse, step_response
 from palpate.thesis.cases import CASES, POSE
 from palpate.thesis.experimental import PERIOD
 
-__all__ = ["FORCES", "STIFFNESSES", "Loop", "respond", "respond_case", "scenario"]
+__all__ = ["FORCES", "STIFFNESSES", "Loop", "loop_of", "respond", "respond_case", "scenario"]
 
 Array = NDArray[np.float64]
 FORCES: Final = (1.0, 4.0, 8.5)  # N, chapter 4
@@ -95,6 +95,11 @@ def respond(
 ) -> Loop:
     """Run a controller on a device model; N, N/mm, s."""
     trace = simulate(scenario(force, stiffness, model, kinematics, duration), controller=controller)
+    return loop_of(trace, force, stiffness)
+
+
+def loop_of(trace: Trace, force: float, stiffness: float) -> Loop:
+    """Return what a trace of a step of `force` N on `stiffness` N/mm shows."""
     deflection = trace["deflection"] * 1e3
     axes: tuple[StepResponse, ...] = ()
     if trace.stable:

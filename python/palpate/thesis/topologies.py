@@ -42,7 +42,7 @@ def other_topology(page: Page) -> None:
     """Write the subsection on the impedance display."""
     page.subsection("The other topology: an impedance display")
     page.paragraph(
-        "In the thesis's loop the operator's force enters as a reference, and a controller makes the arm press with it. "
+        "In the thesis's loop the operator's force enters as a reference, and a controller makes the arm press so. "
         "In a real display the operator pushes the tip, and the device answers with −Jᵀ C(z) F_object. The object's "
         f"force as it is, C = 1, needs a damper to survive sampling at 0.5 ms: {DAMPING:g} N·s/m here. The error that "
         "remains is the stiffness of gravity, which a constant hold balances only where the arm started."

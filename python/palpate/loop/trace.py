@@ -1,4 +1,4 @@
-"""What a run leaves behind: channels with units, and the scenario, seed and version they came from."""
+"""What a run leaves behind: channels with units, and the scenario and version they came from."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Trace:
         time: (n,), s, increasing.
         channels: by name; those of `CHANNELS`, and any other.
         unstable_from: s, when the loop diverged; nothing is recorded from then on. None: it did not.
-        metadata: "scenario" (tables of text with units), "seed", "version", and anything that JSON can hold.
+        metadata: "scenario" (tables of text with units), "version", and anything that JSON can hold.
 
     Raises:
         TraceError: lengths differ, or a value is not finite.

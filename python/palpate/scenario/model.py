@@ -318,13 +318,11 @@ class Run(Section):
     Attributes:
         duration: s.
         substeps: integration steps of the device's motion in one servo period.
-        seed: of every random draw.
         record_every: servo periods between recorded samples.
     """
 
     duration: Duration = 1.0
     substeps: Whole = 2
-    seed: Whole = 0
     record_every: Whole = 1
 
     @field_validator("substeps", "record_every")
@@ -332,13 +330,6 @@ class Run(Section):
     def _counted(cls, value: int, info: ValidationInfo) -> int:
         if not 1 <= value <= 10_000:
             raise ValueError(f"{value}; it must be between 1 and 10000")
-        return value
-
-    @field_validator("seed")
-    @classmethod
-    def _seed(cls, value: int) -> int:
-        if not 0 <= value < 2**63:
-            raise ValueError(f"{value}; a seed must not be negative, and fit 63 bits")
         return value
 
 

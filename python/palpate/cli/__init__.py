@@ -1,0 +1,1 @@
+"""The command line: `palpate reproduce`, `run`, `identify`, `devices`, `bench`."""

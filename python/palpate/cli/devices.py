@@ -1,0 +1,45 @@
+"""`palpate devices`: the catalogue, and every number of a device."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from palpate.cli.console import output
+
+__all__ = ["devices"]
+
+
+def devices(
+    name: Annotated[str | None, typer.Argument(help="Catalogue name, or the path of your own TOML file.")] = None,
+) -> None:
+    """List the devices; with a name, every number of that device with its unit and source.
+
+    Example: palpate devices phantom-premium-1.5a
+    """
+    from palpate.devices import load, names
+    from palpate.devices.catalogue import read_numbers
+
+    if name is None:
+        table = Table("name", "degrees of freedom", "what it is", box=None, pad_edge=False)
+        for known in names():
+            device = load(known)
+            table.add_row(known, str(device.dof), device.description)
+        output.print(table)
+        output.print("\nYour own is a TOML file of the same kind: palpate devices path/to/file.toml", style="dim")
+        return
+    device = load(name)
+    numbers = read_numbers(name)
+    sources = list(dict.fromkeys(number.source for number in numbers))
+    table = Table("number", "value", "source", "what", box=None, pad_edge=False)
+    for number in numbers:
+        mark = f"[{sources.index(number.source) + 1}]"
+        table.add_row(number.key, escape(number.text), escape(mark), escape(number.note))
+    output.print(f"[bold]{device.name}[/]: {device.description}\n")
+    output.print(table)
+    output.print()
+    for index, source in enumerate(sources, start=1):
+        output.print(f"[{index}] {source}", markup=False, style="dim")

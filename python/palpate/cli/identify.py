@@ -1,0 +1,51 @@
+"""`palpate identify`: inertia, gravity and friction of a device from a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.console import output, progress
+
+__all__ = ["identify"]
+
+
+def identify(
+    recording: Annotated[
+        Path, typer.Argument(help="Recording: .csv with a header 'time [s], theta1 [rad], …, tau1 [N*m], …', or .h5.")
+    ],
+    device: Annotated[
+        str,
+        typer.Option("--device", "-d", help="Catalogue name, or a TOML file: mechanism, lengths, values to compare."),
+    ] = "phantom-premium-1.5a",
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for identification.json.")] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Make the recording first: an experiment on the simulated device.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Of the noise, with --simulate.")] = 0,
+) -> None:
+    """Identify a device from recorded angles and torques, with confidence intervals and a test on data not used.
+
+    No recording of a real PHANToM is public; --simulate writes one of the nonlinear arm with encoder counts and noise,
+    20 s at 1 kHz, to the given path and stops.
+
+    Example: palpate identify --simulate recording.csv, then palpate identify recording.csv
+    """
+    with progress("reading") as tell:
+        from palpate.identify import experiment, identify_recording
+
+        if simulate:
+            from palpate.devices import load
+
+            tell("20 s of experiment", 0.1)
+            path = experiment(load(device), seed=seed).save(recording)
+        else:
+            result = identify_recording(recording, device, out, progress=lambda text: tell(text, 0.5))
+    if simulate:
+        output.print(f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}")
+        return
+    output.print(result["summary"], markup=False, soft_wrap=True)
+    if out is not None:
+        output.print(f"  {out / 'identification.json'}", style="dim")

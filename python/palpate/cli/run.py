@@ -1,0 +1,63 @@
+"""`palpate run`: a scenario to a trace, its numbers and its report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.console import output, progress, write_folder
+
+__all__ = ["run"]
+
+
+def run(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+    ] = None,
+) -> None:
+    """Run a scenario: writes trace.h5, summary.json and report.html, and prints the verdict.
+
+    The trace opens in Python, MATLAB or Julia; every channel has its unit. If the loop diverges, the trace is kept up
+    to there and the exit code is 1.
+
+    Example: palpate run scenarios/press-stiff-cube-lqg.toml
+    """
+    with progress("reading the scenario") as tell:
+        from palpate.loop.simulate import simulate
+        from palpate.report.run import run_page
+        from palpate.scenario import Scenario
+
+        loaded = Scenario.from_file(scenario)
+        tell("running", 0.2)
+        trace = simulate(loaded)
+        tell("drawing", 0.6)
+        summary = trace.summary()
+        page = run_page(trace, summary)
+        tell("writing", 0.9)
+        text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        folder = out if out is not None else Path("results") / scenario.stem
+        paths = write_folder(
+            folder,
+            {
+                "trace.h5": trace.write,
+                "summary.json": lambda path: path.write_text(text, "utf-8"),
+                "report.html": page.write,
+            },
+        )
+    colour = "green" if trace.stable else "red"
+    output.print(f"[bold]{loaded.title}[/]: [bold {colour}]{summary['verdict']}[/]")
+    for axis, row in summary["axes"].items():
+        expected = row["expected_deflection_m"]
+        wanted = "" if expected is None else f" of {expected * 1e3:.4g} mm wanted"
+        output.print(
+            f"  {axis}: {row['steady_deflection_m'] * 1e3:.4g} mm{wanted}, overshoot {row['overshoot_percent']:.1f} %"
+        )
+    for path in paths:
+        output.print(f"  {path}", style="dim")
+    if not trace.stable:
+        raise typer.Exit(1)

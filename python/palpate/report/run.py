@@ -1,0 +1,75 @@
+"""The page of one run: verdict, numbers, pictures, and the scenario that made them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from palpate.loop.trace import Trace
+from palpate.report import figures
+from palpate.report.html import Page
+
+__all__ = ["run_page"]
+
+
+def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
+    """Return the report of a trace; `summary` is `trace.summary()`, if it is at hand."""
+    found = trace.summary() if summary is None else summary
+    page = Page(found["title"] or "A run", str(trace.scenario.get("description", "")))
+    page.section("Verdict")
+    page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", "good" if found["stable"] else "bad")
+    facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
+    for key, name, unit, scale in (
+        ("peak_deflection_m", "largest deflection", "mm", 1e3),
+        ("peak_object_force_N", "largest force on the object", "N", 1.0),
+        ("peak_command_force_N", "largest command", "N", 1.0),
+    ):
+        if found[key] is not None:
+            facts.append((name, f"{found[key] * scale:.4g} {unit}"))
+    if found["saturated_fraction"]:
+        facts.append(("saturated", f"{found['saturated_fraction'] * 100:.3g} % of the time"))
+    page.facts(facts)
+    _axes(page, found["axes"])
+    page.section("In time")
+    if "deflection" in trace and len(trace) > 1:
+        page.figure(figures.deflection(trace), "How far the tip has pushed the object in.")
+    if len(trace) > 1:
+        page.figure(figures.forces(trace), "Forces at the tip.")
+        page.figure(figures.torques(trace), "What the motors give.")
+        page.figure(figures.angles(trace), "Where the joints are.")
+    if "energy" in trace and len(trace) > 1:
+        page.figure(figures.energy(trace), "Kinetic and potential energy of the device.")
+    page.section("How it was made")
+    page.paragraph(
+        f"palpate {trace.metadata.get('version', 'unknown')}; the scenario below gives the same trace again."
+    )
+    page.code(json.dumps(trace.scenario, indent=2, ensure_ascii=False), "The scenario")
+    if trace.metadata.get("controller"):
+        page.code(json.dumps(trace.metadata["controller"], indent=2, ensure_ascii=False), "The controller")
+    return page
+
+
+def _axes(page: Page, axes: dict[str, dict[str, Any]]) -> None:
+    if not axes:
+        return
+
+    def shown(value: float | None, digits: str, scale: float = 1.0) -> str:
+        return "–" if value is None else format(value * scale, digits)
+
+    rows = [
+        (
+            axis,
+            shown(row["steady_deflection_m"], ".4f", 1e3),
+            shown(row["expected_deflection_m"], ".4f", 1e3),
+            shown(row["error_percent"], ".3g"),
+            shown(row["overshoot_percent"], ".1f"),
+            shown(row["settling_5_percent_s"], ".0f", 1e3),
+        )
+        for axis, row in axes.items()
+    ]
+    page.table(
+        ["axis", "steady deflection", "force / stiffness", "error", "overshoot", "5 % settling"],
+        rows,
+        "The steady state of each axis, and the way there.",
+        units=["", "mm", "mm", "%", "%", "ms"],
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.report.style import COLOURS, INK, new_figure
+from palpate.report.style import COLOURS, INK, TITLE, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ def forces(trace: Trace) -> Figure:
     for panel, axis in zip(axes, moved, strict=True):
         for name, (label, look) in here.items():
             panel.plot(*thin(trace.time, trace[name][:, axis]), label=label, **look)  # type: ignore[arg-type]
-        panel.set_title(f"along {AXES[axis]}")
+        panel.set_title(f"along {AXES[axis]}", **TITLE)
         panel.set_xlabel("time [s]")
     axes[0].set_ylabel("force [N]")
     if here:
@@ -100,7 +100,7 @@ def compare(
             panel.plot(*thin(trace.time, trace[channel][:, component] * scale), label=label)
         if (target := targets[component]) is not None:
             panel.axhline(target * scale, color=INK, linestyle=(0, (4, 3)), linewidth=1.0, zorder=1)
-        panel.set_title(names[component])
+        panel.set_title(names[component], **TITLE)
         panel.set_xlabel("time [s]")
     axes[0].set_ylabel(ylabel)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -116,7 +116,7 @@ def panels(
     figure, rows = new_figure(1, table.shape[1], sharey=sharey)
     for index, (panel, title) in enumerate(zip(rows[0], titles, strict=True)):
         panel.plot(*thin(time, table[:, index]), color=COLOURS[0])
-        panel.set_title(title)
+        panel.set_title(title, **TITLE)
         panel.set_xlabel("time [s]")
     rows[0][0].set_ylabel(ylabel)
     return figure, rows[0]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.report.figures import thin
-from palpate.report.style import COLOURS, FAINT, INK, new_figure
+from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
 from palpate.thesis.motion import Motion
 
 if TYPE_CHECKING:
@@ -143,4 +143,4 @@ def _legend(figure: Figure, panel: Axes) -> None:
 
 
 def _title(panel: Axes, text: str) -> None:
-    panel.set_title(text, loc="left", fontsize=10.5, fontweight="bold")
+    panel.set_title(text, **TITLE)

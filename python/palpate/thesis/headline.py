@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.report import Page
 from palpate.report.figures import thin
-from palpate.report.style import COLOURS, INK, new_figure
+from palpate.report.style import COLOURS, INK, TITLE, new_figure
 from palpate.thesis.cases import design
 from palpate.thesis.checks import printed
 from palpate.thesis.loops import Loop, respond
@@ -69,7 +69,7 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     left.set_ylim(0.0, 9.6)
     left.set_xlabel("time [ms]")
     left.set_ylabel("deflection along z [mm]")
-    left.set_title("8.5 N on cubes, nonlinear arm", loc="left", fontsize=10.5, fontweight="bold")
+    left.set_title("8.5 N on cubes, nonlinear arm", **TITLE)
     ours = {"lead–lag, palpate": (lead_lag, COLOURS[1], "o"), "LQG, palpate": (lqg, COLOURS[0], "o")}
     for column, (label, colour) in enumerate((("lead–lag, thesis", COLOURS[1]), ("LQG, thesis", COLOURS[0])), start=1):
         errors = []
@@ -85,7 +85,7 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     right.set_xlabel("stiffness of the cube [N/mm]")
     right.set_ylabel("steady error [%]")
     right.set_ylim(FLOOR, 100.0)
-    right.set_title("steady error (ours: worst axis; thesis: z)", loc="left", fontsize=10.5, fontweight="bold")
+    right.set_title("steady error (ours: worst axis; thesis: z)", **TITLE)
     handles, labels = right.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     return figure

@@ -17,6 +17,7 @@ __all__ = ["summarize"]
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
+GROWS = 1.02  # a swing that is this much larger in each quarter of the run than in the one before is unstable
 
 
 def summarize(trace: Trace) -> dict[str, Any]:
@@ -53,8 +54,13 @@ def summarize(trace: Trace) -> dict[str, Any]:
                 "settling_5_percent_s": response.settling_time,
                 "peak_deflection_m": response.peak,
                 "ripple_m": response.ripple,
+                "swing_growth": response.swing_growth if _rests(scenario, trace) else None,
             }
-    summary["verdict"] = _verdict(summary)
+    summary["stable"] = trace.stable and not _growing(summary)
+    held = scenario is not None and scenario.operator.kind == "hold"
+    summary["verdict"] = f"held still for {summary['duration_s']:.4g} s" if held else _verdict(summary)
+    if summary["saturated_fraction"]:
+        summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary
 
 
@@ -70,6 +76,28 @@ def expected_deflection(scenario: Scenario | None) -> list[float | None]:
     return [
         force / k if k > 0.0 and axis < dof else None
         for axis, (force, k) in enumerate(zip(reference.force, stiffness, strict=True))
+    ]
+
+
+def _rests(scenario: Scenario | None, trace: Trace) -> bool:
+    """Return whether the forces from outside are constant over the last half of the run."""
+    if scenario is None:
+        return True
+    signal = scenario.reference or scenario.operator
+    if signal.force is None and signal.table is None:
+        return True
+    middle = float(trace.time[-1]) / 2.0
+    times = [signal.start + (signal.rise or 0.0), *([signal.stop] if signal.stop is not None else [])]
+    times += [row[0] for row in signal.table or ()]
+    return signal.shape != "sine" and not any(middle < time <= float(trace.time[-1]) for time in times)
+
+
+def _growing(summary: dict[str, Any]) -> list[str]:
+    """Return the axes whose swing grows and has not settled."""
+    return [
+        axis
+        for axis, row in summary["axes"].items()
+        if row["settling_5_percent_s"] is None and (row["swing_growth"] or 0.0) > GROWS
     ]
 
 
@@ -101,15 +129,23 @@ def _peak_each(trace: Trace, name: str) -> list[float] | None:
 
 
 def _verdict(summary: dict[str, Any]) -> str:
-    if not summary["stable"]:
-        return f"unstable from t = {summary['unstable_from_s']:.4g} s"
     axes = summary["axes"]
+    if summary["unstable_from_s"] is not None:
+        return f"unstable from t = {summary['unstable_from_s']:.4g} s"
+    if growing := _growing(summary):
+        factor = max(axes[axis]["swing_growth"] for axis in growing)
+        return (
+            f"unstable: the swing along {', '.join(growing)} grows, by {(factor - 1.0) * 100.0:.3g} % in a quarter "
+            "of the run"
+        )
     unsettled = [axis for axis, row in axes.items() if row["settling_5_percent_s"] is None]
     if unsettled:
-        return f"bounded, but not settled along {', '.join(unsettled)} after {summary['duration_s']:.4g} s"
+        dying = all((axes[axis]["swing_growth"] or GROWS) < 1.0 / GROWS for axis in unsettled)
+        state = "stable, its swing dies out," if dying else "bounded,"
+        return f"{state} but not settled along {', '.join(unsettled)} after {summary['duration_s']:.4g} s"
     worst = max((abs(row["error_percent"]) for row in axes.values() if row["error_percent"] is not None), default=None)
     slowest = max((row["settling_5_percent_s"] for row in axes.values()), default=None)
     if slowest is None:
         return f"stable for {summary['duration_s']:.4g} s"
-    text = f"stable: settles to 5 % in {slowest * 1e3:.3g} ms"
+    text = "stable: settles to 5 % in " + (f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s")
     return text if worst is None else f"{text}, steady error {worst:.3g} %"

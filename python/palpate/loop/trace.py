@@ -137,7 +137,8 @@ class Trace:
         """Return the run in numbers, all SI but percentages; JSON can hold it.
 
         Per axis: steady tip deflection, the deflection that the reference force should reach (force over stiffness)
-        and the error against it, overshoot, 5 % settling time; over all: peak command, torque and object force.
+        and the error against it, overshoot, 5 % settling time, growth of a swing; over all: peak command, torque and
+        object force. "stable" is false also where the run went to its end with a swing that grows.
         Where the loop diverged there is no steady state, and only the peaks are given.
         """
         from palpate.loop.summary import summarize

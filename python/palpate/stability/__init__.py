@@ -1,0 +1,73 @@
+"""How stiff an object a loop can render, for whom, and how sure that is: exact where theory is exact."""
+
+from palpate.stability.boundary import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
+from palpate.stability.checks import StabilityError
+from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
+from palpate.stability.loop import WallLoop, wall_loop
+from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
+from palpate.stability.one_line import WallVerdict, wall
+from palpate.stability.passivity import (
+    coulomb_amplitude,
+    coupling_damping,
+    field_damping,
+    passive_damping,
+    passive_stiffness,
+    quantised_stiffness,
+    sufficient_damping,
+)
+from palpate.stability.roads import (
+    Jury,
+    Lyapunov,
+    Routh,
+    characteristic_polynomial,
+    jury,
+    lyapunov,
+    routh,
+    wall_polynomial,
+)
+from palpate.stability.tip import Arm, HeldTip, Tip, hold
+from palpate.stability.two_port import CouplingVerdict, certify_coupling, llewellyn, two_port_limit, two_port_margin
+
+__all__ = [
+    "Arm",
+    "Boundary",
+    "CouplingVerdict",
+    "Critical",
+    "EnergyObserver",
+    "HeldTip",
+    "Jury",
+    "Lyapunov",
+    "MeasuredResponse",
+    "MeasuredVerdict",
+    "PassivityController",
+    "Routh",
+    "StabilityError",
+    "Tip",
+    "WallLoop",
+    "WallVerdict",
+    "boundary",
+    "certify_coupling",
+    "characteristic_polynomial",
+    "coulomb_amplitude",
+    "coupling_damping",
+    "critical",
+    "critical_stiffness",
+    "field_damping",
+    "held_energy",
+    "hold",
+    "jury",
+    "llewellyn",
+    "lyapunov",
+    "naive_energy",
+    "passive_damping",
+    "passive_stiffness",
+    "quantised_stiffness",
+    "routh",
+    "spectral_radius",
+    "sufficient_damping",
+    "two_port_limit",
+    "two_port_margin",
+    "wall",
+    "wall_loop",
+    "wall_polynomial",
+]

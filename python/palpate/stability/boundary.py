@@ -1,0 +1,304 @@
+"""How stiff a wall can be: the exact critical stiffness, and the whole boundary in stiffness and damping as a curve."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.stability.checks import StabilityError, finite
+from palpate.stability.loop import WallLoop, wall_loop
+from palpate.stability.tip import HeldTip, Tip
+
+__all__ = ["Boundary", "Critical", "boundary", "critical", "critical_stiffness", "spectral_radius"]
+
+Array = NDArray[np.float64]
+Device: TypeAlias = Tip | HeldTip | WallLoop | control.StateSpace
+
+
+@dataclass(frozen=True)
+class Critical:
+    """The range of stiffness that a loop bears, from the softest wall up.
+
+    Attributes:
+        stiffness: least stiffness at which a root leaves the unit circle, N/m; 0 if no wall is stable, inf if none is
+            too stiff.
+        softest: stiffness from which on the loop is stable, N/m; 0 but for a device that falls over without a wall.
+        frequency: of the oscillation at the limit, Hz; half the sampling rate for a root at -1, nan if there is none.
+    """
+
+    stiffness: float
+    softest: float
+    frequency: float
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The edge of the stable walls, each point a root on the unit circle with all others inside.
+
+    Attributes:
+        damping: B (k,), N s/m.
+        stiffness: K (k,), N/m.
+        angle: where the root is, (k,), rad per sample.
+        inside: a (B, K) between curve and K = 0 that was confirmed to be stable.
+    """
+
+    damping: Array
+    stiffness: Array
+    angle: Array
+    inside: tuple[float, float]
+
+    @property
+    def stiffest(self) -> tuple[float, float]:
+        """Return the (B, K) of the largest K on the curve."""
+        k = int(np.argmax(self.stiffness))
+        return float(self.damping[k]), float(self.stiffness[k])
+
+
+def _loop(device: Device, options: dict[str, Any]) -> WallLoop:
+    if isinstance(device, WallLoop):
+        if options:
+            raise StabilityError(f"{min(options)} belongs to the loop, which is given already")
+        return device
+    return wall_loop(device, **options)
+
+
+def critical_stiffness(device: Device, *, virtual_damping: float = 0.0, **loop: Any) -> float:
+    """Return the least stiffness (N/m) at which ``device`` against a wall loses stability, exactly.
+
+    Args:
+        device: a Tip, a continuous SISO state space from force (N) to motion (m), or a WallLoop.
+        virtual_damping: B of the wall, N s/m.
+        **loop: period (s), delay (samples, whole or not), velocity_filter, controller: as ``wall_loop``.
+
+    Raises:
+        StabilityError: as ``wall_loop``.
+    """
+    return critical(_loop(device, loop), virtual_damping).stiffness
+
+
+def critical(loop: WallLoop, virtual_damping: float = 0.0) -> Critical:
+    """Return the first interval of stiffness, from zero up, in which the loop is stable.
+
+    Every real K that puts a root on the unit circle is found: at +1, at -1, and in between where Im W = B Im V. The
+    intervals between them are judged by their eigenvalues.
+    """
+    b = finite(virtual_damping, "virtual_damping", "N s/m")
+    for density in (1, 8):
+        angles, values = _crossings(loop, b, density)
+        edges = np.concatenate([[0.0], values, [2 * values[-1] if values.size else 1.0]])
+        middles = 0.5 * (edges[1:] + edges[:-1])
+        stable = [_inside(loop, k, b) for k in middles]
+        if not any(stable):
+            return Critical(0.0, 0.0, float("nan"))
+        first = stable.index(True)
+        last = first
+        while last + 1 < len(stable) and stable[last + 1]:
+            last += 1
+        softest = float(edges[first])
+        if last == len(stable) - 1:
+            return Critical(float("inf"), softest, float("nan"))
+        stiffest = float(edges[last + 1])
+        probes = softest + (stiffest - softest) * np.concatenate([np.geomspace(1e-3, 0.5, 6), [0.7, 0.9, 0.999]])
+        if all(_inside(loop, k, b) for k in probes) and not _inside(loop, softest + (stiffest - softest) * 1.001, b):
+            break
+    frequency = float(angles[last]) / (2 * np.pi * loop.period)
+    return Critical(stiffest, softest, frequency)
+
+
+def _inside(loop: WallLoop, stiffness: float, damping: float) -> bool:
+    return loop.radius(stiffness, damping) < 1.0
+
+
+def _grid(loop: WallLoop, density: int = 1) -> Array:
+    """Return angles in (0, pi), dense about the device's resonances."""
+    near = [np.geomspace(1e-5, np.pi, 700 * density), np.linspace(1e-3, np.pi, 500 * density)]
+    for value in np.linalg.eigvals(np.eye(len(loop.tip.step)) + loop.tip.step):
+        if abs(value) > 0 and abs(np.angle(value)) > 0:
+            width = max(abs(np.log(abs(value))), 1e-7)
+            near.append(abs(np.angle(value)) + width * np.linspace(-8, 8, 64 * density + 1))
+    theta = np.unique(np.concatenate(near))
+    return np.asarray(theta[(theta > 1e-6) & (theta < np.pi * (1 - 1e-9))], dtype=float)
+
+
+def _crossings(loop: WallLoop, b: float, density: int) -> tuple[Array, Array]:
+    """Return (angle, K), K ascending and positive, of every root on the unit circle with damping ``b``."""
+
+    def off(theta: Array) -> Array:
+        return np.asarray(loop.needed(theta).imag - b * loop.rate(theta).imag, dtype=float)
+
+    theta = _grid(loop, density)
+    height = off(theta)
+    k = np.nonzero(height[:-1] * height[1:] < 0)[0]
+    low, high, at_low = theta[k], theta[k + 1], height[k]
+    for _ in range(60):  # all at once; a bracket of 1e-2 shrinks to rounding
+        middle = 0.5 * (low + high)
+        if middle.size == 0 or np.all(high - low <= 4e-16 * high):
+            break
+        at_middle = off(middle)
+        left = at_middle * at_low > 0
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    angles = np.concatenate([0.5 * (low + high), [np.pi]])
+    values = loop.needed(angles).real - b * loop.rate(angles).real
+    static = _static_edge(loop)
+    angles, values = np.concatenate([angles, [0.0]]), np.concatenate([values, [static]])
+    # a sign change through a pole of W, where the device does not answer, is no root
+    real = np.isfinite(values) & (values > 0) & (values < 1e15)
+    order = np.argsort(values[real])
+    return angles[real][order], values[real][order]
+
+
+def _static_edge(loop: WallLoop) -> float:
+    """Return the stiffness that makes up for what the device lacks of its own: a root at +1; 0 if it rests anywhere."""
+    step = loop.tip.step
+    scale = np.abs(step).max()
+    if np.linalg.matrix_rank(step / scale, tol=1e-13) < len(step):
+        return 0.0
+    gain = -loop.tip.out @ np.linalg.solve(step, loop.tip.now + loop.tip.before)
+    if loop.controller is not None:
+        c = loop.controller
+        gain = gain * float((c.C @ np.linalg.solve(np.eye(c.nstates) - c.A, c.B) + c.D)[0, 0]) if c.nstates else gain
+    return float(-1 / gain) if gain != 0 else 0.0
+
+
+def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, **loop: Any) -> Boundary:
+    """Return the boundary of the stable walls in (B, K), traced as a curve in the angle of the root on the circle.
+
+    W(theta) = K + B V(theta) is solved for the real K and B; no grid over K or B, no search. The curve starts at
+    ``least_damping`` and runs through the stiffest wall to the largest damping that a wall of no stiffness may have;
+    pieces that bound no stable wall (a root is outside already) are left out.
+
+    Args:
+        device: as ``critical_stiffness``.
+        points: on the curve.
+        least_damping: B from which on the curve is wanted, N s/m.
+        **loop: as ``wall_loop``.
+
+    Raises:
+        StabilityError: as ``wall_loop``; or no wall at all is stable.
+    """
+    closed = _loop(device, loop)
+
+    def curve(theta: Array) -> tuple[Array, Array]:
+        wanted, rate = closed.needed(theta), closed.rate(theta)
+        b = wanted.imag / rate.imag
+        return b, wanted.real - b * rate.real
+
+    coarse = _coarse(closed)
+    b, k = curve(coarse)
+    good = np.isfinite(b) & np.isfinite(k) & (k > 0) & (b >= least_damping)
+    good &= _edge(closed, b, k, good)
+    runs = _runs(good)
+    if not runs:
+        raise StabilityError(
+            "no wall of any stiffness and damping above least_damping is stable with this device, period and delay"
+        )
+    spans = []
+    for first, last in runs:  # each piece runs on to where it meets K = 0, B = least_damping or another piece
+        low = (
+            coarse[first] if first == 0 else _last_good(closed, curve, coarse[first], coarse[first - 1], least_damping)
+        )
+        high = (
+            coarse[last]
+            if last == len(coarse) - 1
+            else _last_good(closed, curve, coarse[last], coarse[last + 1], least_damping)
+        )
+        spans.append((low, high))
+    length = sum(high - low for low, high in spans)
+    theta = np.concatenate(
+        [np.linspace(low, high, max(2, round(points * (high - low) / length))) for low, high in spans if high > low]
+    )
+    b, k = curve(theta)
+    middle = int(np.argmax(k))
+    inside = (float(b[middle]), 0.9 * float(k[middle]))
+    if not _inside(closed, inside[1], inside[0]):
+        inside = (inside[0], 0.999 * float(k[middle]))
+    if not _inside(closed, inside[1], inside[0]):
+        raise StabilityError(
+            f"the wall just under the curve, B = {inside[0]:g} N s/m, K = {inside[1]:g} N/m, is unstable"
+        )
+    return Boundary(b, k, theta, inside)
+
+
+def _coarse(loop: WallLoop) -> Array:
+    theta = np.concatenate([np.geomspace(1e-4, 0.1, 24), np.linspace(0.11, np.pi * (1 - 1e-6), 104)])
+    resonances = [
+        abs(np.angle(v)) * np.linspace(0.9, 1.1, 11)
+        for v in np.linalg.eigvals(np.eye(len(loop.tip.step)) + loop.tip.step)
+        if abs(np.angle(v)) > 1e-6
+    ]
+    theta = np.unique(np.concatenate([theta, *resonances]))
+    return np.asarray(theta[(theta > 0) & (theta < np.pi)], dtype=float)
+
+
+def _edge(loop: WallLoop, b: Array, k: Array, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where (b, k), which puts one pair of roots on the circle, leaves all others inside."""
+    result = np.zeros(len(b), dtype=bool)
+    if np.any(which):
+        moduli = np.abs(np.linalg.eigvals(loop.matrix(k[which], b[which])))
+        result[which] = moduli.max(axis=1) < 1 + 1e-7
+    return result
+
+
+def _runs(good: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (first, last) of each run of True."""
+    marked = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]])))
+    return [(int(a), int(b) - 1) for a, b in zip(marked[::2], marked[1::2], strict=True)]
+
+
+def _last_good(loop: WallLoop, curve: Any, good: float, bad: float, least: float) -> float:
+    """Return the angle at which the piece of curve ends, between one that belongs to it and one that does not."""
+    for _ in range(5):  # 16 angles at a time: to 1e-6 of the step
+        theta = np.linspace(good, bad, 17)
+        b, k = curve(theta)
+        kept = np.isfinite(b) & np.isfinite(k) & (k > 0) & (b >= least)
+        kept &= _edge(loop, b, k, kept)
+        end = int(np.argmin(kept)) if not kept.all() else len(theta) - 1
+        good, bad = theta[max(end - 1, 0)], theta[end]
+    return float(good)
+
+
+def spectral_radius(
+    device: Device, *, stiffness: ArrayLike, virtual_damping: ArrayLike = 0.0, workers: int | None = None, **loop: Any
+) -> Array:
+    """Return the largest modulus of the loop's eigenvalues for every wall; below 1 is stable.
+
+    Args:
+        device: as ``critical_stiffness``.
+        stiffness: K, N/m, any shape.
+        virtual_damping: B, N s/m, broadcast against K.
+        workers: threads; None: one a core. The result does not depend on them.
+        **loop: as ``wall_loop``.
+
+    Returns:
+        Array of the broadcast shape.
+
+    Raises:
+        StabilityError: as ``wall_loop``, or a wall that is not finite.
+    """
+    closed = _loop(device, loop)
+    k, b = np.broadcast_arrays(np.asarray(stiffness, float), np.asarray(virtual_damping, float))
+    if not (np.all(np.isfinite(k)) and np.all(np.isfinite(b))):
+        raise StabilityError("stiffness and virtual_damping must be finite, in N/m and N s/m")
+    flat_k, flat_b = k.ravel(), b.ravel()
+    result = np.empty(flat_k.size)
+    size = 20_000  # walls at a time: memory stays small, threads have work
+
+    def part(start: int) -> None:
+        window = slice(start, start + size)
+        result[window] = np.abs(np.linalg.eigvals(closed.matrix(flat_k[window], flat_b[window]))).max(axis=-1)
+
+    starts = range(0, flat_k.size, size)
+    threads = min(workers or os.cpu_count() or 1, len(starts))
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(part, starts))
+    else:
+        for start in starts:
+            part(start)
+    return result.reshape(k.shape)

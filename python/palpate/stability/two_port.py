@@ -1,0 +1,107 @@
+"""The virtual coupling as a two-port: Llewellyn's criterion (Adams & Hannaford 1999), and why it is not enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.stability.checks import StabilityError, not_negative, positive
+from palpate.stability.passivity import coupling_damping
+
+__all__ = ["CouplingVerdict", "certify_coupling", "llewellyn", "two_port_limit", "two_port_margin"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CouplingVerdict:
+    """Whether a virtual coupling makes a display passive before every passive discrete object.
+
+    Attributes:
+        passive: the exact verdict: b >= b_c + k_c T/2.
+        needed: b_c + k_c T/2, N s/m.
+        margin: b less ``needed``, N s/m.
+        two_port: Llewellyn's margin, least over frequency; not negative: the two-port calls it stable.
+        sentence: the verdict in words.
+    """
+
+    passive: bool
+    needed: float
+    margin: float
+    two_port: float
+    sentence: str
+
+
+def llewellyn(h11: ArrayLike, h12: ArrayLike, h21: ArrayLike, h22: ArrayLike) -> Array:
+    """Return Llewellyn's margin of a two-port over frequency; it is absolutely stable if none is negative.
+
+    The least of Re h11, Re h22 and 2 Re h11 Re h22 - Re(h12 h21) - |h12 h21|; (k,) for parameters (k,).
+    """
+    a, b, c, d = (np.asarray(h, dtype=complex) for h in (h11, h12, h21, h22))
+    product = b * c
+    third = 2 * a.real * d.real - product.real - np.abs(product)
+    return np.asarray(np.minimum(np.minimum(a.real, d.real), third), dtype=float)
+
+
+def two_port_margin(
+    *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float, angles: int = 2000
+) -> float:
+    """Return the least Llewellyn margin of an impedance display with a virtual coupling, as Adams & Hannaford model it.
+
+    h11 = Z_d by Tustin (its mass is lossless), h12 = (1 + 1/z)/2 for the hold, h21 = -1, h22 = 1/Z_c with
+    Z_c = b_c + k_c T z/(z - 1).
+    """
+    b, t = not_negative(damping, "damping", "N s/m"), positive(period, "period", "s")
+    k, c = not_negative(coupling_stiffness, "coupling_stiffness", "N/m"), not_negative(coupling_damping, "b_c", "N s/m")
+    if k == 0.0 and c == 0.0:
+        raise StabilityError("a virtual coupling needs a stiffness or a damping above zero")
+    theta = np.concatenate([np.geomspace(1e-4, 1e-2, 100), np.linspace(0.01, np.pi, angles)])
+    z = np.exp(1j * theta)
+    impedance = c + k * t * z / (z - 1)
+    one = np.ones_like(z)
+    return float(llewellyn(b * one, 0.5 * (1 + 1 / z), -one, 1 / impedance).min())
+
+
+def two_port_limit(*, damping: float, period: float) -> float:
+    """Return the k_c (N/m) up to which the two-port accepts a coupling without damping: 8b/T, four times too much."""
+    return 8 * not_negative(damping, "damping", "N s/m") / positive(period, "period", "s")
+
+
+def certify_coupling(
+    *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float
+) -> CouplingVerdict:
+    """Return the verdict on a virtual coupling: the two-port's beside the exact one, and only the exact one counts.
+
+    Args:
+        damping: b of the device, N s/m.
+        coupling_stiffness: k_c, N/m.
+        coupling_damping: b_c, N s/m, by backward difference.
+        period: T, s.
+
+    Raises:
+        StabilityError: a value out of range.
+    """
+    needed = _needed(coupling_stiffness, coupling_damping, period)
+    margin = not_negative(damping, "damping", "N s/m") - needed
+    port = two_port_margin(
+        damping=damping, coupling_stiffness=coupling_stiffness, coupling_damping=coupling_damping, period=period
+    )
+    passive = margin >= -1e-12 * needed
+    if passive:
+        sentence = (
+            f"Passive before every passive object: the device's damping {damping:g} N s/m covers "
+            f"b_c + k_c T/2 = {needed:g} N s/m."
+        )
+    else:
+        says = "though the two-port test accepts it" if port >= -1e-12 else "and the two-port test agrees"
+        sentence = (
+            f"Not passive, {says}: the coupling needs b_c + k_c T/2 = {needed:g} N s/m of damping and the device has "
+            f"{damping:g} N s/m."
+        )
+    return CouplingVerdict(passive, needed, margin, port, sentence)
+
+
+def _needed(stiffness: float, damping: float, period: float) -> float:
+    return coupling_damping(coupling_stiffness=stiffness, coupling_damping=damping, period=period)

@@ -1,0 +1,139 @@
+"""Text with units: what is read back is what was written, and a wrong dimension is never a number."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from palpate import devices
+from palpate.errors import DeviceError, ScenarioError
+from palpate.units import _KINDS, parse, quantity, vector, write
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(value=finite, unit=st.sampled_from(sorted(_KINDS)))
+def test_writing_and_reading_gives_the_same_bits(value: float, unit: str) -> None:
+    """Round trip: a trace carries its scenario as text and must run it again bit for bit."""
+    back = quantity(write(value, unit), unit, "field")
+    assert back == value
+    assert math.copysign(1.0, back) == math.copysign(1.0, value)
+
+
+@given(value=finite)
+def test_a_plain_number_stays_as_it_is(value: float) -> None:
+    """Where no unit belongs, a bare number and its text are the same."""
+    assert parse(value, "") == parse(repr(value), "") == value
+
+
+@pytest.mark.parametrize("unit", sorted(_KINDS))
+def test_every_example_in_a_message_can_be_read(unit: str) -> None:
+    """An error tells what to write instead: that must itself be right."""
+    assert math.isfinite(parse(_KINDS[unit][1], unit))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("3.5 N/mm", "N/m", 3500.0),
+        ("3.5N/mm", "N/m", 3500.0),
+        ("0.9 mm", "m", 0.0009),
+        ("23 um", "m", 23e-6),
+        ("23 µm", "m", 23e-6),  # micro sign
+        ("23 μm", "m", 23e-6),  # Greek mu
+        ("-36.8 mm", "m", -0.0368),
+        ("20.2 g", "kg", 0.0202),
+        ("1e-3 kg", "kg", 1e-3),
+        (".5 ms", "s", 5e-4),
+        ("0.5 kHz", "Hz", 500.0),
+        ("180 deg", "rad", math.pi),
+        ("0.05 N·m·s/rad", "N*m*s/rad", 0.05),
+        ("1 mN*m", "N*m", 1e-3),
+        ("9.81 m/s²", "m/s^2", 9.81),
+        ("9.81 m/s**2", "m/s^2", 9.81),
+        ("2.18 Ω", "ohm", 2.18),
+        ("1 lbf", "N", 4.4482216152605),
+    ],
+)
+def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
+    """Definitions of the SI: the double nearest to the exact conversion (pi and the pound to 1 ulp)."""
+    assert quantity(text, unit, "field") == pytest.approx(value, rel=3e-16)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "says"),
+    [
+        ("3.5 N", "N/m", 'object.stiffness: "3.5 N" is a force [N]; a stiffness is needed, for example "3.5 N/mm"'),
+        ("1 kg", "m", "is a mass"),
+        ("1 N*s/m", "N/m", "is a damping"),
+        ("1 Hz", "rad/s", "is a frequency"),
+        ("1", "rad", "no unit, and an angle is needed"),
+        ("2 %", "rad", "a plain number"),
+        (3500, "N/m", '3500 has no unit, and a stiffness is needed; write it as "3500 N/mm"'),
+        ("3500", "N/m", "has no unit"),
+        (math.nan, "N", "not a finite number"),
+        (math.inf, "", "not a finite number"),
+        ("nan N", "N", "not a finite number"),
+        ("-inf N", "N", "not a finite number"),
+        ("1e999 N", "N", "too large"),
+        ("1 Newtun", "N", 'the unit "Newtun" is not known'),
+        ("20 degC", "K", "not known"),
+        ("3,5 N", "N", "write it as"),
+        ("1.2.3 N", "N", "cannot be read"),
+        ("", "N", "cannot be read"),
+        ("N", "N", "cannot be read"),
+        (True, "", "not a quantity"),
+        (None, "N", "not a quantity"),
+        ([1], "N", "not a quantity"),
+    ],
+)
+def test_what_is_no_quantity_is_refused_with_a_sentence(value: object, unit: str, says: str) -> None:
+    """Promise: bare, wrong, unknown or not finite, the field is named and the right form shown."""
+    with pytest.raises(ScenarioError) as caught:
+        quantity(value, unit, "object.stiffness")
+    message = str(caught.value)
+    assert message.startswith("object.stiffness: ")
+    assert says in message
+    assert "\n" not in message
+
+
+@given(text=st.text(max_size=40), unit=st.sampled_from(["N/m", "rad", "s", ""]))
+def test_any_text_is_a_finite_number_or_an_error(text: str, unit: str) -> None:
+    """No text ends in another exception, nor in a number that is not finite."""
+    try:
+        value = parse(text, unit)
+    except ValueError:
+        return
+    assert math.isfinite(value)
+
+
+@pytest.mark.parametrize("text", ["1 __import__('os')", "1 N*(lambda: 0)()", "1 m**99999999", "1 m^9^9^9", "9**9**9 m"])
+def test_text_is_never_evaluated(text: str) -> None:
+    """Data, not code: an expression is no unit, and a tower of powers takes no time."""
+    with pytest.raises(ScenarioError):
+        quantity(text, "m", "field")
+
+
+def test_one_value_stands_for_every_axis() -> None:
+    """A vector is a list, or one value for all axes; another length is an error that counts."""
+    assert vector("1 mm", "m", "f") == (1e-3, 1e-3, 1e-3)
+    assert vector(["1 mm", "2 cm", "-3 m"], "m", "f") == (1e-3, 2e-2, -3.0)
+    with pytest.raises(ScenarioError, match="f: 2 values where 3 are needed"):
+        vector(["1 mm", "2 mm"], "m", "f")
+
+
+def test_the_caller_chooses_the_error() -> None:
+    """A device file's mistake is a DeviceError."""
+    with pytest.raises(DeviceError, match="mass"):
+        quantity("1 m", "kg", "mass.a", error=DeviceError)
+
+
+def test_a_catalogue_number_reads_as_it_is_written() -> None:
+    """The text of each number, read alone, is the device's value."""
+    from palpate.devices.catalogue import read_numbers
+
+    for name in devices.names():
+        for number in read_numbers(name):
+            assert tuple(parse(text, number.unit) for text in number.text.split(", ")) == number.values

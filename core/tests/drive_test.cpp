@@ -52,11 +52,12 @@ TEST(Drive, HeatBringsThePeakDownToTheContinuousForce) {
   EXPECT_NEAR(drive.limit_force({8.5, 0.0, 0.0}).norm(), 8.5, 1e-3);  // cold again
 }
 
-TEST(Drive, TorquesStayWithinTheMotors) {
+TEST(Drive, TorquesStayWithinTheMotorsAndKeepTheirDirection) {
   DriveLimits<3> limits;
   limits.peak_torque = Joints<3>(0.1, 0.2, 0.3);
   const Drive<3> drive(limits, 1e-3);
-  EXPECT_EQ(drive.limit_torque(Joints<3>(1.0, -1.0, 0.2)), Joints<3>(0.1, -0.2, 0.2));
+  EXPECT_DOUBLE_EQ(drive.possible_part(Joints<3>(1.0, -1.0, 0.2)), 0.1);
+  EXPECT_DOUBLE_EQ(drive.possible_part(Joints<3>(0.1, -0.2, 0.3)), 1.0);
 }
 
 TEST(Delay, GivesBackWhatWentInPeriodsAgo) {

@@ -68,6 +68,19 @@ TEST(Servo, AWallNeverPulls) {
   }
 }
 
+// Law: what the motors cannot give is told to the controller: the command, the torque and J^T agree.
+TEST(Servo, MotorLimitsScaleTheCommandAndTheTorqueAlike) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  setup.hold = Vector3<>(0.0, 0.1, 0.0);
+  setup.limits.peak_torque = Joints<3>(0.05, 0.05, 0.05);
+  Servo<Premium> servo(setup);
+  const auto& tick = servo.tick(pose, Vector3<>(3.0, -2.0, 1.0));
+  EXPECT_TRUE(tick.saturated);
+  EXPECT_NEAR(tick.torque.cwiseAbs().maxCoeff(), 0.05, 1e-15);
+  EXPECT_LT((tick.torque - arm.jacobian(pose).transpose() * (tick.command + setup.hold)).norm(), 1e-15);
+}
+
 // Law: a torque leaves the servo `delay` periods after it was computed; before that the device is held at rest.
 TEST(Servo, DelayHoldsTheTorqueBack) {
   ServoSetup<Premium> setup{.mechanism = arm};

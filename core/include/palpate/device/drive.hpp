@@ -60,9 +60,15 @@ class Drive {
     return size > limit ? Vector3<>(wanted * (limit / size)) : wanted;
   }
 
-  /// Joint torques [N*m] within the motors' own limits.
-  [[nodiscard]] Joints<dof> limit_torque(const Joints<dof>& wanted) const noexcept {
-    return wanted.cwiseMin(limits_.peak_torque).cwiseMax(-limits_.peak_torque);
+  /// The largest part, 0 to 1, of joint torques [N*m] that the motors can give; all joints are scaled alike, so that the tip
+  /// force keeps its direction.
+  [[nodiscard]] double possible_part(const Joints<dof>& wanted) const noexcept {
+    double part = 1.0;
+    for (int i = 0; i < dof; ++i) {
+      const double size = std::abs(wanted[i]);
+      if (size > limits_.peak_torque[i]) part = std::fmin(part, limits_.peak_torque[i] / size);
+    }
+    return part;
   }
 
   /// Heat of the windings: 1 is what the continuous force keeps up.

@@ -140,17 +140,24 @@ class Servo {
     tick_.object_force = force;
     const Vector3<> wanted = controller_.output(reference, force);
     tick_.command = drive_.limit_force(wanted + hold_) - hold_;
-    tick_.saturated = (tick_.command - wanted).squaredNorm() > 1e-24 * (1.0 + wanted.squaredNorm());
+    Joints<dof> torque = kinematics_.torque(tick_.command, hold_);
+    const double part = drive_.possible_part(torque);
+    if (part < 1.0) {
+      torque *= part;
+      tick_.command = part * (tick_.command + hold_) - hold_;
+    }
+    tick_.saturated = part < 1.0 || (tick_.command - wanted).squaredNorm() > 1e-24 * (1.0 + wanted.squaredNorm());
     if (!tick_.saturated) tick_.command = wanted;
     controller_.advance(tick_.command);
-    tick_.torque = delay_.pass(drive_.limit_torque(kinematics_.torque(tick_.command, hold_)));
+    tick_.torque = delay_.pass(torque);
     return tick_;
   }
 
  private:
   Joints<dof> torque_at_rest(const Joints<dof>& start) {
     kinematics_.look(start);
-    return drive_.limit_torque(kinematics_.torque(Vector3<>::Zero(), hold_));
+    const Joints<dof> torque = kinematics_.torque(Vector3<>::Zero(), hold_);
+    return drive_.possible_part(torque) * torque;
   }
 
   Kinematics<Mechanism> kinematics_;

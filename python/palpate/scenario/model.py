@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import (
     BeforeValidator,
     ConfigDict,
@@ -22,6 +23,7 @@ from pydantic import (
     model_validator,
 )
 
+from palpate.errors import PoseError
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
     Damping3,
@@ -368,8 +370,8 @@ class Scenario(Section):
         return self
 
     def _check_start(self, device: Device) -> None:
-        pose = self.start.pose
-        if pose is None and self.start.tip is None:
+        pose, tip = self.start.pose, self.start.tip
+        if pose is None and tip is None:
             if device.dof > 1:
                 raise ValueError(
                     'start: pose or tip is missing; write for example pose = ["0 rad", "2.2305 rad", "3.2776 rad"]'
@@ -377,6 +379,10 @@ class Scenario(Section):
             self._fill("start", Start(pose=Pose((0.0,), "m")))
             return
         if pose is None:
+            try:
+                device.inverse(np.array(tip))
+            except PoseError as problem:
+                raise ValueError(f"start.tip: {str(problem).removeprefix('inverse: ')}") from None
             return
         unit = "m" if device.mechanism == "slider" else "rad"
         if len(pose) != device.dof:

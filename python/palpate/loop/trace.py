@@ -166,7 +166,7 @@ class Trace:
             time = file.create_dataset("time", data=self.time, track_times=False)
             time.attrs["unit"] = "s"
             time.make_scale("time")
-            group = file.create_group("channels")
+            group = file.create_group("channels", track_order=True)
             for name, channel in self.channels.items():
                 data = group.create_dataset(
                     name, data=channel.values, compression="gzip", compression_opts=1, shuffle=True, track_times=False

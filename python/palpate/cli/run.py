@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from palpate.cli.console import output, progress, write_folder
 
@@ -50,14 +51,15 @@ def run(
             },
         )
     colour = "green" if trace.stable else "red"
-    output.print(f"[bold]{loaded.title}[/]: [bold {colour}]{summary['verdict']}[/]")
+    output.print(f"[bold]{escape(loaded.title)}[/]: [bold {colour}]{escape(summary['verdict'])}[/]", soft_wrap=True)
     for axis, row in summary["axes"].items():
         expected = row["expected_deflection_m"]
         wanted = "" if expected is None else f" of {expected * 1e3:.4g} mm wanted"
         output.print(
-            f"  {axis}: {row['steady_deflection_m'] * 1e3:.4g} mm{wanted}, overshoot {row['overshoot_percent']:.1f} %"
+            f"  {axis}: {row['steady_deflection_m'] * 1e3:.4g} mm{wanted}, overshoot {row['overshoot_percent']:.1f} %",
+            soft_wrap=True,
         )
     for path in paths:
-        output.print(f"  {path}", style="dim")
+        output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
     if not trace.stable:
         raise typer.Exit(1)

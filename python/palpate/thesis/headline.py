@@ -58,7 +58,7 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
         left.annotate(
             f"{loop.stiffness:g} N/mm",
             (150.0, loop.ideal),
-            xytext=(4, {3.0: 4, 3.5: -4}.get(loop.stiffness, 0)),  # the two lowest lines lie close
+            xytext=(4, {2.5: 1, 3.5: -3}.get(loop.stiffness, 0)),  # the two lowest lines lie close
             textcoords="offset points",
             va="center",
             fontsize=8.5,

@@ -1,0 +1,119 @@
+// Random meshes, random paths. Three laws, each checked by looking at every facet:
+//   no pop-through: the proxy is never inside, and a tip inside is always in contact;
+//   no stick: without friction no facet under the proxy has a point nearer to the tip; with friction the tip is in the cone;
+//   no lost step: every tick ends before the bound on moves.
+#include <gtest/gtest.h>
+
+#include "touch_shapes.hpp"
+
+namespace {
+
+using palpate::Proxy;
+using palpate::Surface;
+using palpate::Vector3;
+using shapes::Shape;
+using shapes::World;
+
+struct Case {
+  const char* name;
+  Shape shape;
+  bool open = false;
+};
+
+Vector3<> gaussian(std::mt19937_64& random) {
+  std::normal_distribution<double> n;
+  return {n(random), n(random), n(random)};
+}
+
+std::vector<Case> cases(std::mt19937_64& random) {
+  std::uniform_real_distribution<double> u(0.0, 1.0);
+  const double bump = 0.3 * u(random), tilt = u(random);
+  const auto wave = [bump](double x, double y) { return bump * std::sin(5.0 * x) * std::sin(4.0 * y + x); };
+  std::vector<Case> list;
+  list.push_back({"bumpy", shapes::ball(6, 0.5, bump)});
+  list.push_back({"concave", shapes::moved(shapes::ball(5, 0.5), [&](const Vector3<>& v) {
+                    return Vector3<>(v[0], v[1], v[2] - 0.8 * std::exp(-8.0 * (v[0] * v[0] + v[1] * v[1])) * (v[2] > 0.0 ? 1.0 : 0.0));
+                  })});
+  list.push_back({"random", shapes::moved(shapes::ball(3, 0.5), [&](const Vector3<>& v) { return Vector3<>(v * (0.5 + u(random))); })});
+  list.push_back({"thin", shapes::box({0.5, 0.5, 1e-4}, 4)});
+  list.push_back({"box", shapes::box({0.5, 0.3, 0.4}, 2)});
+  list.push_back({"slivers", shapes::moved(shapes::ball(6, 0.5, 0.5 * bump),
+                                           [&](const Vector3<>& v) { return Vector3<>(v[0], 0.02 * v[1] + tilt * v[0], v[2]); })});
+  list.push_back({"sheet", shapes::sheet(10, 0.5, wave), true});
+  return list;
+}
+
+/// A tip that wanders through and around the mesh: a filtered random walk, with a jump now and then.
+struct Wanderer {
+  Vector3<> x, v = Vector3<>::Zero();
+  double size;
+  Vector3<> next(std::mt19937_64& random) {
+    std::uniform_real_distribution<double> u(0.0, 1.0);
+    v = 0.98 * v + 0.002 * size * gaussian(random) - 0.0008 * x;
+    x += v;
+    if (u(random) < 1e-3) x = 0.4 * size * gaussian(random);
+    return x;
+  }
+};
+
+void wander(const Case& c, std::uint64_t seed, double scale, double friction, double radius, int ticks) {
+  SCOPED_TRACE(testing::Message() << c.name << " seed " << seed << " scale " << scale << " friction " << friction << " radius " << radius);
+  std::mt19937_64 random(seed);
+  const Vector3<> offset = 0.3 * scale * gaussian(random);
+  Surface surface;
+  surface.static_friction = friction;
+  surface.dynamic_friction = 0.7 * friction;
+  const World world(shapes::moved(c.shape, [&](const Vector3<>& v) { return Vector3<>(scale * v + offset); }), surface, c.open);
+  ASSERT_TRUE(world.mesh.usable());
+  Proxy proxy = world.proxy(radius * scale);
+  Wanderer tip{.x = Vector3<>(0.0, 0.0, 1.2), .size = 1.0};
+  const double small = 1e-9 * scale;
+  for (int k = 0; k < ticks; ++k) {
+    const Vector3<> at = scale * tip.next(random) + offset;
+    const palpate::Contact contact = proxy.step(at);
+    const shapes::Truth proxy_truth = shapes::truth(world.mesh, contact.position);
+    ASSERT_FALSE(!c.open && proxy_truth.inside && proxy_truth.distance > small) << "proxy inside at tick " << k;
+    ASSERT_GE(proxy_truth.distance, radius * scale * (1.0 - 1e-9) - small) << "at tick " << k;
+    if (!contact.touching) {
+      ASSERT_EQ(contact.position, at) << "tick " << k;
+      ASSERT_FALSE(!c.open && shapes::truth(world.mesh, at).inside) << "contact lost at tick " << k;
+    } else if (radius == 0.0) {
+      ASSERT_LE(proxy_truth.distance, small) << "at tick " << k;
+    }
+    const double distance = (contact.position - at).norm();
+    if (contact.touching && friction == 0.0 && radius == 0.0) {
+      for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
+        const palpate::Facet& facet = world.mesh.facet(f);
+        if ((palpate::nearest_point(facet, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
+        ASSERT_GE((palpate::nearest_point(facet, at).point - at).norm(), distance - small) << "stuck at tick " << k << " facet " << f;
+      }
+    }
+    if (contact.touching) {
+      const double along = contact.normal.dot(contact.position - at);
+      ASSERT_NEAR(along, contact.depth, small);
+      ASSERT_LE((contact.position - at - along * contact.normal).norm(), friction * contact.depth * (1.0 + 1e-9) + small) << "tick " << k;
+    }
+  }
+  ASSERT_EQ(proxy.unfinished(), 0);
+}
+
+TEST(TouchRandom, PointNeverSticksNorPopsThrough) {
+  std::uint64_t seed = 0;
+  for (const double scale : {1.0, 1e-3, 1e3})
+    for (int draw = 0; draw < 2; ++draw) {
+      std::mt19937_64 random(++seed);
+      for (const Case& c : cases(random))
+        for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.0, 600);
+    }
+}
+
+TEST(TouchRandom, SphereNeverSticksNorPopsThrough) {
+  std::uint64_t seed = 1000;
+  for (const double scale : {1.0, 1e-3, 1e3}) {
+    std::mt19937_64 random(++seed);
+    for (const Case& c : cases(random))
+      for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.03, 300);
+  }
+}
+
+}  // namespace

@@ -19,8 +19,8 @@ bench: .venv/test-installed
 	$(BIN)/palpate bench
 
 lint: .venv/lint-installed
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+	$(BIN)/ruff check python tests
+	$(BIN)/ruff format --check python tests
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run --Werror $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
@@ -29,8 +29,8 @@ tidy: .venv/lint-installed
 	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/simulation_test.cpp  # includes and instantiates every header
 
 format: .venv/lint-installed
-	$(BIN)/ruff check --fix .
-	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix python tests
+	$(BIN)/ruff format python tests
 	$(BIN)/clang-format -i $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
 clean:

@@ -1,4 +1,4 @@
-"""The core's own tests, under the address and undefined-behaviour sanitizers, and the core as a package for C++ programs."""
+"""The core's own tests, under the address and undefined-behaviour sanitizers, and the core as a package for C++."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ equation. Coefficients are highest power first, as numpy's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
 from math import comb
 
 import numpy as np
@@ -15,7 +16,17 @@ from scipy.linalg import matrix_balance
 
 from palpate.stability.checks import StabilityError, not_negative, positive, share
 
-__all__ = ["Jury", "Lyapunov", "Routh", "characteristic_polynomial", "jury", "lyapunov", "routh", "wall_polynomial"]
+__all__ = [
+    "Jury",
+    "Lyapunov",
+    "Routh",
+    "characteristic_polynomial",
+    "jury",
+    "lyapunov",
+    "precise_tables",
+    "routh",
+    "wall_polynomial",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -78,6 +89,45 @@ def characteristic_polynomial(matrix: ArrayLike) -> Array:
     values = np.linalg.det(z[:, None, None] * np.eye(n) - a[..., None, :, :])
     powers = np.fft.fft(values, axis=-1).real / (n + 1)  # lowest power first
     return np.ascontiguousarray(powers[..., ::-1])
+
+
+def precise_tables(matrix: ArrayLike, digits: int = 150) -> tuple[bool, bool]:
+    """Return whether Jury's table and Routh's array find A (n, n) stable, in decimal arithmetic of ``digits`` digits.
+
+    The coefficients of many roots near 1 lose the roots in double precision; here the polynomial of the very matrix
+    given (Faddeev & Le Verrier) and both tables keep them.
+    """
+    a = np.asarray(matrix, dtype=float)
+    n = len(a)
+    with localcontext() as context:
+        context.prec = digits
+        exact = np.array([[Decimal(float(x)) for x in row] for row in a], dtype=object).reshape(n, n)
+        eye = np.array([[Decimal(int(i == j)) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)
+        coefficients = [Decimal(1)]
+        power = np.full((n, n), Decimal(0), dtype=object)
+        for k in range(1, n + 1):
+            power = exact @ power + coefficients[-1] * eye
+            coefficients.append(-sum(np.diag(exact @ power), Decimal(0)) / k)
+        by_jury, rows = True, coefficients
+        while len(rows) > 1:
+            last = rows[-1] / rows[0]
+            if abs(last) >= 1:
+                by_jury = False
+                break
+            rows = [x - last * y for x, y in zip(rows[:-1], rows[:0:-1], strict=True)]
+        mapped = [sum(c * int(t) for c, t in zip(coefficients, column, strict=True)) for column in _bilinear(n).T]
+        by_routh, upper, lower = True, mapped[0::2], mapped[1::2]
+        first = [upper[0]]
+        for _ in range(n):
+            if not lower or lower[0] == 0:
+                by_routh = False
+                break
+            first.append(lower[0])
+            ratio = upper[0] / lower[0]
+            short = [*lower[1:], *[Decimal(0)] * (len(upper) - len(lower))]
+            upper, lower = lower, [x - ratio * y for x, y in zip(upper[1:], short, strict=True)]
+        by_routh = by_routh and (min(first) > 0 or max(first) < 0)
+    return by_jury, bool(by_routh)
 
 
 def wall_polynomial(

@@ -1,0 +1,358 @@
+"""A verdict on a scenario: the claim, what it assumes, its margin and method, or a counter-example that runs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.design.margins import critical_gain, loop_margins
+from palpate.errors import PalpateError
+from palpate.scenario import Scenario
+from palpate.stability.counter_example import CounterExample, growing, worst_hand
+from palpate.stability.passivity import passive_damping, quantised_stiffness
+from palpate.stability.roads import lyapunov, precise_tables
+from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
+
+__all__ = ["Certificate", "certify"]
+
+Array = NDArray[np.float64]
+Verdict = Literal["stable", "unstable", "cannot tell"]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is claimed of a scenario's loop, and on what grounds.
+
+    Attributes:
+        title: the scenario's.
+        verdict: "stable", "unstable" or "cannot tell".
+        claim: one sentence.
+        assumptions: what the claim holds for, each a sentence.
+        margin: numbers with their unit in the name; empty if nothing is claimed.
+        method: how it was found and checked, each a sentence.
+        roads: verdict of each road ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
+        passive: whether the display is passive, so stable in every passive hand; None where it was not asked.
+        counter_example: a scenario that runs and shows an instability; None if there is none to show.
+    """
+
+    title: str
+    verdict: Verdict
+    claim: str
+    assumptions: tuple[str, ...]
+    margin: Mapping[str, float]
+    method: tuple[str, ...]
+    roads: Mapping[str, bool]
+    passive: bool | None = None
+    counter_example: CounterExample | None = None
+    scenario: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def stable(self) -> bool:
+        """Whether stability is claimed."""
+        return self.verdict == "stable"
+
+    def __str__(self) -> str:
+        lines = [self.claim, "", "Holds for:", *(f"  - {one}" for one in self.assumptions)]
+        if self.margin:
+            lines += [
+                "",
+                "Margins:",
+                *(f"  {name.replace('_', ' ')}: {value:.5g}" for name, value in self.margin.items()),
+            ]
+        lines += ["", "Method:", *(f"  - {one}" for one in self.method)]
+        if self.counter_example is not None:
+            lines += ["", f"Counter-example: {self.counter_example.sentence}"]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the certificate as JSON can hold it; infinities become text."""
+        plain: dict[str, Any] = _plain(asdict(self))
+        return plain
+
+    def write(self, path: str | Path) -> Path:
+        """Write the certificate as JSON, whole or not at all; return the path."""
+        from palpate.loop.trace import write_whole
+
+        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
+    """Return the certificate of a scenario's servo loop.
+
+    The loop is linearised where it rests (at the start, and where the run comes to rest), sampled exactly, and judged
+    by four independent roads; if they disagree nothing is claimed. An unstable loop comes with a scenario that grows;
+    one that is stable but not passive with the passive hand, found by search, that makes it unstable. Each
+    counter-example has been run.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+
+    Raises:
+        ScenarioError, DesignError, PoseError: the scenario has a mistake.
+        StabilityError: it has no loop to judge (nothing is touched, or the tip is held still).
+    """
+    s = scenario if isinstance(scenario, Scenario) else _read(scenario)
+    loop = scenario_loop(s)
+    radius, roads = _judge(loop)
+    if len(set(roads.values())) > 1 or abs(radius - 1) < 1e-12:
+        return _cannot_tell(s, radius, roads)
+    if radius >= 1:
+        return _unstable(s, loop, radius, roads)
+    return _stable(s, loop, radius, roads)
+
+
+def _read(scenario: Mapping[str, Any] | str | Path) -> Scenario:
+    return Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+
+
+def _judge(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
+    """Return the spectral radius, and whether each road finds the loop stable."""
+    a = loop.matrix()
+    radius = float(np.abs(np.linalg.eigvals(a)).max())
+    by_jury, by_routh = precise_tables(a)
+    return radius, {
+        "eigenvalues": radius < 1,
+        "Jury": by_jury,
+        "Routh": by_routh,
+        "Lyapunov": bool(lyapunov(a).stable),
+    }
+
+
+def _cannot_tell(s: Scenario, radius: float, roads: Mapping[str, bool]) -> Certificate:
+    says = ", ".join(f"{name}: {'stable' if stable else 'unstable'}" for name, stable in roads.items())
+    return Certificate(
+        s.title,
+        "cannot tell",
+        f"Cannot tell: the loop is so near its limit (spectral radius 1 {radius - 1:+.1e}) that the methods disagree "
+        f"within rounding ({says}).",
+        _assumptions(s),
+        {},
+        _method(s),
+        dict(roads),
+        scenario=s.to_dict(),
+    )
+
+
+def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, bool]) -> Certificate:
+    doubling = math.log(2) / math.log(radius) * loop.period
+    margin = {"spectral_radius": radius, "doubling_time_s": doubling}
+    bears = ""
+    try:
+        share = critical_gain(loop.gain())
+        margin["stable_share_of_the_object"] = share
+        bears = f"; it would bear {share:.4g} of the object's stiffness and damping"
+    except PalpateError:
+        pass
+    angle = _angle(loop)
+    margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
+    example = growing(s, radius)
+    return Certificate(
+        s.title,
+        "unstable",
+        f"Unstable: a swing at {margin['frequency_Hz']:.4g} Hz doubles every {doubling:.3g} s{bears}.",
+        _assumptions(s),
+        margin,
+        _method(s),
+        dict(roads),
+        None,
+        example,
+        s.to_dict(),
+    )
+
+
+def _angle(loop: ScenarioLoop) -> float:
+    """Return the angle of the largest eigenvalue, rad per sample."""
+    values = np.linalg.eigvals(loop.matrix())
+    return float(abs(np.angle(values[np.argmax(np.abs(values))])))
+
+
+def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, bool]) -> Certificate:
+    m = loop_margins(loop.gain())
+    margin = {
+        "spectral_radius": radius,
+        "object_stiffer_by_factor": m.gain_up,
+        "object_softer_by_factor": m.gain_down,
+        "phase_deg": m.phase,
+        "further_delay_s": m.delay,
+        "disk_alpha": m.disk,
+    }
+    method = list(_method(s))
+    claim = f"Stable: the object may be {_factor(m.gain_up)} before the loop oscillates"
+    rests, diverged, sentence = _at_rest(s)
+    method.append(sentence)
+    if diverged is not None:
+        return Certificate(
+            s.title,
+            "unstable",
+            f"Unstable: small motions about the start die out, but the run itself diverges at {diverged:g} s.",
+            _assumptions(s),
+            margin,
+            tuple(method),
+            dict(roads),
+            None,
+            CounterExample(s.to_dict(), float("inf"), f"as it stands, the run diverges after {diverged:.3g} s."),
+            s.to_dict(),
+        )
+    if rests is not None:
+        there, roads_there = _judge(rests)
+        margin["spectral_radius_where_it_rests"] = there
+        if not all(roads_there.values()):
+            return Certificate(
+                s.title,
+                "cannot tell",
+                "Cannot tell: stable at the start, but not where the run comes to rest (spectral radius "
+                f"{there:.6g}); the loop may swing between the two without end.",
+                _assumptions(s),
+                margin,
+                tuple(method),
+                dict(roads),
+                scenario=s.to_dict(),
+            )
+        margin["object_stiffer_by_factor_where_it_rests"] = loop_margins(rests.gain()).gain_up
+    passive, needed, why = _passive(s, loop)
+    example = None
+    if passive is not None:
+        margin["passive_damping_needed_N_s_per_m"] = needed
+        margin["damping_felt_N_s_per_m"] = loop.damping_felt
+    if passive:
+        claim += ", and passive: stable in every passive hand"
+    elif passive is False:
+        claim += ", with the operator described; it is not passive, so another hand can make it unstable"
+        example = worst_hand(s)
+        if example is None:
+            method.append(
+                "No unstable mass and spring was found for a hand; more general passive hands were not searched."
+            )
+    if why:
+        method.append(why)
+    return Certificate(
+        s.title,
+        "stable",
+        claim + ".",
+        _assumptions(s),
+        margin,
+        tuple(method),
+        dict(roads),
+        passive,
+        example,
+        s.to_dict(),
+    )
+
+
+def _factor(up: float) -> str:
+    return "as stiff as you like" if math.isinf(up) else f"{up:.4g} times as stiff and as damped"
+
+
+def _at_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, str]:
+    """Run the scenario; return its loop where it came to rest, when it diverged (s), and what was seen."""
+    from palpate.loop.simulate import simulate
+
+    trace = simulate(s)
+    ran = f"The full scenario was run for {s.run.duration:g} s"
+    if not trace.stable:
+        return None, trace.unstable_from, f"{ran} and diverged at {trace.unstable_from:g} s."
+    if s.device.model != "nonlinear":
+        return None, None, f"{ran} and stayed bounded."
+    if s.object.kind == "wall" and not trace["touching"][-1, 0]:
+        return None, None, f"{ran} and stayed bounded; at its end the tip is off the wall."
+    speed = np.abs(np.diff(trace["tip"][-20:], axis=0)).max() / (s.period * s.run.record_every)
+    if speed > 5e-3:
+        at = f"the tip still moves at {speed:.2g} m/s"
+        return None, None, f"{ran} and stayed bounded; it has not come to rest ({at})."
+    force = trace["command_force"][-1]
+    there = scenario_loop(s, pose=trace["angle"][-1], tip_force=force, operator_force=trace["operator_force"][-1])
+    return there, None, f"{ran}, stayed bounded, and was judged again where it came to rest."
+
+
+def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
+    """Return whether the display is passive (None: not asked), the damping it needs, and a remark."""
+    if s.servo.topology != "impedance_display" or s.controller.kind not in ("none", "gain"):
+        return None, float("nan"), "Passivity is not asked of a loop with this topology and controller."
+    if s.object.coupling != "backward" or math.isnan(loop.damping_felt):
+        return None, float("nan"), ""
+    share = max(s.controller.gain or (1.0,))
+    k = float(np.linalg.eigvalsh(loop.stiffness).max()) * share
+    b = float(np.linalg.eigvalsh(loop.damping).max()) * share
+    needed = passive_damping(stiffness=k, virtual_damping=b, period=s.period, delay=s.device.delay)
+    passive = loop.damping_felt >= needed
+    remark = (
+        f"Passivity, exactly: the wall needs {needed:.4g} N s/m of the device's own damping at the tip and there is "
+        f"{loop.damping_felt:.4g} N s/m."
+    )
+    if s.device.encoder:
+        device = s.load_device()
+        levers = np.abs(loop.directions.T @ device.jacobian(_start(s))).max(axis=0)
+        quantum = float((levers * device.encoder_step).max())
+        friction = float(np.where(levers > 1e-9, device.coulomb / np.maximum(levers, 1e-9), np.inf).min())
+        bound = quantised_stiffness(damping=loop.damping_felt, coulomb=friction, period=s.period, quantum=quantum)
+        if passive and k > bound:
+            passive = False
+            remark += (
+                f" Encoder counts of {quantum * 1e6:.3g} um at the tip need friction for {k:.4g} N/m, and it covers "
+                f"{bound:.4g} N/m (Abbott & Okamura 2005)."
+            )
+    return passive, needed, remark
+
+
+def _start(s: Scenario) -> Array:
+    if s.start.tip is not None:
+        return s.load_device().inverse(s.start.tip)
+    return np.array(s.start.pose, dtype=float)
+
+
+def _assumptions(s: Scenario) -> tuple[str, ...]:
+    device = s.load_device()
+    rate, delay = 1 / s.period, s.device.delay
+    said = [f"{device.name} at {rate:g} Hz, {delay or 'no'} samples of delay, every tick on time."]
+    o = s.operator
+    if o.kind == "arm":
+        grip = "rigidly" if o.tissue_stiffness is None else f"through fingertip tissue of {o.tissue_stiffness:g} N/m"
+        said.append(
+            f"This operator: an arm of {o.mass:g} kg, {o.damping:g} N s/m, {o.stiffness:g} N/m that grips {grip}."
+        )
+    elif s.servo.topology == "impedance_display":
+        said.append("Nobody's mass or damping at the tip: a hand that only pushes.")
+    else:
+        said.append("A reference force that does not depend on the motion.")
+    if s.device.model == "nonlinear":
+        said.append("Small motions about the pose: the device is linearised exactly there.")
+    if s.object.kind == "wall":
+        said.append("The tip stays in the wall; motions along the surface are left to the hand.")
+    ignored = []
+    if np.any(device.coulomb > 0):
+        ignored.append("dry friction, which only takes energy away")
+    if s.device.encoder:
+        ignored.append("encoder counts, which can leave a swing of a few counts")
+    if s.device.saturation:
+        ignored.append("the drive's limits, which a large swing meets")
+    if ignored:
+        said.append(f"Left out: {'; '.join(ignored)}.")
+    return tuple(said)
+
+
+def _method(s: Scenario) -> tuple[str, ...]:
+    return (
+        f"The loop is one matrix, exact for forces held over {s.period * 1e3:g} ms; no hold or delay is approximated.",
+        "Eigenvalues, Jury's table, Routh's array through the bilinear map and a Lyapunov matrix were computed apart, "
+        "and a verdict is given only if all four agree.",
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value

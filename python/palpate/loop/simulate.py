@@ -35,9 +35,10 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Co
         controller: runs instead of the one that [controller] describes; sampled with the servo period.
 
     Raises:
-        ScenarioError: the scenario has a mistake, or asks for what its device model cannot do.
-        PoseError: the start tip is out of reach, or the pose is singular for what is asked.
-        DesignError: no controller meets the options in [controller], or `controller` has another period.
+        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` has
+            another period.
+        PoseError: the pose is singular for what is asked.
+        DesignError: no controller meets the options in [controller].
     """
     experiment = prepare(scenario, controller)
     return experiment.trace(*experiment.run())

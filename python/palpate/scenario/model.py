@@ -432,8 +432,8 @@ class Scenario(Section):
         return load(self.device.name)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as tables of text with units: `Scenario.from_dict` reads it back to equal values."""
-        return self.model_dump(exclude_unset=True, exclude_none=True)
+        """Return tables that JSON can hold, values as text with units; `Scenario.from_dict` reads them back, equal."""
+        return self.model_dump(mode="json", exclude_unset=True, exclude_none=True)
 
     @classmethod
     def from_file(cls, path: str | Path) -> Scenario:

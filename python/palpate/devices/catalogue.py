@@ -210,10 +210,11 @@ def _number(where: str, name: str, entry: Any, field: _Field, sources: Mapping[s
         values = vector(value, field.unit, at, field.size, error=DeviceError)
     else:
         values = (quantity(value, field.unit, at, error=DeviceError),)
+    least = f"{min(values):g} {field.unit}".rstrip()
     if min(values) < field.low:
-        raise DeviceError(f"{at} is {min(values):g} {field.unit}; it cannot be negative")
+        raise DeviceError(f"{at} is {least}; it cannot be negative")
     if name in _POSITIVE and min(values) <= 0.0:
-        raise DeviceError(f"{at} is {min(values):g} {field.unit}; it must be positive")
+        raise DeviceError(f"{at} is {least}; it must be positive")
     source = str(entry["source"])
     shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
     return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

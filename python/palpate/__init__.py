@@ -15,24 +15,45 @@ if TYPE_CHECKING:
     from palpate.loop.simulate import simulate
     from palpate.loop.trace import Trace
     from palpate.scenario import Scenario
+    from palpate.touch import Contact, Mesh, Proxy, Surface
 
 # Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
 _HOMES = {
+    "Contact": "palpate.touch",
     "Controller": "palpate.control.controller",
     "Device": "palpate.devices",
+    "Mesh": "palpate.touch",
+    "Proxy": "palpate.touch",
     "Scenario": "palpate.scenario",
+    "Surface": "palpate.touch",
     "Trace": "palpate.loop.trace",
     "discretize": "palpate.analysis",
     "linearize": "palpate.analysis",
     "simulate": "palpate.loop.simulate",
 }
-_ROOMS = ("analysis", "bench", "control", "design", "devices", "identify", "loop", "report", "scenario", "thesis")
+_ROOMS = (
+    "analysis",
+    "bench",
+    "control",
+    "design",
+    "devices",
+    "identify",
+    "loop",
+    "report",
+    "scenario",
+    "thesis",
+    "touch",
+)
 
 __all__ = [
+    "Contact",
     "Controller",
     "Device",
+    "Mesh",
     "PalpateError",
+    "Proxy",
     "Scenario",
+    "Surface",
     "Trace",
     "analysis",
     "bench",
@@ -47,6 +68,7 @@ __all__ = [
     "scenario",
     "simulate",
     "thesis",
+    "touch",
 ]
 
 

@@ -180,6 +180,8 @@ void bind_loop(nb::module_& m, const char* name) {
 
 }  // namespace
 
+void bind_touch(nb::module_& m);
+
 NB_MODULE(_core, m) {
   m.doc() = "palpate's core: device dynamics and the servo loop.";
 
@@ -255,4 +257,6 @@ NB_MODULE(_core, m) {
   nb::class_<palpate::Slider> slider(m, "Slider");
   slider.def(nb::init<double>(), "mass"_a);
   bind_mechanism(slider);
+
+  bind_touch(m);
 }

@@ -100,6 +100,15 @@ class Roll {
       slid += part * slip;
       done = part == 1.0 && !seat.touching();
     }
+    if (!done) {  // what there is to say after the last move; the next tick goes on
+      Goal goal = nearest_allowed(seat, tip);
+      if (goal.strongest < 0) {
+        sweep_to(seat, tip);
+        goal = nearest_allowed(seat, tip);
+      }
+      seat.rest = goal.point;
+      seat.facet = goal.strongest < 0 ? Mesh::none : seat.planes[static_cast<std::size_t>(goal.strongest)].facet;
+    }
     sliding = seat.touching() && slid > 0.0;
     return done;
   }

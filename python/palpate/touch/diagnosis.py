@@ -1,0 +1,55 @@
+"""What is wrong with a mesh, in numbers and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Diagnosis"]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Counts of faults, and of what was mended when the mesh was made. `str()` tells it in sentences."""
+
+    triangles: int
+    vertices: int
+    parts: int
+    """Pieces that share no edge."""
+    volume: float
+    """Enclosed, m^3; of no meaning if the mesh is open."""
+    open_edges: int
+    non_manifold_edges: int
+    mixed_winding_edges: int
+    degenerate: int
+    duplicate: int
+    self_intersections: int
+    """Edges that pierce a triangle; -1 if the mesh is too broken to look."""
+    mended: tuple[str, ...] = ()
+    """What was changed, one sentence each."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether there is an inside."""
+        return self.open_edges == 0
+
+    @property
+    def clean(self) -> bool:
+        """Closed, manifold, wound one way, without pieces that cut each other."""
+        faults = (self.open_edges, self.non_manifold_edges, self.mixed_winding_edges, self.degenerate, self.duplicate)
+        return not any(faults) and self.self_intersections == 0
+
+    def __str__(self) -> str:
+        lines = [f"{self.triangles} triangles, {self.vertices} vertices, {self.parts} part{'s'[: self.parts != 1]}"]
+        named = (
+            (self.open_edges, "open edges (a border)"),
+            (self.non_manifold_edges, "edges with more than two triangles"),
+            (self.mixed_winding_edges, "edges whose triangles turn opposite ways round"),
+            (self.degenerate, "triangles without area"),
+            (self.duplicate, "repeated triangles"),
+            (self.self_intersections, "edges that pierce a triangle"),
+        )
+        lines += [f"{count} {what}" for count, what in named if count > 0]
+        if self.closed:
+            lines.append(f"closed, {self.volume:.6g} m^3")
+        lines += [f"mended: {what}" for what in self.mended]
+        return "\n".join(lines)

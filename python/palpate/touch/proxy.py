@@ -1,0 +1,71 @@
+"""The proxy (god-object): the point or sphere that stays outside while the tip goes in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate import _core
+from palpate.errors import PoseError
+from palpate.touch.contact import Contact, Contacts
+from palpate.touch.mesh import Mesh
+from palpate.touch.surface import Surface, number
+
+__all__ = ["Proxy"]
+
+
+class Proxy:
+    """Follows a tip over a mesh: a point, or a sphere of `radius` (m, or text with a unit).
+
+    The first tip is where it starts: there, or on the nearest surface if that is inside a closed mesh. Each later tip is one tick. A
+    tip that is not finite is a fault: it is counted in `faults`, and the last contact is held.
+    """
+
+    def __init__(self, mesh: Mesh, surface: Surface | None = None, radius: float | str = 0.0) -> None:
+        size = number(radius, "radius", "m")
+        self.mesh = mesh
+        self.surface = Surface() if surface is None else surface
+        self.radius = size
+        self.core = _core.TouchProxy(mesh.core, self.surface.core_for(mesh), size)
+
+    def step(self, tip: ArrayLike) -> Contact:
+        """Go one tick with the tip at `tip` (3,), m."""
+        point = np.ascontiguousarray(tip, dtype=float)
+        if point.shape != (3,):
+            raise PoseError(f"a tip is three numbers in m; this has shape {point.shape}")
+        return self.follow(point[None, :])[0]
+
+    def follow(self, path: ArrayLike) -> Contacts:
+        """Go one tick for each row of `path` (n, 3), m, and return all contacts; the loop is the core's."""
+        points = np.ascontiguousarray(path, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise PoseError(f"a path is (n, 3) numbers in m; this has shape {points.shape}")
+        rows, triangle = self.core.follow(points)
+        return Contacts(
+            touching=np.asarray(triangle) >= 0,
+            position=rows[:, 0:3],
+            normal=rows[:, 3:6],
+            force=rows[:, 6:9],
+            triangle=np.asarray(triangle),
+            depth=rows[:, 9],
+            stiffness=rows[:, 10],
+        )
+
+    def reset(self) -> None:
+        """Let go of the surface: the next tip is a first one."""
+        self.core.reset()
+
+    @property
+    def faults(self) -> int:
+        """Tips that were not finite."""
+        return int(self.core.faults)
+
+    @property
+    def unfinished(self) -> int:
+        """Ticks that reached the bound on moves and went on in the next."""
+        return int(self.core.unfinished)
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the proxy slid in the last tick."""
+        return bool(self.core.sliding)

@@ -1,0 +1,102 @@
+"""How a surface answers to being touched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.errors import PalpateError
+from palpate.touch.mesh import Mesh
+from palpate.units import quantity
+
+__all__ = ["Surface", "SurfaceError"]
+
+
+class SurfaceError(PalpateError):
+    """A stiffness, damping or friction has the wrong length, sign or unit."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Stiffness, damping and friction of a mesh's surface. Numbers are SI; text carries its unit ("3.5 N/mm").
+
+    `stiffness` (N/m, along the normal) and `damping` (N*s/m, along the normal) are one value, one per triangle or one per vertex.
+    `tangential` (N/m) joins tip and proxy along the surface, None for as stiff as along the normal, 0 for nothing. The frictions are
+    coefficients: the proxy holds until the tangential force exceeds static_friction times the normal force (infinity: it never slips),
+    and slides with dynamic_friction (static_friction if None). `viscous` (N*s/m) drags a sliding proxy. `period` is the servo's,
+    s, for damping and drag.
+
+    The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" one spreads values
+    smoothly over the surface, k with continuous slope, and its force is that of the potential k depth^2 / 2 : there is a part
+    depth^2 / 2 times the slope of k along the surface.
+    """
+
+    stiffness: ArrayLike | str = 1000.0
+    tangential: float | str | None = None
+    static_friction: float = 0.0
+    dynamic_friction: float | None = None
+    viscous: float | str = 0.0
+    damping: ArrayLike | str = 0.0
+    field: Literal["discrete", "continuous"] = "discrete"
+    period: float | str = "1 ms"
+
+    def core_for(self, mesh: Mesh) -> Any:
+        """Return the core's surface for `mesh`. Raises SurfaceError."""
+        core = _core.TouchSurface()
+        core.stiffness = _list(self.stiffness, "stiffness", "N/m", mesh).tolist()
+        core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
+        core.tangential = -1.0 if self.tangential is None else number(self.tangential, "tangential", "N/m")
+        core.static_friction = _coefficient(self.static_friction, "static_friction")
+        core.dynamic_friction = (
+            core.static_friction
+            if self.dynamic_friction is None
+            else _coefficient(self.dynamic_friction, "dynamic_friction")
+        )
+        if core.dynamic_friction > core.static_friction:
+            raise SurfaceError(
+                f"dynamic_friction must not exceed static_friction; they are {core.dynamic_friction} and {core.static_friction}"
+            )
+        core.viscous = number(self.viscous, "viscous", "N*s/m")
+        core.period = number(self.period, "period", "s")
+        if core.period <= 0.0:
+            raise SurfaceError("period must be positive")
+        if self.field not in ("discrete", "continuous"):
+            raise SurfaceError(f'field must be "discrete" or "continuous", not {self.field!r}')
+        core.field = getattr(_core.Field, self.field)
+        return core
+
+
+def number(value: float | str, name: str, unit: str) -> float:
+    """Return `value` in SI: a number as it is, text with its unit. Raises SurfaceError if negative or not finite."""
+    found = float(quantity(value, unit, name, error=SurfaceError)) if isinstance(value, str) else float(value)
+    if not (math.isfinite(found) and found >= 0.0):
+        raise SurfaceError(f"{name} must be finite and not negative; it is {found:g} {unit}")
+    return found
+
+
+def _coefficient(value: float, name: str) -> float:
+    coefficient = float(value)
+    if math.isnan(coefficient) or coefficient < 0.0:
+        raise SurfaceError(f"{name} must be a coefficient of zero or more; it is {value}")
+    return coefficient
+
+
+def _list(value: ArrayLike | str, name: str, unit: str, mesh: Mesh) -> NDArray[np.float64]:
+    numbers = np.atleast_1d(
+        np.asarray(quantity(value, unit, name, error=SurfaceError) if isinstance(value, str) else value, dtype=float)
+    )
+    allowed = (1, len(mesh.triangles), len(mesh.vertices))
+    if numbers.ndim != 1 or len(numbers) not in allowed:
+        raise SurfaceError(
+            f"{name} must be one value, one per triangle ({allowed[1]}) or one per vertex ({allowed[2]}); it has shape {numbers.shape}"
+        )
+    bad = ~(np.isfinite(numbers) & (numbers >= 0.0))
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise SurfaceError(f"{name} must be finite and not negative; number {first} is {numbers[first]} {unit}")
+    return numbers

@@ -1,0 +1,191 @@
+/// The Python face of touch: meshes, surfaces and proxies, with the loop over a path in C++.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+#include <memory>
+#include <palpate/touch/mend.hpp>
+#include <palpate/touch/proxy.hpp>
+#include <vector>
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Indices = nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
+/// A numpy array of `shape` that owns its memory.
+template <class T>
+std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
+  std::size_t count = 1;
+  for (const std::size_t s : shape) count *= s;
+  auto* data = new T[count > 0 ? count : 1]();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
+}
+
+/// A mesh with its tree.
+struct TouchMesh {
+  palpate::Mesh mesh;
+  palpate::Tree tree;
+
+  TouchMesh(std::vector<palpate::Vector3<>> vertices, std::vector<palpate::Triangle> triangles, bool open)
+      : mesh(std::move(vertices), std::move(triangles), open) {
+    if (mesh.usable()) tree = palpate::Tree(mesh);
+  }
+};
+
+std::vector<palpate::Vector3<>> points(const Points& a) {
+  std::vector<palpate::Vector3<>> list(a.shape(0));
+  for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
+  return list;
+}
+
+std::vector<palpate::Triangle> triangles(const Indices& a) {
+  const auto index = [](std::int64_t i) { return static_cast<std::int32_t>(i < 0 || i > 0x7fffffff ? -1 : i); };
+  std::vector<palpate::Triangle> list(a.shape(0));
+  for (std::size_t i = 0; i < list.size(); ++i) list[i] = {index(a.data()[3 * i]), index(a.data()[3 * i + 1]), index(a.data()[3 * i + 2])};
+  return list;
+}
+
+/// A proxy with what it refers to.
+struct TouchProxy {
+  std::shared_ptr<const TouchMesh> mesh;
+  std::unique_ptr<palpate::SurfaceField> field;
+  palpate::Proxy proxy;
+
+  TouchProxy(std::shared_ptr<const TouchMesh> m, const palpate::Surface& surface, double radius)
+      : mesh(std::move(m)),
+        field(std::make_unique<palpate::SurfaceField>(surface, mesh->mesh)),
+        proxy(mesh->mesh, mesh->tree, *field, radius) {}
+};
+
+}  // namespace
+
+void bind_touch(nb::module_& m) {
+  using palpate::Surface;
+
+  nb::enum_<palpate::Field>(m, "Field").value("discrete", palpate::Field::discrete).value("continuous", palpate::Field::continuous);
+  nb::class_<Surface>(m, "TouchSurface")
+      .def(nb::init<>())
+      .def_rw("stiffness", &Surface::stiffness)
+      .def_rw("damping", &Surface::damping)
+      .def_rw("tangential", &Surface::tangential)
+      .def_rw("static_friction", &Surface::static_friction)
+      .def_rw("dynamic_friction", &Surface::dynamic_friction)
+      .def_rw("viscous", &Surface::viscous)
+      .def_rw("field", &Surface::field)
+      .def_rw("period", &Surface::period);
+
+  nb::class_<TouchMesh>(m, "TouchMesh")
+      .def(
+          "__init__",
+          [](TouchMesh* self, const Points& v, const Indices& t, bool open) { new (self) TouchMesh(points(v), triangles(t), open); },
+          "vertices"_a, "triangles"_a, "open"_a)
+      .def_prop_ro("usable", [](const TouchMesh& self) { return self.mesh.usable(); })
+      .def_prop_ro("fault", [](const TouchMesh& self) { return static_cast<int>(self.mesh.fault()); })
+      .def_prop_ro("extent", [](const TouchMesh& self) { return self.mesh.extent(); })
+      .def("diagnosis",
+           [](const TouchMesh& self) {
+             const palpate::MeshDiagnosis& d = self.mesh.diagnosis();
+             nb::dict out;
+             const auto put = [&out](const char* name, const palpate::MeshDiagnosis::Count& c) {
+               out[name] = nb::make_tuple(c.count, c.first);
+             };
+             put("not_finite", d.not_finite);
+             put("index_out_of_range", d.index_out_of_range);
+             put("degenerate", d.degenerate);
+             put("duplicate", d.duplicate);
+             put("non_manifold", d.non_manifold);
+             put("mixed_winding", d.mixed_winding);
+             put("open", d.open);
+             out["parts"] = d.parts;
+             out["volume"] = d.volume;
+             return out;
+           })
+      .def("self_intersections",
+           [](const TouchMesh& self) {
+             const auto c = palpate::self_intersections(self.mesh, self.tree);
+             return nb::make_tuple(c.count, c.first);
+           })
+      .def(
+          "nearest",
+          [](const TouchMesh& self, const Points& x) {
+            auto [at, p] = new_array<double>({x.shape(0), 3});
+            auto [facet, f] = new_array<std::int64_t>({x.shape(0)});
+            for (std::size_t i = 0; i < x.shape(0); ++i) {
+              const auto near = self.tree.nearest(self.mesh, Eigen::Map<const palpate::Vector3<>>(x.data() + 3 * i));
+              Eigen::Map<palpate::Vector3<>>(p + 3 * i) = near.at.point;
+              f[i] = near.facet;
+            }
+            return nb::make_tuple(at, facet);
+          },
+          "x"_a);
+
+  m.def(
+      "mend_mesh",
+      [](const Points& v, const Indices& t) {
+        std::vector<palpate::Triangle> list = triangles(t);
+        const palpate::Mending done = palpate::mend(points(v), list);
+        auto [out, data] = new_array<std::int64_t>({list.size(), 3});
+        for (std::size_t f = 0; f < list.size(); ++f)
+          for (std::size_t i = 0; i < 3; ++i) data[3 * f + i] = list[f][i];
+        return nb::make_tuple(out, done.dropped_degenerate, done.dropped_duplicate, done.turned);
+      },
+      "vertices"_a, "triangles"_a);
+
+  nb::class_<TouchProxy>(m, "TouchProxy")
+      .def(
+          "__init__",
+          [](TouchProxy* self, std::shared_ptr<const TouchMesh> mesh, const Surface& surface, double radius) {
+            if (!mesh->mesh.usable() || !palpate::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
+              throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
+            new (self) TouchProxy(std::move(mesh), surface, radius);
+          },
+          "mesh"_a, "surface"_a, "radius"_a)
+      .def(
+          "follow",
+          [](TouchProxy& self, const Points& path) {
+            const std::size_t n = path.shape(0);
+            auto [rows, row] = new_array<double>({n, 11});
+            auto [facet, f] = new_array<std::int64_t>({n});
+            {
+              const nb::gil_scoped_release unlocked;
+              for (std::size_t i = 0; i < n; ++i, row += 11) {
+                const palpate::Contact& c = self.proxy.step(Eigen::Map<const palpate::Vector3<>>(path.data() + 3 * i));
+                Eigen::Map<palpate::Vector3<>>(row + 0) = c.position;
+                Eigen::Map<palpate::Vector3<>>(row + 3) = c.normal;
+                Eigen::Map<palpate::Vector3<>>(row + 6) = c.force;
+                row[9] = c.depth;
+                row[10] = c.stiffness;
+                f[i] = c.triangle;
+              }
+            }
+            return nb::make_tuple(rows, facet);
+          },
+          "path"_a, "Rows of position (3), normal (3), force (3), depth, stiffness; and the triangle, -1 where apart.")
+      .def(
+          "time",
+          [](TouchProxy& self, const Points& path) {
+            const std::size_t n = path.shape(0);
+            auto [seconds, s] = new_array<double>({n});
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t i = 0; i < n; ++i) {
+              const palpate::Vector3<> tip = Eigen::Map<const palpate::Vector3<>>(path.data() + 3 * i);
+              const auto begin = std::chrono::steady_clock::now();
+              self.proxy.step(tip);
+              s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+            }
+            return seconds;
+          },
+          "path"_a, "How long each step took, s, the clock's own time included.")
+      .def("reset", [](TouchProxy& self) { self.proxy.reset(); })
+      .def_prop_ro("faults", [](const TouchProxy& self) { return self.proxy.faults(); })
+      .def_prop_ro("unfinished", [](const TouchProxy& self) { return self.proxy.unfinished(); })
+      .def_prop_ro("sliding", [](const TouchProxy& self) { return self.proxy.sliding(); });
+}

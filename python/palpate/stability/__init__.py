@@ -1,7 +1,9 @@
 """How stiff an object a loop can render, for whom, and how sure that is: exact where theory is exact."""
 
 from palpate.stability.boundary import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
+from palpate.stability.certificate import Certificate, certify
 from palpate.stability.checks import StabilityError
+from palpate.stability.counter_example import CounterExample, worst_hand
 from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
 from palpate.stability.loop import WallLoop, wall_loop
 from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
@@ -22,15 +24,20 @@ from palpate.stability.roads import (
     characteristic_polynomial,
     jury,
     lyapunov,
+    precise_tables,
     routh,
     wall_polynomial,
 )
+from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
 from palpate.stability.tip import Arm, HeldTip, Tip, hold
 from palpate.stability.two_port import CouplingVerdict, certify_coupling, llewellyn, two_port_limit, two_port_margin
+from palpate.stability.zwidth import ZWidth, zwidth
 
 __all__ = [
     "Arm",
     "Boundary",
+    "Certificate",
+    "CounterExample",
     "CouplingVerdict",
     "Critical",
     "EnergyObserver",
@@ -41,11 +48,14 @@ __all__ = [
     "MeasuredVerdict",
     "PassivityController",
     "Routh",
+    "ScenarioLoop",
     "StabilityError",
     "Tip",
     "WallLoop",
     "WallVerdict",
+    "ZWidth",
     "boundary",
+    "certify",
     "certify_coupling",
     "characteristic_polynomial",
     "coulomb_amplitude",
@@ -61,8 +71,10 @@ __all__ = [
     "naive_energy",
     "passive_damping",
     "passive_stiffness",
+    "precise_tables",
     "quantised_stiffness",
     "routh",
+    "scenario_loop",
     "spectral_radius",
     "sufficient_damping",
     "two_port_limit",
@@ -70,4 +82,6 @@ __all__ = [
     "wall",
     "wall_loop",
     "wall_polynomial",
+    "worst_hand",
+    "zwidth",
 ]

@@ -142,9 +142,12 @@ def _run(tables: dict[str, Any], what: str) -> CounterExample | None:
     return None
 
 
-def growth(tip: Any) -> float:
-    """Return how many times larger the tip's swing (sample to sample) is in the last fifth than in the second."""
-    moved = np.linalg.norm(np.diff(np.asarray(tip, dtype=float), axis=0), axis=1)
+def growth(tip: Any, differences: int = 1) -> float:
+    """Return how many times larger the tip's swing (sample to sample) is in the last fifth than in the second.
+
+    Each further difference hides slow motions more: of two swings, the faster one is judged.
+    """
+    moved = np.linalg.norm(np.diff(np.asarray(tip, dtype=float), n=differences, axis=0), axis=1)
     fifth = max(len(moved) // 5, 1)
     early, late = moved[fifth : 2 * fifth].max(initial=0.0), moved[-fifth:].max(initial=0.0)
     return float(late / early) if early > 0 else float("nan")

@@ -1,0 +1,87 @@
+"""`palpate certify` and `palpate zwidth`: a verdict on a scenario's loop, and the map of all it can render."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.console import output, progress, write_folder
+
+__all__ = ["certify", "zwidth"]
+
+
+def certify(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+    ] = None,
+) -> None:
+    """Judge a scenario's loop: the claim, what it holds for, its margins, or a counter-example that runs.
+
+    Writes certificate.json and, where there is one, counter-example.toml for `palpate run`. The exit code is 1 unless
+    the loop is stable.
+
+    Example: palpate certify scenarios/press-stiff-cube-lqg.toml
+    """
+    with progress("judging the loop") as tell:
+        from palpate.scenario import Scenario
+        from palpate.stability import certify as judge
+
+        loaded = Scenario.from_file(scenario)
+        tell("judging the loop", 0.1)
+        certificate = judge(loaded)
+        folder = out if out is not None else Path("results") / scenario.stem
+        writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.write}
+        example = certificate.counter_example
+        if example is not None:
+            text = example.toml()
+            writers["counter-example.toml"] = lambda path: path.write_text(text, "utf-8")
+        paths = write_folder(folder, writers)
+    colour = {"stable": "green", "unstable": "red"}.get(certificate.verdict, "yellow")
+    output.print(f"[bold]{loaded.title}[/]: [bold {colour}]{certificate.verdict}[/]")
+    output.print(str(certificate), markup=False, soft_wrap=True)
+    for path in paths:
+        output.print(f"  {path}", style="dim")
+    if not certificate.stable:
+        raise typer.Exit(1)
+
+
+def zwidth(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+    ] = None,
+    points: Annotated[int, typer.Option(min=0, help="Points of the boundary to find by simulation.")] = 7,
+) -> None:
+    """Map every stiffness and damping that a scenario's loop bears: exact curve, passive region, simulated points.
+
+    Writes zwidth.html and zwidth.json.
+
+    Example: palpate zwidth scenarios/slider-wall-stable.toml
+    """
+    with progress("reading the scenario") as tell:
+        from palpate.scenario import Scenario
+        from palpate.stability import zwidth as map_of
+
+        loaded = Scenario.from_file(scenario)
+        found = map_of(loaded, simulated=points, progress=tell)
+        tell("drawing", 0.95)
+        page = found.page()
+        folder = out if out is not None else Path("results") / scenario.stem
+        paths = write_folder(folder, {"zwidth.html": page.write, "zwidth.json": found.write_json})
+    output.print(f"[bold]{loaded.title}[/]")
+    for name, curve in found.curves.items():
+        b, k = curve.stiffest
+        output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False)
+    if found.passive is not None:
+        output.print(f"  passive in every hand: up to {found.passive[1].max():.5g} N/m", markup=False)
+    if found.simulated:
+        worst = max(abs(point.error) for point in found.simulated)
+        output.print(f"  simulated boundary within {100 * worst:.2g} % of the exact one", markup=False)
+    for path in paths:
+        output.print(f"  {path}", style="dim")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from palpate import devices
 from palpate.errors import DeviceError, ScenarioError
@@ -14,6 +14,8 @@ from palpate.units import _KINDS, parse, quantity, vector, write
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
+@example(value=-0.0, unit="N")
+@example(value=5e-324, unit="N/m")
 @given(value=finite, unit=st.sampled_from(sorted(_KINDS)))
 def test_writing_and_reading_gives_the_same_bits(value: float, unit: str) -> None:
     """Round trip: a trace carries its scenario as text and must run it again bit for bit."""

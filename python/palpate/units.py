@@ -120,7 +120,7 @@ def parse(value: object, unit: str) -> float:
         result = math.inf
     if not math.isfinite(result):
         raise ValueError(f"{_shown(value)} is too large for a number; write it as {_example(unit)}")
-    return result
+    return math.copysign(result, -1.0) if number.startswith("-") else result  # a fraction has no -0
 
 
 def parse_vector(value: object, unit: str, size: int = 3) -> tuple[float, ...]:

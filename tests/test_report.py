@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
+from palpate.errors import PalpateError
 from palpate.loop.trace import Trace
 from palpate.report import Page, figures
 from palpate.report.html import differs_in_print, number
@@ -247,7 +248,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
         raise OSError("disk full")
 
     monkeypatch.setattr(Path, "write_text", stop)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(PalpateError, match=r"report\.html: cannot be written: disk full"):
         Page("new").write(path)
     assert path.read_text("utf-8") == before
     assert list(tmp_path.iterdir()) == [path]

@@ -496,12 +496,20 @@ def test_a_loop_that_diverges_says_since_when_and_keeps_what_came_before(model: 
     assert summary["axes"] == {}
 
 
-def test_a_loop_that_overflows_at_once_still_leaves_a_trace(tmp_path: Path) -> None:
-    """Forces of 1e300 N: no NaN in a file, only the samples before."""
-    trace = simulate(press(controller={"kind": "gain", "gain": 1e300}))
+@pytest.mark.parametrize("gain", [1e150, 1e300, 1e308])
+@pytest.mark.parametrize("model", ["nonlinear", "linear"])
+@pytest.mark.filterwarnings("error")
+def test_a_loop_that_overflows_at_once_still_leaves_a_trace(model: str, gain: float, tmp_path: Path) -> None:
+    """Forces past every number: no NaN and no infinity in a file or a summary, only the samples before."""
+    trace = simulate(
+        press(device={"model": model}, reference={"force": "8.5 N"}, controller={"kind": "gain", "gain": gain})
+    )
     assert trace.unstable_from is not None
-    assert Trace.read(trace.write(tmp_path / "t.h5")).unstable_from == trace.unstable_from
-    assert len(trace) >= 1
+    assert trace.unstable_from <= 2 * PERIOD
+    read = Trace.read(trace.write(tmp_path / "t.h5"))
+    assert read.unstable_from == trace.unstable_from
+    assert len(read) == len(trace)
+    assert json.dumps(read.summary(), allow_nan=False)
 
 
 def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:

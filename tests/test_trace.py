@@ -132,7 +132,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pyt
         raise OSError("disk full")
 
     monkeypatch.setattr(h5py.Group, "create_group", stop)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(TraceError, match=r"trace\.h5: cannot be written: disk full"):
         small([[5.0]] * 3).write(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -164,6 +164,10 @@ def test_where_nothing_can_be_written_the_message_says_why(tmp_path: Path) -> No
     (tmp_path / "file").write_text("")
     with pytest.raises(TraceError, match=r"trace\.h5: cannot be written: "):
         small().write(tmp_path / "file" / "trace.h5")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(TraceError, match="folder: cannot be written: Is a directory"):
+        small().write(tmp_path / "folder")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
 
 
 def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:

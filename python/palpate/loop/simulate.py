@@ -23,6 +23,7 @@ from palpate.scenario import Scenario
 __all__ = ["Experiment", "prepare", "simulate"]
 
 Array = NDArray[np.float64]
+BEYOND = 1e100  # in any unit: its square is still a number
 
 
 def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Trace:
@@ -96,6 +97,9 @@ class Experiment:
         """Name the core's columns and add what follows from them."""
         device, dof = self.device, self.device.dof
         every = self.scenario.run.record_every
+        wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
+        if len(wild):  # the force ran away within one sample, before the speed that the core watches
+            rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
         edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1])
         q, qd, object_force, command, torque, operator, touching, saturated = np.split(rows, edges, axis=1)
         tip = self._tip(q)

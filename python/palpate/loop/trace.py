@@ -225,7 +225,7 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
 
     Raises:
-        TraceError: the folder cannot be written.
+        TraceError: the folder cannot be written, the disk is full, or a folder has that name.
     """
     target = Path(path)
     try:
@@ -239,9 +239,11 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
         write(part)
         part.chmod(0o666 & ~_umask())
         part.replace(target)
-    except BaseException:
+    except BaseException as problem:
         with suppress(OSError):
             part.unlink()
+        if isinstance(problem, OSError):
+            raise TraceError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
         raise
     return target
 

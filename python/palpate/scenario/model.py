@@ -365,8 +365,10 @@ class Scenario(Section):
         ticks = self.run.duration / self.period
         if ticks < 1.0:
             raise ValueError("run.duration: shorter than one servo period")
-        if ticks / self.run.record_every > 5e7:
-            raise ValueError("run.duration: more than 50 million samples; raise run.record_every")
+        if ticks > 2e7:
+            raise ValueError("run.duration: more than 20 million servo periods; that would not fit in memory")
+        if ticks / self.run.record_every > 5e6:
+            raise ValueError("run.duration: more than 5 million samples; raise run.record_every")
         return self
 
     def _check_start(self, device: Device) -> None:

@@ -24,7 +24,7 @@ class MeshError(PalpateError):
 
 
 class Mesh:
-    """Vertices (n, 3), m, and triangles (m, 3) of indices into them, anticlockwise seen from outside; neither changes afterwards.
+    """Vertices (n, 3), m, and triangles (m, 3) of indices into them, anticlockwise seen from outside.
 
     Triangles without area, repeated triangles and mixed winding are mended, and `diagnose().mended` tells it. A surface
     that has a border has no inside: say `open=True` if that is on purpose, and it is touched from both sides.
@@ -57,9 +57,9 @@ class Mesh:
 
     @classmethod
     def load(cls, path: str | Path, *, unit: str, open: bool = False, mend: bool = True) -> Mesh:
-        """Read STL, OBJ, PLY, OFF, GLB (trimesh), or what else meshio knows if it is installed; `unit` is the file's, such as "mm".
+        """Read STL, OBJ, PLY, OFF, GLB, or what else meshio knows if it is installed, written in `unit`, such as "mm".
 
-        Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or holds no triangles.
+        Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or has no triangles.
         """
         scale = quantity(f"1 {unit}", "m", "unit", error=MeshError)
         vertices, triangles = _read(Path(path))
@@ -109,19 +109,13 @@ class Mesh:
         for name, words, cure in (
             ("degenerate", "without area", "drop them, or leave mend=True"),
             ("duplicate", "that were there before", "drop them, or leave mend=True"),
-            ("non_manifold", "on edges that more than two triangles share", "split the surface there"),
-            (
-                "mixed_winding",
-                "that turn the other way round than their neighbour",
-                "a Moebius band cannot be touched; else mend=True",
-            ),
+            ("non_manifold", "on edges that more than two share", "split the surface there"),
+            ("mixed_winding", "that turn the other way than a neighbour", "leave mend=True (a Moebius band stays so)"),
             ("open", "at a border", "close the surface, or say open=True if it is open on purpose"),
         ):
             count, first = d[name]
             if count:
-                raise MeshError(
-                    f"the mesh has {count} triangle edge(s) or triangle(s) {words}, the first at triangle {first}: {cure}"
-                )
+                raise MeshError(f"the mesh has triangles {words} ({count}, the first is triangle {first}): {cure}")
         raise MeshError("the mesh cannot be touched")
 
 

@@ -17,8 +17,8 @@ __all__ = ["Proxy"]
 class Proxy:
     """Follows a tip over a mesh: a point, or a sphere of `radius` (m, or text with a unit).
 
-    The first tip is where it starts: there, or on the nearest surface if that is inside a closed mesh. Each later tip is one tick. A
-    tip that is not finite is a fault: it is counted in `faults`, and the last contact is held.
+    The first tip is where it starts: there, or on the nearest surface if that is inside a closed mesh. Each tip is one
+    tick. A tip that is not finite is a fault: it is counted in `faults`, and the last contact is held.
     """
 
     def __init__(self, mesh: Mesh, surface: Surface | None = None, radius: float | str = 0.0) -> None:

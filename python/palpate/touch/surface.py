@@ -25,15 +25,15 @@ class SurfaceError(PalpateError):
 class Surface:
     """Stiffness, damping and friction of a mesh's surface. Numbers are SI; text carries its unit ("3.5 N/mm").
 
-    `stiffness` (N/m, along the normal) and `damping` (N*s/m, along the normal) are one value, one per triangle or one per vertex.
-    `tangential` (N/m) joins tip and proxy along the surface, None for as stiff as along the normal, 0 for nothing. The frictions are
-    coefficients: the proxy holds until the tangential force exceeds static_friction times the normal force (infinity: it never slips),
-    and slides with dynamic_friction (static_friction if None). `viscous` (N*s/m) drags a sliding proxy. `period` is the servo's,
-    s, for damping and drag.
+    `stiffness` (N/m) and `damping` (N*s/m), both along the normal, are one value, one per triangle or one per vertex.
+    `tangential` (N/m) joins tip and proxy along the surface: None for as stiff as along the normal, 0 for nothing, and
+    then there is no friction either. The frictions are coefficients: the proxy holds until the tangential force exceeds
+    static_friction times the normal force (infinity: it never slips), and slides with dynamic_friction (None: the
+    same). `viscous` (N*s/m) drags a sliding proxy. `period` (s) is the servo's, for damping and drag.
 
-    The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" one spreads values
-    smoothly over the surface, k with continuous slope, and its force is that of the potential k depth^2 / 2 : there is a part
-    depth^2 / 2 times the slope of k along the surface.
+    The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" one
+    spreads the values over the surface, with a continuous slope; its force is the slope of the potential
+    stiffness * depth^2 / 2, so there is a part depth^2 / 2 times the slope of the stiffness, along the surface.
     """
 
     stiffness: ArrayLike | str = 1000.0
@@ -52,15 +52,10 @@ class Surface:
         core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
         core.tangential = -1.0 if self.tangential is None else number(self.tangential, "tangential", "N/m")
         core.static_friction = _coefficient(self.static_friction, "static_friction")
-        core.dynamic_friction = (
-            core.static_friction
-            if self.dynamic_friction is None
-            else _coefficient(self.dynamic_friction, "dynamic_friction")
-        )
+        dynamic = self.static_friction if self.dynamic_friction is None else self.dynamic_friction
+        core.dynamic_friction = _coefficient(dynamic, "dynamic_friction")
         if core.dynamic_friction > core.static_friction:
-            raise SurfaceError(
-                f"dynamic_friction must not exceed static_friction; they are {core.dynamic_friction} and {core.static_friction}"
-            )
+            raise SurfaceError(f"dynamic_friction {dynamic} must not exceed static_friction {self.static_friction}")
         core.viscous = number(self.viscous, "viscous", "N*s/m")
         core.period = number(self.period, "period", "s")
         if core.period <= 0.0:
@@ -93,7 +88,8 @@ def _list(value: ArrayLike | str, name: str, unit: str, mesh: Mesh) -> NDArray[n
     allowed = (1, len(mesh.triangles), len(mesh.vertices))
     if numbers.ndim != 1 or len(numbers) not in allowed:
         raise SurfaceError(
-            f"{name} must be one value, one per triangle ({allowed[1]}) or one per vertex ({allowed[2]}); it has shape {numbers.shape}"
+            f"{name} must be one value, one per triangle ({allowed[1]}) or one per vertex ({allowed[2]}); "
+            f"it has shape {numbers.shape}"
         )
     bad = ~(np.isfinite(numbers) & (numbers >= 0.0))
     if bad.any():

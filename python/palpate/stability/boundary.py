@@ -182,37 +182,32 @@ def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, 
     Raises:
         StabilityError: as ``wall_loop``; or no wall at all is stable.
     """
-    closed = _loop(device, loop)
+    return trace(_loop(device, loop), points, least_damping)
+
+
+def trace(closed: WallLoop, points: int, least_damping: float, scale: tuple[float, float] | None = None) -> Boundary:
+    """Return the boundary as ``boundary`` does; ``scale`` is the size of the region in B and K, if it is known."""
 
     def curve(theta: Array) -> tuple[Array, Array]:
         wanted, rate = closed.needed(theta), closed.rate(theta)
         b = wanted.imag / rate.imag
         return b, wanted.real - b * rate.real
 
-    coarse = _coarse(closed)
-    b, k = curve(coarse)
-    good = np.isfinite(b) & np.isfinite(k) & (k > 0) & (b >= least_damping)
-    good &= _edge(closed, b, k, good)
+    coarse, b, k, good = _refined(closed, curve, least_damping, scale)
     runs = _runs(good)
     if not runs:
         raise StabilityError(
             "no wall of any stiffness and damping above least_damping is stable with this device, period and delay"
         )
-    spans = []
-    for first, last in runs:  # each piece runs on to where it meets K = 0, B = least_damping or another piece
-        low = (
-            coarse[first] if first == 0 else _last_good(closed, curve, coarse[first], coarse[first - 1], least_damping)
-        )
-        high = (
-            coarse[last]
-            if last == len(coarse) - 1
-            else _last_good(closed, curve, coarse[last], coarse[last + 1], least_damping)
-        )
-        spans.append((low, high))
-    length = sum(high - low for low, high in spans)
-    theta = np.concatenate(
-        [np.linspace(low, high, max(2, round(points * (high - low) / length))) for low, high in spans if high > low]
-    )
+    pieces = []
+    for first, last in runs:  # each runs on to where it meets K = 0, B = least_damping or another piece
+        theta = coarse[first : last + 1]
+        if first > 0:
+            theta = np.insert(theta, 0, _last_good(closed, curve, theta[0], coarse[first - 1], least_damping))
+        if last < len(coarse) - 1:
+            theta = np.append(theta, _last_good(closed, curve, theta[-1], coarse[last + 1], least_damping))
+        pieces.append(np.unique(theta))
+    theta = _spaced(pieces, curve, points)
     b, k = curve(theta)
     middle = int(np.argmax(k))
     inside = (float(b[middle]), 0.9 * float(k[middle]))
@@ -223,6 +218,62 @@ def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, 
             f"the wall just under the curve, B = {inside[0]:g} N s/m, K = {inside[1]:g} N/m, is unstable"
         )
     return Boundary(b, k, theta, inside)
+
+
+def _refined(
+    loop: WallLoop, curve: Any, least: float, scale: tuple[float, float] | None
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Return angles, B, K and which bound stable walls, so close that the curve moves little from one to the next."""
+    theta = _coarse(loop)
+    b, k = curve(theta)
+    good = np.isfinite(b) & np.isfinite(k) & (k > 0) & (b >= least)
+    good &= _edge(loop, b, k, good)
+    if scale is not None:
+        wide, high = scale
+    elif np.any(good):
+        wide, high = float(b[good].max()) - least, float(k[good].max())
+    else:  # the curve passes the region between two angles: ask how far up and how far right it may lie
+        high = critical(loop, least).stiffness
+        if not 0 < high < np.inf:
+            return theta, b, k, good
+        wide = high * loop.period
+    for _ in range(24):
+        x, y = (b - least) / max(wide, 1e-300), k / high
+        with np.errstate(invalid="ignore"):
+            far = np.hypot(np.diff(x), np.diff(y)) > 0.12
+            through = (np.minimum(x[1:], x[:-1]) < 1.1) & (np.maximum(x[1:], x[:-1]) > -0.1)
+            through &= (np.minimum(y[1:], y[:-1]) < 1.1) & (np.maximum(y[1:], y[:-1]) > -0.1)
+        split = far & through & (np.diff(theta) > 1e-13)
+        if not np.any(split) or len(theta) > 2000:
+            break
+        between = 0.5 * (theta[:-1] + theta[1:])[split]
+        new_b, new_k = curve(between)
+        at = np.flatnonzero(split) + 1
+        new_good = np.isfinite(new_b) & np.isfinite(new_k) & (new_k > 0) & (new_b >= least)
+        new_good &= _edge(loop, new_b, new_k, new_good)
+        theta, b, k = np.insert(theta, at, between), np.insert(b, at, new_b), np.insert(k, at, new_k)
+        good = np.insert(good, at, new_good)
+    return theta, b, k, good
+
+
+def _spaced(pieces: list[Array], curve: Any, points: int) -> Array:
+    """Return ``points`` angles on the pieces, evenly along the curve in (B, K), its ends among them."""
+    tables = [curve(theta) for theta in pieces]
+    scale = [max(float(np.abs(table[i]).max()) for table in tables) or 1.0 for i in (0, 1)]
+    ways = []
+    for b, k in tables:
+        steps = np.hypot(np.diff(b) / scale[0], np.diff(k) / scale[1])
+        ways.append(np.concatenate([[0.0], np.cumsum(steps)]))
+    length = sum(float(way[-1]) for way in ways)
+    kept = []
+    left = points
+    for number, (theta, way) in enumerate(zip(pieces, ways, strict=True)):
+        share = left if number == len(pieces) - 1 else max(2, round(points * float(way[-1]) / length))
+        share = max(1, min(share, left))
+        left -= share
+        if share > 0 and len(theta) > 1:
+            kept.append(np.interp(np.linspace(0, way[-1], share), way, theta))
+    return np.concatenate(kept) if kept else pieces[0]
 
 
 def _coarse(loop: WallLoop) -> Array:

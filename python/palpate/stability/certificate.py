@@ -64,7 +64,7 @@ class Certificate:
             lines += [
                 "",
                 "Margins:",
-                *(f"  {name.replace('_', ' ')}: {value:.5g}" for name, value in self.margin.items()),
+                *(f"  {name.replace('_', ' ')}: {value:.7g}" for name, value in self.margin.items()),
             ]
         lines += ["", "Method:", *(f"  - {one}" for one in self.method)]
         if self.counter_example is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.scenario import Scenario
-from palpate.stability.boundary import Boundary, boundary
+from palpate.stability.boundary import Boundary, boundary, trace
 from palpate.stability.checks import StabilityError
 from palpate.stability.counter_example import growth
 from palpate.stability.loop import WallLoop, wall_loop
@@ -232,12 +233,15 @@ def _edge(loop: ScenarioLoop) -> Boundary:
     r = loop.directions.shape[1]
     if r == 1:
         return boundary(wall_loops(loop)[0], points=1000)
-    parts = []
-    for index in range(r):
-        try:
-            parts.append(boundary(_Coupled.of(loop, index), points=700))
-        except StabilityError:
-            continue
+    parts: list[Boundary] = []
+    scale: tuple[float, float] | None = None
+    for points in (100, 700):  # first to see how large the region is: one direction alone may cut it very steeply
+        parts = []
+        for index in range(r):
+            with suppress(StabilityError):
+                parts.append(trace(_Coupled.of(loop, index), points, 0.0, scale))
+        if parts:
+            scale = max(float(p.damping.max()) for p in parts), max(float(p.stiffness.max()) for p in parts)
     if not parts:
         raise StabilityError("no object of any stiffness is stable in this loop")
     order = np.argsort(np.concatenate([p.angle for p in parts]))
@@ -313,10 +317,11 @@ def _bisect(experiment: Any, loop: ScenarioLoop, damping: float, exact: float, a
     force = np.zeros((ticks + 1, 3))
     force[:5] = 1e-3 * loop.directions.sum(axis=1) / math.sqrt(r)
     setup = experiment.setup
-    setup.anchor = _spring(setup)
+    setup.anchor = _spring(experiment.device.forward(experiment.start))
     tracking = not np.any(experiment.operator) and experiment.scenario.servo.topology == "force_tracking"
     silent = np.zeros_like(force)
     felt = np.abs(loop.directions).max(axis=1)
+    sharp = 3 if angle > 0.05 else 1  # differences that hide what is slower; a slow swing would sink into rounding
 
     def grows(stiffness: float) -> bool:
         setup.stiffness, setup.damping = stiffness * felt, damping * felt
@@ -325,7 +330,7 @@ def _bisect(experiment: Any, loop: ScenarioLoop, damping: float, exact: float, a
             return True
         dof = experiment.device.dof
         tip = experiment.device.forward(np.asarray(rows)[:count, :dof]) @ loop.directions
-        return bool(np.ptp(tip, axis=0).max() > 5e-4) or growth(tip, 3) > 1  # half a millimetre from a millinewton
+        return bool(np.ptp(tip, axis=0).max() > 5e-4) or growth(tip, sharp) > 1  # half a millimetre from a millinewton
 
     low, high = 0.9 * exact, 1.12 * exact
     if grows(low) or not grows(high):
@@ -345,10 +350,10 @@ def _other(matrix: Array) -> float:
     return float(moduli[~on & fast].max(initial=0.0))
 
 
-def _spring(setup: Any) -> Any:
+def _spring(point: Array) -> Any:
     from palpate import _core
 
     anchor = _core.Anchor()
     anchor.kind = _core.Anchor.Kind.point
-    anchor.point = setup.anchor.point
+    anchor.point = point
     return anchor

@@ -183,6 +183,7 @@ void bind_loop(nb::module_& m, const char* name) {
 void bind_touch(nb::module_& m);
 
 NB_MODULE(_core, m) {
+  nb::set_leak_warnings(false);  // the device cache outlives the module on purpose
   m.doc() = "palpate's core: device dynamics and the servo loop.";
 
   nb::class_<palpate::Hand>(m, "Hand")

@@ -385,6 +385,7 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert not touching[0]
     assert not touching[-1]
     assert leaning["object_force"][:, 2].max() == 0.0
+    assert summaries["arm-through-tissue-on-a-wall"]["verdict"].startswith("bounded for 2 s under a force that changes")
     assert 1e-3 < summaries["arm-through-tissue-on-a-wall"]["peak_deflection_m"] < 10e-3
 
     driven = runs["drive-limits-and-encoder"]
@@ -395,7 +396,23 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert driven["object_force"][at[1], 2] < -10.0
     assert "drive at its limit" in summaries["drive-limits-and-encoder"]["verdict"]
 
+    chattering = {
+        grip: np.ptp(simulate(_gripped(grip))["object_force"][500:1100, 2]) for grip in ("tissue", "rigid")
+    }  # N, while the force is constant
+    assert chattering["tissue"] > 10.0
+    assert chattering["rigid"] < 0.1
+
     held = runs["hold-inside-a-wall"]
     np.testing.assert_allclose(held["operator_force"], [[0.0, -6.0, 0.0]] * len(held), atol=1e-12)
     np.testing.assert_allclose(held["command_force"], [[0.0, 6.0, 0.0]] * len(held), atol=1e-12)
     assert not np.any(held["velocity"])
+
+
+def _gripped(grip: str) -> dict[str, Any]:
+    """The arm on a stiff wall without damper, as its "What to try" says."""
+    path = next(path for path in SCENARIOS if path.stem == "arm-through-tissue-on-a-wall")
+    changed = tomllib.loads(path.read_text("utf-8"))
+    changed["object"].update(stiffness="3 N/mm", damping="0 N*s/m")
+    if grip == "rigid":
+        del changed["operator"]["tissue_stiffness"], changed["operator"]["tissue_damping"]
+    return changed

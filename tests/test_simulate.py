@@ -128,11 +128,13 @@ def test_tables_a_scenario_and_a_file_run_alike(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("every", [2, 7])
 def test_recording_fewer_samples_changes_none(every: int) -> None:
-    """record_every thins the trace, not the loop."""
-    full, thin = simulate(display()), simulate(display(run={"record_every": every}))
-    assert np.array_equal(thin.time, full.time[::every])
-    for name in full.channels:
-        assert np.array_equal(thin[name], full[name][::every]), name
+    """record_every thins the trace, not the loop: under an operator's sine, and under a reference's ramp."""
+    for scenario in (display, press):
+        given = {"reference": {"shape": "ramp", "rise": "0.08 s"}} if scenario is press else {}
+        full, thin = simulate(scenario(**given)), simulate(scenario(**given, run={"record_every": every}))
+        assert np.array_equal(thin.time, full.time[::every])
+        for name in full.channels:
+            assert np.array_equal(thin[name], full[name][::every]), name
 
 
 @pytest.mark.parametrize(
@@ -396,6 +398,21 @@ def _answer(a: Array, b: Array, time: Array) -> Array:
     return np.array(states)[:, :order]
 
 
+def test_an_arms_spring_pulls_to_where_it_rests() -> None:
+    """Statics: without any other force the tip ends where the shoulder's spring is unstretched."""
+    trace = simulate(
+        slide(
+            operator={
+                "kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m",
+                "rest": ["7 mm", "0 mm", "0 mm"],
+            },
+            run={"duration": "3 s"},
+        )
+    )  # fmt: skip
+    assert trace["tip"][0, 0] == 0.0
+    assert trace["tip"][-1, 0] == pytest.approx(7e-3, rel=1e-6)
+
+
 def test_a_voluntary_force_is_linear_between_samples() -> None:
     """Not a staircase: a sine on the free slider moves it as the ODE says, to second order in the period."""
     trace = simulate(slide(operator={"kind": "force", "shape": "sine", "frequency": "5 Hz", "force": "1 N"}))
@@ -536,6 +553,7 @@ def test_a_sine_that_begins_late_is_no_growing_swing() -> None:
     trace = simulate(slide(operator=late, object={"kind": "spring", "stiffness": "50 N/m"}, run={"duration": "3 s"}))
     assert trace.summary()["stable"]
     assert trace.summary()["axes"]["x"]["swing_growth"] is None
+    assert trace.summary()["verdict"] == "bounded for 3 s under a force that changes: no steady state"
 
 
 def test_a_controller_of_another_period_is_refused() -> None:

@@ -189,7 +189,8 @@ def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
 
 def test_csv_has_units_in_its_header_and_every_digit(pressed: Trace, tmp_path: Path) -> None:
     """Export: column names with units, values that read back to the same doubles."""
-    with pressed.write_csv(tmp_path / "trace.csv").open(encoding="utf-8") as file:
+    assert b"\r" not in pressed.write_csv(tmp_path / "trace.csv").read_bytes()
+    with (tmp_path / "trace.csv").open(encoding="utf-8") as file:
         header, *rows = list(csv.reader(file))
     assert header[:5] == ["time [s]", "angle_1 [rad]", "angle_2 [rad]", "angle_3 [rad]", "velocity_1 [rad/s]"]
     assert "deflection_z [m]" in header

@@ -57,8 +57,12 @@ def summarize(trace: Trace) -> dict[str, Any]:
                 "swing_growth": response.swing_growth if _rests(scenario, trace) else None,
             }
     summary["stable"] = trace.stable and not _growing(summary)
-    held = scenario is not None and scenario.operator.kind == "hold"
-    summary["verdict"] = f"held still for {summary['duration_s']:.4g} s" if held else _verdict(summary)
+    if scenario is not None and scenario.operator.kind == "hold":
+        summary["verdict"] = f"held still for {summary['duration_s']:.4g} s"
+    elif trace.stable and not _rests(scenario, trace):
+        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s under a force that changes: no steady state"
+    else:
+        summary["verdict"] = _verdict(summary)
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary
@@ -81,7 +85,7 @@ def expected_deflection(scenario: Scenario | None) -> list[float | None]:
 
 def _rests(scenario: Scenario | None, trace: Trace) -> bool:
     """Return whether the forces from outside are constant over the last half of the run."""
-    if scenario is None:
+    if scenario is None or not len(trace):
         return True
     signal = scenario.reference or scenario.operator
     if signal.force is None and signal.table is None:

@@ -1,0 +1,193 @@
+// What a mesh finds wrong with its triangles, its adjacency, and the tree over it.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <palpate/touch/mend.hpp>
+
+#include "touch_shapes.hpp"
+
+namespace {
+
+using palpate::Mesh;
+using palpate::MeshFault;
+using palpate::Triangle;
+using palpate::Vector3;
+using shapes::Shape;
+
+const std::vector<Vector3<>> corners = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}};
+const std::vector<Triangle> tetrahedron = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+
+MeshFault fault(std::vector<Vector3<>> v, std::vector<Triangle> t, bool open = false) {
+  return Mesh(std::move(v), std::move(t), open).fault();
+}
+
+TEST(Mesh, NamesEachFault) {
+  EXPECT_EQ(fault(corners, tetrahedron), MeshFault::none);
+  EXPECT_EQ(fault(corners, {}), MeshFault::empty);
+  EXPECT_EQ(fault({}, tetrahedron), MeshFault::empty);
+  auto bad = corners;
+  bad[1][2] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(fault(bad, tetrahedron), MeshFault::not_finite);
+  auto t = tetrahedron;
+  t[2][1] = 5;
+  EXPECT_EQ(fault(corners, t), MeshFault::index_out_of_range);
+  t[2][1] = -1;
+  EXPECT_EQ(fault(corners, t), MeshFault::index_out_of_range);
+  t = tetrahedron;
+  t.push_back({1, 1, 2});
+  EXPECT_EQ(fault(corners, t), MeshFault::degenerate);
+  EXPECT_EQ(fault({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}, {{0, 1, 2}}, true), MeshFault::degenerate) << "three in line";
+  t = tetrahedron;
+  t.push_back({1, 3, 0});
+  EXPECT_EQ(fault(corners, t), MeshFault::duplicate);
+  t = tetrahedron;
+  t.push_back({0, 1, 4});
+  EXPECT_EQ(fault(corners, t), MeshFault::non_manifold);
+  t = tetrahedron;
+  std::swap(t[0][0], t[0][1]);
+  EXPECT_EQ(fault(corners, t), MeshFault::mixed_winding);
+  t = tetrahedron;
+  t.pop_back();
+  EXPECT_EQ(fault(corners, t), MeshFault::open);
+  EXPECT_EQ(fault(corners, t, true), MeshFault::none) << "open on purpose";
+}
+
+TEST(Mesh, FaultsDoNotDependOnTheUnit) {
+  for (const double scale : {1e-6, 1.0, 1e6}) {
+    auto v = corners;
+    for (auto& x : v) x *= scale;
+    EXPECT_EQ(fault(v, tetrahedron), MeshFault::none) << scale;
+    EXPECT_NEAR(Mesh(v, tetrahedron).diagnosis().volume, scale * scale * scale / 6.0, 1e-15 * scale * scale * scale);
+  }
+}
+
+TEST(Mesh, AdjacencyIsMutualAndSharesTheEdge) {
+  const Shape s = shapes::ball(5, 0.5, 0.1);
+  const Mesh mesh(s.vertices, s.triangles);
+  ASSERT_TRUE(mesh.usable());
+  EXPECT_TRUE(mesh.closed());
+  EXPECT_EQ(mesh.diagnosis().parts, 1);
+  for (std::int32_t h = 0; h < 3 * mesh.size(); ++h) {
+    const auto i = static_cast<std::size_t>(h % 3);
+    const std::int32_t twin = mesh.facet(h / 3).neighbour[i];
+    const auto j = static_cast<std::size_t>(twin % 3);
+    EXPECT_EQ(mesh.facet(twin / 3).neighbour[j], h);
+    EXPECT_EQ(mesh.facet(twin / 3).vertex[j], mesh.facet(h / 3).vertex[(i + 1) % 3]);
+    EXPECT_EQ(mesh.facet(twin / 3).vertex[(j + 1) % 3], mesh.facet(h / 3).vertex[i]);
+  }
+}
+
+TEST(Mend, MakesATouchableMeshOfABrokenOne) {
+  Shape s = shapes::ball(4, 0.5);
+  std::mt19937_64 random(1);
+  for (std::size_t f = 0; f < s.triangles.size(); ++f)
+    if (random() % 2 == 0) std::swap(s.triangles[f][0], s.triangles[f][1]);
+  s.triangles.push_back(s.triangles[7]);
+  s.triangles.push_back({3, 3, 4});
+  EXPECT_NE(fault(s.vertices, s.triangles), MeshFault::none);
+  const palpate::Mending done = palpate::mend(s.vertices, s.triangles);
+  EXPECT_EQ(done.dropped_degenerate, 1);
+  EXPECT_EQ(done.dropped_duplicate, 1);
+  EXPECT_GT(done.turned, 0);
+  const Mesh mesh(s.vertices, s.triangles);
+  EXPECT_EQ(mesh.fault(), MeshFault::none);
+  EXPECT_GT(mesh.diagnosis().volume, 0.0);
+}
+
+TEST(Mend, FindsPiecesThatCutEachOther) {
+  Shape s = shapes::ball(3, 0.5);
+  Shape other = shapes::moved(s, [](const Vector3<>& v) { return Vector3<>(v + Vector3<>(0.4, 0.03, 0.01)); });
+  {
+    const shapes::World world(s);
+    EXPECT_EQ(palpate::self_intersections(world.mesh, world.tree).count, 0);
+  }
+  const auto count = static_cast<std::int32_t>(s.vertices.size());
+  s.vertices.insert(s.vertices.end(), other.vertices.begin(), other.vertices.end());
+  for (const Triangle& t : other.triangles) s.triangles.push_back({t[0] + count, t[1] + count, t[2] + count});
+  const shapes::World world(s);
+  EXPECT_EQ(world.mesh.diagnosis().parts, 2);
+  EXPECT_GT(palpate::self_intersections(world.mesh, world.tree).count, 0);
+}
+
+TEST(Tree, NearestIsTheNearestOfAll) {
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  for (const Shape& s :
+       {shapes::ball(8, 0.5, 0.3), shapes::box({0.5, 0.5, 1e-4}, 5), Shape{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}}}) {
+    const shapes::World world(s, {}, true);
+    for (int k = 0; k < 200; ++k) {
+      const Vector3<> x(u(random), u(random), u(random));
+      const auto near = world.tree.nearest(world.mesh, x);
+      EXPECT_NEAR(std::sqrt(near.distance2), shapes::truth(world.mesh, x).distance, 1e-14);
+      EXPECT_EQ(world.tree.nearest(world.mesh, x, 0.25 * near.distance2).facet, Mesh::none);
+    }
+  }
+}
+
+TEST(Tree, AlongShowsEveryFacetThatASegmentMeets) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  const shapes::World world(shapes::ball(8, 0.5, 0.3));
+  int met = 0;
+  for (int k = 0; k < 300; ++k) {
+    const Vector3<> from(u(random), u(random), u(random)), way = Vector3<>(u(random), u(random), u(random)) - from;
+    std::vector<bool> shown(static_cast<std::size_t>(world.mesh.size()), false);
+    world.tree.along(from, way, 0.0, [&](std::int32_t f, double&) { shown[static_cast<std::size_t>(f)] = true; });
+    for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
+      const palpate::Facet& facet = world.mesh.facet(f);
+      if (facet.height(from) * facet.height(from + way) < 0.0 && palpate::line_meets(facet, from, way)) {
+        ++met;
+        EXPECT_TRUE(shown[static_cast<std::size_t>(f)]);
+      }
+    }
+  }
+  EXPECT_GT(met, 100);
+}
+
+TEST(Tree, RefitFollowsMovedVertices) {
+  const Shape s = shapes::ball(8, 0.5, 0.2);
+  Mesh mesh(s.vertices, s.triangles);
+  palpate::Tree tree(mesh);
+  std::vector<std::int32_t> touched;
+  for (std::int32_t f = 0; f < mesh.size(); ++f)
+    for (const std::int32_t v : mesh.facet(f).vertex)
+      if (mesh.vertices()[static_cast<std::size_t>(v)][2] > 0.4) {
+        touched.push_back(f);
+        break;
+      }
+  for (std::size_t v = 0; v < s.vertices.size(); ++v)
+    if (s.vertices[v][2] > 0.4) mesh.move(static_cast<std::int32_t>(v), s.vertices[v] + Vector3<>(0.1, 0.2, 0.3));
+  for (const std::int32_t f : touched) ASSERT_TRUE(mesh.moved(f));
+  tree.refit(mesh, touched.begin(), touched.end());
+  const palpate::Tree fresh(mesh);
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  for (int k = 0; k < 200; ++k) {
+    const Vector3<> x(u(random), u(random), u(random));
+    EXPECT_EQ(tree.nearest(mesh, x).distance2, fresh.nearest(mesh, x).distance2);
+  }
+}
+
+TEST(Sweep, StopsWhereTheDistanceIsTheRadius) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  const shapes::World world(Shape{{{0, 0, 0}, {0.5, 0.1, 0}, {0.1, 0.4, 0.2}}, {{0, 1, 2}}}, {}, true);
+  const palpate::Facet& facet = world.mesh.facet(0);
+  int hits = 0;
+  for (int k = 0; k < 5000; ++k) {
+    const Vector3<> from(u(random), u(random), u(random)), way = 1.5 * Vector3<>(u(random), u(random), u(random));
+    const double radius = 0.2;
+    const auto distance = [&](double t) { return (palpate::nearest_point(facet, from + t * way).point - (from + t * way)).norm(); };
+    if (distance(0.0) <= radius) continue;
+    const palpate::Touch touch = palpate::sweep(facet, from, way, radius);
+    const double end = touch.hit ? touch.time : 1.0;
+    for (int i = 0; i <= 50; ++i) ASSERT_GE(distance(end * i / 50.0), radius * (1.0 - 1e-9)) << k;
+    if (!touch.hit) continue;
+    ++hits;
+    EXPECT_NEAR(distance(end), radius, 1e-12);
+    EXPECT_LT((from + end * way - radius * touch.normal - touch.point).norm(), 1e-12);
+  }
+  EXPECT_GT(hits, 200);
+}
+
+}  // namespace

@@ -1,0 +1,56 @@
+// A proxy's step takes no memory: this program's own allocation functions count every call.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+
+#include "touch_shapes.hpp"
+
+extern "C" void* __libc_malloc(std::size_t);
+
+namespace {
+std::atomic<long> allocations{0};
+}
+
+extern "C" void* malloc(std::size_t size) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  return __libc_malloc(size);
+}
+
+namespace {
+
+// A counter that cannot count would let anything pass.
+TEST(TouchNoAllocation, TheCounterCounts) {
+  const long before = allocations;
+  std::free(std::malloc(static_cast<std::size_t>(before) % 7 + 100));
+  const Eigen::MatrixXd m = Eigen::MatrixXd::Random(20, 20);
+  EXPECT_GE(allocations - before, 2) << m(0, 0);
+}
+
+TEST(TouchNoAllocation, InAStepOfTheProxy) {
+  palpate::Surface surface;
+  surface.static_friction = 0.5;
+  surface.dynamic_friction = 0.3;
+  surface.viscous = 0.1;
+  surface.damping = {0.1};
+  surface.field = palpate::Field::continuous;
+  const shapes::Shape ball = shapes::ball(20, 0.5, 0.2);
+  surface.stiffness.assign(ball.triangles.size(), 1000.0);
+  for (std::size_t i = 0; i < surface.stiffness.size(); i += 3) surface.stiffness[i] = 300.0;
+  const shapes::World world(ball, surface);
+  for (const double radius : {0.0, 0.02}) {
+    palpate::Proxy proxy = world.proxy(radius);
+    long touching = 0;
+    const long before = allocations;
+    for (int k = 0; k < 5000; ++k) {
+      const double a = 0.02 * k, b = 0.013 * k;
+      const palpate::Vector3<> way(std::cos(a), std::sin(a), 0.8 * std::sin(b));
+      touching += proxy.step((0.48 + 0.1 * std::sin(0.11 * k)) * way.normalized()).touching ? 1 : 0;
+    }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(touching, 1000);
+    EXPECT_LT(touching, 4900);
+  }
+}
+
+}  // namespace

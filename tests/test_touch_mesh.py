@@ -1,0 +1,97 @@
+"""Meshes: what is mended, what is refused and with which sentence, and files in any unit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import palpate
+import pytest
+import trimesh
+from palpate.touch import Mesh, MeshError
+from touch_shapes import ball, box
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("vertices", "triangles", "words"),
+    [
+        (np.empty((0, 3)), TETRAHEDRON, "vertices must be"),
+        (CORNERS, np.empty((0, 3), dtype=int), "triangles must be"),
+        (CORNERS, TETRAHEDRON.astype(float), "whole numbers"),
+        (CORNERS[:, :2], TETRAHEDRON, "vertices must be"),
+        (np.where(CORNERS == 1, np.nan, CORNERS), TETRAHEDRON, "finite"),
+        (CORNERS, TETRAHEDRON + 1, "numbered 0 to 3"),
+        (CORNERS, TETRAHEDRON - 1, "numbered 0 to 3"),
+        (CORNERS, [[0, 0, 1], [2, 2, 3]], "empty"),
+        (CORNERS, TETRAHEDRON[:3], "open=True"),
+        (np.vstack([CORNERS, [1, 1, 1]]), np.vstack([TETRAHEDRON, [[0, 1, 4]]]), "more than two"),
+    ],
+)
+def test_what_cannot_be_touched_is_refused_in_a_sentence(vertices: object, triangles: object, words: str) -> None:
+    with pytest.raises(MeshError, match=words):
+        Mesh(vertices, triangles)
+
+
+def test_what_can_be_mended_is_mended_and_told() -> None:
+    vertices, triangles = ball(4)
+    broken = triangles.copy()
+    broken[::3] = broken[::3, ::-1]
+    broken = np.vstack([broken, broken[5:6], [[1, 1, 2]]])
+    mesh = Mesh(vertices, broken)
+    found = mesh.diagnose()
+    assert found.clean
+    assert found.volume == pytest.approx(Mesh(vertices, triangles).diagnose().volume, rel=1e-12)
+    assert len(found.mended) == 3
+    assert "turned round" in str(found)
+    with pytest.raises(MeshError, match="without area"):
+        Mesh(vertices, broken, mend=False)
+
+
+def test_an_inside_out_mesh_is_turned_outward() -> None:
+    vertices, triangles = ball(4)
+    assert Mesh(vertices, triangles[:, ::-1]).diagnose().volume > 0.0
+
+
+def test_diagnosis_tells_open_edges_parts_and_piercing() -> None:
+    vertices, triangles = ball(4)
+    sheet = Mesh(vertices, triangles[:-1], open=True).diagnose()
+    assert (sheet.open_edges, sheet.closed, sheet.clean) == (3, False, False)
+    both = Mesh(np.vstack([vertices, vertices + 0.3]), np.vstack([triangles, triangles + len(vertices)])).diagnose()
+    assert both.parts == 2
+    assert both.self_intersections > 0
+    assert Mesh(vertices, triangles).diagnose().self_intersections == 0
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply", "off", "glb"])
+def test_files_are_read_in_the_stated_unit(kind: str, tmp_path: Path) -> None:
+    """A box of 20 x 30 x 40 mm has its volume in m^3 and its eight corners, whatever the file repeats."""
+    vertices, triangles = box((10.0, 15.0, 20.0), 1)
+    path = tmp_path / f"box.{kind}"
+    trimesh.Trimesh(vertices, triangles, process=False).export(path)
+    mesh = palpate.Mesh.load(path, unit="mm")
+    assert mesh.diagnose().volume == pytest.approx(24e-6, rel=1e-6)
+    assert len(mesh.vertices) == 8
+    assert mesh.closed
+
+
+def test_bad_files_are_refused_with_their_name(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="no such file"):
+        Mesh.load(tmp_path / "none.stl", unit="mm")
+    for name in ("bad.stl", "bad.obj", "bad.xyz"):
+        (tmp_path / name).write_text("this is not a mesh\n")
+        with pytest.raises(MeshError, match=name.replace(".", r"\.")):
+            Mesh.load(tmp_path / name, unit="mm")
+    path = tmp_path / "box.off"
+    trimesh.Trimesh(*box((1.0, 1.0, 1.0), 1)).export(path)
+    for unit in ("furlongs per fortnight", "N", ""):
+        with pytest.raises(MeshError, match="unit"):
+            Mesh.load(path, unit=unit)
+
+
+def test_nearest_is_the_nearest_on_a_box() -> None:
+    mesh = Mesh(*box((1.0, 1.0, 1.0), 3))
+    at, _ = mesh.nearest([[0.1, 0.2, 3.0], [2.0, 2.0, 2.0], [0.0, 0.9, 0.0]])
+    np.testing.assert_allclose(at, [[0.1, 0.2, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]], atol=1e-12)

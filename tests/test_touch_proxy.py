@@ -1,0 +1,149 @@
+"""The proxy from Python: closed forms on a plane and a sphere, and the case in which CHAI3D's proxy locks up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from palpate import Mesh, PalpateError, Proxy, Surface
+from palpate.touch import SurfaceError
+from touch_shapes import ball, box
+
+Array = NDArray[np.float64]
+
+
+def orbit(ticks: int, bump: float = 0.0) -> Array:
+    """A tip that dives 10 to 30 mm under a ball of radius 0.5, 1 kHz (n, 3)."""
+    t = np.arange(ticks) * 1e-3
+    a, b = 2 * np.pi * 0.31 * t, 2 * np.pi * 0.17 * t
+    u = np.stack([np.cos(a), np.sin(a), 0.8 * np.sin(b)], axis=1)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    radius = 0.5 * (1.0 + bump * np.prod(np.sin(10.0 * u), axis=1))
+    return np.asarray(u * (radius - 0.5 * (0.04 + 0.02 * np.sin(2 * np.pi * 2.3 * t)))[:, None])
+
+
+def test_step_and_follow_say_the_same() -> None:
+    mesh = Mesh(*ball(12, bump=0.1))
+    surface = Surface(stiffness="0.1 N/mm", static_friction=0.5, dynamic_friction=0.3)
+    path = orbit(400, 0.1) * 1.02
+    whole = Proxy(mesh, surface).follow(path)
+    one = Proxy(mesh, surface)
+    for i, tip in enumerate(path):
+        contact = one.step(tip)
+        assert contact.touching == whole.touching[i]
+        np.testing.assert_array_equal(contact.force, whole.force[i])
+        np.testing.assert_array_equal(contact.position, whole[i].position)
+    assert len(whole) == 400
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+def test_on_a_sphere_position_and_normal_are_radial(radius: float) -> None:
+    """Frictionless, the proxy lies on the tip's radius; facets of size h differ from the sphere by angles of h / 2R."""
+    pieces = 71
+    mesh = Mesh(*ball(pieces))
+    path = orbit(3000)
+    contacts = Proxy(mesh, Surface(stiffness=100.0), radius=radius).follow(path)
+    outward = path / np.linalg.norm(path, axis=1, keepdims=True)
+    facet = 1.2 / pieces  # largest edge over radius
+    assert contacts.touching.all()
+    assert np.linalg.norm(contacts.normal - outward, axis=1).max() < facet
+    centre = (0.5 + radius) * outward
+    assert np.linalg.norm(contacts.position - centre, axis=1).max() < 0.05 * facet
+    depth = 0.5 + radius - np.linalg.norm(path, axis=1)
+    np.testing.assert_allclose(contacts.depth, depth, atol=0.5 * facet**2)
+    np.testing.assert_allclose(np.linalg.norm(contacts.force, axis=1), 100.0 * contacts.depth, rtol=1e-9)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+def test_frictional_lag_on_a_sphere(radius: float) -> None:
+    """Under steady sliding the spring is inclined to the normal by the angle of friction: tan = mu_d."""
+    mesh = Mesh(*ball(71))
+    angle = np.arange(3000) * 1e-3
+    path = 0.48 * np.stack([np.cos(angle), np.sin(angle), 0.1 * np.ones_like(angle)], axis=1)
+    contacts = Proxy(mesh, Surface(static_friction=0.6, dynamic_friction=0.4), radius=radius).follow(path)
+    spring = contacts.position - path
+    outward = contacts.position / np.linalg.norm(contacts.position, axis=1, keepdims=True)
+    along = np.sum(spring * outward, axis=1)
+    lag = np.linalg.norm(spring - along[:, None] * outward, axis=1)
+    late = slice(500, None)
+    np.testing.assert_allclose((lag / along)[late], 0.4, atol=0.02)  # facets tilt the normal by up to 0.01
+    tangential = contacts.force - np.sum(contacts.force * contacts.normal, axis=1)[:, None] * contacts.normal
+    ratio = np.linalg.norm(tangential, axis=1) / np.sum(contacts.force * contacts.normal, axis=1)
+    assert np.all(ratio[late] <= 0.6 * (1 + 1e-9))
+    assert np.median(ratio[late]) == pytest.approx(0.4, abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+def test_the_bumpy_ball_of_100k_triangles_never_locks_up(radius: float, friction: float) -> None:
+    """Where CHAI3D's proxy of radius 0.01 sticks in a fifth to a half of the ticks, ours is always inside its cone."""
+    mesh = Mesh(*ball(71, bump=0.04))
+    assert len(mesh.triangles) == 100_820
+    path = orbit(20_000, 0.04)
+    proxy = Proxy(mesh, Surface(stiffness=100.0, static_friction=friction, dynamic_friction=friction / 1.5), radius)
+    contacts = proxy.follow(path)
+    assert contacts.touching.all()
+    spring = contacts.position - path
+    along = np.sum(spring * contacts.normal, axis=1)
+    lag = np.linalg.norm(spring - along[:, None] * contacts.normal, axis=1)
+    assert np.all(lag <= friction * along * (1 + 1e-6) + 1e-7)
+    assert proxy.unfinished <= 20  # of 20,000: the step goes on in the next tick, it is not held
+
+
+def test_continuous_field_has_smaller_steps_and_does_no_net_work() -> None:
+    """On a flat face of patches of 0.2 and 3.5 N/mm: force steps 10 times smaller, and no work round a closed path."""
+    mesh = Mesh(*box((0.05, 0.05, 0.05), 10))
+    patch = np.floor(mesh.vertices[mesh.triangles].mean(axis=1) / 0.02 + 50).sum(axis=1) % 2
+    stiffness = np.where(patch == 0, 200.0, 3500.0)
+    angle = np.linspace(0.0, 2 * np.pi, 200_001)
+    path = np.stack([0.031 * np.cos(angle), 0.027 * np.sin(angle + 0.3), np.full_like(angle, 0.0485)], axis=1)
+    path[:, 2] += 0.0005 * np.sin(3 * angle)
+    steps, work, exchanged = {}, {}, {}
+    for field in ("discrete", "continuous"):
+        proxy = Proxy(mesh, Surface(stiffness=stiffness, field=field))
+        proxy.step([0.031, 0.0, 0.06])
+        force = proxy.follow(path).force
+        steps[field] = np.linalg.norm(np.diff(force, axis=0), axis=1).max()
+        power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(path, axis=0), axis=1)
+        work[field], exchanged[field] = power.sum(), np.abs(power).sum()
+    assert steps["continuous"] < 0.1 * steps["discrete"]
+    assert abs(work["continuous"]) < 1e-6 * exchanged["continuous"]
+    assert abs(work["discrete"]) > 1e-2 * exchanged["discrete"]
+
+
+def test_nan_is_counted_and_the_contact_held() -> None:
+    proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)), Surface())
+    path = np.array([[0.0, 0, 2], [0.1, 0.2, 0.9], [np.nan, 0, 0], [0.1, np.inf, 0], [0.2, 0.2, 0.9]])
+    contacts = proxy.follow(path)
+    assert proxy.faults == 2
+    np.testing.assert_array_equal(contacts.force[2], contacts.force[1])
+    np.testing.assert_allclose(contacts.position[4], [0.2, 0.2, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"stiffness": [1.0, 2.0]}, "one per triangle"),
+        ({"stiffness": -1.0}, "not negative"),
+        ({"stiffness": np.nan}, "finite"),
+        ({"stiffness": "3 N"}, "stiffness"),
+        ({"tangential": "-1 N/mm"}, "tangential"),
+        ({"static_friction": -0.1}, "static_friction"),
+        ({"static_friction": 0.1, "dynamic_friction": 0.2}, "must not exceed"),
+        ({"field": "smooth"}, "field"),
+        ({"period": 0.0}, "period"),
+    ],
+)
+def test_a_surface_that_cannot_be_is_refused(options: dict[str, object], words: str) -> None:
+    mesh = Mesh(*box((1.0, 1.0, 1.0), 2))
+    with pytest.raises(SurfaceError, match=words):
+        Proxy(mesh, Surface(**options))  # type: ignore[arg-type]
+
+
+def test_shapes_of_tips_and_paths_are_checked() -> None:
+    proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)))
+    for bad in (lambda: proxy.step([1.0, 2.0]), lambda: proxy.follow([1.0, 2.0, 3.0])):
+        with pytest.raises(PalpateError, match="shape"):
+            bad()
+    with pytest.raises(SurfaceError, match="radius"):
+        Proxy(proxy.mesh, radius=-1.0)

@@ -187,6 +187,28 @@ def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
         Trace.read(tmp_path / "cut.h5")
 
 
+@pytest.mark.parametrize(
+    "damage", ["no channels", "no time", "no unit", "a list of channels", "nested metadata", "text"]
+)
+def test_a_trace_of_another_shape_says_so(damage: str, tmp_path: Path) -> None:
+    """Whatever h5py meets in a file that claims to be a trace ends in one sentence."""
+    path = small(metadata={"version": "1"}).write(tmp_path / "trace.h5")
+    with h5py.File(path, "a") as file:
+        if damage == "no unit":
+            del file["channels/deflection"].attrs["unit"]
+        elif damage == "nested metadata":
+            file["metadata/more/inside"] = 1
+        elif damage == "text":
+            del file["metadata/version"]
+            file["metadata/version"] = "{not JSON"
+        else:
+            del file["time" if damage == "no time" else "channels"]
+            if damage == "a list of channels":
+                file["channels"] = [1.0]
+    with pytest.raises(TraceError, match=r"trace\.h5: not a readable trace: "):
+        Trace.read(path)
+
+
 def test_csv_has_units_in_its_header_and_every_digit(pressed: Trace, tmp_path: Path) -> None:
     """Export: column names with units, values that read back to the same doubles."""
     assert b"\r" not in pressed.write_csv(tmp_path / "trace.csv").read_bytes()

@@ -198,7 +198,10 @@ class Trace:
                 time = np.array(file["time"], dtype=float)
         except FileNotFoundError:
             raise TraceError(f"{file_path}: there is no such file") from None
-        except (OSError, KeyError, json.JSONDecodeError) as problem:
+        except TraceError:
+            raise
+        except (OSError, LookupError, RuntimeError, TypeError, AttributeError, ValueError) as problem:
+            # What h5py raises for a damaged file, or one of another shape.
             raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
         return cls(time, channels, None if unstable is None else float(unstable), metadata)
 

@@ -304,14 +304,23 @@ def _runs(good: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def _last_good(loop: WallLoop, curve: Any, good: float, bad: float, least: float) -> float:
     """Return the angle at which the piece of curve ends, between one that belongs to it and one that does not."""
-    for _ in range(5):  # 16 angles at a time: to 1e-6 of the step
-        theta = np.linspace(good, bad, 17)
-        b, k = curve(theta)
-        kept = np.isfinite(b) & np.isfinite(k) & (k > 0) & (b >= least)
-        kept &= _edge(loop, b, k, kept)
-        end = int(np.argmin(kept)) if not kept.all() else len(theta) - 1
-        good, bad = theta[max(end - 1, 0)], theta[end]
-    return float(good)
+
+    def narrowed(judge: bool) -> float:
+        inner, outer = good, bad
+        for _ in range(5):  # 17 angles at a time: to 1e-6 of the step
+            theta = np.linspace(inner, outer, 17)
+            b, k = curve(theta)
+            kept = (k > 0) & (b >= least)  # nan fails both
+            if judge:
+                kept &= _edge(loop, b, k, kept)
+            end = int(np.argmin(kept)) if not kept.all() else len(theta) - 1
+            inner, outer = theta[max(end - 1, 0)], theta[end]
+        return float(inner)
+
+    # Most pieces end where K or B does, which needs no eigenvalues but for the end itself.
+    angle = narrowed(judge=False)
+    b, k = curve(np.array([angle]))
+    return angle if _edge(loop, b, k, np.array([True]))[0] else narrowed(judge=True)
 
 
 def spectral_radius(

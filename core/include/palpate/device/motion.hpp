@@ -268,7 +268,7 @@ class Motion {
   }
 
   void advance_with_sticking(State& state, const Push& push, double step) const {
-    constexpr int most_events = 4 * dof;  // bounds the tick; more turn-rounds than this in a substep have no physics left
+    constexpr int most_events = 4 * dof;  // bounds the tick: the rest of the substep then keeps the last modes
     constexpr int bisections = 40;
     double t = 0.0;
     for (int event = 0; event < most_events && t < step; ++event) {
@@ -280,7 +280,7 @@ class Motion {
         return end;
       };
       State next = slide(step - t);
-      if (!mode_ends(next, push, step, modes)) {
+      if (event == most_events - 1 || !mode_ends(next, push, step, modes)) {
         state = next;
         return;
       }

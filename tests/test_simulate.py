@@ -221,13 +221,14 @@ def test_the_objects_damper_is_sampled_as_it_says(coupling: str) -> None:
 
 
 def test_encoders_count() -> None:
-    """The servo sees whole counts: the object's force is that of the rounded angles, the joints move smoothly."""
+    """The servo sees whole counts, of the start pose too, where the object stands; the joints move smoothly."""
     trace = simulate(press(device={"encoder": True}, object={"stiffness": "1 N/mm"}))
     step = ARM.encoder_step
     np.testing.assert_allclose(step, 2 * np.pi / (4096 * np.array([13.3, 11.2, 11.2])), rtol=1e-12)
     counted = np.rint(trace["angle"] / step) * step
-    seen = 1000.0 * (ARM.forward(counted) - ARM.forward(POSE))
+    seen = 1000.0 * (ARM.forward(counted) - ARM.forward(counted[0]))
     np.testing.assert_allclose(trace["object_force"], seen, atol=1e-9)
+    assert not np.any(trace["object_force"][0])  # at rest nothing pushes
     exact = 1000.0 * trace["deflection"]
     assert 1e-3 < np.abs(trace["object_force"] - exact).max() < 0.05  # 30 um times 1 N/mm
 

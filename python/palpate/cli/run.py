@@ -50,7 +50,7 @@ def run(
                 "report.html": page.write,
             },
         )
-    colour = "green" if trace.stable else "red"
+    colour = "green" if summary["stable"] else "red"
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {colour}]{escape(summary['verdict'])}[/]", soft_wrap=True)
     for axis, row in summary["axes"].items():
         expected = row["expected_deflection_m"]
@@ -61,5 +61,5 @@ def run(
         )
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
-    if not trace.stable:
+    if not summary["stable"]:
         raise typer.Exit(1)

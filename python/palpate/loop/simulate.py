@@ -197,7 +197,11 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
         "spring": _core.Anchor.Kind.point,
         "wall": _core.Anchor.Kind.half_space,
     }[touched.kind]
-    anchor.point = device.forward(start) + np.array(touched.position)
+    # The object stands where the servo sees the tip: between two counts a stiff one would push at rest.
+    step = device.encoder_step
+    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
+    counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
+    anchor.point = device.forward(counted) + np.array(touched.position)
     if touched.normal is not None:
         anchor.normal = np.array(touched.normal)
     setup.anchor = anchor

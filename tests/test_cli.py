@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Trace
-from palpate.cli.console import write_folder
 from palpate.cli.main import app
+from palpate.files import write_folder
 from typer.testing import CliRunner
 
 SCENARIO = """

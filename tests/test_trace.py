@@ -16,8 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from palpate import simulate
+from palpate.errors import OutputError
+from palpate.files import write_whole
 from palpate.loop.response import step_response
-from palpate.loop.trace import Channel, Trace, TraceError, write_whole
+from palpate.loop.trace import Channel, Trace, TraceError
 
 PRESS: dict[str, Any] = {
     "title": "Press µ → 木",
@@ -132,7 +134,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pyt
         raise OSError("disk full")
 
     monkeypatch.setattr(h5py.Group, "create_group", stop)
-    with pytest.raises(TraceError, match=r"trace\.h5: cannot be written: disk full"):
+    with pytest.raises(OutputError, match=r"trace\.h5: cannot be written: disk full"):
         small([[5.0]] * 3).write(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -162,10 +164,10 @@ def test_a_new_file_has_the_rights_of_any_new_file(tmp_path: Path) -> None:
 
 def test_where_nothing_can_be_written_the_message_says_why(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(TraceError, match=r"trace\.h5: cannot be written: "):
+    with pytest.raises(OutputError, match=r"trace\.h5: cannot be written: "):
         small().write(tmp_path / "file" / "trace.h5")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(TraceError, match="folder: cannot be written: Is a directory"):
+    with pytest.raises(OutputError, match="folder: cannot be written: Is a directory"):
         small().write(tmp_path / "folder")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
 

@@ -23,3 +23,7 @@ class RecordingError(PalpateError):
 
 class DesignError(PalpateError):
     """A controller with the stated specification does not exist for this plant."""
+
+
+class OutputError(PalpateError):
+    """A file or folder cannot be written: no permission, a full disk, a folder where a file should be."""

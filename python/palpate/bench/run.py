@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from palpate.bench.peers import mujoco_loop, python_control_loop
 from palpate.bench.workload import DURATION, Workload
+from palpate.files import write_whole
 from palpate.loop.simulate import prepare, simulate
-from palpate.loop.trace import write_whole
 
 __all__ = ["run"]
 

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import output, progress, write_folder
+from palpate.cli.console import output, progress
+from palpate.files import write_folder
 
 __all__ = ["run"]
 

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.console import output, progress, write_folder
+from palpate.cli.console import output, progress
+from palpate.files import write_folder
 
 __all__ = ["certify", "zwidth"]
 

@@ -114,9 +114,9 @@ class Recording:
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `.csv` or `.h5`, whole or not at all."""
         file = Path(path)
+        from palpate.files import write_whole
         from palpate.identify.csv_file import write_csv
         from palpate.identify.hdf5_file import write_hdf5
-        from palpate.loop.trace import write_whole
 
         writers = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}
         if file.suffix.lower() not in writers:

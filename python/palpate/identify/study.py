@@ -195,7 +195,7 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
 
 
 def _write(result: dict[str, Any], folder: Path) -> None:
-    from palpate.loop.trace import write_whole
+    from palpate.files import write_whole
 
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)

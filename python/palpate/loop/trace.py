@@ -5,10 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
-import tempfile
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -17,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import PalpateError
+from palpate.files import write_whole
 
-__all__ = ["CHANNELS", "Channel", "Trace", "TraceError", "write_whole"]
+__all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
 
 Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
@@ -222,36 +220,3 @@ class Trace:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(header)
             writer.writerows([repr(value) for value in row] for row in table.tolist())
-
-
-def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
-    """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
-
-    Raises:
-        TraceError: the folder cannot be written, the disk is full, or a folder has that name.
-    """
-    target = Path(path)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
-    except OSError as problem:
-        raise TraceError(f"{target}: cannot be written: {problem.strerror}") from None
-    os.close(handle)
-    part = Path(name)
-    try:
-        write(part)
-        part.chmod(0o666 & ~_umask())
-        part.replace(target)
-    except BaseException as problem:
-        with suppress(OSError):
-            part.unlink()
-        if isinstance(problem, OSError):
-            raise TraceError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
-        raise
-    return target
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

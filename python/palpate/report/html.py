@@ -188,7 +188,7 @@ class Page:
 
     def write(self, path: str | Path) -> Path:
         """Write the page, whole or not at all; return the path."""
-        from palpate.loop.trace import write_whole
+        from palpate.files import write_whole
 
         text = self.html()
         return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))

@@ -78,7 +78,7 @@ class Certificate:
 
     def write(self, path: str | Path) -> Path:
         """Write the certificate as JSON, whole or not at all; return the path."""
-        from palpate.loop.trace import write_whole
+        from palpate.files import write_whole
 
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))

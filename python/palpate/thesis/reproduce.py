@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.loop.trace import write_whole
+from palpate.files import write_folder
 from palpate.report import Page
 from palpate.thesis.chapter2 import chapter2
 from palpate.thesis.chapter3 import chapter3
@@ -40,8 +40,8 @@ CHAPTERS = (  # and how much of the time each takes
 def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
     """Compute chapters 2 to 4 and table 5.1, write what is found to `out`, and return the checks.
 
-    Writes results.json (the returned list), report.html (self-contained), headline.svg and headline.png; each whole or
-    not at all, and none before everything is computed.
+    Writes results.json (the returned list), report.html (self-contained), headline.svg and headline.png; all of them
+    or none.
 
     Args:
         out: folder; made if missing.
@@ -53,7 +53,7 @@ def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
         right (of an erratum) and note.
 
     Raises:
-        TraceError: the folder cannot be written.
+        OutputError: the folder cannot be written.
     """
     report: Progress = progress or (lambda _text, _fraction: None)
     page = Page(TITLE, LEAD, footer="Every number on this page was computed by the run that wrote it.")
@@ -139,7 +139,12 @@ def _plain(entry: dict[str, Any]) -> dict[str, Any]:
 
 def _write(out: Path, page: Page, picture: Figure, results: list[dict[str, Any]]) -> None:
     text = json.dumps(results, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(out / "headline.svg", lambda part: picture.savefig(part, format="svg", facecolor="white"))
-    write_whole(out / "headline.png", lambda part: picture.savefig(part, format="png", dpi=150, facecolor="white"))
-    page.write(out / "report.html")
-    write_whole(out / "results.json", lambda part: part.write_text(text, encoding="utf-8"))
+    write_folder(
+        out,
+        {
+            "headline.svg": lambda part: picture.savefig(part, format="svg", facecolor="white"),
+            "headline.png": lambda part: picture.savefig(part, format="png", dpi=150, facecolor="white"),
+            "report.html": page.write,
+            "results.json": lambda part: part.write_text(text, encoding="utf-8"),
+        },
+    )

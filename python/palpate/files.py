@@ -1,0 +1,79 @@
+"""Files that are written whole or not at all: to a temporary name first, then put in place in one step."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from palpate.errors import OutputError
+
+__all__ = ["write_folder", "write_whole"]
+
+Writer = Callable[[Path], object]
+
+
+def write_whole(path: str | Path, write: Writer) -> Path:
+    """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
+
+    Raises:
+        OutputError: the folder cannot be written, the disk is full, or a folder has that name.
+    """
+    target = Path(path)
+    with _told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+        os.close(handle)
+        part = Path(name)
+        try:
+            write(part)
+            part.chmod(0o666 & ~_umask())
+            part.replace(target)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink()
+            raise
+    return target
+
+
+def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:
+    """Write several files into `folder`: all of them, or none if one fails. Return their paths.
+
+    Args:
+        folder: made if missing; files of other names in it stay.
+        writers: file name to what writes it, given the path to write to.
+
+    Raises:
+        OutputError: the folder cannot be written, the disk is full, or it is a file.
+    """
+    target = Path(folder)
+    with _told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
+        try:
+            for name, write in writers.items():
+                write(part / name)
+            target.mkdir(exist_ok=True)
+            for name in writers:
+                os.replace(part / name, target / name)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    return [target / name for name in writers]
+
+
+@contextmanager
+def _told(target: Path) -> Iterator[None]:
+    """Say in a sentence what the operating system refused."""
+    try:
+        yield
+    except OSError as problem:
+        raise OutputError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -204,3 +204,29 @@ def test_measured_response_that_is_none_is_refused() -> None:
         MeasuredResponse(np.array([1.0, 600.0]), np.array([1.0, 1.0 + 0j]), T)
     with pytest.raises(StabilityError, match="finite"):
         MeasuredResponse(np.array([1.0, 2.0]), np.array([1.0, np.nan + 0j]), T)
+
+
+def test_the_traced_curve_misses_nothing() -> None:
+    """Random devices, delays, filters and hands: wherever the search over K finds the limit, the curve passes."""
+    rng = np.random.default_rng(12)
+    seen = 0
+    for _ in range(60):
+        m, b, period = 10 ** rng.uniform(-2.5, 1), 10 ** rng.uniform(-4, 1.5), 10 ** rng.uniform(-4, -2)
+        arm = None
+        if rng.random() < 0.7:
+            tissue = (10 ** rng.uniform(0, 5.5), 10 ** rng.uniform(-4, 1.5)) if rng.random() < 0.6 else ()
+            arm = Arm(10 ** rng.uniform(-2.5, 0.5), 10 ** rng.uniform(-4, 1.5), 10 ** rng.uniform(-1, 5.5), *tissue)
+        loop = wall_loop(Tip.of_mass(m, b, arm), period, rng.choice([0, 1, 2, 5, 0.3]), rng.choice([0, 0.5, 0.9]))
+        curve = boundary(loop, points=400)
+        assert spectral_radius(loop, stiffness=curve.stiffness, virtual_damping=curve.damping) == pytest.approx(
+            1, abs=1e-7
+        )
+        assert loop.radius(curve.inside[1], curve.inside[0]) < 1
+        for damping in rng.uniform(0, curve.damping.max(), 2):
+            limit = critical(loop, damping).stiffness
+            if 0 < limit < np.inf:
+                right = (curve.damping - damping) / np.ptp(curve.damping)
+                up = (curve.stiffness - limit) / curve.stiffness.max()
+                assert np.hypot(right, up).min() < 0.02
+                seen += 1
+    assert seen > 90

@@ -160,9 +160,11 @@ def _static_edge(loop: WallLoop) -> float:
     if np.linalg.matrix_rank(step / scale, tol=1e-13) < len(step):
         return 0.0
     gain = -loop.tip.out @ np.linalg.solve(step, loop.tip.now + loop.tip.before)
-    if loop.controller is not None:
-        c = loop.controller
-        gain = gain * float((c.C @ np.linalg.solve(np.eye(c.nstates) - c.A, c.B) + c.D)[0, 0]) if c.nstates else gain
+    if (c := loop.controller) is not None:
+        rest = np.eye(c.nstates) - c.A
+        if c.nstates and np.linalg.matrix_rank(rest) < c.nstates:
+            return 0.0  # an integrator holds any load
+        gain = gain * float((c.C @ np.linalg.solve(rest, c.B) + c.D)[0, 0])
     return float(-1 / gain) if gain != 0 else 0.0
 
 
@@ -171,7 +173,7 @@ def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, 
 
     W(theta) = K + B V(theta) is solved for the real K and B; no grid over K or B, no search. The curve starts at
     ``least_damping`` and runs through the stiffest wall to the largest damping that a wall of no stiffness may have;
-    pieces that bound no stable wall (a root is outside already) are left out.
+    a root at -1 adds a straight piece. Pieces that bound no stable wall (a root is outside already) are left out.
 
     Args:
         device: as ``critical_stiffness``.
@@ -185,43 +187,95 @@ def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, 
     return trace(_loop(device, loop), points, least_damping)
 
 
-def trace(closed: WallLoop, points: int, least_damping: float, scale: tuple[float, float] | None = None) -> Boundary:
-    """Return the boundary as ``boundary`` does; ``scale`` is the size of the region in B and K, if it is known."""
+def trace(
+    closed: WallLoop,
+    points: int,
+    least_damping: float,
+    scale: tuple[float, float] | None = None,
+    alone: bool = True,
+) -> Boundary:
+    """Return the boundary as ``boundary`` does.
+
+    Args:
+        closed: the loop.
+        points: on the curve.
+        least_damping: B from which on the curve is wanted, N s/m.
+        scale: the size of the region in B and K, if it is known.
+        alone: the region is bounded by this loop's curve and no other's, so that a loose end tells of a piece missed.
+    """
 
     def curve(theta: Array) -> tuple[Array, Array]:
         wanted, rate = closed.needed(theta), closed.rate(theta)
         b = wanted.imag / rate.imag
         return b, wanted.real - b * rate.real
 
-    coarse, b, k, good = _refined(closed, curve, least_damping, scale)
-    runs = _runs(good)
-    if not runs:
+    pieces: list[tuple[Array, Array, Array]] = []
+    for step in (0.12, 0.02, 0.004):
+        theta, b, k, good = _refined(closed, curve, least_damping, scale, step)
+        pieces = [_flip(closed, least_damping)] if alone else []
+        for first, last in _runs(good):  # each runs on to where it meets K = 0, B = least_damping or another piece
+            angles = theta[first : last + 1]
+            if first > 0:
+                angles = np.insert(angles, 0, _last_good(closed, curve, angles[0], theta[first - 1], least_damping))
+            if last < len(theta) - 1:
+                angles = np.append(angles, _last_good(closed, curve, angles[-1], theta[last + 1], least_damping))
+            angles = np.unique(angles)
+            pieces.append((angles, *curve(angles)))
+        pieces = [piece for piece in pieces if len(piece[0]) > 1]
+        if pieces and not (alone and _loose(pieces, least_damping)):
+            break
+    if not pieces:
         raise StabilityError(
             "no wall of any stiffness and damping above least_damping is stable with this device, period and delay"
         )
-    pieces = []
-    for first, last in runs:  # each runs on to where it meets K = 0, B = least_damping or another piece
-        theta = coarse[first : last + 1]
-        if first > 0:
-            theta = np.insert(theta, 0, _last_good(closed, curve, theta[0], coarse[first - 1], least_damping))
-        if last < len(coarse) - 1:
-            theta = np.append(theta, _last_good(closed, curve, theta[-1], coarse[last + 1], least_damping))
-        pieces.append(np.unique(theta))
-    theta = _spaced(pieces, curve, points)
-    b, k = curve(theta)
-    middle = int(np.argmax(k))
-    inside = (float(b[middle]), 0.9 * float(k[middle]))
-    if not _inside(closed, inside[1], inside[0]):
-        inside = (inside[0], 0.999 * float(k[middle]))
-    if not _inside(closed, inside[1], inside[0]):
-        raise StabilityError(
-            f"the wall just under the curve, B = {inside[0]:g} N s/m, K = {inside[1]:g} N/m, is unstable"
-        )
-    return Boundary(b, k, theta, inside)
+    b, k, theta = _spaced(pieces, curve, points)
+    for at in (int(np.argmax(k)), len(k) // 2, len(k) // 4, 3 * len(k) // 4):
+        for share in (0.9, 0.999, 0.999999):
+            if _inside(closed, share * float(k[at]), float(b[at])):
+                return Boundary(b, k, theta, (float(b[at]), share * float(k[at])))
+    raise StabilityError(f"no wall just under the curve is stable, as at B = {b[0]:g} N s/m, K = {k[0]:g} N/m")
+
+
+def _flip(loop: WallLoop, least: float) -> tuple[Array, Array, Array]:
+    """Return the piece of boundary with a root at -1, (angle, B, K): a line, where a heavily damped device ends."""
+    theta = np.array([np.pi])
+    k0, slope = float(loop.needed(theta).real[0]), float(loop.rate(theta).real[0])
+    empty = np.zeros(0)
+    if not (np.isfinite(k0) and slope > 0 and k0 - least * slope > 0):
+        return empty, empty, empty
+
+    def line(b: Array) -> tuple[Array, Array]:
+        return b, k0 - b * slope
+
+    b = np.linspace(least, k0 / slope, 34)[:-1]
+    good = _edge(loop, *line(b), np.ones(len(b), dtype=bool))
+    runs = _runs(good)
+    if not runs:
+        return empty, empty, empty
+    first, last = runs[0]
+    kept = b[first : last + 1]
+    if first > 0:
+        kept = np.insert(kept, 0, _last_good(loop, line, kept[0], b[first - 1], least))
+    end = b[last + 1] if last < len(b) - 1 else k0 / slope
+    kept = np.unique(np.append(kept, _last_good(loop, line, kept[-1], end, least)))
+    return np.full(len(kept), np.pi), *line(kept)
+
+
+def _loose(pieces: list[tuple[Array, Array, Array]], least: float) -> bool:
+    """Return whether a piece ends within the quadrant, where no other begins."""
+    wide = max(float(b.max()) for _, b, _ in pieces) - least or 1.0
+    high = max(float(k.max()) for _, _, k in pieces)
+    ends = [((b[i] - least) / wide, k[i] / high) for _, b, k in pieces for i in (0, -1)]
+    for i, (x, y) in enumerate(ends):
+        if x < 0.01 or y < 0.01:
+            continue
+        if not any(np.hypot(x - other[0], y - other[1]) < 0.01 for j, other in enumerate(ends) if j != i):
+            return True
+    return False
 
 
 def _refined(
-    loop: WallLoop, curve: Any, least: float, scale: tuple[float, float] | None
+    loop: WallLoop, curve: Any, least: float, scale: tuple[float, float] | None, step: float
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Return angles, B, K and which bound stable walls, so close that the curve moves little from one to the next."""
     theta = _coarse(loop)
@@ -237,14 +291,15 @@ def _refined(
         if not 0 < high < np.inf:
             return theta, b, k, good
         wide = high * loop.period
+    reach = 1.1 if step > 0.1 else 3.0  # what was found first may be the smaller part
     for _ in range(24):
         x, y = (b - least) / max(wide, 1e-300), k / high
         with np.errstate(invalid="ignore"):
-            far = np.hypot(np.diff(x), np.diff(y)) > 0.12
-            through = (np.minimum(x[1:], x[:-1]) < 1.1) & (np.maximum(x[1:], x[:-1]) > -0.1)
-            through &= (np.minimum(y[1:], y[:-1]) < 1.1) & (np.maximum(y[1:], y[:-1]) > -0.1)
+            far = np.hypot(np.diff(x), np.diff(y)) > step
+            through = (np.minimum(x[1:], x[:-1]) < reach) & (np.maximum(x[1:], x[:-1]) > -0.1)
+            through &= (np.minimum(y[1:], y[:-1]) < reach) & (np.maximum(y[1:], y[:-1]) > -0.1)
         split = far & through & (np.diff(theta) > 1e-13)
-        if not np.any(split) or len(theta) > 2000:
+        if not np.any(split) or len(theta) > 4000:
             break
         between = 0.5 * (theta[:-1] + theta[1:])[split]
         new_b, new_k = curve(between)
@@ -256,24 +311,27 @@ def _refined(
     return theta, b, k, good
 
 
-def _spaced(pieces: list[Array], curve: Any, points: int) -> Array:
-    """Return ``points`` angles on the pieces, evenly along the curve in (B, K), its ends among them."""
-    tables = [curve(theta) for theta in pieces]
-    scale = [max(float(np.abs(table[i]).max()) for table in tables) or 1.0 for i in (0, 1)]
+def _spaced(pieces: list[tuple[Array, Array, Array]], curve: Any, points: int) -> tuple[Array, Array, Array]:
+    """Return ``points`` (B, K, angle) on the pieces, evenly along the curve in (B, K), its ends among them."""
+    wide, high = (max(float(np.abs(piece[i]).max()) for piece in pieces) or 1.0 for i in (1, 2))
     ways = []
-    for b, k in tables:
-        steps = np.hypot(np.diff(b) / scale[0], np.diff(k) / scale[1])
+    for _, b, k in pieces:
+        steps = np.hypot(np.diff(b) / wide, np.diff(k) / high)
         ways.append(np.concatenate([[0.0], np.cumsum(steps)]))
-    length = sum(float(way[-1]) for way in ways)
-    kept = []
-    left = points
-    for number, (theta, way) in enumerate(zip(pieces, ways, strict=True)):
-        share = left if number == len(pieces) - 1 else max(2, round(points * float(way[-1]) / length))
-        share = max(1, min(share, left))
-        left -= share
-        if share > 0 and len(theta) > 1:
-            kept.append(np.interp(np.linspace(0, way[-1], share), way, theta))
-    return np.concatenate(kept) if kept else pieces[0]
+    length = sum(float(way[-1]) for way in ways) or 1.0
+    counts = [max(2, int(points * float(way[-1]) / length)) for way in ways]
+    longest = int(np.argmax([float(way[-1]) for way in ways]))
+    counts[longest] = max(2, counts[longest] + points - sum(counts))
+    found = []
+    for (theta, b, k), way, count in zip(pieces, ways, counts, strict=True):
+        at = np.linspace(0, way[-1], count)
+        if theta[0] == np.pi:  # a line
+            found.append((np.interp(at, way, b), np.interp(at, way, k), np.full(count, np.pi)))
+        else:
+            angles = np.interp(at, way, theta)
+            found.append((*curve(angles), angles))
+    b, k, theta = (np.concatenate([piece[i] for piece in found]) for i in range(3))
+    return b, k, theta
 
 
 def _coarse(loop: WallLoop) -> Array:
@@ -292,7 +350,7 @@ def _edge(loop: WallLoop, b: Array, k: Array, which: NDArray[np.bool_]) -> NDArr
     result = np.zeros(len(b), dtype=bool)
     if np.any(which):
         moduli = np.abs(np.linalg.eigvals(loop.matrix(k[which], b[which])))
-        result[which] = moduli.max(axis=1) < 1 + 1e-7
+        result[which] = moduli.max(axis=1) < 1 + 2e-9
     return result
 
 

@@ -239,7 +239,7 @@ def _edge(loop: ScenarioLoop) -> Boundary:
         parts = []
         for index in range(r):
             with suppress(StabilityError):
-                parts.append(trace(_Coupled.of(loop, index), points, 0.0, scale))
+                parts.append(trace(_Coupled.of(loop, index), points, 0.0, scale, alone=False))
         if parts:
             scale = max(float(p.damping.max()) for p in parts), max(float(p.stiffness.max()) for p in parts)
     if not parts:

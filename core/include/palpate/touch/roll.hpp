@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 
 #include "palpate/touch/friction_cone.hpp"
 #include "palpate/touch/mesh.hpp"
@@ -40,7 +41,10 @@ struct Seat {
 class Roll {
  public:
   static constexpr int most_steps = 64;
-  static constexpr double tolerance = 1e-9;  // of radius and depth
+  static constexpr double tolerance = 1e-10;  // of radius and depth
+  static constexpr double flat = 1e-9;        // rad: facets that turn less lie in one plane
+  static constexpr double clear = 1e-6;       // rad: rounding is about 1e-8 where a sphere just touches
+  static constexpr double most_turn = 1.0;    // rad, in one move
 
   Roll(const Mesh& mesh, const Tree& tree, double radius) noexcept : mesh_(&mesh), tree_(&tree), radius_(radius) {}
 
@@ -69,36 +73,45 @@ class Roll {
   /// Moves `seat` towards `tip`; see Walk::follow.
   template <class Cone>
   bool follow(Seat& seat, const Vector3<>& tip, const Cone& cone, bool& sliding) const noexcept {
-    double slid = 0.0;
-    bool was_sliding = sliding, done = false;
+    Slip slip{sliding, 0.0};
+    bool done = false;
     keep_contacts(seat);
     for (int step = 0; step < most_steps && !done; ++step) {
       const Goal goal = nearest_allowed(seat, tip);
-      seat.rest = goal.point;
-      seat.facet = goal.strongest < 0 ? Mesh::none : seat.planes[static_cast<std::size_t>(goal.strongest)].facet;
-      Vector3<> target = goal.point;
-      const double depth = (goal.point - tip).norm();
-      double slip = 0.0;
-      if (goal.strongest >= 0) {
-        const Vector3<> lag = goal.point - seat.centre;
-        const double length = lag.norm(), left = cone(seat.facet, goal.point).rest(length, depth, slid, was_sliding);
-        slip = length - left;
-        if (left > 0.0) {
-          target = seat.centre + (slip > 0.0 ? slip / length : 0.0) * lag;
-        } else if (goal.active == 1) {
-          target = round_target(seat, goal, tip, target);
+      note(seat, goal);
+      const double small = tolerance * (radius_ + (goal.point - tip).norm());
+      if (goal.strongest < 0) {
+        const bool away = (tip - seat.centre).norm() > small;
+        if (!away) seat.centre = tip;
+        done = !away || sweep_to(seat, tip) == 1.0;
+        continue;
+      }
+      if (goal.active == 1) {
+        const Move move = one_contact(seat, seat.planes[static_cast<std::size_t>(goal.strongest)], tip, cone, slip, small);
+        if (move.kind == Move::Kind::rest) {
+          done = true;
+          continue;
+        }
+        if (move.kind == Move::Kind::meet && add(seat, move.facet)) continue;
+        if (move.kind == Move::Kind::go && allows(seat, move.by)) {
+          double part = sweep_to(seat, move.by);
+          if (part == 1.0 && move.curved) part = sweep_to(seat, move.to);
+          if (part == 1.0) add(seat, move.facet);
+          slip.sliding = slip.sliding || move.slip > 0.0;
+          slip.slid += part * move.slip;
+          continue;
         }
       }
-      const Vector3<> way = target - seat.centre;
-      if (!(way.norm() > tolerance * (radius_ + depth))) {
-        if (!seat.touching()) seat.centre = tip;
+      const Vector3<> lag = goal.point - seat.centre;
+      const double length = lag.norm();
+      const double left = cone(seat.facet, goal.point).rest(length, (goal.point - tip).norm(), slip.slid, slip.sliding);
+      if (!(length - left > small)) {
         done = true;
-        break;
+        continue;
       }
-      const double part = sweep_to(seat, target);
-      if (slip > tolerance * (radius_ + depth)) was_sliding = true;
-      slid += part * slip;
-      done = part == 1.0 && !seat.touching();
+      const double part = sweep_to(seat, left > 0.0 ? Vector3<>(seat.centre + (1.0 - left / length) * lag) : goal.point);
+      slip.sliding = true;
+      slip.slid += part * (length - left);
     }
     if (!done) {  // what there is to say after the last move; the next tick goes on
       Goal goal = nearest_allowed(seat, tip);
@@ -106,10 +119,9 @@ class Roll {
         sweep_to(seat, tip);
         goal = nearest_allowed(seat, tip);
       }
-      seat.rest = goal.point;
-      seat.facet = goal.strongest < 0 ? Mesh::none : seat.planes[static_cast<std::size_t>(goal.strongest)].facet;
+      note(seat, goal);
     }
-    sliding = seat.touching() && slid > 0.0;
+    sliding = seat.touching() && slip.slid > 0.0;
     return done;
   }
 
@@ -119,6 +131,240 @@ class Roll {
     int strongest = -1;  // plane that pushes hardest, -1 if none
     int active = 0;      // planes that push
   };
+
+  struct Slip {
+    bool sliding;
+    double slid;  // in this tick, m
+  };
+
+  /// Where a sphere that one facet holds goes next.
+  struct Move {
+    enum class Kind { rest, meet, go } kind = Kind::rest;
+    std::int32_t facet = Mesh::none;  // that holds it there; or, to `meet`, one that touches it and is not among its planes
+    bool curved = false;              // round an edge or a corner: along the tangent to `by`, then down to `to`
+    Vector3<> by = Vector3<>::Zero();
+    Vector3<> to = Vector3<>::Zero();
+    double slip = 0.0;  // m
+  };
+
+  static void note(Seat& seat, const Goal& goal) noexcept {
+    seat.rest = goal.point;
+    seat.facet = goal.strongest < 0 ? Mesh::none : seat.planes[static_cast<std::size_t>(goal.strongest)].facet;
+  }
+
+  [[nodiscard]] bool allows(const Seat& seat, const Vector3<>& x) const noexcept {
+    const double little = clear * (x - seat.centre).norm() + tolerance * radius_;
+    for (int i = 0; i < seat.count; ++i) {
+      const Seat::Plane& p = seat.planes[static_cast<std::size_t>(i)];
+      if (p.normal.dot(x) < p.offset - little) return false;
+    }
+    return true;
+  }
+
+  /// The move over a facet until its foot comes to the facet's edge, round an edge until it comes to a facet or to the edge's end, round
+  /// a corner until it comes to an edge; or less, if friction or the tip says so.
+  template <class Cone>
+  [[nodiscard]] Move one_contact(const Seat& seat, const Seat::Plane& plane, const Vector3<>& tip, const Cone& cone, const Slip& slip,
+                                 double small) const noexcept {
+    Contact at{plane.facet, plane.at.feature, plane.at.point, plane.normal};
+    for (int turn = 0; turn < 16; ++turn) {
+      Move move;
+      bool again = false;
+      if (at.feature == Feature::inside) {
+        again = over_facet(at, seat.centre, tip, cone, slip, small, move);
+      } else if (is_edge(at.feature)) {
+        again = round_edge(at, tip, cone, slip, small, move);
+      } else {
+        again = round_corner(at, tip, cone, slip, small, move);
+      }
+      if (!again) return move;
+    }
+    return {};
+  }
+
+  /// A facet's feature under the sphere, the foot [m], and the unit normal from there to the centre.
+  struct Contact {
+    std::int32_t facet;
+    Feature feature;
+    Vector3<> foot;
+    Vector3<> normal;
+  };
+
+  // Each of these three fills `move`, or returns true if there is no way to go on `at`, which it then sets to the neighbouring feature.
+
+  template <class Cone>
+  bool over_facet(Contact& at, const Vector3<>& centre, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small,
+                  Move& move) const noexcept {
+    const Facet& facet = mesh_->facet(at.facet);
+    const double depth = at.normal.dot(facet.corner[0] - tip) + radius_;
+    Vector3<> lag = tip - centre;
+    lag -= lag.dot(at.normal) * at.normal;
+    const double length = lag.norm(), left = cone(at.facet, at.foot).rest(length, std::fabs(depth), slip.slid, slip.sliding);
+    if (!(length - left > small)) return false;
+    const Vector3<> way = (1.0 - left / length) * lag;
+    double part = 1.0;
+    int out = -1;
+    for (int i = 0; i < 3; ++i) {
+      const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
+      const Vector3<> inward = facet.normal.cross(facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
+      const double rate = inward.dot(way);
+      if (rate >= 0.0) continue;
+      const double distance = std::fmax(inward.dot(at.foot - a), 0.0);
+      if (distance < -rate * part) {
+        part = distance / -rate;
+        out = i;
+      }
+    }
+    if (out >= 0 && !(part * (length - left) > small)) {
+      at.feature = edge(out);
+      return true;
+    }
+    move = {Move::Kind::go, at.facet, false, centre + part * way, centre + part * way, part * (length - left)};
+    return false;
+  }
+
+  template <class Cone>
+  bool round_edge(Contact& at, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small, Move& move) const noexcept {
+    const Facet& facet = mesh_->facet(at.facet);
+    const int i = index_of(at.feature);
+    const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
+    Vector3<> along = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a;
+    const double size = along.norm();
+    along /= size;
+    const Vector3<> out = along.cross(facet.normal);  // away from the facet, in its plane
+    const double place = std::fmin(std::fmax((at.foot - a).dot(along), 0.0), size);
+    const Vector3<> pull = tip - a - place * along;
+    // Angles about the edge, from the facet's normal towards `out`: the sphere's, the neighbour's, the tip's.
+    double angle = std::atan2(at.normal.dot(out), at.normal.dot(facet.normal));
+    double low = 0.0, high = std::numbers::pi;
+    std::int32_t at_low = at.facet, at_high = at.facet;
+    const std::int32_t across = facet.neighbour[static_cast<std::size_t>(i)];
+    if (across >= 0) {
+      const Vector3<>& other = mesh_->facet(across / 3).normal;
+      const double turn = std::atan2(other.dot(out), other.dot(facet.normal));
+      if (std::fabs(turn) < flat) {
+        if (pull.dot(out) > 0.0) at.facet = across / 3;
+        at.feature = Feature::inside;
+        return true;
+      }
+      (turn > 0.0 ? high : low) = turn > 0.0 ? turn : std::numbers::pi + turn;
+      (turn > 0.0 ? at_high : at_low) = across / 3;
+      if (angle < low - clear || angle > high + clear) {  // a valley: the neighbour touches too
+        move = {Move::Kind::meet, across / 3};
+        return false;
+      }
+    }
+    angle = std::fmin(std::fmax(angle, low), high);
+    const double in_x = pull.dot(facet.normal), in_y = pull.dot(out), lengthwise = pull.dot(along);
+    const double distance = std::hypot(in_x, in_y);
+    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), way = std::fabs(to_go);
+    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(way);
+    const double lag = std::hypot(across_lag, lengthwise);
+    const double left = cone(at.facet, at.foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding);
+    if (!(lag - left > small)) return false;
+    const double friction = depth > 0.0 ? left / depth : 0.0;
+    const double rest = resting_angle(friction * across_lag / lag, distance, way);
+    const double wanted = angle + std::copysign(way - rest, to_go);
+    double next = std::fmin(std::fmax(wanted, low), high);
+    const bool blocked = next != wanted;
+    const std::int32_t beside = wanted > high ? at_high : at_low;
+    if (std::fabs(next - angle) > most_turn) next = angle + std::copysign(most_turn, next - angle);
+    const double turned = std::fabs(next - angle);
+    double shift = 0.0;
+    if (!blocked && turned < most_turn) {
+      const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(rest));
+      shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
+    }
+    const double end = std::fmin(std::fmax(place + shift, 0.0), size);
+    if (!(radius_ * turned > small) && !(std::fabs(end - place) > small)) {
+      if (blocked) {
+        at.facet = beside;
+        at.feature = Feature::inside;
+        at.normal = std::cos(next) * facet.normal + std::sin(next) * out;
+        at.foot = a + place * along;
+        return true;
+      }
+      if (end == place + shift) return false;
+      const int k = shift > 0.0 ? (i + 1) % 3 : i;
+      at.feature = corner(k);
+      at.foot = facet.corner[static_cast<std::size_t>(k)];
+      return true;
+    }
+    const Vector3<> normal = std::cos(next) * facet.normal + std::sin(next) * out, foot = a + end * along;
+    move = {Move::Kind::go,
+            blocked ? beside : at.facet,
+            turned > 0.0,
+            foot + radius_ / std::cos(turned) * normal,
+            foot + radius_ * normal,
+            radius_ * turned + std::fabs(end - place)};
+    return false;
+  }
+
+  template <class Cone>
+  bool round_corner(Contact& at, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small, Move& move) const noexcept {
+    const int k = index_of(at.feature);
+    const Vector3<> foot = mesh_->facet(at.facet).corner[static_cast<std::size_t>(k)], pull = tip - foot;
+    const double up = at.normal.dot(pull), distance = pull.norm();
+    Vector3<> tangent = pull - up * at.normal;
+    const double lag = tangent.norm(), depth = radius_ - up;
+    const double left = cone(at.facet, foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding);
+    if (!(lag - left > small)) return false;
+    tangent /= lag;
+    const double way = std::atan2(lag, up);
+    double turned = std::fmin(way - resting_angle(depth > 0.0 ? left / depth : 0.0, distance, way), most_turn);
+    // The corner holds the sphere as long as its normal leans along none of the edges that leave it.
+    std::int32_t over = Mesh::none;
+    int over_edge = 0;
+    const auto look = [&](std::int32_t f, int i, double sense) {
+      const Facet& facet = mesh_->facet(f);
+      const Vector3<> e = sense * (facet.corner[static_cast<std::size_t>((i + 1) % 3)] - facet.corner[static_cast<std::size_t>(i)]);
+      const double rate = tangent.dot(e);
+      if (rate <= 0.0) return;
+      const double until = std::atan2(std::fmax(-at.normal.dot(e), 0.0), rate);
+      if (until < turned) {
+        turned = until;
+        over = f;
+        over_edge = i;
+      }
+    };
+    const std::int32_t start = 3 * at.facet + k;
+    std::int32_t h = start;
+    do {
+      const auto c = static_cast<std::size_t>(h % 3);
+      look(h / 3, h % 3, 1.0);
+      const std::int32_t next = mesh_->facet(h / 3).neighbour[(c + 2) % 3];
+      if (next < 0) look(h / 3, (h % 3 + 2) % 3, -1.0);
+      h = next;
+    } while (h >= 0 && h != start);
+    if (h < 0) {
+      h = mesh_->facet(start / 3).neighbour[static_cast<std::size_t>(k)];
+      while (h >= 0) {
+        const int c = (h % 3 + 1) % 3;
+        look(h / 3, c, 1.0);
+        h = mesh_->facet(h / 3).neighbour[static_cast<std::size_t>(c)];
+      }
+    }
+    if (!(radius_ * turned > small)) {
+      if (over == Mesh::none) return false;
+      at.facet = over;
+      at.feature = edge(over_edge);
+      at.foot = foot;
+      return true;
+    }
+    const Vector3<> normal = std::cos(turned) * at.normal + std::sin(turned) * tangent;
+    move = {
+        Move::Kind::go,  over == Mesh::none ? at.facet : over, true, foot + radius_ / std::cos(turned) * normal, foot + radius_ * normal,
+        radius_ * turned};
+    return false;
+  }
+
+  /// Angle between normal and pull at which a sphere on a rounding comes to rest: distance sin a = friction (radius - distance cos a).
+  [[nodiscard]] double resting_angle(double friction, double distance, double from) const noexcept {
+    if (friction <= 0.0 || distance == 0.0) return 0.0;
+    const double sine = friction * radius_ / (distance * std::sqrt(1.0 + friction * friction));
+    if (sine >= 1.0) return from;
+    return std::fmin(std::fmax(std::asin(sine) - std::atan(friction), 0.0), from);
+  }
 
   /// Sweeps the sphere to `target`; stops at the first facet that it does not touch yet, and adds that one's plane. Returns the part of
   /// the way done.
@@ -159,15 +405,18 @@ class Roll {
     plane.offset = plane.normal.dot(plane.at.point) + radius_;
   }
 
-  void add(Seat& seat, std::int32_t facet) const noexcept {
+  /// False if the facet is among the planes already.
+  bool add(Seat& seat, std::int32_t facet) const noexcept {
     int place = seat.count;
+    for (int i = 0; i < seat.count; ++i)
+      if (seat.planes[static_cast<std::size_t>(i)].facet == facet) return false;
     if (place < Seat::most_planes) {
       ++seat.count;
     } else {  // in the place of the one farthest away
       double widest = -1.0;
       for (int i = 0; i < Seat::most_planes; ++i) {
-        const double gap =
-            seat.planes[static_cast<std::size_t>(i)].normal.dot(seat.centre) - seat.planes[static_cast<std::size_t>(i)].offset;
+        const Seat::Plane& p = seat.planes[static_cast<std::size_t>(i)];
+        const double gap = p.normal.dot(seat.centre) - p.offset;
         if (gap > widest) {
           widest = gap;
           place = i;
@@ -177,88 +426,58 @@ class Roll {
     Seat::Plane& plane = seat.planes[static_cast<std::size_t>(place)];
     plane.facet = facet;
     support(plane, seat.centre);
+    return true;
   }
 
-  /// Planes at the centre as it is now, of the facets that touch the sphere there.
+  /// Planes at the centre as it is now, of the facets that touch the sphere there; what rounding has let in is put out again.
   void keep_contacts(Seat& seat) const noexcept {
     int kept = 0;
     for (int i = 0; i < seat.count; ++i) {
       Seat::Plane plane = seat.planes[static_cast<std::size_t>(i)];
       support(plane, seat.centre);
+      seat.centre += std::fmax(plane.offset - plane.normal.dot(seat.centre), 0.0) * plane.normal;
       if (plane.normal.dot(seat.centre) - plane.offset <= tolerance * radius_) seat.planes[static_cast<std::size_t>(kept++)] = plane;
     }
     seat.count = kept;
   }
 
-  /// The point nearest to the tip behind all planes: held by none, one, two or three of them.
+  /// The point nearest to the tip that the planes allow. All of them pass through the centre, so that what they allow is a cone from
+  /// there: held by one plane, one slides in it; by two, along their common line; by three or more, nowhere.
   [[nodiscard]] Goal nearest_allowed(const Seat& seat, const Vector3<>& tip) const noexcept {
-    const int n = seat.count;
-    std::array<double, Seat::most_planes> inside{};  // how far the tip is in front of each plane
-    bool free = true;
-    const double tolerance = 1e-13 * (radius_ + (tip - seat.centre).norm() + mesh_->reach());
-    for (int i = 0; i < n; ++i) {
-      const Seat::Plane& p = seat.planes[static_cast<std::size_t>(i)];
-      inside[static_cast<std::size_t>(i)] = p.offset - p.normal.dot(tip);
-      if (inside[static_cast<std::size_t>(i)] > 0.0) free = false;
-    }
-    if (free) return {tip};
+    const Vector3<> pull = tip - seat.centre;
+    const double rounding = 1e-12 * pull.norm();
+    std::array<double, Seat::most_planes> press{};
+    int hardest = -1;
     const auto normal = [&](int i) -> const Vector3<>& { return seat.planes[static_cast<std::size_t>(i)].normal; };
-    const auto depth = [&](int i) { return inside[static_cast<std::size_t>(i)]; };
-    const auto allowed = [&](const Vector3<>& push) {
-      for (int i = 0; i < n; ++i)
-        if (normal(i).dot(push) < depth(i) - tolerance) return false;
+    for (int i = 0; i < seat.count; ++i) {
+      press[static_cast<std::size_t>(i)] = -normal(i).dot(pull);
+      if (press[static_cast<std::size_t>(i)] > 0.0 &&
+          (hardest < 0 || press[static_cast<std::size_t>(i)] > press[static_cast<std::size_t>(hardest)]))
+        hardest = i;
+    }
+    if (hardest < 0) return {tip};
+    const auto allowed = [&](const Vector3<>& way, int but_one, int but_two) {
+      for (int i = 0; i < seat.count; ++i)
+        if (i != but_one && i != but_two && normal(i).dot(way) < -rounding) return false;
       return true;
     };
-    for (int i = 0; i < n; ++i) {
-      if (depth(i) <= 0.0) continue;
-      const Vector3<> push = depth(i) * normal(i);
-      if (allowed(push)) return {tip + push, i, 1};
+    for (int i = 0; i < seat.count; ++i) {
+      const double p = press[static_cast<std::size_t>(i)];
+      const Vector3<> way = pull + p * normal(i);
+      if (p > 0.0 && allowed(way, i, i)) return {seat.centre + way, i, 1};
     }
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < seat.count; ++i)
       for (int j = 0; j < i; ++j) {
-        const double c = normal(i).dot(normal(j)), s2 = normal(i).cross(normal(j)).squaredNorm();
-        if (s2 < 1e-16) continue;
-        const double a = (depth(i) - c * depth(j)) / s2, b = (depth(j) - c * depth(i)) / s2;
-        if (a < 0.0 || b < 0.0) continue;
-        const Vector3<> push = a * normal(i) + b * normal(j);
-        if (allowed(push)) return {tip + push, a > b ? i : j, 2};
+        const double p = press[static_cast<std::size_t>(i)], q = press[static_cast<std::size_t>(j)], c = normal(i).dot(normal(j));
+        if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would pull
+        Vector3<> line = normal(i).cross(normal(j));
+        const double sine = line.norm();
+        if (sine < 1e-12) continue;
+        line /= sine;
+        const Vector3<> way = pull.dot(line) * line;
+        if (allowed(way, i, j)) return {seat.centre + way, p > q ? i : j, 2};
       }
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < i; ++j)
-        for (int k = 0; k < j; ++k) {
-          const Vector3<> jk = normal(j).cross(normal(k)), ki = normal(k).cross(normal(i)), ij = normal(i).cross(normal(j));
-          const double volume = normal(i).dot(jk);
-          if (std::fabs(volume) < 1e-12) continue;
-          const Vector3<> push = (depth(i) * jk + depth(j) * ki + depth(k) * ij) / volume;
-          const double a = push.dot(jk) / volume, b = push.dot(ki) / volume, c = push.dot(ij) / volume;
-          if (a < 0.0 || b < 0.0 || c < 0.0 || !allowed(push)) continue;
-          return {tip + push, a >= b && a >= c ? i : (b >= c ? j : k), 3};
-        }
-    // Planes so nearly parallel that rounding hides the answer: stay.
-    int deepest = 0;
-    for (int i = 1; i < n; ++i)
-      if (depth(i) > depth(deepest)) deepest = i;
-    return {seat.centre, deepest, 4};
-  }
-
-  /// On a rounded edge or corner with the tip above it, one goes around the rounding in one step, along the tangent plane, instead of
-  /// approaching its end.
-  [[nodiscard]] Vector3<> round_target(const Seat& seat, const Goal& goal, const Vector3<>& tip, const Vector3<>& target) const noexcept {
-    const Seat::Plane& plane = seat.planes[static_cast<std::size_t>(goal.strongest)];
-    if (plane.at.feature == Feature::inside) return target;
-    const Facet& facet = mesh_->facet(plane.facet);
-    Vector3<> foot = plane.at.point;
-    if (is_edge(plane.at.feature)) {
-      const int i = index_of(plane.at.feature);
-      const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-      const Vector3<> e = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a;
-      const double u = std::fmin(std::fmax((tip - a).dot(e) / e.squaredNorm(), 0.0), 1.0);
-      foot = a + u * e;
-    }
-    const Vector3<> up = tip - foot;
-    const double distance = up.norm(), rise = up.dot(plane.normal);
-    if (!(rise > 0.3 * distance) || distance == 0.0) return target;
-    return foot + (plane.offset - plane.normal.dot(foot)) / rise * up;
+    return {seat.centre, hardest, 3};
   }
 
   const Mesh* mesh_;

@@ -39,7 +39,7 @@ def _mujoco_model(work: Workload):  # type: ignore[no-untyped-def]
     xml = f"""
     <mujoco>
       <compiler angle="radian" inertiafromgeom="false" autolimits="true"/>
-      <option gravity="0 -9.81 0" integrator="RK4" timestep="{PERIOD / SUBSTEPS}" iterations="20" tolerance="1e-14">
+      <option gravity="0 -9.81 0" integrator="RK4" timestep="{PERIOD / SUBSTEPS}">
         <flag contact="disable"/></option>
       <worldbody>
         <body name="base"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>

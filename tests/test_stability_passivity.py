@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,11 +12,13 @@ from palpate.stability import (
     EnergyObserver,
     PassivityController,
     Tip,
+    coupling_damping,
     critical_stiffness,
     held_energy,
     naive_energy,
     passive_damping,
     passive_stiffness,
+    positive_real_margin,
     spectral_radius,
     sufficient_damping,
     wall_loop,
@@ -178,3 +181,32 @@ def test_passivity_controller_needs_its_cap(cap: float, bounded: bool) -> None:
         if abs(v) > 100:
             break
     assert (abs(v) < 0.01) is bounded
+
+
+def test_virtual_coupling_bound_holds_for_every_passive_object_behind_it() -> None:
+    """Any mass, damper and spring behind k_c, b_c needs no more than b_c + k_c T/2; a clamp needs it all."""
+    rng = np.random.default_rng(5)
+    k, b, t = 800.0, 0.2, 1e-3
+    z = control.TransferFunction([1, 0], [1], t)
+    coupling = k + b / t * (z - 1) / z
+    most = 0.0
+    for _ in range(60):
+        m, c, s = 10 ** rng.uniform(-3, 1), 10 ** rng.uniform(-3, 2), 10 ** rng.uniform(0, 5)
+        # implicit: v = v_before + (T/M)(f - c v - s x), x = x_before + T v, all at the same sample
+        velocity = control.minreal(1 / (m / t * (z - 1) / z + c + s * t * z / (z - 1)), verbose=False)
+        assert positive_real_margin(velocity, t) > -1e-9
+        position = velocity * t * z / (z - 1)
+        felt = control.minreal(coupling / (1 + coupling * position), verbose=False)
+        most = max(most, passive_damping(law=felt, period=t))
+    bound = coupling_damping(coupling_stiffness=k, coupling_damping=b, period=t)
+    assert most <= bound * (1 + 1e-6)
+    assert most > 0.9 * bound  # a heavy or stiff object is nearly a clamp
+    assert passive_damping(law=control.minreal(coupling, verbose=False), period=t) == pytest.approx(bound, rel=1e-9)
+
+
+def test_explicit_virtual_mass_is_not_passive_and_the_implicit_one_is() -> None:
+    """Re of (T/M)/(z-1) is -T/2M on the whole circle, of (T/M) z/(z-1) it is T/2M."""
+    t, m = 1e-3, 0.5
+    explicit, implicit = control.TransferFunction([t / m], [1, -1], t), control.TransferFunction([t / m, 0], [1, -1], t)
+    assert positive_real_margin(explicit, t) == pytest.approx(-t / (2 * m), rel=1e-6)
+    assert positive_real_margin(implicit, t) == pytest.approx(t / (2 * m), rel=1e-6)

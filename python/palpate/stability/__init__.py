@@ -30,7 +30,14 @@ from palpate.stability.roads import (
 )
 from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
 from palpate.stability.tip import Arm, HeldTip, Tip, hold
-from palpate.stability.two_port import CouplingVerdict, certify_coupling, llewellyn, two_port_limit, two_port_margin
+from palpate.stability.two_port import (
+    CouplingVerdict,
+    certify_coupling,
+    llewellyn,
+    positive_real_margin,
+    two_port_limit,
+    two_port_margin,
+)
 from palpate.stability.zwidth import ZWidth, zwidth
 
 __all__ = [
@@ -71,6 +78,7 @@ __all__ = [
     "naive_energy",
     "passive_damping",
     "passive_stiffness",
+    "positive_real_margin",
     "precise_tables",
     "quantised_stiffness",
     "routh",

@@ -38,7 +38,7 @@ class Certificate:
         margin: numbers with their unit in the name; empty if nothing is claimed.
         method: how it was found and checked, each a sentence.
         roads: verdict of each road ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
-        passive: whether the display is passive, so stable in every passive hand; None where it was not asked.
+        passive: whether the display is passive, so stable in every passive hand; None where it was not asked or not shown.
         counter_example: a scenario that runs and shows an instability; None if there is none to show.
     """
 
@@ -219,14 +219,17 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
         margin["object_stiffer_by_factor_where_it_rests"] = loop_margins(rests.gain()).gain_up
     passive, needed, why = _passive(s, loop)
     example = None
-    if passive is not None:
+    if not math.isnan(needed):
         margin["passive_damping_needed_N_s_per_m"] = needed
         margin["damping_felt_N_s_per_m"] = loop.damping_felt
     if passive:
         claim += ", and passive: stable in every passive hand"
-    elif passive is False:
-        claim += ", with the operator described; it is not passive, so another hand can make it unstable"
+    elif not math.isnan(needed):
         example = worst_hand(s)
+        if example is not None:
+            passive = False
+        if passive is False:
+            claim += ", with the operator described; it is not passive, so another hand can make it unstable"
         if example is None:
             method.append(
                 "No unstable mass and spring was found for a hand; more general passive hands were not searched."
@@ -282,11 +285,15 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
     k = float(np.linalg.eigvalsh(loop.stiffness).max()) * share
     b = float(np.linalg.eigvalsh(loop.damping).max()) * share
     needed = passive_damping(stiffness=k, virtual_damping=b, period=s.period, delay=s.device.delay)
-    passive = loop.damping_felt >= needed
+    passive: bool | None = loop.damping_felt >= needed
+    several = loop.directions.shape[1] > 1  # the stiffest direction against the least damped one: enough, not exact
+    exactly, most, least = ("", " at most", " at least") if several else (", exactly", "", "")
     remark = (
-        f"Passivity, exactly: the wall needs {needed:.4g} N s/m of the device's own damping at the tip and there is "
-        f"{loop.damping_felt:.4g} N s/m."
+        f"Passivity{exactly}: the object needs{most} {needed:.4g} N s/m of the device's own damping at the tip and there "
+        f"is{least} {loop.damping_felt:.4g} N s/m."
     )
+    if several and not passive:
+        passive = None
     if s.device.encoder:
         device = s.load_device()
         levers = np.abs(loop.directions.T @ device.jacobian(_start(s))).max(axis=0)

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.stability.checks import StabilityError, not_negative, positive
+from palpate.stability.loop import _at, causal_controller
 from palpate.stability.passivity import coupling_damping
 
-__all__ = ["CouplingVerdict", "certify_coupling", "llewellyn", "two_port_limit", "two_port_margin"]
+__all__ = [
+    "CouplingVerdict",
+    "certify_coupling",
+    "llewellyn",
+    "positive_real_margin",
+    "two_port_limit",
+    "two_port_margin",
+]
 
 Array = NDArray[np.float64]
 
@@ -67,6 +76,24 @@ def two_port_margin(
 def two_port_limit(*, damping: float, period: float) -> float:
     """Return the k_c (N/m) up to which the two-port accepts a coupling without damping: 8b/T, four times too much."""
     return 8 * not_negative(damping, "damping", "N s/m") / positive(period, "period", "s")
+
+
+def positive_real_margin(admittance: Any, period: float) -> float:
+    """Return the least real part of a sampled admittance (velocity per force) over the circle; below 0: not passive.
+
+    A virtual mass moved by the force of the sample before, (T/M)/(z - 1), has -T/2M; by that of the same sample,
+    (T/M) z/(z - 1), it has T/2M. Only the second may stand behind a virtual coupling.
+
+    Args:
+        admittance: sampled SISO system, poles on the circle allowed.
+        period: T, s.
+
+    Raises:
+        StabilityError: it looks ahead or is unstable.
+    """
+    law = causal_controller(admittance, positive(period, "period", "s"))
+    theta = np.concatenate([np.geomspace(1e-4, 1e-2, 100), np.linspace(0.0101, np.pi, 2000)])
+    return float(_at(law, np.exp(1j * theta)).real.min())
 
 
 def certify_coupling(

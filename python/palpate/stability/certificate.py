@@ -38,7 +38,7 @@ class Certificate:
         margin: numbers with their unit in the name; empty if nothing is claimed.
         method: how it was found and checked, each a sentence.
         roads: verdict of each road ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
-        passive: whether the display is passive, so stable in every passive hand; None where it was not asked or not shown.
+        passive: whether the display is passive, so stable in every passive hand; None: not asked, or not shown.
         counter_example: a scenario that runs and shows an instability; None if there is none to show.
     """
 
@@ -289,8 +289,8 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
     several = loop.directions.shape[1] > 1  # the stiffest direction against the least damped one: enough, not exact
     exactly, most, least = ("", " at most", " at least") if several else (", exactly", "", "")
     remark = (
-        f"Passivity{exactly}: the object needs{most} {needed:.4g} N s/m of the device's own damping at the tip and there "
-        f"is{least} {loop.damping_felt:.4g} N s/m."
+        f"Passivity{exactly}: the object needs{most} {needed:.4g} N s/m of the device's own damping at the tip and "
+        f"there is{least} {loop.damping_felt:.4g} N s/m."
     )
     if several and not passive:
         passive = None

@@ -78,6 +78,19 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     assert worst_hand(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
 
 
+def test_no_passivity_is_claimed_of_an_arm_that_tips_over() -> None:
+    """Balanced by a constant force an arm may stand on a hilltop: whatever the damping, it is not stable in no hand."""
+    scenario = Scenario.from_file(SCENARIOS / "drive-limits-and-encoder.toml")
+    soft = scenario.to_dict()
+    soft["object"] = {**soft["object"], "stiffness": "1 N/m", "damping": "0 N*s/m"}
+    loop = scenario_loop(Scenario.from_dict(soft))
+    assert loop.damping_felt > 1e-3 * 1.5 * 1.0  # K(n + 1/2)T would be covered
+    assert not loop.rests
+    assert certify(soft).passive is None
+    assert zwidth(scenario, simulated=0).passive is None
+    assert "nobody holds it" in zwidth(scenario, simulated=0).never
+
+
 def test_a_run_that_diverges_is_not_called_stable() -> None:
     """Small motions die out, but a reference force of 4 kN throws the arm: no claim of stability."""
     thrown = {

@@ -79,6 +79,8 @@ def zwidth(
     for name, curve in found.curves.items():
         b, k = curve.stiffest
         output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False)
+    for name in found.never:
+        output.print(f"  {name}: no wall of any size is stable", markup=False)
     if found.passive is not None:
         output.print(f"  passive in every hand: up to {found.passive[1].max():.5g} N/m", markup=False)
     if found.simulated:

@@ -281,6 +281,12 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
         return None, float("nan"), "Passivity is not asked of a loop with this topology and controller."
     if s.object.coupling != "backward" or math.isnan(loop.damping_felt):
         return None, float("nan"), ""
+    if not loop.rests:
+        return (
+            None,
+            float("nan"),
+            "No passivity is claimed: with the constant force of its motors alone the device tips over from this pose.",
+        )
     share = max(s.controller.gain or (1.0,))
     k = float(np.linalg.eigvalsh(loop.stiffness).max()) * share
     b = float(np.linalg.eigvalsh(loop.damping).max()) * share
@@ -318,7 +324,9 @@ def _start(s: Scenario) -> Array:
 def _assumptions(s: Scenario) -> tuple[str, ...]:
     device = s.load_device()
     rate, delay = 1 / s.period, s.device.delay
-    said = [f"{device.name} at {rate:g} Hz, {delay or 'no'} samples of delay, every tick on time."]
+    said = [
+        f"{device.name} at {rate:g} Hz, {delay or 'no'} sample{'' if delay == 1 else 's'} of delay, every tick on time."
+    ]
     o = s.operator
     if o.kind == "arm":
         grip = "rigidly" if o.tissue_stiffness is None else f"through fingertip tissue of {o.tissue_stiffness:g} N/m"

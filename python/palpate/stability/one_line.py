@@ -35,7 +35,7 @@ class WallVerdict:
     device: str
 
     def __str__(self) -> str:
-        late = "no delay" if self.delay == 0 else f"{self.delay:g} samples of delay"
+        late = "no delay" if self.delay == 0 else f"{self.delay:g} sample{'' if self.delay == 1 else 's'} of delay"
         loop = f"at {1 / self.period:g} Hz, {late}, with {self.virtual_damping:g} N s/m of virtual damping"
         if self.critical_stiffness == 0.0:
             return f"No wall is stable with {self.device}, {loop}."

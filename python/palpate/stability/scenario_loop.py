@@ -39,6 +39,7 @@ class ScenarioLoop:
         coupling: "backward" or "bilinear".
         damping_felt: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
         hidden: number of modes that the object does not feel or the controller does not move.
+        rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
     """
 
     path: control.StateSpace
@@ -48,6 +49,7 @@ class ScenarioLoop:
     coupling: str
     damping_felt: float
     hidden: int
+    rests: bool = True
 
     @property
     def period(self) -> float:
@@ -150,8 +152,9 @@ def scenario_loop(
     out[:, :n] = directions.T @ jacobian @ plant.C
     small = _felt(a, entry, out)
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
+    rests = _rests(device, at, turning)
     felt = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
-    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, felt, size - path.nstates)
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, felt, size - path.nstates, rests)
 
 
 def _arm(scenario: Scenario) -> Arm | None:
@@ -253,6 +256,14 @@ def _reachable(a: Array, b: Array, c: Array, tolerance: float = 1e-9) -> tuple[A
             waiting.append(step @ columns[-1])
     basis = np.array(columns).T.reshape(n, len(columns))
     return basis.T @ a @ basis, basis.T @ b, c @ basis
+
+
+def _rests(device: Device, at: Array, turning: Array) -> bool:
+    """Return whether gravity and the hold's force together have no hilltop here: M q'' = -S q with S not negative."""
+    a_q, _, _ = device.linearization(at, np.zeros(device.dof), device.gravity(at))
+    stiffness = -device.mass_matrix(at) @ a_q - turning
+    values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
+    return bool(values.min() >= -1e-9 * max(float(np.abs(values).max()), 1e-300))
 
 
 def _damping_felt(device: Device, jacobian: Array, directions: Array) -> float:

@@ -63,6 +63,7 @@ class ZWidth:
         passive: (B, K) of the edge of the passive walls, each (k,); None where passivity is not asked.
         simulated: points of the scenario's own boundary, found by running it.
         here: (B, K) of the scenario's object.
+        never: operators with whom no wall of any size is stable, as where the arm tips over along the surface.
     """
 
     title: str
@@ -70,6 +71,7 @@ class ZWidth:
     passive: tuple[Array, Array] | None
     simulated: tuple[SimulatedPoint, ...]
     here: tuple[float, float]
+    never: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as JSON can hold them, in N/m and N s/m."""
@@ -86,6 +88,7 @@ class ZWidth:
                 {"damping_N_s_per_m": p.damping, "stiffness_N_per_m": p.stiffness, "exact_N_per_m": p.exact}
                 for p in self.simulated
             ],
+            "never_stable": list(self.never),
             "object": {"damping_N_s_per_m": self.here[0], "stiffness_N_per_m": self.here[1]},
         }
 
@@ -121,27 +124,27 @@ def zwidth(
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     tell = progress or (lambda _text, _share: None)
-    s = (
-        scenario
-        if isinstance(scenario, Scenario)
-        else Scenario.from_dict(scenario)
-        if isinstance(scenario, Mapping)
-        else Scenario.from_file(scenario)
-    )
+    if isinstance(scenario, Scenario):
+        s = scenario
+    else:
+        s = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
     own = scenario_loop(s)
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')
     tell("exact boundary", 0.05)
     curves = {_holder(s): _edge(own)}
+    never = []
     for name, arm in _other_hands(s):
         try:
             curves[name] = _edge(scenario_loop(s, arm=arm, operator_force=(0.0, 0.0, 0.0)))
         except StabilityError:
-            continue  # no wall at all is stable in this hand
+            never.append(name)
     tell("passive walls", 0.15)
     passive = _passive(s, own, curves[_holder(s)])
     points = simulated_boundary(s, curves[_holder(s)], simulated, lambda share: tell("simulating", 0.2 + 0.7 * share))
-    return ZWidth(s.title, curves, passive, points, (float(own.damping.max()), float(own.stiffness.max())))
+    return ZWidth(
+        s.title, curves, passive, points, (float(own.damping.max()), float(own.stiffness.max())), tuple(never)
+    )
 
 
 def _holder(s: Scenario) -> str:
@@ -167,7 +170,7 @@ def _other_hands(s: Scenario) -> list[tuple[str, Arm | None]]:
         0.0 if o.tissue_stiffness is not None else TISSUE[1],
     )
     name = "the same arm, rigid grip" if o.tissue_stiffness is not None else "the same arm, through tissue"
-    return [(name, other), ("a feather: nobody holds it", Arm(0.0, 0.0, 0.0))]
+    return [(name, other), ("nobody holds it", Arm(0.0, 0.0, 0.0))]
 
 
 def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
@@ -244,15 +247,16 @@ def _edge(loop: ScenarioLoop) -> Boundary:
             scale = max(float(p.damping.max()) for p in parts), max(float(p.stiffness.max()) for p in parts)
     if not parts:
         raise StabilityError("no object of any stiffness is stable in this loop")
-    order = np.argsort(np.concatenate([p.angle for p in parts]))
-    joined = [np.concatenate([getattr(p, name) for p in parts])[order] for name in ("damping", "stiffness", "angle")]
-    return Boundary(joined[0], joined[1], joined[2], parts[0].inside)
+    damping, stiffness, angle = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("damping", "stiffness", "angle")
+    )
+    return Boundary(damping, stiffness, angle, parts[0].inside)
 
 
 def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[Array, Array] | None:
     if s.servo.topology != "impedance_display" or s.controller.kind not in ("none", "gain"):
         return None
-    if math.isnan(loop.damping_felt) or loop.damping_felt <= 0:
+    if math.isnan(loop.damping_felt) or loop.damping_felt <= 0 or not loop.rests:
         return None
     share = max(s.controller.gain or (1.0,))
     b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.damping_felt / share), 25)

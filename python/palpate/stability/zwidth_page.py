@@ -60,6 +60,8 @@ def zwidth_page(z: ZWidth) -> Page:
         "The same loop in other hands.",
         units=("", "N/mm", "N·s/m", "N/m"),
     )
+    for who in z.never:
+        page.paragraph(f"**{who}**: no wall of any size is stable; the device tips over along the surface.")
     return page
 
 

@@ -11,7 +11,7 @@ import pytest
 from palpate import simulate
 from palpate.cli.main import app
 from palpate.scenario import Scenario
-from palpate.stability import StabilityError, boundary, certify, scenario_loop, wall, worst_hand, zwidth
+from palpate.stability import Arm, StabilityError, boundary, certify, scenario_loop, wall, worst_hand, zwidth
 from palpate.stability.counter_example import growth, to_toml
 from palpate.stability.tip import Tip
 from palpate.stability.zwidth import wall_loops
@@ -200,3 +200,14 @@ def test_certify_and_zwidth_from_the_command_line(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert (tmp_path / "good" / "zwidth.html").stat().st_size > 10_000
     assert len(json.loads((tmp_path / "good" / "zwidth.json").read_text("utf-8"))["simulated"]) == 2
+
+
+def test_certificate_of_a_held_slider_is_the_one_line_answer() -> None:
+    """The same arm, rigid and through tissue, in a scenario and in `wall`: the same critical stiffness."""
+    operator = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+    tissue = {"tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}
+    for extra, arm in (({}, Arm(0.15, 4.5, 560)), (tissue, Arm(0.15, 4.5, 560, 500, 0.5))):
+        certificate = certify(slider("1000 N/m", operator={**operator, **extra}))
+        exact = wall(mass=0.06, damping=0.05, period=1e-3, arm=arm).critical_stiffness
+        assert certificate.stable
+        assert 1000 * certificate.margin["object_stiffer_by_factor"] == pytest.approx(exact, rel=1e-8)

@@ -41,6 +41,7 @@ _ROOMS = (
     "loop",
     "report",
     "scenario",
+    "stability",
     "thesis",
     "touch",
 )
@@ -67,6 +68,7 @@ __all__ = [
     "report",
     "scenario",
     "simulate",
+    "stability",
     "thesis",
     "touch",
 ]

@@ -103,7 +103,7 @@ TEST(TouchRandom, PointNeverSticksNorPopsThrough) {
     for (int draw = 0; draw < 2; ++draw) {
       std::mt19937_64 random(++seed);
       for (const Case& c : cases(random))
-        for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.0, 600);
+        for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.0, 250);
     }
 }
 
@@ -112,7 +112,7 @@ TEST(TouchRandom, SphereNeverSticksNorPopsThrough) {
   for (const double scale : {1.0, 1e-3, 1e3}) {
     std::mt19937_64 random(++seed);
     for (const Case& c : cases(random))
-      for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.03, 300);
+      for (const double friction : {0.0, 0.6}) wander(c, ++seed, scale, friction, 0.03, 120);
   }
 }
 

@@ -110,8 +110,8 @@ class Tree {
     const Vector3<> wide = Vector3<>::Constant(radius);
     const double length = way.norm();
     const auto enter = [&](const Box& box) {
-      const double reach = radius + length * end;
-      if (box.distance2(from) > reach * reach * (1.0 + 1e-14)) return 2.0;
+      const double half = 0.5 * end, reach = radius + half * length;  // the segment lies in a ball about its middle
+      if (box.distance2(from + half * way) > reach * reach * (1.0 + 1e-14)) return 2.0;
       const Vector3<> one = (box.low - wide - from).cwiseProduct(inverse), two = (box.high + wide - from).cwiseProduct(inverse);
       const double in = std::max(one.cwiseMin(two).maxCoeff(), 0.0), out = std::min(one.cwiseMax(two).minCoeff(), end);
       return in <= out * (1.0 + 1e-15) ? in : 2.0;

@@ -87,6 +87,9 @@ struct Touch {
     if (d2 == 0.0 || (!deep && away.dot(way) >= -1e-10 * distance * way.norm())) return touch;
     return {true, 0.0, away / distance, near.point};
   }
+  // The facet is convex, all of it behind the plane through its nearest point: does the sphere come through that plane at all?
+  const double descent = away.dot(way);
+  if (descent >= 0.0 || (d2 + descent > 0.0 && (d2 + descent) * (d2 + descent) >= reach2 * d2)) return touch;
   // The offset face.
   if (side * h0 >= radius && side * rate < 0.0) {
     const double t = (side * h0 - radius) / (-side * rate);

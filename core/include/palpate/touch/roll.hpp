@@ -245,6 +245,7 @@ class Roll {
     const Vector3<> pull = tip - a - place * along;
     // Angles about the edge, from the facet's normal towards `out`: the sphere's, the neighbour's, the tip's.
     double angle = std::atan2(at.normal.dot(out), at.normal.dot(facet.normal));
+    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the facet's back
     double low = 0.0, high = std::numbers::pi;
     std::int32_t at_low = at.facet, at_high = at.facet;
     const std::int32_t across = facet.neighbour[static_cast<std::size_t>(i)];

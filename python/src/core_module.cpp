@@ -17,13 +17,13 @@ namespace {
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<nb::numpy, double>;
 
-/// A numpy array of `shape` that owns its memory.
+/// A numpy array of `shape` that owns its memory, not set to anything.
 template <class... Size>
 std::tuple<Numbers, double*> new_array(Size... shape) {
   const std::initializer_list<std::size_t> sizes = {static_cast<std::size_t>(shape)...};
   std::size_t count = 1;
   for (const std::size_t s : sizes) count *= s;
-  auto* data = new double[count > 0 ? count : 1]();
+  auto* data = new double[count > 0 ? count : 1];
   const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
   return {Numbers(data, sizes, owner), data};
 }

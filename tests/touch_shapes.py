@@ -10,7 +10,7 @@ Indices = NDArray[np.int64]
 
 
 def ball(pieces: int, radius: float = 0.5, bump: float = 0.0) -> tuple[Array, Indices]:
-    """An icosahedron, each edge in `pieces`, on radius (1 + bump sin 10x sin 10y sin 10z) in the direction (x, y, z)."""
+    """An icosahedron, each edge in `pieces`, on radius (1 + bump sin 10x sin 10y sin 10z) along (x, y, z)."""
     p = (1 + 5**0.5) / 2
     c = np.array([[-1, p, 0], [1, p, 0], [-1, -p, 0], [1, -p, 0]])
     c = np.vstack([c, np.roll(c, 1, axis=1), np.roll(c, 2, axis=1)])

@@ -75,7 +75,6 @@ class Roll {
   bool follow(Seat& seat, const Vector3<>& tip, const Cone& cone, bool& sliding) const noexcept {
     Slip slip{sliding, 0.0};
     bool done = false;
-    Vector3<> last_line = Vector3<>::Zero();
     keep_contacts(seat);
     for (int step = 0; step < most_steps && !done; ++step) {
       const Goal goal = nearest_allowed(seat, tip);
@@ -110,14 +109,7 @@ class Roll {
         done = true;
         continue;
       }
-      // Two rounded contacts curve the line they leave free. Where its steps follow one another, longer ones get there sooner; up to
-      // twice as long, they still do not end farther from the tip.
-      double share = 1.0 - left / length;
-      if (goal.active == 2 && lag.dot(last_line) > 0.0) {
-        const double ratio = length / last_line.norm();
-        share *= ratio < 0.4 ? 1.0 / (1.0 - ratio) : 1.9;
-      }
-      last_line = goal.active == 2 ? lag : Vector3<>(Vector3<>::Zero());
+      const double share = 1.0 - left / length;
       const double part = sweep_to(seat, share == 1.0 ? goal.point : Vector3<>(seat.centre + share * lag));
       slip.sliding = true;
       slip.slid += part * share * length;

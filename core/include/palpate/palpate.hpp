@@ -17,3 +17,5 @@
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/anchor.hpp"
+#include "palpate/touch/mend.hpp"
+#include "palpate/touch/proxy.hpp"

@@ -28,7 +28,6 @@ struct Surface {
   double dynamic_friction = 0.0;          ///< coefficient, not above the static one
   double viscous = 0.0;                   ///< drag on the sliding proxy, N*s/m
   Field field = Field::discrete;
-  bool shading = false;  ///< turn the force with the interpolated vertex normals
   double period = 1e-3;  ///< of the servo, s; for damping and viscous friction
 };
 

@@ -44,7 +44,9 @@ def identify(
         else:
             result = identify_recording(recording, device, out, progress=lambda text: tell(text, 0.5))
     if simulate:
-        output.print(f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}")
+        output.print(
+            f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}", soft_wrap=True
+        )
         return
     output.print(result["summary"], markup=False, soft_wrap=True)
     if out is not None:

@@ -13,7 +13,7 @@ reproduce: .venv/installed
 	$(BIN)/palpate reproduce --out $(OUT)
 
 test: .venv/test-installed
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 bench: .venv/test-installed
 	$(BIN)/palpate bench

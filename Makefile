@@ -47,10 +47,14 @@ clean:
 	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
+# The extras' own packages only: asking for '.[test]' would build the core once more.
+extra = $(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)'], sep='\n')" \
+	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
+
 .venv/test-installed: .venv/installed
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(call extra,test)
 	@touch $@
 
 .venv/lint-installed: .venv/test-installed
-	$(BIN)/python -m pip install --quiet --editable '.[lint]'
+	$(call extra,lint)
 	@touch $@

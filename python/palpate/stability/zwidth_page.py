@@ -85,7 +85,8 @@ def _under(own: Boundary, b: float, k: float) -> bool:
 
 
 def _undamped(c: Boundary) -> float | None:
-    near = c.damping < 1e-3 * c.damping.max()
+    """Return the stiffness at which the curve meets the axis of no damping, N/m; None where it does not."""
+    near = c.damping < 1e-6 * c.damping.max()
     return float(c.stiffness[near].max()) if np.any(near) else None
 
 

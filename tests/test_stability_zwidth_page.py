@@ -1,0 +1,23 @@
+"""The Z-width page's table of hands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from palpate.scenario import Scenario
+from palpate.stability import zwidth
+from palpate.stability.zwidth_page import zwidth_page
+
+SLIDER = Path(__file__).parent.parent / "scenarios" / "slider-wall-stable.toml"
+
+
+def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:
+    """Golden: 60 g, 0.05 N·s/m, 1 ms: 100 N/m in nobody's hand, 9135 gripped rigidly, 1484 through fingertip tissue."""
+    page = zwidth_page(zwidth(Scenario.from_file(SLIDER), simulated=0)).html()
+    rows = page[page.index("nobody holds it</td>") :]
+    found = []
+    for who in ("nobody holds it", "a rigid grip", "through fingertip tissue"):
+        row = rows[rows.index(f"{who}</td>") :].split("</tr>")[0]
+        found.append(float(row.split("</td>")[-2].split(">")[-1]))
+    assert found == pytest.approx([100.01, 9135, 1484], rel=1e-3)

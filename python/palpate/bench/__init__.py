@@ -1,5 +1,5 @@
-"""How fast the loop runs, beside peers that do the same work in the same run."""
+"""How fast palpate is: the loop beside peers that do the same work in the same run, the exact answers, the proxy."""
 
-from palpate.bench.run import run
+from palpate.bench.run import SECTIONS, run
 
-__all__ = ["run"]
+__all__ = ["SECTIONS", "run"]

@@ -1,4 +1,4 @@
-"""`palpate bench`: the closed loop's speed and accuracy beside MuJoCo and python-control, in one run."""
+"""`palpate bench`: how fast the loop, the exact answers and the proxy are, in one run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from palpate.cli.console import output, progress
@@ -14,31 +15,35 @@ __all__ = ["bench"]
 
 
 def bench(
+    sections: Annotated[
+        list[str] | None, typer.Argument(help="What to time: loop, stability, touch. Everything if not given.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file for the numbers.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,
+    large: Annotated[bool, typer.Option("--large", help="Also a mesh of a million triangles.")] = False,
 ) -> None:
-    """Time one second of the nonlinear arm's closed loop at 1 kHz, and its distance from a tight reference.
+    """Time palpate on this machine: the loop beside its peers, the exact answers, the proxy.
 
-    Medians and the slow tail (p99.9 of a thousand runs or more, else the slowest), as multiples of real time on one
-    core; the ratio is palpate's speed over each program's. Peers come with pip install 'palpate[bench]'.
+    **loop**: one second of the nonlinear arm at 1 kHz, and its distance from a tight reference; medians and the slow
+    tail (p99.9 of a thousand runs or more, else the slowest) as multiples of real time on one core; the ratio is
+    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **stability**: the exact
+    boundary, and a map of spectral radii on all cores. **touch**: one step of the proxy.
+
+    Example: palpate bench stability --quick
     """
     with progress("starting") as tell:
-        from palpate.bench import run
+        from palpate.bench import SECTIONS, run
 
-        result = run(out, quick=quick, progress=tell)
-    table = Table(box=None, pad_edge=False)
-    for heading in ("program", "× real time", "slow tail", "runs", "error [rad]", "ratio"):
-        table.add_column(heading, justify="left" if heading == "program" else "right")
-    for row in result["rows"]:
-        table.add_row(
-            row["program"],
-            f"{row['times_real_time']:.4g}",
-            f"{row['worst_times_real_time']:.4g}",
-            str(row["runs"]),
-            f"{row['error_rad']:.1e}",
-            f"{row['ratio']:.4g}",
-        )
-    output.print(f"{result['work']}; {result['machine']['processor']}\n")
-    output.print(table)
-    for line in result["missing"]:
-        output.print(line, style="yellow", markup=False)
+        result = run(sections or (), out, quick=quick, large=large, progress=tell)
+    output.print(f"{result['machine']['processor']}, {result['machine']['cores']} cores", markup=False)
+    for name, found in result["sections"].items():
+        section = SECTIONS[name]
+        table = Table(box=None, pad_edge=False)
+        for number, heading in enumerate(section.headings):
+            table.add_column(escape(heading), justify="left" if number == 0 else "right")
+        for row in found["rows"]:
+            table.add_row(*section.cells(row))
+        output.print(f"\n[bold]{name}[/]: {found['work']}\n", soft_wrap=True)
+        output.print(table)
+        for line in found["missing"]:
+            output.print(line, style="yellow", markup=False)

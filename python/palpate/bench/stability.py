@@ -1,0 +1,46 @@
+"""Time the exact answers: a whole boundary, and a map of spectral radii."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.bench.section import TIMED, Effort, Progress, Rows, Section, timed, timed_cells
+from palpate.stability import Tip, boundary, critical_stiffness, spectral_radius
+
+__all__ = ["SECTION"]
+
+PERIOD = 1e-3  # s
+SIDE = 1000  # points of the map along each axis
+
+
+def _measure(effort: Effort, tell: Progress) -> Rows:
+    tip = Tip.of_mass(0.06, 0.05)
+    damping, stiffness = np.meshgrid(np.linspace(0, 60, SIDE), np.linspace(0, 5e4, SIDE))
+    tell("exact boundaries", 0.0)
+    rows = [
+        timed(
+            "critical stiffness", lambda: critical_stiffness(tip, period=PERIOD, virtual_damping=5.0),
+            effort.runs(50),
+        ),
+        timed(
+            "boundary, 1000 points", lambda: boundary(tip, period=PERIOD, points=1000),
+            effort.runs(50), 10e-3,
+        ),
+        timed(
+            "boundary, 1000 points, delay of 2", lambda: boundary(tip, period=PERIOD, delay=2, points=1000),
+            effort.runs(50), 10e-3,
+        ),
+    ]  # fmt: skip
+    tell("a map of a million spectral radii", 0.3)
+    rows.append(
+        timed(
+            f"spectral radius, {SIDE} × {SIDE} walls",
+            lambda: spectral_radius(tip, period=PERIOD, stiffness=stiffness, virtual_damping=damping),
+            effort.runs(3),
+            10.0,
+        )
+    )
+    return Rows(rows)
+
+
+SECTION = Section("a mass of 60 g with 0.05 N·s/m at 1 kHz against walls", TIMED, timed_cells, _measure)

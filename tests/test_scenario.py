@@ -163,7 +163,7 @@ def test_a_mistake_is_told_with_file_line_field_and_remedy(old: str, new: str, s
         (display(operator={"kind": "force"}), "force is missing"),
         (display(reference={"force": "1 N"}), "reference: an impedance_display has no reference force"),
         (tables(reference=None), "reference is missing: a force_tracking loop follows a force"),
-        (tables(operator=ARM), "operator: a force_tracking loop takes the operator's force as [reference]"),
+        (tables(operator={"kind": "hold"}), "operator: a force_tracking loop takes the operator's force as"),
         (tables(object={"kind": "wall"}), "a wall needs its outward normal, for example normal = [0, 0, 1]"),
         (tables(object={"kind": "wall", "normal": [0, 0, 0]}), "a normal must point somewhere"),
         (tables(object={"normal": [0, 0, 1]}), 'normal belongs to kind = "wall"'),

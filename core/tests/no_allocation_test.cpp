@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "states.hpp"
+#include "touch_shapes.hpp"
 
 extern "C" void* __libc_malloc(std::size_t);
 extern "C" void __libc_free(void*);
@@ -73,6 +74,33 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   }
   EXPECT_EQ(allocations - before, 0);
   EXPECT_TRUE(state.q.allFinite());
+}
+
+TEST(NoAllocation, InATickOnAMesh) {
+  const Premium arm(palpate::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  palpate::Surface surface;
+  surface.static_friction = surface.dynamic_friction = 0.3;
+  surface.field = palpate::Field::continuous;
+  shapes::Shape ball = shapes::ball(10, 0.05, 0.1);
+  for (Vector3<>& v : ball.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.05);
+  surface.stiffness.assign(ball.triangles.size(), 1000.0);
+  for (std::size_t i = 0; i < surface.stiffness.size(); i += 3) surface.stiffness[i] = 300.0;
+  const shapes::World world(ball, surface);
+  for (const double radius : {0.0, 2e-3}) {
+    palpate::ServoSetup<Premium> setup{.mechanism = arm};
+    setup.touched = {&world.mesh, &world.tree, &world.field, radius};
+    setup.start = pose;
+    palpate::Servo<Premium> servo(setup);
+    int touching = 0;
+    const long before = allocations;
+    for (int k = 0; k < 2000; ++k) {
+      const Joints<3> q = pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+      touching += servo.tick(q, Vector3<>::Zero()).touching ? 1 : 0;
+    }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(touching, 200);
+  }
 }
 
 }  // namespace

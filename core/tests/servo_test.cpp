@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "states.hpp"
+#include "touch_shapes.hpp"
 
 namespace {
 
@@ -93,6 +94,41 @@ TEST(Servo, DelayHoldsTheTorqueBack) {
   EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
   EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
   EXPECT_LT((servo.tick(pose, push).torque - rest - arm.jacobian(pose).transpose() * push).norm(), 1e-15);
+}
+
+// Law: on the flat top of a box a frictionless mesh answers as a wall of the same stiffness does, and never pulls; the object's
+// force is that of the tip on it, opposite to the proxy's.
+TEST(Servo, AFlatMeshIsAWall) {
+  palpate::Surface surface;
+  surface.stiffness = {700.0};
+  surface.tangential = 0.0;
+  shapes::Shape box = shapes::box(Vector3<>(0.1, 0.1, 0.1), 4);
+  for (Vector3<>& v : box.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.1);
+  const shapes::World world(box, surface);
+  ServoSetup<Premium> wall{.mechanism = arm};
+  wall.anchor.kind = Anchor::Kind::half_space;
+  wall.anchor.point = arm.forward(pose);
+  wall.stiffness.setConstant(700.0);
+  wall.start = pose;
+  ServoSetup<Premium> mesh = wall;
+  mesh.touched = {&world.mesh, &world.tree, &world.field, 0.0};
+  Servo<Premium> on_wall(wall), on_mesh(mesh);
+  EXPECT_EQ(on_wall.contact(), nullptr);
+  ASSERT_NE(on_mesh.contact(), nullptr);
+  int pressed = 0;
+  for (int k = 0; k < 400; ++k) {
+    const Joints<3> q = pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+    const auto& a = on_wall.tick(q, Vector3<>(0.0, 0.0, -1.0));
+    const auto& b = on_mesh.tick(q, Vector3<>(0.0, 0.0, -1.0));
+    EXPECT_EQ(a.touching, b.touching);
+    EXPECT_LT((a.object_force - b.object_force).norm(), 1e-9);
+    EXPECT_LT((a.torque - b.torque).norm(), 1e-9);
+    EXPECT_EQ(b.object_force, Vector3<>(-on_mesh.contact()->force));
+    EXPECT_LE(b.object_force.z(), 0.0);
+    pressed += b.touching ? 1 : 0;
+  }
+  EXPECT_GT(pressed, 100);
+  EXPECT_LT(pressed, 300);
 }
 
 }  // namespace

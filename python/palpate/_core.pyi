@@ -8,6 +8,107 @@ import numpy
 from numpy.typing import NDArray
 
 
+class Field(enum.Enum):
+    discrete = 0
+
+    continuous = 1
+
+class TouchSurface:
+    def __init__(self) -> None: ...
+
+    @property
+    def stiffness(self) -> list[float]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Sequence[float], /) -> None: ...
+
+    @property
+    def damping(self) -> list[float]: ...
+
+    @damping.setter
+    def damping(self, arg: Sequence[float], /) -> None: ...
+
+    @property
+    def tangential(self) -> float: ...
+
+    @tangential.setter
+    def tangential(self, arg: float, /) -> None: ...
+
+    @property
+    def static_friction(self) -> float: ...
+
+    @static_friction.setter
+    def static_friction(self, arg: float, /) -> None: ...
+
+    @property
+    def dynamic_friction(self) -> float: ...
+
+    @dynamic_friction.setter
+    def dynamic_friction(self, arg: float, /) -> None: ...
+
+    @property
+    def viscous(self) -> float: ...
+
+    @viscous.setter
+    def viscous(self, arg: float, /) -> None: ...
+
+    @property
+    def field(self) -> Field: ...
+
+    @field.setter
+    def field(self, arg: Field, /) -> None: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @period.setter
+    def period(self, arg: float, /) -> None: ...
+
+class TouchMesh:
+    def __init__(self, vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], open: bool) -> None: ...
+
+    @property
+    def usable(self) -> bool: ...
+
+    @property
+    def fault(self) -> int: ...
+
+    @property
+    def extent(self) -> float: ...
+
+    def diagnosis(self) -> dict: ...
+
+    def self_intersections(self) -> tuple: ...
+
+    def nearest(self, x: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
+
+def mend_mesh(vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
+
+class TouchedSurface:
+    def __init__(self, mesh: TouchMesh, surface: TouchSurface, radius: float) -> None: ...
+
+class TouchProxy:
+    def __init__(self, mesh: TouchMesh, surface: TouchSurface, radius: float) -> None: ...
+
+    def follow(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
+        """
+        Rows of position (3), normal (3), force (3), depth, stiffness; and the triangle, -1 where apart.
+        """
+
+    def time(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """How long each step took, s, the clock's own time included."""
+
+    def reset(self) -> None: ...
+
+    @property
+    def faults(self) -> int: ...
+
+    @property
+    def unfinished(self) -> int: ...
+
+    @property
+    def sliding(self) -> bool: ...
+
 class Hand:
     def __init__(self) -> None: ...
 
@@ -409,6 +510,9 @@ class PremiumSetup:
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
 
+    def touch(self, surface: TouchedSurface) -> None:
+        """Puts a mesh in the anchor's place."""
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -621,6 +725,9 @@ class SliderSetup:
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
 
+    def touch(self, surface: TouchedSurface) -> None:
+        """Puts a mesh in the anchor's place."""
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -669,101 +776,3 @@ class Slider:
     def acceleration(self, arg0: SliderFriction, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
-
-class Field(enum.Enum):
-    discrete = 0
-
-    continuous = 1
-
-class TouchSurface:
-    def __init__(self) -> None: ...
-
-    @property
-    def stiffness(self) -> list[float]: ...
-
-    @stiffness.setter
-    def stiffness(self, arg: Sequence[float], /) -> None: ...
-
-    @property
-    def damping(self) -> list[float]: ...
-
-    @damping.setter
-    def damping(self, arg: Sequence[float], /) -> None: ...
-
-    @property
-    def tangential(self) -> float: ...
-
-    @tangential.setter
-    def tangential(self, arg: float, /) -> None: ...
-
-    @property
-    def static_friction(self) -> float: ...
-
-    @static_friction.setter
-    def static_friction(self, arg: float, /) -> None: ...
-
-    @property
-    def dynamic_friction(self) -> float: ...
-
-    @dynamic_friction.setter
-    def dynamic_friction(self, arg: float, /) -> None: ...
-
-    @property
-    def viscous(self) -> float: ...
-
-    @viscous.setter
-    def viscous(self, arg: float, /) -> None: ...
-
-    @property
-    def field(self) -> Field: ...
-
-    @field.setter
-    def field(self, arg: Field, /) -> None: ...
-
-    @property
-    def period(self) -> float: ...
-
-    @period.setter
-    def period(self, arg: float, /) -> None: ...
-
-class TouchMesh:
-    def __init__(self, vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], open: bool) -> None: ...
-
-    @property
-    def usable(self) -> bool: ...
-
-    @property
-    def fault(self) -> int: ...
-
-    @property
-    def extent(self) -> float: ...
-
-    def diagnosis(self) -> dict: ...
-
-    def self_intersections(self) -> tuple: ...
-
-    def nearest(self, x: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
-
-def mend_mesh(vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
-
-class TouchProxy:
-    def __init__(self, mesh: TouchMesh, surface: TouchSurface, radius: float) -> None: ...
-
-    def follow(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
-        """
-        Rows of position (3), normal (3), force (3), depth, stiffness; and the triangle, -1 where apart.
-        """
-
-    def time(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
-
-    def reset(self) -> None: ...
-
-    @property
-    def faults(self) -> int: ...
-
-    @property
-    def unfinished(self) -> int: ...
-
-    @property
-    def sliding(self) -> bool: ...

@@ -9,6 +9,8 @@
 #include <tuple>
 #include <vector>
 
+#include "touch_mesh.hpp"
+
 namespace nb = nanobind;
 using namespace nb::literals;
 
@@ -160,6 +162,9 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("record_every", &Setup::record_every)
       .def_rw("speed_limit", &Setup::speed_limit)
       .def(
+          "touch", [](Setup& s, const TouchedSurface& t) { s.touched = t.touched(); }, "surface"_a, nb::keep_alive<1, 2>(),
+          "Puts a mesh in the anchor's place.")
+      .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {
             if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
@@ -167,7 +172,7 @@ void bind_loop(nb::module_& m, const char* name) {
               throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
             const int ticks = static_cast<int>(reference.shape(0)) - 1;
             const int most = ticks / self.record_every + 1;
-            auto [rows, data] = new_array(most, palpate::record_width<dof>);
+            auto [rows, data] = new_array(most, palpate::row_width(self));
             palpate::SimulationOutcome outcome;
             {
               const nb::gil_scoped_release unlocked;
@@ -185,6 +190,8 @@ void bind_touch(nb::module_& m);
 NB_MODULE(_core, m) {
   nb::set_leak_warnings(false);  // the device cache outlives the module on purpose
   m.doc() = "palpate's core: device dynamics and the servo loop.";
+
+  bind_touch(m);
 
   nb::class_<palpate::Hand>(m, "Hand")
       .def(nb::init<>())
@@ -258,6 +265,4 @@ NB_MODULE(_core, m) {
   nb::class_<palpate::Slider> slider(m, "Slider");
   slider.def(nb::init<double>(), "mass"_a);
   bind_mechanism(slider);
-
-  bind_touch(m);
 }

@@ -11,6 +11,8 @@
 #include <palpate/touch/proxy.hpp>
 #include <vector>
 
+#include "touch_mesh.hpp"
+
 namespace nb = nanobind;
 using namespace nb::literals;
 
@@ -29,17 +31,6 @@ std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::si
   return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
 }
 
-/// A mesh with its tree.
-struct TouchMesh {
-  palpate::Mesh mesh;
-  palpate::Tree tree;
-
-  TouchMesh(std::vector<palpate::Vector3<>> vertices, std::vector<palpate::Triangle> triangles, bool open)
-      : mesh(std::move(vertices), std::move(triangles), open) {
-    if (mesh.usable()) tree = palpate::Tree(mesh);
-  }
-};
-
 std::vector<palpate::Vector3<>> points(const Points& a) {
   std::vector<palpate::Vector3<>> list(a.shape(0));
   for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
@@ -55,15 +46,18 @@ std::vector<palpate::Triangle> triangles(const Indices& a) {
 
 /// A proxy with what it refers to.
 struct TouchProxy {
-  std::shared_ptr<const TouchMesh> mesh;
-  std::unique_ptr<palpate::SurfaceField> field;
+  std::unique_ptr<const TouchedSurface> on;
   palpate::Proxy proxy;
 
-  TouchProxy(std::shared_ptr<const TouchMesh> m, const palpate::Surface& surface, double radius)
-      : mesh(std::move(m)),
-        field(std::make_unique<palpate::SurfaceField>(surface, mesh->mesh)),
-        proxy(mesh->mesh, mesh->tree, *field, radius) {}
+  explicit TouchProxy(TouchedSurface&& surface)
+      : on(std::make_unique<const TouchedSurface>(std::move(surface))), proxy(on->mesh->mesh, on->mesh->tree, *on->field, on->radius) {}
 };
+
+TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::Surface& surface, double radius) {
+  if (!mesh->mesh.usable() || !palpate::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
+    throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
+  return {std::move(mesh), surface, radius};
+}
 
 }  // namespace
 
@@ -139,13 +133,19 @@ void bind_touch(nb::module_& m) {
       },
       "vertices"_a, "triangles"_a);
 
+  nb::class_<TouchedSurface>(m, "TouchedSurface")
+      .def(
+          "__init__",
+          [](TouchedSurface* self, std::shared_ptr<const TouchMesh> mesh, const Surface& surface, double radius) {
+            new (self) TouchedSurface(touched(std::move(mesh), surface, radius));
+          },
+          "mesh"_a, "surface"_a, "radius"_a);
+
   nb::class_<TouchProxy>(m, "TouchProxy")
       .def(
           "__init__",
           [](TouchProxy* self, std::shared_ptr<const TouchMesh> mesh, const Surface& surface, double radius) {
-            if (!mesh->mesh.usable() || !palpate::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
-              throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
-            new (self) TouchProxy(std::move(mesh), surface, radius);
+            new (self) TouchProxy(touched(std::move(mesh), surface, radius));
           },
           "mesh"_a, "surface"_a, "radius"_a)
       .def(

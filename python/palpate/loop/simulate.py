@@ -17,6 +17,7 @@ from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.errors import ScenarioError
 from palpate.loop.plant import sampled_plant
+from palpate.loop.touched import touched_mesh
 from palpate.loop.trace import Trace
 from palpate.scenario import Scenario
 
@@ -89,7 +90,7 @@ class Experiment:
         return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
 
     def run(self) -> tuple[Array, int]:
-        """Return the core's rows (n, 3 dof + 11), and the tick at which the loop diverged or -1."""
+        """Return the core's rows (n, 3 dof + 11, on a mesh 9 more), and the tick at which the loop diverged or -1."""
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
         return np.asarray(rows)[:count], unstable_tick
 
@@ -100,8 +101,8 @@ class Experiment:
         wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
         if len(wild):  # the force ran away within one sample, before the speed that the core watches
             rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
-        edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1])
-        q, qd, object_force, command, torque, operator, touching, saturated = np.split(rows, edges, axis=1)
+        edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1])
+        q, qd, object_force, command, torque, operator, touching, saturated, met = np.split(rows, edges, axis=1)
         tip = self._tip(q)
         if self.scenario.operator.kind == "hold":
             # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
@@ -111,7 +112,7 @@ class Experiment:
             "angle": q,
             "velocity": qd,
             "tip": tip,
-            "deflection": self._deflection(tip),
+            "deflection": self._deflection(tip) if met.shape[1] == 0 else -met[:, 6:7] * met[:, 3:6],
             "object_force": object_force,
             "command_force": command,
             "torque": torque,
@@ -120,6 +121,9 @@ class Experiment:
             "touching": touching,
             "saturated": saturated,
         }
+        if met.shape[1]:
+            contact = np.split(met, [3, 6, 7, 8], axis=1)
+            values |= dict(zip(("proxy", "normal", "depth", "surface_stiffness", "triangle"), contact, strict=True))
         if self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
         return Trace.of(
@@ -192,11 +196,8 @@ def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, contro
 def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     touched = scenario.object
     anchor = _core.Anchor()
-    anchor.kind = {
-        "none": _core.Anchor.Kind.none,
-        "spring": _core.Anchor.Kind.point,
-        "wall": _core.Anchor.Kind.half_space,
-    }[touched.kind]
+    kinds = {"spring": _core.Anchor.Kind.point, "wall": _core.Anchor.Kind.half_space}
+    anchor.kind = kinds.get(touched.kind, _core.Anchor.Kind.none)
     # The object stands where the servo sees the tip: between two counts a stiff one would push at rest.
     step = device.encoder_step
     counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
@@ -205,6 +206,9 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
     if touched.normal is not None:
         anchor.normal = np.array(touched.normal)
     setup.anchor = anchor
+    if touched.mesh is not None:
+        mesh, surface = touched_mesh(touched, np.array(anchor.point), scenario.period)
+        setup.touch(_core.TouchedSurface(mesh.core, surface.core_for(mesh), touched.mesh.radius))
     if touched.stiffness is not None:
         setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
     difference = _core.Difference

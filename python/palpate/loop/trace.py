@@ -33,6 +33,11 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "reference_force": ("N", "reference force"),
     "operator_force": ("N", "force of the operator on the tip"),
     "energy": ("J", "kinetic and potential energy of the device"),
+    "proxy": ("m", "the tip's proxy on the mesh (a sphere's centre)"),
+    "normal": ("", "unit normal of the mesh there, outward; zero where apart"),
+    "depth": ("m", "of the tip under the proxy, along the normal"),
+    "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
+    "triangle": ("", "number of the touched triangle, -1 where apart"),
 }
 _FORMAT: Final = "palpate-trace-1"
 

@@ -10,22 +10,30 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Pla
 from palpate.units import parse, parse_vector, write
 
 __all__ = [
+    "Angle3",
     "Damping3",
     "Duration",
     "Flag",
     "Force3",
+    "Fraction",
     "Frequency",
+    "Length",
     "Matrix",
+    "Number",
     "Number3",
     "OneDamping",
+    "OneLength",
     "OneMass",
     "OneStiffness",
     "Position3",
     "Section",
+    "Size3",
     "Stiffness3",
     "Time",
     "Whole",
 ]
+
+_Axes = tuple[float, float, float]
 
 
 class Section(BaseModel):
@@ -60,6 +68,18 @@ def _positive(value: float) -> float:
     return value
 
 
+def _all_positive(values: _Axes) -> _Axes:
+    if min(values) <= 0.0:
+        raise ValueError("must be positive")
+    return values
+
+
+def _fraction(value: float) -> float:
+    if not 0.0 <= value < 1.0:
+        raise ValueError(f"{value:g}; it must be at least 0 and below 1")
+    return value
+
+
 def _whole(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ValueError(f"{value!r} is not a whole number; write it bare, for example 2")
@@ -90,8 +110,6 @@ def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     return rows
 
 
-_Axes = tuple[float, float, float]
-
 Time = Annotated[float, *_scalar("s"), AfterValidator(_not_negative)]
 Duration = Annotated[float, *_scalar("s"), AfterValidator(_positive)]
 Frequency = Annotated[float, *_scalar("Hz"), AfterValidator(_positive)]
@@ -99,6 +117,13 @@ OneMass = Annotated[float, *_scalar("kg"), AfterValidator(_not_negative)]
 OneStiffness = Annotated[float, *_scalar("N/m"), AfterValidator(_not_negative)]
 OneDamping = Annotated[float, *_scalar("N*s/m"), AfterValidator(_not_negative)]
 
+OneLength = Annotated[float, *_scalar("m"), AfterValidator(_not_negative)]
+Length = Annotated[float, *_scalar("m"), AfterValidator(_positive)]
+Number = Annotated[float, *_scalar(""), AfterValidator(_not_negative)]
+Fraction = Annotated[float, *_scalar(""), AfterValidator(_fraction)]
+
+Angle3 = Annotated[_Axes, *_axes("rad")]
+Size3 = Annotated[_Axes, *_axes("m"), AfterValidator(_all_positive)]
 Force3 = Annotated[_Axes, *_axes("N")]
 Position3 = Annotated[_Axes, *_axes("m")]
 Stiffness3 = Annotated[_Axes, *_axes("N/m"), AfterValidator(_not_negative)]

@@ -40,6 +40,7 @@ from palpate.scenario.fields import (
     Whole,
 )
 from palpate.scenario.signal import Signal
+from palpate.scenario.touched import MeshChoice, SurfaceChoice
 from palpate.units import parse, write
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ class Servo(Section):
 
 
 class Operator(Signal):
-    """[operator]: who holds the device (impedance_display).
+    """[operator]: who holds the device. With force_tracking a hand ("arm") or nobody.
 
     Attributes:
         kind: "none", "force" (a force in time at the tip), "hold" (the tip is held where it starts) or "arm"
@@ -210,20 +211,23 @@ class Object(Section):
     """[object]: what the tip touches.
 
     Attributes:
-        kind: "none", "spring" (held from all sides, anchored where the tip starts) or "wall" (one-sided).
+        kind: "none", "spring" (held from all sides, anchored where the tip starts), "wall" (one-sided) or "mesh".
         stiffness: N/m per axis. A wall has one: the first.
         damping: N*s/m per axis.
         coupling: how the damper's speed is sampled, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
-        position: of the anchor or of a point of the wall's surface, from the start tip, m.
+        position: of the anchor, of a point of the wall's surface or of the mesh's origin, from the start tip, m.
         normal: out of the wall, unit length once read.
+        mesh, surface: of a mesh, which has no stiffness or damping of its own.
     """
 
-    kind: Literal["none", "spring", "wall"] = "spring"
+    kind: Literal["none", "spring", "wall", "mesh"] = "spring"
     stiffness: Stiffness3 | None = None
     damping: Damping3 = (0.0, 0.0, 0.0)
     coupling: Literal["backward", "bilinear"] = "backward"
     position: Position3 = (0.0, 0.0, 0.0)
     normal: Number3 | None = None
+    mesh: MeshChoice | None = None
+    surface: SurfaceChoice | None = None
 
     @field_validator("normal")
     @classmethod
@@ -242,6 +246,8 @@ class Object(Section):
             stray = sorted(self.model_fields_set - {"kind"})
             if stray:
                 raise ValueError(f'{stray[0]} has no meaning for kind = "none"')
+        elif self.kind == "mesh":
+            self._check_mesh()
         elif self.stiffness is None:
             raise ValueError('stiffness is missing; write for example stiffness = "3.5 N/mm"')
         if self.kind == "wall" and self.normal is None:
@@ -250,7 +256,20 @@ class Object(Section):
             raise ValueError('normal belongs to kind = "wall"')
         if self.kind == "wall" and self.stiffness is not None and len({*self.stiffness}) > 1:
             raise ValueError("a wall has one stiffness, along its normal")
+        if self.kind != "mesh":
+            for key in ("mesh", "surface"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f'{key} belongs to kind = "mesh"')
         return self
+
+    def _check_mesh(self) -> None:
+        for key, example in (("mesh", 'shape = "box"'), ("surface", 'stiffness = "1 N/mm"')):
+            if getattr(self, key) is None:
+                raise ValueError(f"{key} is missing; write a table [object.{key}] with for example {example}")
+        stray = sorted(self.model_fields_set - {"kind", "position", "mesh", "surface"})
+        if stray:
+            where = " (a mesh has its own in [object.surface])" if stray[0] in ("stiffness", "damping") else ""
+            raise ValueError(f'{stray[0]} has no meaning for kind = "mesh"{where}')
 
 
 class Controller(Section):
@@ -395,10 +414,11 @@ class Scenario(Section):
 
     def _check_topology(self) -> None:
         if self.servo.topology == "force_tracking":
-            if self.operator.kind != "none":
+            if self.operator.kind not in ("none", "arm"):
                 raise ValueError(
                     "operator: a force_tracking loop takes the operator's force as [reference]; "
-                    'remove [operator] or write servo.topology = "impedance_display"'
+                    'remove [operator], hold the stylus in a hand with kind = "arm", or write '
+                    'servo.topology = "impedance_display"'
                 )
             if self.reference is None:
                 raise ValueError(

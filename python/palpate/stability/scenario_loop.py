@@ -109,6 +109,11 @@ def scenario_loop(
     """
     if scenario.object.kind == "none":
         raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
+    if scenario.object.kind == "mesh":
+        raise StabilityError(
+            "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
+            "polygon"
+        )
     if scenario.operator.kind == "hold" and arm is None:
         raise StabilityError(
             'operator.kind: "hold" keeps the tip still, so nothing can oscillate; give another operator'

@@ -1,14 +1,17 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 #include <type_traits>
 #include <utility>
 
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/drive.hpp"
+#include "palpate/math/dual.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/anchor.hpp"
+#include "palpate/touch/proxy.hpp"
 
 namespace palpate {
 
@@ -72,6 +75,16 @@ class Kinematics {
   Eigen::Matrix<double, dof, dof> torque_turn_ = Eigen::Matrix<double, dof, dof>::Zero();  // d(J^T hold)/dq
 };
 
+/// A mesh in the tip's way, in the device's frame. What it refers to is the caller's, and outlives the servo.
+struct TouchedMesh {
+  const Mesh* mesh = nullptr;  ///< null: none is there
+  const Tree* tree = nullptr;
+  const SurfaceField* surface = nullptr;
+  double radius = 0.0;  ///< of the tip, m
+
+  [[nodiscard]] explicit operator bool() const noexcept { return mesh != nullptr; }
+};
+
 /// What a servo loop is made of. Plain data; a Servo builds from it all that its tick needs.
 template <class Mechanism>
 struct ServoSetup {
@@ -87,6 +100,7 @@ struct ServoSetup {
   Vector3<> stiffness = Vector3<>::Zero();  ///< N/m
   Vector3<> damping = Vector3<>::Zero();    ///< N*s/m
   VirtualCoupling::Difference difference = VirtualCoupling::Difference::backward;
+  TouchedMesh touched{};  ///< instead of the anchor, if there is one
 
   StateSpace controller = StateSpace::negative_feedback();
   Vector3<> hold = Vector3<>::Zero();       ///< constant tip force added to every command, N
@@ -118,6 +132,7 @@ class Servo {
         encoder_(s.encoder),
         anchor_(s.anchor),
         coupling_(s.stiffness, s.damping, s.difference, s.period),
+        proxy_(proxy_on(s.touched)),
         controller_(s.controller),
         drive_(s.limits, s.period),
         hold_(s.hold),
@@ -129,14 +144,7 @@ class Servo {
     const Joints<dof> q = encoder_.read(angles);
     kinematics_.look(q);
     tick_.tip = kinematics_.tip();
-    const Anchor::Contact contact = anchor_.contact(tick_.tip);
-    tick_.touching = contact.touching;
-    Vector3<> force = coupling_.force(contact.deflection);
-    if (anchor_.kind == Anchor::Kind::half_space) {
-      // A wall pushes, it never pulls: neither its damper on the way out nor its memory after contact.
-      const double pressed = contact.touching ? std::fmin(0.0, anchor_.normal.dot(force)) : 0.0;
-      force = pressed * anchor_.normal;
-    }
+    const Vector3<> force = proxy_ ? touch_mesh() : touch_anchor();
     tick_.object_force = force;
     const Vector3<> wanted = controller_.output(reference, force);
     tick_.command = drive_.limit_force(wanted + hold_) - hold_;
@@ -153,7 +161,31 @@ class Servo {
     return tick_;
   }
 
+  /// Where the tip touches the mesh at this tick; null without a mesh.
+  [[nodiscard]] const Contact* contact() const noexcept { return proxy_ ? &proxy_->contact() : nullptr; }
+
  private:
+  static std::optional<Proxy> proxy_on(const TouchedMesh& t) {
+    return t ? std::optional<Proxy>(std::in_place, *t.mesh, *t.tree, *t.surface, t.radius) : std::nullopt;
+  }
+
+  /// Force of the tip on the object [N], as the next.
+  Vector3<> touch_anchor() noexcept {
+    const Anchor::Contact contact = anchor_.contact(tick_.tip);
+    tick_.touching = contact.touching;
+    const Vector3<> force = coupling_.force(contact.deflection);
+    if (anchor_.kind != Anchor::Kind::half_space) return force;
+    // A wall pushes, it never pulls: neither its damper on the way out nor its memory after contact.
+    const double pressed = contact.touching ? std::fmin(0.0, anchor_.normal.dot(force)) : 0.0;
+    return pressed * anchor_.normal;
+  }
+
+  Vector3<> touch_mesh() noexcept {
+    const Contact& contact = proxy_->step(tick_.tip);
+    tick_.touching = contact.touching;
+    return -contact.force;
+  }
+
   Joints<dof> torque_at_rest(const Joints<dof>& start) {
     kinematics_.look(start);
     const Joints<dof> torque = kinematics_.torque(Vector3<>::Zero(), hold_);
@@ -164,6 +196,7 @@ class Servo {
   Encoder<dof> encoder_;
   Anchor anchor_;
   VirtualCoupling coupling_;
+  std::optional<Proxy> proxy_;
   StateSpace controller_;
   Drive<dof> drive_;
   Vector3<> hold_ = Vector3<>::Zero();

@@ -34,14 +34,22 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 };
 
 /// What a run leaves behind. A recorded row holds, at one sample:
-/// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated.
+/// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated;
+/// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< the tick at which the loop diverged; -1: never. Nothing is recorded from it on.
 };
 
 template <int dof>
-constexpr int record_width = 3 * dof + 11;
+constexpr int record_width = 3 * dof + 11;  ///< of a row without a mesh
+constexpr int contact_width = 9;            ///< what a mesh adds to it
+
+/// Numbers in a recorded row.
+template <class Mechanism>
+[[nodiscard]] constexpr int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
+  return record_width<Mechanism::dof> + (setup.touched ? contact_width : 0);
+}
 
 namespace detail {
 
@@ -113,11 +121,19 @@ class HeldPlant {
   Joints<dof> speeds_;
 };
 
+inline void write_contact(double* row, const Contact& contact) noexcept {
+  Eigen::Map<Vector3<>>{row} = contact.position;
+  Eigen::Map<Vector3<>>{row + 3} = contact.normal;
+  row[6] = contact.depth;
+  row[7] = contact.stiffness;
+  row[8] = contact.triangle;
+}
+
 template <class Mechanism, class Plant>
 SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference,
                       const double* operator_force, double* rows) noexcept {
   constexpr int dof = Mechanism::dof;
-  constexpr int width = record_width<dof>;
+  const int width = row_width(setup);
   Servo<Mechanism> servo(setup);
   SimulationOutcome outcome;
   const double fastest = setup.speed_limit;
@@ -141,6 +157,7 @@ SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int
       Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(force.begin);
       row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
       row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
+      if (const Contact* contact = servo.contact()) write_contact(row + record_width<dof>, *contact);
       until_record = setup.record_every;
     }
     --until_record;
@@ -155,7 +172,7 @@ SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int
 /// Runs `ticks` servo periods, samples 0 to `ticks` included.
 /// @param reference       force reference at each sample, (ticks + 1) x 3 row by row, N
 /// @param operator_force  voluntary force at each sample, (ticks + 1) x 3, N; linear in time between samples
-/// @param rows            room for ticks / record_every + 1 rows of record_width<dof>
+/// @param rows            room for ticks / record_every + 1 rows of row_width(setup)
 template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                            double* rows) noexcept {

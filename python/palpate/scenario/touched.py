@@ -1,0 +1,135 @@
+"""[object.mesh] and [object.surface]: which mesh the tip touches, and how its surface answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, PlainSerializer, ValidationInfo, field_validator, model_validator
+
+from palpate.scenario.fields import (
+    Angle3,
+    Flag,
+    Fraction,
+    Length,
+    Number,
+    OneDamping,
+    OneLength,
+    OneStiffness,
+    Section,
+    Size3,
+    Whole,
+)
+from palpate.units import parse, write
+
+__all__ = ["MeshChoice", "SurfaceChoice"]
+
+
+class MeshChoice(Section):
+    """[object.mesh]: a file, or a shape made by formula; placed by [object] position, its origin there.
+
+    Attributes:
+        shape: "file"; "box", a cube whose origin is the middle of its top (+z); or "organ", an ellipsoid with smooth
+            bumps whose origin is its top.
+        file: STL, OBJ, PLY, OFF, GLB (relative to the scenario's file; absolute once read), and its unit, such as "mm".
+        open: the surface has a border on purpose.
+        edge: of the box, m.
+        size: of the organ along x, y, z without its bumps, m.
+        bump: height of the organ's bumps, as a part of its radius.
+        divisions: box: squares of two triangles along an edge; organ: times that an icosahedron's triangles are
+            split in four.
+        turn: about x, then y, then z of the device, round the mesh's origin, rad.
+        radius: of the tip, m; 0: a point.
+    """
+
+    shape: Literal["file", "box", "organ"] = "file"
+    file: str | None = None
+    unit: str | None = None
+    open: Flag = False
+    edge: Length | None = None
+    size: Size3 | None = None
+    bump: Fraction | None = None
+    divisions: Whole | None = None
+    turn: Angle3 = (0.0, 0.0, 0.0)
+    radius: OneLength = 0.0
+
+    @field_validator("file")
+    @classmethod
+    def _resolve(cls, file: str | None, info: ValidationInfo) -> str | None:
+        base = (info.context or {}).get("base")
+        return str((Path(base) / file).resolve()) if file is not None and base is not None else file
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needs = {"file": ("file", "unit"), "box": ("edge", "divisions"), "organ": ("size", "bump", "divisions")}
+        examples = {"file": '"liver.stl"', "unit": '"mm"', "edge": '"80 mm"', "divisions": "8", "bump": "0.06",
+                    "size": '["90 mm", "70 mm", "60 mm"]'}  # fmt: skip
+        for key in needs[self.shape]:
+            if getattr(self, key) is None:
+                raise ValueError(f"{key} is missing; write for example {key} = {examples[key]}")
+        for key in ("file", "unit", "edge", "size", "bump", "divisions"):
+            if key not in needs[self.shape] and getattr(self, key) is not None:
+                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"')
+        if self.divisions is not None:
+            most = 500 if self.shape == "box" else 7
+            if not 1 <= self.divisions <= most:
+                raise ValueError(f"divisions: {self.divisions}; it must be between 1 and {most}")
+        return self
+
+
+def _values(value: object) -> tuple[float, ...]:
+    entries = list(value) if isinstance(value, (list, tuple)) else [value]
+    if not entries:
+        raise ValueError('there must be at least one value, such as "1 N/mm"')
+    numbers = tuple(parse(entry, "N/m") for entry in entries)
+    if min(numbers) < 0.0:
+        raise ValueError("must not be negative")
+    return numbers
+
+
+def _values_text(values: tuple[float, ...]) -> Any:
+    texts = [write(value, "N/m") for value in values]
+    return texts[0] if len(texts) == 1 else texts
+
+
+class SurfaceChoice(Section):
+    """[object.surface]: how the mesh answers, as palpate.Surface, with stiffness laid over its polygons.
+
+    Attributes:
+        stiffness: along the normal, N/m: one value, or those of the pattern in turn.
+        pattern: "stripes" (bands across the mesh's own x), "checkerboard" (fields along its x and y), each `width` wide
+            from its lowest corner on, or "listed" (one value per triangle or per vertex of the mesh).
+        width: of a band or field, m.
+        damping: along the normal, N*s/m.
+        tangential: stiffness that joins tip and proxy along the surface, N/m; 0: none, and no friction. As stiff as
+            along the normal if not given.
+        static_friction, dynamic_friction: coefficients; dynamic as static if not given.
+        viscous: drag on the sliding proxy, N*s/m.
+        field: "discrete" (each polygon its own stiffness) or "continuous" (spread, and derived from a potential).
+    """
+
+    stiffness: Annotated[tuple[float, ...], BeforeValidator(_values), PlainSerializer(_values_text)]
+    pattern: Literal["stripes", "checkerboard", "listed"] | None = None
+    width: Length | None = None
+    damping: OneDamping = 0.0
+    tangential: OneStiffness | None = None
+    static_friction: Number = 0.0
+    dynamic_friction: Number | None = None
+    viscous: OneDamping = 0.0
+    field: Literal["discrete", "continuous"] = "discrete"
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if len(self.stiffness) > 1 and self.pattern is None:
+            raise ValueError('pattern is missing: say how the values are laid out, for example pattern = "stripes"')
+        laid = self.pattern in ("stripes", "checkerboard")
+        if laid and self.width is None:
+            raise ValueError('width is missing: how wide is a field of the pattern? For example width = "10 mm"')
+        if not laid and self.width is not None:
+            raise ValueError("width: belongs to a pattern of stripes or a checkerboard")
+        if self.dynamic_friction is not None and self.dynamic_friction > self.static_friction:
+            raise ValueError(
+                f"dynamic_friction: {self.dynamic_friction:g} must not exceed static_friction "
+                f"({self.static_friction:g})"
+            )
+        return self

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.loop.response import step_response
+from palpate.loop.sliding import slide
 
 if TYPE_CHECKING:
     from palpate.loop.trace import Trace
@@ -37,6 +38,8 @@ def summarize(trace: Trace) -> dict[str, Any]:
         "saturated_fraction": float(np.mean(trace["saturated"])) if "saturated" in trace and len(trace) else None,
         "axes": {},
     }
+    if "proxy" in trace:
+        return _on_mesh(summary, trace)
     if trace.stable and "deflection" in trace and len(trace) > 1:
         start = 0.0 if scenario is None else _step_time(scenario)
         expected = expected_deflection(scenario)
@@ -63,6 +66,36 @@ def summarize(trace: Trace) -> dict[str, Any]:
         summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s under a force that changes: no steady state"
     else:
         summary["verdict"] = _verdict(summary)
+    if summary["saturated_fraction"]:
+        summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
+    return summary
+
+
+def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
+    """Return the summary of a run on a mesh: what its slide shows, in place of a step response per axis."""
+    found = slide(trace)
+    summary["sliding"] = None if found is None else found.as_dict()
+    if not trace.stable:
+        summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
+        return summary
+    if found is None:
+        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s, but the tip never touched the mesh"
+        return summary
+    depth = step_response(trace.time, trace["depth"][:, 0])
+    growth = depth.swing_growth or 0.0
+    if growth > GROWS and depth.settling_time is None and not found.settled:
+        summary["stable"] = False
+        summary["verdict"] = (
+            f"unstable: the swing of the depth grows, by {(growth - 1.0) * 100.0:.3g} % in a quarter of the run"
+        )
+        return summary
+    rest = "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
+    summary["verdict"] = f"stable: slides {found.path * 1e3:.3g} mm over the mesh, {rest} at the end"
+    if found.step_at_crossing is not None:
+        summary["verdict"] += (
+            f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
+            f"{found.step_at_crossing:.3g} N"
+        )
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary

@@ -142,6 +142,7 @@ class Trace:
         Per axis: steady tip deflection, the deflection that the reference force should reach (force over stiffness)
         and the error against it, overshoot, 5 % settling time, growth of a swing; over all: peak command, torque and
         object force. "stable" is false also where the run went to its end with a swing that grows.
+        On a mesh "sliding" takes the axes' place: see `palpate.loop.sliding.Slide`.
         Where the loop diverged there is no steady state, and only the peaks are given.
         """
         from palpate.loop.summary import summarize

@@ -34,6 +34,7 @@ _HOMES = {
 _ROOMS = (
     "analysis",
     "bench",
+    "bodies",
     "control",
     "design",
     "devices",
@@ -58,6 +59,7 @@ __all__ = [
     "Trace",
     "analysis",
     "bench",
+    "bodies",
     "control",
     "design",
     "devices",

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from palpate.cli import body
 from palpate.cli.bench import bench
 from palpate.cli.console import errors
 from palpate.cli.devices import devices
@@ -55,6 +56,11 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
 
 for function in (run, certify, zwidth, reproduce, identify, devices, bench):
     app.command()(one_sentence(function))
+
+bodies = typer.Typer(no_args_is_help=True, help="Bodies that yield: build one from a mesh, or look at one.")
+for name, command in (("build", body.build), ("phantom", body.phantom), ("show", body.show)):
+    bodies.command(name)(one_sentence(command))
+app.add_typer(bodies, name="body")
 
 
 @app.callback(invoke_without_command=True)

@@ -1,0 +1,33 @@
+"""What yields: bodies condensed from finite elements, fast enough for the servo."""
+
+from palpate.bodies.body import Body
+from palpate.bodies.build import build
+from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.bodies.material import Material, Region, Skin
+from palpate.bodies.phantom import phantom
+from palpate.bodies.places import Place, ball, beyond, box, on_surface, place
+from palpate.bodies.volume import Volume, block, fill, read_volume
+
+__all__ = [
+    "Body",
+    "BodyError",
+    "BodyWarning",
+    "Material",
+    "Place",
+    "Region",
+    "Skin",
+    "Volume",
+    "ball",
+    "beyond",
+    "block",
+    "box",
+    "build",
+    "fill",
+    "load",
+    "on_surface",
+    "phantom",
+    "place",
+    "read_volume",
+]
+
+load = Body.load

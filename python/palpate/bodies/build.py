@@ -1,0 +1,184 @@
+"""From a mesh and a material to a body that can be touched."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.bodies.body import Body
+from palpate.bodies.condense import check_memory, condense, digest
+from palpate.bodies.elements import Elements
+from palpate.bodies.errors import BodyError
+from palpate.bodies.factor import Factor
+from palpate.bodies.material import Material, Region, Skin
+from palpate.bodies.places import Place, place
+from palpate.bodies.store import Contents, write
+from palpate.bodies.volume import Volume, fill, read_volume
+from palpate.touch.mesh import Mesh
+from palpate.units import quantity
+
+__all__ = ["build", "volume_of"]
+
+_SURFACES = (".stl", ".obj", ".ply", ".off", ".glb")
+
+
+def build(
+    source: Volume | Mesh | str | Path,
+    *,
+    young: float | str,
+    fixed: str | Place | Sequence[str | Place],
+    poisson: float = 0.45,
+    density: float | str = 1000.0,
+    regions: Sequence[str | Region] = (),
+    skin: str | Skin | None = None,
+    touch: str | Place | None = None,
+    unit: str | None = None,
+    spacing: float | str | None = None,
+    order: int = 2,
+    memory: float | str = "8 GB",
+    output: str | Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Body:
+    """Build a body that yields: linear elastic, fixed somewhere, condensed to the surface that is touched.
+
+    Args:
+        source: tetrahedra (`Volume`, or a .msh, .vtk ... file), or a closed surface (`Mesh`, or an .stl, .obj, .ply,
+            .off or .glb file) that is filled.
+        young: Young's modulus, Pa, or text such as "5 kPa".
+        fixed: one or more places that do not move, such as "z < 1 mm" or "sphere 0 0 0 radius 5 mm"; with "surface"
+            before it, only the surface there.
+        poisson: Poisson's ratio, below 0.5.
+        density: kg/m^3, or text with its unit.
+        regions: places of another stiffness, "sphere 50 50 40 radius 7.5 mm = 25 kPa".
+        skin: a layer under the touchable surface, "2 mm = 50 kPa".
+        touch: the part of the surface that can be touched; None for all of it.
+        unit: that a file is written in; needed with a file.
+        spacing: length of the tetrahedra's edges in a filled surface, m or text; a fifteenth of its extent if None.
+        order: 2 for quadratic tetrahedra, 1 for linear ones (which lock as Poisson's ratio nears 0.5).
+        memory: budget that the build must keep, bytes or text.
+        output: file (.h5) to write the body to; a build that was killed is taken up again from what lies beside it.
+        progress: told what is done, and the fraction of it, 0 to 1.
+
+    Raises:
+        BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
+        OutputError: the file cannot be written.
+    """
+    begin = time.perf_counter()
+    tell = progress if progress is not None else (lambda _text, _fraction: None)
+    material = Material(
+        _number(young, "Pa", "young"),
+        float(poisson),
+        _number(density, "kg/m^3", "density"),
+        tuple(Region.read(region) if isinstance(region, str) else region for region in regions),
+        Skin.read(skin) if isinstance(skin, str) else skin,
+    )
+    places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed)
+    if not places:
+        raise BodyError("nothing is fixed: the body would float away; fix a part of it, such as z < 1 mm")
+    where = None if touch is None else place(touch)
+    held = [place(text) for text in places]
+    tell("meshing", 0.0)
+    volume = volume_of(source, unit=unit, spacing=spacing)
+    meshed = time.perf_counter()
+    elements = Elements(volume, material, held, where, order)
+    expected = check_memory(elements, memory)
+    tell(f"assembling; the compliance will take {expected[0] / 1e6:.3g} MB", 0.0)
+    stiffness = elements.stiffness[elements.free][:, elements.free]
+    tell(f"factorising {len(elements.free)} unknowns", 0.0)
+    factor = Factor(stiffness)
+    del stiffness
+    resume = None
+    if output is not None:
+        target = Path(output)
+        resume = target.with_name(f".{target.name}.{digest(elements)}.rows")
+        resume.parent.mkdir(parents=True, exist_ok=True)
+    compliance = condense(elements, factor, resume=resume, progress=progress)
+    record = {
+        "source": volume.source,
+        "unit": unit,
+        "young_Pa": material.young,
+        "poisson": material.poisson,
+        "density_kg_per_m3": material.density,
+        "regions": [f"{region.where} = {region.young:g} Pa" for region in material.regions],
+        "skin": None if material.skin is None else f"{material.skin.thickness:g} m = {material.skin.young:g} Pa",
+        "fixed": [str(p) for p in held],
+        "touch": None if where is None else str(where),
+        "order": order,
+        "tetrahedra": len(volume.tetrahedra),
+        "nodes": len(elements.nodes),
+        "unknowns": len(elements.free),
+        "volume_m3": volume.size,
+        "factorisation": factor.kind,
+        "digest": digest(elements),
+        "seconds_meshing": round(meshed - begin, 3),
+        "seconds_solving": round(time.perf_counter() - meshed, 3),
+        "versions": _versions(),
+    }
+    contents = _contents(elements, compliance, record)
+    if output is not None:
+        write(contents, output)
+        assert resume is not None
+        resume.unlink(missing_ok=True)
+    return Body(contents)
+
+
+def volume_of(
+    source: Volume | Mesh | str | Path, *, unit: str | None = None, spacing: float | str | None = None
+) -> Volume:
+    """Return the tetrahedra of `source`, filling a surface; see `build`."""
+    if isinstance(source, Volume):
+        return source
+    if isinstance(source, (str, Path)):
+        if unit is None:
+            raise BodyError(f"{source}: say the unit that the file is written in, such as mm")
+        if Path(source).suffix.lower() not in _SURFACES:
+            return read_volume(source, unit=unit)
+        mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
+    else:
+        mesh, name = source, "given surface"
+    if not mesh.closed:
+        raise BodyError(
+            f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
+            "so it has no inside to fill: close it"
+        )
+    step = mesh.extent / 15 if spacing is None else _number(spacing, "m", "spacing")
+    if not 0 < step <= mesh.extent:
+        raise BodyError(f"the spacing lies between 0 and the body's extent of {mesh.extent:.4g} m, not {step:g} m")
+    return fill(mesh.vertices, mesh.triangles, step, source=name)
+
+
+def _contents(elements: Elements, compliance: Any, record: dict[str, Any]) -> Contents:
+    faces = elements.volume.surface
+    used, triangles = np.unique(faces, return_inverse=True)
+    there = np.ones(len(elements.volume.points), dtype=bool)
+    if elements.touch is not None:
+        there = elements.touch.inside(elements.volume.points)
+    return Contents(
+        points=elements.volume.points[used],
+        triangles=triangles.reshape(-1, 3).astype(np.int64),
+        touchable=np.asarray(there[faces].all(axis=1)),
+        nodes=np.searchsorted(used, elements.touchable).astype(np.int64),
+        normals=elements.normals,
+        areas=elements.areas,
+        compliance=compliance,
+        record=record,
+    )
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in ("palpate", "numpy", "scipy", "scikit-fem", "scikit-sparse", "pypardiso", "pytetwild", "meshio"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _number(value: float | str, unit: str, field: str) -> float:
+    return quantity(value, unit, field, error=BodyError) if isinstance(value, str) else float(value)

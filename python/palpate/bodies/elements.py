@@ -1,0 +1,223 @@
+"""Finite elements of a body: stiffness, mass, fixed nodes, and the surface's nodes that carry contact.
+
+The solid is made of quadratic tetrahedra (or linear ones, which lock as Poisson's ratio nears 0.5). Contact acts on the
+vertices of the touchable surface: vertex i carries the traction f_i phi_i / A_i, where phi_i is its linear hat function
+on the touchable triangles and A_i the hat's integral, and what answers to f_i is the mean displacement under the same
+hat. Force and deflection are then conjugate, so reciprocity holds exactly, and no force acts at a point, under which
+the displacement would grow without bound as the mesh is refined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from palpate.bodies.errors import BodyError
+from palpate.bodies.material import Material
+from palpate.bodies.places import Place
+from palpate.bodies.volume import Volume
+
+__all__ = ["Elements"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """A volume, its material, where it is fixed, where it may be touched (None: everywhere), elements of order 1 or 2.
+
+    Degrees of freedom: 3 x node + axis. Raises BodyError if a piece of the body could move as a whole, or no vertex
+    is left to be touched.
+    """
+
+    volume: Volume
+    material: Material
+    fixed: Sequence[Place]
+    touch: Place | None = None
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        if self.order not in (1, 2):
+            raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {self.order}")
+        self._check_held()
+        if len(self.touchable) == 0:
+            raise BodyError(f"no vertex of the surface can be touched: all are fixed or outside of {self.touch}")
+
+    @cached_property
+    def _mesh(self):  # type: ignore[no-untyped-def]  # scikit-fem has no types
+        try:
+            import skfem
+        except ImportError:
+            raise BodyError("bodies are built with scikit-fem: pip install 'palpate[body]'") from None
+        return skfem.MeshTet(
+            np.ascontiguousarray(self.volume.points.T), np.ascontiguousarray(self.volume.tetrahedra.T), sort_t=False
+        )
+
+    @cached_property
+    def _basis(self):  # type: ignore[no-untyped-def]
+        import skfem
+
+        element = skfem.ElementTetP2() if self.order == 2 else skfem.ElementTetP1()
+        return skfem.Basis(self._mesh, element, intorder=2 * self.order)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Places of all nodes (N, 3), m: the vertices, then the middles of the edges."""
+        return np.ascontiguousarray(self._basis.doflocs.T)
+
+    @cached_property
+    def surface_nodes(self) -> NDArray[np.bool_]:
+        """Which nodes (N,) lie on the surface."""
+        on = np.zeros(len(self.nodes), dtype=bool)
+        on[self._basis.get_dofs(self._mesh.boundary_facets()).all()] = True
+        return on
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Which nodes (N,) are fixed."""
+        held = np.zeros(len(self.nodes), dtype=bool)
+        for where in self.fixed:
+            inside = where.inside(self.nodes)
+            if where.surface:
+                inside &= self.surface_nodes
+            if not inside.any():
+                raise BodyError(f"fixed: no node of the body lies in {where}; it reaches {_reach(self.nodes)}")
+            held |= inside
+        return held
+
+    @cached_property
+    def free(self) -> Indices:
+        """Degrees of freedom that can move."""
+        return np.flatnonzero(np.repeat(~self.held, 3))
+
+    @cached_property
+    def triangles(self) -> Indices:
+        """Touchable triangles of the surface (k, 3), as vertices of the volume."""
+        faces = self.volume.surface
+        if self.touch is None:
+            return faces
+        inside = self.touch.inside(self.volume.points)
+        return faces[inside[faces].all(axis=1)]
+
+    @cached_property
+    def touchable(self) -> Indices:
+        """Vertices (n,) of the volume that carry contact: on a touchable triangle and not fixed."""
+        on = np.unique(self.triangles)
+        return on[~self.held[on]]
+
+    @cached_property
+    def normals(self) -> Array:
+        """Outward unit normals (n, 3) at the touchable vertices, means of the triangles' weighted by area."""
+        points = self.volume.points
+        a, b, c = (points[self.triangles[:, i]] for i in range(3))
+        total = np.zeros_like(points)
+        for i in range(3):
+            np.add.at(total, self.triangles[:, i], np.cross(b - a, c - a))
+        total = total[self.touchable]
+        return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
+
+    @cached_property
+    def areas(self) -> Array:
+        """Integrals of the hat functions (n,), m^2."""
+        points = self.volume.points
+        a, b, c = (points[self.triangles[:, i]] for i in range(3))
+        third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+        total = np.zeros(len(points))
+        for i in range(3):
+            np.add.at(total, self.triangles[:, i], third)
+        return total[self.touchable]
+
+    @cached_property
+    def load(self) -> sparse.csc_matrix:
+        """Nodal loads (N, n) of unit forces on the touchable vertices, for one axis; transposed: mean displacements."""
+        import skfem
+
+        facets = self._facets(self.triangles)
+        kind = skfem.ElementTetP2() if self.order == 2 else skfem.ElementTetP1()
+        fine = skfem.FacetBasis(self._mesh, kind, facets=facets, intorder=self.order + 1)
+        hats = skfem.FacetBasis(self._mesh, skfem.ElementTetP1(), facets=facets, intorder=self.order + 1)
+        mixed = skfem.BilinearForm(lambda u, v, w: u * v).assemble(hats, fine).tocsc()
+        return (mixed[:, self.touchable] @ sparse.diags(1.0 / self.areas)).tocsc()
+
+    def _facets(self, triangles: Indices) -> Indices:
+        """Facet numbers of scikit-fem's mesh of the given triangles."""
+        boundary = np.asarray(self._mesh.boundary_facets())
+        rows = np.sort(np.asarray(self._mesh.facets[:, boundary].T), axis=1)
+        number = {tuple(row): int(facet) for row, facet in zip(rows.tolist(), boundary, strict=True)}
+        return np.array([number[tuple(row)] for row in np.sort(triangles, axis=1).tolist()], dtype=np.int64)
+
+    @cached_property
+    def young(self) -> Array:
+        """Young's modulus at the points of integration (elements, points), Pa."""
+        x = np.asarray(self._basis.global_coordinates())  # 3 x elements x points
+        return self.material.young_at(x.reshape(3, -1).T, self._depth).reshape(x.shape[1:])
+
+    def _depth(self, points: Array) -> Array:
+        from palpate.touch.mesh import Mesh
+
+        used, faces = np.unique(self.triangles, return_inverse=True)
+        near, _ = Mesh(self.volume.points[used], faces.reshape(-1, 3), open=True, mend=False).nearest(points)
+        return np.asarray(np.linalg.norm(points - near, axis=1))
+
+    @cached_property
+    def stiffness(self) -> sparse.csr_matrix:
+        """Stiffness (3N, 3N), N/m, of isotropic linear elasticity: lambda tr(e) tr(e') + 2 mu e : e'."""
+        nu = self.material.poisson
+        lame = self.young * nu / ((1 + nu) * (1 - 2 * nu))
+        shear = self.young / (2 * (1 + nu))
+        slope = np.stack([np.broadcast_to(f[0].grad, (3, *self._basis.dx.shape)) for f in self._basis.basis])
+        parts = []
+        for cells in np.array_split(np.arange(len(lame)), max(1, len(lame) // 4000)):
+            g, w = slope[:, :, cells], self._basis.dx[cells]
+            volumetric = np.einsum("aieq,bjeq,eq->eaibj", g, g, w * lame[cells], optimize=True)
+            products = np.einsum("aieq,bjeq,eq->eaibj", g, g, w * shear[cells], optimize=True)
+            element = volumetric + products.transpose(0, 1, 4, 3, 2)
+            trace = np.einsum("eaibi->eab", products)
+            for i in range(3):
+                element[:, :, i, :, i] += trace
+            parts.append(element.reshape(len(cells), -1))
+        return self._assemble(np.concatenate(parts), 3)
+
+    @cached_property
+    def mass(self) -> sparse.csr_matrix:
+        """Consistent mass (3N, 3N), kg."""
+        value = np.stack([np.broadcast_to(np.asarray(f[0]), self._basis.dx.shape) for f in self._basis.basis])
+        local = self.material.density * np.einsum("aeq,beq,eq->eab", value, value, self._basis.dx, optimize=True)
+        return sparse.kron(self._assemble(local.reshape(len(local), -1), 1), sparse.eye(3), format="csr")
+
+    def _assemble(self, local: Array, axes: int) -> sparse.csr_matrix:
+        """Sum element matrices (elements, (nodes axes)^2) into one."""
+        dofs = self._basis.element_dofs.T  # elements x nodes
+        dofs = (dofs[:, :, None] * axes + np.arange(axes)).reshape(len(dofs), -1)
+        width, size = dofs.shape[1], len(self.nodes) * axes
+        kind = np.int32 if size < 2**31 else np.int64
+        rows, columns = np.repeat(dofs, width, axis=1).astype(kind), np.tile(dofs, (1, width)).astype(kind)
+        return sparse.coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+
+    def _check_held(self) -> None:
+        if len(self.fixed) == 0:
+            raise BodyError("nothing is fixed: the body would float away; fix a part of it, such as z < 1 mm")
+        held = np.flatnonzero(self.held[: len(self.volume.points)])
+        parts = self.volume.parts
+        for part in range(int(parts.max()) + 1):
+            there = self.volume.points[held[parts[held] == part]]
+            if len(there) == 0:
+                x = self.volume.points[np.argmax(parts == part)]
+                raise BodyError(f"a piece of the body is not fixed: the one with the point ({_row(x * 1e3)}) mm")
+            spread = np.linalg.svd(there - there.mean(axis=0), compute_uv=False)
+            if len(there) < 3 or spread[1] < 1e-6 * self.volume.extent:
+                raise BodyError("the fixed vertices lie on one line, so the body can turn about it: fix more of it")
+
+
+def _row(values: Array) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+def _reach(points: Array) -> str:
+    return f"from ({_row(points.min(axis=0) * 1e3)}) to ({_row(points.max(axis=0) * 1e3)}) mm"

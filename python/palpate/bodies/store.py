@@ -1,0 +1,100 @@
+"""A body as an HDF5 file: arrays with units, and the record of how it was made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.bodies.errors import BodyError
+from palpate.files import write_whole
+
+__all__ = ["Contents", "read", "write"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+_FORMAT: Final = "palpate body"
+_VERSION: Final = 1
+_UNITS: Final = {"points": "m", "areas": "m^2", "compliance": "m/N", "normals": "1"}
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What a body's file holds; n touchable nodes of s surface points, k triangles."""
+
+    points: Array  # of the whole surface (s, 3), m, at rest
+    triangles: Indices  # of the whole surface (k, 3), anticlockwise seen from outside
+    touchable: NDArray[np.bool_]  # which triangles (k,) may be touched
+    nodes: Indices  # the points (n,) that carry contact and move
+    normals: Array  # outward, unit, at the nodes (n, 3)
+    areas: Array  # of the nodes' patches (n,), m^2
+    compliance: NDArray[np.float32]  # (3n, 3n), m/N, row 3 x node + axis
+    record: Mapping[str, Any]  # how it was made
+
+
+def write(contents: Contents, path: str | Path) -> Path:
+    """Write a body to `path`, whole or not at all; raises OutputError."""
+
+    def fill(part: Path) -> None:
+        with h5py.File(part, "w") as store:
+            store.attrs["format"] = _FORMAT
+            store.attrs["version"] = _VERSION
+            store.attrs["record"] = json.dumps(contents.record)
+            for field in fields(contents):
+                if field.name != "record":
+                    data = store.create_dataset(field.name, data=getattr(contents, field.name))
+                    if field.name in _UNITS:
+                        data.attrs["unit"] = _UNITS[field.name]
+
+    return write_whole(path, fill)
+
+
+def read(path: str | Path) -> Contents:
+    """Read a body; BodyError if there is no such file, it is cut short, or it is something else."""
+    file = Path(path)
+    if not file.is_file():
+        raise BodyError(f"{file}: there is no such file; palpate body build makes one")
+    try:
+        with h5py.File(file, "r") as store:
+            if store.attrs.get("format") != _FORMAT:
+                raise BodyError(f"{file}: an HDF5 file, but not a body; palpate body build makes one")
+            if store.attrs.get("version") != _VERSION:
+                raise BodyError(
+                    f"{file}: written in version {store.attrs.get('version')} of the format; "
+                    f"this palpate reads version {_VERSION}: build it again"
+                )
+            record = json.loads(store.attrs["record"])
+            arrays = {f.name: np.asarray(store[f.name]) for f in fields(Contents) if f.name != "record"}
+    except (OSError, KeyError, ValueError) as problem:
+        if isinstance(problem, BodyError):
+            raise
+        raise BodyError(
+            f"{file}: not a whole HDF5 file of a body, perhaps cut short ({problem}); build it again"
+        ) from None
+    contents = Contents(**arrays, record=record)
+    _check(contents, file)
+    return contents
+
+
+def _check(c: Contents, file: Path) -> None:
+    n, s = len(c.nodes), len(c.points)
+    sizes = (
+        c.points.shape == (s, 3)
+        and c.triangles.shape == (len(c.touchable), 3)
+        and c.normals.shape == (n, 3)
+        and c.areas.shape == (n,)
+        and c.compliance.shape == (3 * n, 3 * n)
+        and c.compliance.dtype == np.float32
+    )
+    if not sizes or n == 0:
+        raise BodyError(f"{file}: the sizes of its arrays do not fit each other; build it again")
+    indices = np.concatenate([c.triangles.ravel(), c.nodes])
+    finite = all(np.isfinite(a).all() for a in (c.points, c.normals, c.areas, c.compliance))
+    if not finite or indices.min() < 0 or indices.max() >= s or not (np.diag(c.compliance) > 0).all():
+        raise BodyError(f"{file}: it holds numbers that no body has (not finite, or no stiffness); build it again")

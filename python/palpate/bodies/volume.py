@@ -1,0 +1,197 @@
+"""A volume mesh of tetrahedra: a block of its own, a file's, or the inside of a closed surface."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from contextlib import chdir
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.units import quantity
+
+__all__ = ["Volume", "block", "fill", "read_volume"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# The faces of a tetrahedron of positive volume, anticlockwise seen from outside.
+_FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Points (n, 3), m, and tetrahedra (m, 4) of indices into them.
+
+    Tetrahedra are turned to positive volume, and points that none of them uses are dropped. Raises BodyError if one
+    has no volume, an index does not exist, or a number is not finite; warns of a body larger than 2 m.
+    """
+
+    points: Array
+    tetrahedra: Indices
+    source: str = "given points and tetrahedra"
+
+    def __post_init__(self) -> None:
+        points, cells = np.array(self.points, dtype=float), np.array(self.tetrahedra)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise BodyError(f"the points of a volume are (n, 3) finite numbers in m; these are {points.shape}")
+        if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0 or not np.issubdtype(cells.dtype, np.integer):
+            raise BodyError(f"tetrahedra are (m, 4) point numbers, at least one row; these are {cells.shape}")
+        if cells.min() < 0 or cells.max() >= len(points):
+            raise BodyError(f"a tetrahedron names point {cells.max()}, but points are numbered 0 to {len(points) - 1}")
+        used, cells = np.unique(cells, return_inverse=True)
+        points, cells = points[used], cells.reshape(-1, 4).astype(np.int64)
+        volumes = _volumes(points, cells)
+        cells[volumes < 0] = cells[volumes < 0][:, [0, 2, 1, 3]]
+        edges = points[cells[:, [1, 2, 3, 2, 3, 3]]] - points[cells[:, [0, 0, 0, 1, 1, 2]]]
+        flat = np.abs(volumes) <= 1e-9 * np.linalg.norm(edges, axis=2).max(axis=1) ** 3
+        if flat.any():
+            raise BodyError(
+                f"{int(flat.sum())} tetrahedra have no volume, the first is number {int(np.argmax(flat))}: mesh again"
+            )
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "tetrahedra", cells)
+        if self.extent > 2.0:
+            warnings.warn(
+                f"the body is {self.extent:.3g} m across; if that is not meant, say its unit, such as mm",
+                BodyWarning,
+                stacklevel=3,
+            )
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box around it, m."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    @cached_property
+    def size(self) -> float:
+        """Volume, m^3."""
+        return float(_volumes(self.points, self.tetrahedra).sum())
+
+    @cached_property
+    def surface(self) -> Indices:
+        """Triangles (k, 3) of the surface, anticlockwise seen from outside."""
+        faces = np.concatenate([self.tetrahedra[:, face] for face in _FACES])
+        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+        if (count > 2).any():
+            raise BodyError("more than two tetrahedra share a face: the mesh overlaps itself")
+        return np.asarray(faces[np.sort(first[count == 1])])
+
+    @cached_property
+    def parts(self) -> NDArray[np.int64]:
+        """The connected piece that each point belongs to (n,), numbered from 0."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        a, b = self.tetrahedra[:, [0, 0, 0]].ravel(), self.tetrahedra[:, 1:].ravel()
+        graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(self.points),) * 2)
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def block(
+    size: Sequence[float | str], spacing: float | str | Sequence[float | str], *, layers: Sequence[float | str] = ()
+) -> Volume:
+    """Return a block from (0, 0, 0) to `size` (3,), m or text with units, of cells of about `spacing` (1 or 3).
+
+    Each cell is cut into six tetrahedra around one diagonal, all alike (Kuhn 1960). `layers` are depths under the top,
+    m, where a plane of points shall lie, such as the lower side of a skin.
+    """
+    sides = [_length(value, "size") for value in size]
+    each = [spacing] * 3 if isinstance(spacing, (int, float, str)) else list(spacing)
+    steps = [_length(value, "spacing") for value in each]
+    if len(sides) != 3 or len(steps) != 3 or min(sides) <= 0 or min(steps) <= 0:
+        raise BodyError("a block has three sides and one or three spacings, all positive")
+    depths = sorted({0.0, sides[2], *(_length(value, "layers") for value in layers)})
+    if depths[0] < 0 or depths[-1] > sides[2]:
+        raise BodyError(f"layers lie between 0 and the block's height of {sides[2]:g} m under its top")
+    lines = [np.linspace(0.0, side, max(1, round(side / step)) + 1) for side, step in zip(sides, steps, strict=True)]
+    stack = [np.linspace(a, b, max(1, round((b - a) / steps[2])) + 1) for a, b in pairwise(depths)]
+    lines[2] = sides[2] - np.unique(np.concatenate(stack))[::-1]
+    return _grid(lines, f"block of {' x '.join(f'{s * 1e3:g}' for s in sides)} mm")
+
+
+def _grid(lines: Sequence[Array], source: str) -> Volume:
+    """Cells between the planes at `lines` along x, y and z."""
+    nx, ny, nz = (len(line) for line in lines)
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(nx * ny * nz).reshape(nx, ny, nz)
+    corner = [
+        number[i : nx - 1 + i, j : ny - 1 + j, k : nz - 1 + k].ravel() for i in (0, 1) for j in (0, 1) for k in (0, 1)
+    ]
+    ways = ((4, 6), (4, 5), (2, 6), (2, 3), (1, 5), (1, 3))  # from corner 0 to corner 7, one axis at a time
+    cells = np.concatenate([np.stack([corner[0], corner[a], corner[b], corner[7]], axis=1) for a, b in ways])
+    return Volume(points, cells, source)
+
+
+def read_volume(path: str | Path, *, unit: str) -> Volume:
+    """Read the tetrahedra of a .msh, .vtk or other file that meshio knows, written in `unit`, such as "mm".
+
+    Raises BodyError if there is no such file, it cannot be read, or it holds no tetrahedra.
+    """
+    file, scale = Path(path), quantity(f"1 {unit}", "m", "unit", error=BodyError)
+    if not file.is_file():
+        raise BodyError(f"{file}: there is no such file")
+    try:
+        import meshio
+    except ImportError:
+        raise BodyError(f"{file}: volume meshes are read with meshio: pip install 'palpate[body]'") from None
+    try:
+        whole = meshio.read(file)
+        cells = [cells.data[:, :4] for cells in whole.cells if cells.type in ("tetra", "tetra10")]
+    except (Exception, SystemExit) as problem:  # readers raise whatever they like, and meshio exits
+        raise BodyError(f"{file}: not a readable volume mesh ({problem})") from problem
+    if not cells:
+        raise BodyError(f"{file}: the file holds no tetrahedra; a closed surface (STL, OBJ, PLY) is filled with them")
+    return Volume(np.asarray(whole.points, dtype=float)[:, :3] * scale, np.concatenate(cells), file.name)
+
+
+def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: str = "given surface") -> Volume:
+    """Fill a closed surface with tetrahedra of edges of about `spacing`, m, by fTetWild (Hu et al. 2020).
+
+    The surface of the result follows the given one to a thousandth of its extent. Raises BodyError if fTetWild is not
+    installed, or what it makes has another volume than the surface encloses (the surface is open or pierces itself).
+    """
+    try:
+        from pytetwild import tetrahedralize
+    except ImportError:
+        raise BodyError(
+            "a surface is filled by fTetWild: pip install 'palpate[mesher]', or bring tetrahedra (.msh, .vtk)"
+        ) from None
+    corners, faces = np.array(vertices, dtype=float, order="C"), np.array(triangles, dtype=np.int32, order="C")
+    enclosed = _enclosed(corners, faces)
+    try:
+        with TemporaryDirectory() as place, chdir(place):  # it leaves a file where it is called
+            points, cells = tetrahedralize(corners, faces, edge_length_abs=spacing, quiet=True)[:2]
+    except Exception as problem:  # the mesher's own errors
+        raise BodyError(f"{source}: the surface cannot be filled ({problem})") from problem
+    if len(cells) == 0:
+        raise BodyError(f"{source}: the surface cannot be filled: no tetrahedron lies inside; is it closed?")
+    found = Volume(np.asarray(points), np.asarray(cells), source)
+    if abs(found.size - enclosed) > 0.1 * abs(enclosed):
+        raise BodyError(
+            f"{source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but its filling has "
+            f"{found.size * 1e6:.4g} cm^3: close its borders, or ask for a smaller spacing"
+        )
+    return found
+
+
+def _enclosed(vertices: Array, triangles: NDArray[Any]) -> float:
+    a, b, c = (vertices[triangles[:, i]] - vertices.mean(axis=0) for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def _volumes(points: Array, cells: Indices) -> Array:
+    a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def _length(value: float | str, field: str) -> float:
+    return float(value) if isinstance(value, (int, float)) else quantity(value, "m", field, error=BodyError)

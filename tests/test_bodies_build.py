@@ -1,0 +1,308 @@
+"""Building a body: its mesh, its elements, its file, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from palpate import bodies
+from palpate.bodies import BodyError, BodyWarning, Volume, block
+from palpate.bodies.condense import check_memory, condense, digest
+from palpate.bodies.elements import Elements
+from palpate.bodies.factor import Factor, installed
+from palpate.bodies.material import Material, Region, Skin
+from palpate.bodies.places import ball, beyond, box, place
+from scipy import sparse
+
+BOTTOM = beyond("z", "<", 1e-9)
+
+
+@pytest.fixture(scope="module")
+def small() -> Elements:
+    return Elements(block((0.03, 0.03, 0.02), 0.01), Material(5e3, 0.45), [BOTTOM], order=2)
+
+
+@pytest.fixture(scope="module")
+def body() -> bodies.Body:
+    return bodies.build(block((0.03, 0.03, 0.02), 0.01), young="5 kPa", fixed=BOTTOM)
+
+
+def test_a_block_fills_its_box_and_its_surface_faces_outward() -> None:
+    """Volume by tetrahedra; volume by the divergence theorem over the surface; layers are planes of points."""
+    volume = block((0.1, 0.08, 0.05), (0.02, 0.02, 0.01), layers=["2 mm"])
+    assert volume.size == pytest.approx(4e-4, rel=1e-12)
+    a, b, c = (volume.points[volume.surface[:, i]] for i in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(4e-4, rel=1e-12)
+    assert np.isclose(volume.points[:, 2], 0.048).any()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_patch_test_holds_to_rounding(order: int) -> None:
+    """A linear displacement is an equilibrium with the energy of Hooke's law, on shaken, irregular elements."""
+    rng = np.random.default_rng(5)
+    start = block((0.04, 0.03, 0.03), 0.01)
+    points = start.points.copy()
+    inner = np.setdiff1d(np.arange(len(points)), np.unique(start.surface))
+    points[inner] += rng.uniform(-2e-3, 2e-3, (len(inner), 3))
+    elements = Elements(Volume(points, start.tetrahedra), Material(5e3, 0.45), [BOTTOM], order=order)
+    slope = rng.normal(size=(3, 3)) * 1e-2
+    u = elements.nodes @ slope.T
+    force = (elements.stiffness @ u.ravel()).reshape(-1, 3)
+    scale = np.abs(force).max()
+    assert np.abs(force[~elements.surface_nodes]).max() < 1e-12 * scale
+    strain = 0.5 * (slope + slope.T)
+    lame, shear = 5e3 * 0.45 / (1.45 * 0.1), 5e3 / 2.9
+    energy = 0.5 * (lame * np.trace(strain) ** 2 + 2 * shear * (strain**2).sum()) * start.size
+    assert 0.5 * u.ravel() @ elements.stiffness @ u.ravel() == pytest.approx(energy, rel=1e-11)
+
+
+def test_rigid_motion_costs_nothing_and_mass_is_density_times_volume(small: Elements) -> None:
+    x = small.nodes
+    for motion in (np.tile([1.0, 2.0, 3.0], (len(x), 1)), np.cross([0.3, -0.5, 0.8], x)):
+        assert (
+            np.abs(small.stiffness @ motion.ravel()).max() < 1e-11 * abs(small.stiffness).max() * np.abs(motion).max()
+        )
+    ones = np.tile([0.0, 1.0, 0.0], len(x))
+    assert ones @ small.mass @ ones == pytest.approx(1000.0 * small.volume.size, rel=1e-12)
+
+
+def bent(nu: float, order: int) -> float:
+    """Deflection of a slender clamped bar under an even end load, over Timoshenko's P L^3 / 3EI + P L / (kappa G A)."""
+    length, side, young = 0.2, 0.02, 20e3
+    volume = block((length, side, side), 0.01)
+    end = beyond("x", ">", length - 1e-9)
+    elements = Elements(volume, Material(young, nu), [beyond("x", "<", 1e-9)], touch=end, order=order)
+    factor = Factor(elements.stiffness[elements.free][:, elements.free])
+    share = elements.areas / elements.areas.sum()
+    load = np.zeros((len(elements.nodes), 3))
+    load[:, 2] = elements.load @ share
+    u = np.zeros(load.size)
+    u[elements.free] = factor.solve(load.reshape(-1, 1)[elements.free]).ravel()
+    inertia, area, shear = side**4 / 12, side**2, young / (2 * (1 + nu))
+    kappa = 10 * (1 + nu) / (12 + 11 * nu)  # Cowper 1966
+    beam = length**3 / (3 * young * inertia) + length / (kappa * shear * area)
+    return float(share @ (elements.load.T @ u.reshape(-1, 3)[:, 2])) / beam
+
+
+def test_a_cantilever_bends_as_a_beam() -> None:
+    """Exact without lateral contraction; with it, the clamp, which beam theory leaves free to contract, stiffens."""
+    assert bent(0.0, order=2) == pytest.approx(1.0, abs=5e-4)
+    assert bent(0.3, order=2) == pytest.approx(1.0, abs=0.015)
+
+
+def test_quadratic_elements_do_not_lock_and_linear_ones_do() -> None:
+    """Near nu = 0.5 linear elements of the same size bend ten times too little."""
+    assert bent(0.49, order=2) == pytest.approx(1.0, abs=0.05)
+    assert bent(0.49, order=1) < 0.2
+
+
+def test_compliance_is_reciprocal_and_positive_definite(body: bodies.Body) -> None:
+    c = body.compliance.astype(float)
+    assert np.array_equal(c, c.T)
+    assert np.linalg.eigvalsh(c).min() > 1e-4 * np.trace(c) / len(c)
+
+
+def test_compliance_is_the_inverse_stiffness_seen_from_the_surface(small: Elements, body: bodies.Body) -> None:
+    """Another road: dense inverse of the whole stiffness, one load at a time."""
+    dense = np.linalg.inv(small.stiffness[small.free][:, small.free].toarray())
+    load = sparse.kron(small.load, sparse.eye(3)).tocsr()[small.free]
+    expected = load.T @ dense @ load.toarray()
+    assert body.compliance == pytest.approx(expected, rel=1e-5, abs=1e-6 * expected.max())
+
+
+@pytest.mark.parametrize("kind", ["PARDISO", "CHOLMOD", "SuperLU"])
+def test_every_factorisation_solves_and_refuses_what_is_not_definite(small: Elements, kind: str) -> None:
+    matrix = small.stiffness[small.free][:, small.free]
+    try:
+        factor = Factor(matrix, kind)
+    except ImportError:
+        pytest.skip(f"{kind} is not installed; here {installed()} is used")
+    right = np.random.default_rng(1).normal(size=(len(small.free), 3))
+    assert matrix @ factor.solve(right) == pytest.approx(right, abs=1e-9)
+
+
+def test_regions_and_skin_stiffen_where_they_are() -> None:
+    material = Material(5e3, regions=[Region(ball((0, 0, 0), 0.01), 25e3)], skin=Skin(2e-3, 50e3))
+    x = np.array([[0, 0, 0], [0, 0, 0.02], [0, 0, 0.03]], dtype=float)
+    assert material.young_at(x, lambda p: np.array([1.0, 1.0, 1e-3])).tolist() == [25e3, 5e3, 50e3]
+
+
+def test_places_are_read_from_text() -> None:
+    x = np.array([[0, 0, 0], [0, 0, 2e-3], [5e-3, 0, 0]])
+    assert place("z < 1 mm").inside(x).tolist() == [True, False, True]
+    assert place("box -1 -1 -1 to 1, 1, 3 mm").inside(x).tolist() == [True, True, False]
+    assert place("surface sphere 5 0 0 radius 1 mm").inside(x).tolist() == [False, False, True]
+    assert place("surface z > 1 mm").surface
+    for text in ("", "z < 1", "sphere 0 0 radius 1 mm", "everything"):
+        with pytest.raises(BodyError, match=r"place|unit"):
+            place(text)
+
+
+def test_a_file_comes_back_as_it_was_written(body: bodies.Body, tmp_path: Path) -> None:
+    path = body.write(tmp_path / "b.h5")
+    again = bodies.load(path)
+    assert np.array_equal(again.compliance, body.compliance)
+    assert np.array_equal(again.nodes, body.nodes)
+    assert again.record == body.record
+    assert again.record["young_Pa"] == 5000.0
+    assert "scikit-fem" in again.record["versions"]
+
+
+def test_a_truncated_or_foreign_file_is_refused(body: bodies.Body, tmp_path: Path) -> None:
+    import h5py
+
+    whole = body.write(tmp_path / "b.h5").read_bytes()
+    for size in (0, 100, len(whole) // 2, len(whole) - 10):
+        (tmp_path / "cut.h5").write_bytes(whole[:size])
+        with pytest.raises(BodyError, match="not a whole HDF5 file"):
+            bodies.load(tmp_path / "cut.h5")
+    with h5py.File(tmp_path / "trace.h5", "w") as store:
+        store["time"] = [0.0, 1.0]
+    with pytest.raises(BodyError, match="not a body"):
+        bodies.load(tmp_path / "trace.h5")
+    with pytest.raises(BodyError, match="no such file"):
+        bodies.load(tmp_path / "none.h5")
+
+
+class _KilledError(Exception):
+    pass
+
+
+def test_a_killed_build_goes_on_and_gives_the_same_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed after a few rows, with half a row written: no body file; the next build starts at the next whole row."""
+    monkeypatch.setattr("palpate.bodies.condense._COLUMNS", 12)
+    arguments = {"young": 5e3, "fixed": BOTTOM, "output": tmp_path / "b.h5"}
+    volume = block((0.03, 0.03, 0.02), 0.01)
+
+    def stop(_text: str, fraction: float) -> None:
+        if fraction > 0.4:
+            raise _KilledError
+
+    with pytest.raises(_KilledError):
+        bodies.build(volume, progress=stop, **arguments)
+    assert not (tmp_path / "b.h5").exists()
+    (rows,) = tmp_path.glob(".b.h5.*.rows")
+    with rows.open("ab") as file:
+        file.write(b"half a row")
+    seen: list[float] = []
+    resumed = bodies.build(volume, progress=lambda _text, fraction: seen.append(fraction), **arguments)
+    assert min(f for f in seen if f > 0) > 0.4
+    whole = bodies.build(volume, young=5e3, fixed=BOTTOM)
+    assert resumed.compliance == pytest.approx(whole.compliance, rel=1e-6)
+    assert [p.name for p in tmp_path.iterdir()] == ["b.h5"]
+
+
+def test_rows_of_another_body_are_not_taken_up(small: Elements) -> None:
+    other = Elements(small.volume, Material(6e3, 0.45), [BOTTOM])
+    assert digest(small) != digest(other)
+    assert digest(small) == digest(Elements(small.volume, Material(5e3, 0.45), [BOTTOM]))
+
+
+def test_memory_is_checked_before_anything_is_solved(small: Elements) -> None:
+    result, _ = check_memory(small, "1 GB")
+    factor = Factor(small.stiffness[small.free][:, small.free])
+    assert result == condense(small, factor).nbytes
+    with pytest.raises(BodyError, match=r"over the budget of 1e-05 GB: a coarser mesh"):
+        check_memory(small, "10 kB")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fixed": []}, "nothing is fixed"),
+        ({"fixed": "z < -5 mm"}, "no node of the body lies in"),
+        ({"fixed": "box 0 0 0 to 0 0 20 mm"}, "on one line"),
+        ({"poisson": 0.5}, "Poisson's ratio is below 0.5"),
+        ({"young": "-5 kPa"}, "Young's modulus is positive"),
+        ({"young": "5 mm"}, "pressure"),
+        ({"density": 0.0}, "density is positive"),
+        ({"regions": ["z < 1 mm = -2 kPa"]}, "Young's modulus is positive"),
+        ({"touch": "z > 50 mm"}, "no vertex of the surface can be touched"),
+        ({"order": 3}, "order 1"),
+        ({"memory": "1 kB"}, "over the budget"),
+    ],
+)
+def test_what_cannot_be_is_refused(changes: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {"young": 5e3, "fixed": BOTTOM, **changes}
+    with pytest.raises(BodyError, match=message):
+        bodies.build(block((0.03, 0.03, 0.02), 0.01), **arguments)  # type: ignore[arg-type]
+
+
+def test_a_piece_that_floats_is_named() -> None:
+    one = block((0.01, 0.01, 0.01), 0.01)
+    points = np.concatenate([one.points, one.points + np.array([0, 0, 0.02])])
+    two = Volume(points, np.concatenate([one.tetrahedra, one.tetrahedra + len(one.points)]))
+    with pytest.raises(BodyError, match="a piece of the body is not fixed"):
+        bodies.build(two, young=5e3, fixed=BOTTOM)
+
+
+def test_flat_tetrahedra_are_refused_and_turned_ones_are_turned() -> None:
+    one = block((0.01, 0.01, 0.01), 0.01)
+    assert Volume(one.points, one.tetrahedra[:, [0, 2, 1, 3]]).size == pytest.approx(1e-6)
+    flat = one.points * [1, 1, 0]
+    with pytest.raises(BodyError, match="have no volume"):
+        Volume(flat, one.tetrahedra)
+
+
+def test_a_body_of_a_kilometre_is_warned_of() -> None:
+    with pytest.warns(BodyWarning, match="say its unit"):
+        block((150.0, 100.0, 80.0), 50.0)
+
+
+def test_tetrahedra_come_from_a_file(tmp_path: Path) -> None:
+    import meshio
+
+    volume = block((0.03, 0.03, 0.02), 0.01)
+    meshio.write_points_cells(tmp_path / "b.vtk", volume.points * 1e3, [("tetra", volume.tetrahedra)])
+    found = bodies.read_volume(tmp_path / "b.vtk", unit="mm")
+    assert found.size == pytest.approx(volume.size, rel=1e-6)
+    (tmp_path / "text.msh").write_text("no mesh at all")
+    with pytest.raises(BodyError, match="not a readable volume mesh"):
+        bodies.read_volume(tmp_path / "text.msh", unit="mm")
+    meshio.write_points_cells(tmp_path / "s.vtk", volume.points, [("triangle", volume.surface)])
+    with pytest.raises(BodyError, match="no tetrahedra"):
+        bodies.read_volume(tmp_path / "s.vtk", unit="m")
+
+
+def test_a_closed_surface_is_filled_and_an_open_one_refused() -> None:
+    import trimesh
+    from palpate import Mesh
+    from palpate.bodies.build import volume_of
+
+    sphere = trimesh.creation.icosphere(2, 0.04)
+    with pytest.raises(BodyError, match="edges at a border"):
+        volume_of(Mesh(sphere.vertices, sphere.faces[:-1], open=True))
+    pytest.importorskip("pytetwild", exc_type=ImportError)
+    filled = volume_of(Mesh(sphere.vertices, sphere.faces), spacing="12 mm")
+    assert filled.size == pytest.approx(sphere.volume, rel=0.02)
+
+
+def test_the_phantom_is_softer_without_its_nodule() -> None:
+    """Pressed above the nodule; a nodule outside of the block is refused."""
+    felt = {}
+    for contrast in (1.0, 5.0):
+        body = bodies.phantom(contrast=contrast, depth=5e-3, spacing=0.02)
+        middle = int(np.argmin(np.linalg.norm(body.nodes - [0.05, 0.05, 0.05], axis=1)))
+        felt[contrast] = float(body.compliance[3 * middle + 2, 3 * middle + 2])
+    assert felt[5.0] < 0.97 * felt[1.0]
+    with pytest.raises(BodyError, match="nodule lies between"):
+        bodies.phantom(depth=0.04)
+
+
+def test_the_command_builds_a_body_and_shows_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import meshio
+    from palpate.cli.main import app
+
+    volume = block((0.03, 0.03, 0.02), 0.01)
+    meshio.write_points_cells(tmp_path / "b.vtk", volume.points * 1e3, [("tetra", volume.tetrahedra)])
+    words = ["body", "build", str(tmp_path / "b.vtk"), "--unit", "mm", "--young", "5 kPa", "--fixed", "z < 0.1 mm"]
+    assert app(words, standalone_mode=False) in (None, 0)
+    assert app(["body", "show", str(tmp_path / "b.h5")], standalone_mode=False) in (None, 0)
+    assert "young_Pa: 5000.0" in capsys.readouterr().out
+    assert app([*words[:-2]], standalone_mode=False) == 2
+
+
+def test_box_refuses_turned_corners() -> None:
+    with pytest.raises(BodyError, match="lower to its upper"):
+        box((1, 1, 1), (0, 0, 0))

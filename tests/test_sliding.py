@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
-from palpate import Mesh, Proxy, Surface
+from palpate import Mesh, Proxy, Surface, simulate
+from palpate.control import Controller
 from palpate.loop.sliding import slide
 from palpate.loop.touched import box
 from palpate.loop.trace import Trace
+from palpate.report.run import run_page
+from palpate.scenario import Scenario
+from palpate.thesis.cases import design
+from palpate.thesis.sliding import FIELDS, GROUNDS, pair, slide_scenario
 
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
 PERIOD = 5e-4
 
 
@@ -38,7 +46,7 @@ def halves(**kw: Any) -> Surface:
 
 def test_a_step_and_the_energy_it_makes() -> None:
     """From k1 to k2 at constant depth d the force steps by (k2 - k1) d, and the field makes (k2 - k1) d^2 / 2."""
-    found = slide(dragged(halves(tangential=0.0)))
+    found = slide(dragged(halves(tangential=0.0)), tangential=0.0)
     assert found is not None
     assert found.step_at_crossing == pytest.approx(2000.0 * 2e-3, rel=1e-9)
     assert found.energy_generated == pytest.approx(0.5 * 2000.0 * 4e-6, rel=2e-3)
@@ -48,10 +56,10 @@ def test_a_step_and_the_energy_it_makes() -> None:
 
 def test_the_continuous_field_makes_none() -> None:
     """Where the force is the slope of a potential, in and out by another way gives back what was put in."""
-    found = slide(dragged(halves(tangential=0.0, field="continuous")))
+    found = slide(dragged(halves(tangential=0.0, field="continuous")), tangential=0.0)
     assert found is not None
     assert abs(found.energy_generated) < 1e-3 * 0.5 * 2000.0 * 4e-6
-    discrete = slide(dragged(halves(tangential=0.0)))
+    discrete = slide(dragged(halves(tangential=0.0)), tangential=0.0)
     assert discrete is not None
     assert discrete.step_at_crossing is not None
     assert found.step_at_crossing is not None
@@ -90,3 +98,65 @@ def test_lost_contact_is_counted() -> None:
     assert not found.settled
     away = {name: trace[name] for name in trace.channels} | {"touching": np.zeros(len(trace))}
     assert slide(Trace.of(trace.time, away)) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "ground", "options"),
+    [
+        ("slide-cube-small-steps", "cube, small steps", {}),
+        ("slide-cube-large-steps", "cube, large steps", {"controller": "lqg"}),
+        ("slide-organ", "organ, small steps", {"field": "continuous"}),
+    ],
+)
+def test_the_files_are_the_experiment(name: str, ground: str, options: dict[str, Any]) -> None:
+    """What lies in scenarios/ is what the report runs."""
+    file = Scenario.from_file(SCENARIOS / f"{name}.toml").to_dict()
+    computed = Scenario.from_dict(slide_scenario(GROUNDS[ground], **options)).to_dict()
+    for tables in (file, computed):
+        tables.pop("title")
+        tables.pop("description", None)
+    assert file == computed
+
+
+@pytest.mark.parametrize("kind", ["lead_lag", "lqg"])
+@pytest.mark.parametrize("tangential", [1.0, 0.0])
+@pytest.mark.parametrize(("first", "second"), [(0.2, 3.5), (3.5, 0.2), (3.0, 3.5)])
+def test_neighbouring_stiffnesses(kind: Any, tangential: float, first: float, second: float) -> None:
+    """The hardest pairs: stable on both fields, and steps ten times smaller on the continuous one.
+
+    The report holds all pairs of eight stiffnesses to this.
+    """
+    law = design("D", kind)
+    discrete, continuous = (pair(first, second, law, tangential=tangential, field=field) for field in FIELDS)
+    assert discrete.stable
+    assert continuous.stable
+    assert continuous.found.step_at_crossing is not None
+    assert discrete.found.step_at_crossing is not None
+    assert continuous.found.step_at_crossing < 0.1 * discrete.found.step_at_crossing
+    assert continuous.found.lost_ticks == 0
+    if tangential == 0.0:  # friction parts tip and proxy, and with them force and potential
+        assert abs(continuous.found.energy_generated) < 1e-3 * abs(discrete.found.energy_generated)
+
+
+def test_an_unstable_slide_is_told() -> None:
+    """A loop gain beyond its limit on 3.5 N/mm does not pass for stable."""
+    law = design("D", "lqg")
+    s = law.system
+    strong = Controller(control.StateSpace(s.A, s.B, 6.0 * s.C, 6.0 * s.D, s.dt), law.antiwindup, "state_space")
+    found = pair(0.5, 3.5, strong, tangential=0.0, field="continuous")
+    assert not found.stable
+
+
+def test_the_report_of_a_slide(tmp_path: Path) -> None:
+    """Numbers, verdict and page of one run fit together."""
+    trace = simulate(SCENARIOS / "slide-cube-small-steps.toml")
+    summary = trace.summary()
+    found = slide(trace)
+    assert found is not None
+    assert summary["sliding"] == found.as_dict()
+    assert summary["stable"]
+    assert "rests in contact" in summary["verdict"]
+    page = run_page(trace, summary).write(tmp_path / "report.html").read_text("utf-8")
+    for text in ("The slide in numbers", "largest force step at a crossing", "20 to 500 Hz"):
+        assert text in page
+    assert Trace.read(trace.write(tmp_path / "trace.h5")).summary() == summary

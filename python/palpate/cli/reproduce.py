@@ -18,7 +18,7 @@ def reproduce(
         "results"
     ),
 ) -> None:
-    """Compute every table, matrix and figure of the thesis (chapters 2 to 4, table 5.1) beside what it prints.
+    """Compute every table, matrix and figure of the thesis (chapters 2 to 5) beside what it prints.
 
     Takes about a minute. A number matches, shows an erratum of the print, or differs; the exit code is 1 if one does.
 

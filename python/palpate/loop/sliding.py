@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from palpate.units import parse
+
 if TYPE_CHECKING:
     from palpate.loop.trace import Trace
 
@@ -71,10 +73,12 @@ class Slide:
         return {**named, "settled": self.settled}
 
 
-def slide(trace: Trace) -> Slide | None:
+def slide(trace: Trace, *, tangential: float | None = None) -> Slide | None:
     """Return what a trace on a mesh shows; None if there is no mesh, or the tip touched it in fewer than two samples.
 
-    The sampled force is the field's at the tip; with encoders the tip that the servo saw is up to half a count away.
+    `tangential` is the stiffness between tip and proxy along the surface, N/m: if not given, as the trace's scenario
+    has it, and as along the normal if that says nothing. The sampled force is the field's at the tip; with encoders
+    the tip that the servo saw is up to half a count away.
     """
     if "proxy" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
@@ -88,7 +92,9 @@ def slide(trace: Trace) -> Slide | None:
     steps = np.linalg.norm(np.diff(force, axis=0), axis=1)
     crossing = both & (np.diff(triangle[:, 0]) != 0.0)
     last = time >= time[-1] - LAST
-    generated, dissipated = _energy(tip, proxy, normal, depth[:, 0], stiffness[:, 0], force)
+    spring = _tangential(trace) if tangential is None else tangential
+    along = stiffness[:, 0] if spring is None else np.where(on, spring, 0.0)
+    generated, dissipated = _energy(tip, proxy, normal, depth[:, 0], stiffness[:, 0], along, force)
     expected = _expected(trace, first, normal, stiffness[:, 0], on)
     at_rest = last & on
     deflection = float(np.mean(depth[at_rest])) if at_rest.any() else 0.0
@@ -120,6 +126,11 @@ def _record_every(trace: Trace) -> int:
     return int(trace.scenario.get("run", {}).get("record_every", 1))
 
 
+def _tangential(trace: Trace) -> float | None:
+    text = trace.scenario.get("object", {}).get("surface", {}).get("tangential")
+    return None if text is None else parse(text, "N/m")
+
+
 def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, on: NDArray[np.bool_]) -> Array | None:
     """Return F/K (n,), m, at each sample; None without a reference force."""
     reference = trace["reference_force"][first:]
@@ -130,7 +141,7 @@ def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, on: NDA
 
 
 def _energy(
-    tip: Array, proxy: Array, normal: Array, depth: Array, stiffness: Array, object_force: Array
+    tip: Array, proxy: Array, normal: Array, depth: Array, stiffness: Array, spring: Array, object_force: Array
 ) -> tuple[float, float]:
     """Return the energy (J) that the field generated, and what friction dissipated.
 
@@ -139,10 +150,6 @@ def _energy(
     """
     lag = proxy - tip - depth[:, None] * normal
     length = np.sum(lag * lag, axis=1)
-    on_tip = -object_force
-    along = on_tip - stiffness[:, None] * depth[:, None] * normal
-    # The spring's stiffness is not in a trace: it is what the force along the lag shows.
-    spring = np.divide(np.sum(along * lag, axis=1), length, out=np.zeros_like(length), where=length > 1e-18)
     drag = spring[:, None] * lag
     move = np.diff(tip, axis=0)
 
@@ -153,7 +160,7 @@ def _energy(
         return float(0.5 * (stiff[-1] * square[-1] - stiff[0] * square[0]))
 
     return (
-        work(on_tip - drag) + stored(stiffness, depth**2),
+        work(-object_force - drag) + stored(stiffness, depth**2),
         -work(drag) - stored(spring, length),
     )
 
@@ -161,6 +168,6 @@ def _energy(
 def _buzz(force: Array, period: float) -> float:
     """Return the force's power (N^2) in the band of `BUZZ`, or as much of it as lies below half the sampling rate."""
     samples = min(len(force), round(0.25 / period))
-    frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="linear")
+    frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="constant")
     band = (frequency >= BUZZ[0]) & (frequency <= BUZZ[1])
     return float(np.sum(density[band]) * (frequency[1] - frequency[0])) if len(frequency) > 1 else 0.0

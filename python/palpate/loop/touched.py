@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -88,12 +90,19 @@ def _bumps(e: Array, bump: float) -> Array:
 def _mesh(choice: MeshChoice) -> Mesh:
     if choice.file is not None and choice.unit is not None:
         return Mesh.load(choice.file, unit=choice.unit, open=choice.open)
-    assert choice.divisions is not None
-    if choice.edge is not None:
-        return Mesh(*box(choice.edge, choice.divisions))
-    assert choice.size is not None
-    assert choice.bump is not None
-    return Mesh(*organ(choice.size, choice.bump, choice.divisions))
+    return _shape(choice.edge, choice.size, choice.bump, choice.divisions)
+
+
+@lru_cache(maxsize=8)
+def _shape(
+    edge: float | None, size: tuple[float, float, float] | None, bump: float | None, divisions: int | None
+) -> Mesh:
+    assert divisions is not None
+    if edge is not None:
+        return Mesh(*box(edge, divisions))
+    assert size is not None
+    assert bump is not None
+    return Mesh(*organ(size, bump, divisions))
 
 
 def _surface(choice: SurfaceChoice, own: Mesh, period: float) -> Surface:

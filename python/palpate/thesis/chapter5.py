@@ -1,4 +1,4 @@
-"""Chapter 5, table 5.1 and figures 5.1 to 5.4: deflection of deformable cubes (the sliding is not here)."""
+"""Chapter 5: table 5.1 and figures 5.1 to 5.4, deflection of deformable cubes; then the slide."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from palpate.report import Page
 from palpate.thesis import figures
 from palpate.thesis.cases import design
+from palpate.thesis.chapter5_sliding import sliding
 from palpate.thesis.checks import Check, at_most, compare, printed, within
 from palpate.thesis.loops import Loop, respond
 
@@ -20,15 +21,15 @@ FORCE: Final = 8.5  # N
 
 
 def chapter5(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
-    """Compute table 5.1, write it on the page and return its checks; `tick(text, fraction)` reports progress."""
-    page.section("Chapter 5: deformable cubes", "chapter-5")
+    """Compute table 5.1 and the slides for the page, return their checks; `tick(text, fraction)` reports progress."""
+    page.section("Chapter 5: deformable objects", "chapter-5")
     controllers = {"lead–lag": design("D", "lead_lag"), "LQG": design("D", "lqg")}
-    tick("deflections", 0.2)
+    tick("deflections", 0.0)
     loops = {
         name: [respond(c, force=FORCE, stiffness=k, duration=0.8) for k in ROWS] for name, c in controllers.items()
     }
     checks = _table(page, loops)
-    tick("figures", 0.6)
+    tick("figures", 0.1)
     for name, number in (("lead–lag", "5.1 and 5.3"), ("LQG", "5.2 and 5.4")):
         series = {
             f"{loop.stiffness:g} N/mm": (loop.time, loop.deflection)
@@ -45,7 +46,7 @@ def chapter5(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
             f"{name[0].upper() + name[1:]}, 8.5 N on each axis, nonlinear device (the thesis's figures {number}). "
             "Dashed: force / stiffness.",
         )
-    return checks
+    return [*checks, *sliding(page, lambda text, part: tick(text, 0.15 + 0.85 * part))]
 
 
 def _table(page: Page, loops: dict[str, list[Loop]]) -> list[Check]:

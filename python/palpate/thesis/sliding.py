@@ -1,0 +1,189 @@
+"""The sliding experiment of chapter 5 (figures 5.5 to 5.10), and what the thesis left open.
+
+That is less tangential stiffness, a continuous force field, and a curved object. The thesis prints no values; these are
+chosen. A hand holds the stylus and leads it over the surface: a spring whose rest moves along the way (the operator's
+force in X and Y over the hand's stiffness). The reference presses along Z and, while the hand leads, asks along the way
+for the friction that the surface answers with. Without the hand, nothing but the device's own friction would hold the
+tip along a surface without friction: no force depends on its place there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from palpate.control import Controller
+from palpate.loop.simulate import simulate
+from palpate.loop.sliding import Slide, slide
+from palpate.loop.trace import Trace
+from palpate.thesis.cases import POSE
+from palpate.thesis.experimental import PERIOD
+
+__all__ = [
+    "FIELDS",
+    "GROUNDS",
+    "PAIR_STIFFNESSES",
+    "Field",
+    "Ground",
+    "Kind",
+    "Pair",
+    "pair",
+    "pairs",
+    "slide_scenario",
+]
+
+Kind = Literal["lead_lag", "lqg"]
+Field = Literal["discrete", "continuous"]
+
+FIELDS: Final[tuple[Field, Field]] = ("discrete", "continuous")
+PAIR_STIFFNESSES: Final = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)  # N/mm
+FRICTION: Final = 0.2  # static and dynamic, where there is a tangential stiffness to carry it
+HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
+SPEED: Final = 60.0  # mm/s
+PRESSED: Final = 0.1  # s until the press is reached
+LED_FROM: Final = 0.4  # s
+REST: Final = 1.2  # s after the way
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What the tip slides over, and how.
+
+    Attributes:
+        mesh: [object.mesh].
+        position: of the mesh's origin from the start tip, mm: the way begins just above the surface.
+        stiffness: of the stripes in turn, N/mm.
+        width: of a stripe, mm.
+        way: of the hand, x and y, mm.
+        press: along -z, N.
+    """
+
+    mesh: dict[str, Any]
+    position: tuple[float, float, float]
+    stiffness: tuple[float, ...]
+    width: float
+    way: tuple[float, float]
+    press: float
+
+
+_CUBE: Final = {"shape": "box", "edge": "80 mm", "divisions": 16}
+_ORGAN: Final = {"shape": "organ", "size": ["90 mm", "70 mm", "50 mm"], "bump": 0.06, "divisions": 4}
+GROUNDS: Final = {
+    "cube, small steps": Ground(_CUBE, (30.0, 6.0, 0.0), (1.0, 1.2, 1.4), 10.0, (60.0, 12.0), 2.0),
+    "cube, large steps": Ground(_CUBE, (30.0, 6.0, 0.0), (0.2, 3.5, 0.5, 2.0), 20.0, (60.0, 12.0), 1.0),
+    "organ, small steps": Ground(_ORGAN, (15.0, 5.0, 2.9), (1.0, 1.2, 1.4), 10.0, (30.0, 10.0), 2.0),
+    "organ, large steps": Ground(_ORGAN, (15.0, 5.0, 2.9), (0.2, 3.5, 0.5, 2.0), 15.0, (30.0, 10.0), 1.0),
+}
+
+
+def slide_scenario(
+    ground: Ground, *, controller: Kind = "lead_lag", tangential: float = 1.0, field: Field = "discrete", **options: Any
+) -> dict[str, Any]:
+    """Return a slide as its file would have it.
+
+    Args:
+        ground: what is slid over.
+        controller: designed for 1 N/mm, as for table 5.1: one design for every stiffness.
+        tangential: stiffness between tip and proxy along the surface, N/mm; 0: none, and no friction.
+        field: of the surface.
+        options: of the controller.
+    """
+    friction = FRICTION if tangential > 0.0 else 0.0
+    length = float(np.hypot(*ground.way))
+    end = LED_FROM + length / SPEED
+    drag_x, drag_y = (friction * ground.press * part / length for part in ground.way)
+    still, led = _force(0.0, 0.0, -ground.press), _force(drag_x, drag_y, -ground.press)
+    lead_x, lead_y = (HAND["stiffness"] * 1e-3 * part for part in ground.way)
+    return {
+        "title": "A slide",
+        "device": {"name": "phantom-premium-1.5a", "saturation": True},
+        "start": {"pose": [f"{angle} rad" for angle in POSE]},
+        "servo": {"period": f"{PERIOD * 1e3:g} ms", "topology": "force_tracking"},
+        "reference": {
+            "shape": "table",
+            "table": [
+                [_time(0.0), *_force(0.0, 0.0, 0.0)],
+                [_time(PRESSED), *still],
+                [_time(LED_FROM), *still],
+                [_time(LED_FROM + 0.05), *led],
+                [_time(end), *led],
+                [_time(end + 0.05), *still],
+            ],
+        },
+        "operator": {
+            "kind": "arm",
+            "mass": f"{HAND['mass']:g} kg",
+            "damping": f"{HAND['damping']:g} N*s/m",
+            "stiffness": f"{HAND['stiffness']:g} N/m",
+            "shape": "table",
+            "table": [
+                [_time(0.0), *_force(0.0, 0.0, 0.0)],
+                [_time(LED_FROM), *_force(0.0, 0.0, 0.0)],
+                [_time(end), *_force(lead_x, lead_y, 0.0)],
+            ],
+        },
+        "object": {
+            "kind": "mesh",
+            "position": [f"{part:g} mm" for part in ground.position],
+            "mesh": dict(ground.mesh),
+            "surface": {
+                "stiffness": [f"{k:g} N/mm" for k in ground.stiffness],
+                "pattern": "stripes",
+                "width": f"{ground.width:g} mm",
+                "tangential": f"{tangential:g} N/mm",
+                "static_friction": friction,
+                "field": field,
+            },
+        },
+        "controller": {"kind": controller, "stiffness": "1 N/mm", **options},
+        "run": {"duration": _time(end + REST)},
+    }
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.4g} s"
+
+
+def _force(x: float, y: float, z: float) -> list[str]:
+    return [f"{part:.4g} N" for part in (x, y, z)]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A slide from a polygon of one stiffness to its neighbour of another, N/mm.
+
+    Attributes:
+        stable: the loop stayed bounded and came to rest in contact on the second stiffness, its force steady to 1 %.
+    """
+
+    first: float
+    second: float
+    stable: bool
+    found: Slide
+
+
+def pair(first: float, second: float, controller: Controller, *, tangential: float, field: Field) -> Pair:
+    """Slide 30 mm with 1 N from a stiffness to another one, N/mm."""
+    ground = Ground(_CUBE, (15.0, 0.0, 0.0), (first, second), 40.0, (30.0, 0.0), 1.0)
+    trace: Trace = simulate(slide_scenario(ground, tangential=tangential, field=field), controller)
+    found = slide(trace)
+    if found is None:
+        raise RuntimeError(f"the slide from {first:g} to {second:g} N/mm never touched")
+    there = abs(trace["surface_stiffness"][-1, 0] - 1e3 * second) < 1e-6 * second
+    return Pair(first, second, bool(trace.stable and found.settled and there), found)
+
+
+def pairs(
+    controller: Controller,
+    *,
+    tangential: float,
+    field: Field,
+    stiffnesses: Sequence[float] = PAIR_STIFFNESSES,
+) -> list[Pair]:
+    """Slide over every ordered pair of different stiffnesses."""
+    return [
+        pair(a, b, controller, tangential=tangential, field=field) for a in stiffnesses for b in stiffnesses if a != b
+    ]

@@ -15,8 +15,7 @@ from palpate.loop.touched import box
 from palpate.loop.trace import Trace
 from palpate.report.run import run_page
 from palpate.scenario import Scenario
-from palpate.thesis.cases import design
-from palpate.thesis.sliding import FIELDS, GROUNDS, pair, slide_scenario
+from palpate.thesis.sliding import FIELDS, GROUNDS, pair, slide_controller, slide_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 PERIOD = 5e-4
@@ -126,7 +125,7 @@ def test_neighbouring_stiffnesses(kind: Any, tangential: float, first: float, se
 
     The report holds all pairs of eight stiffnesses to this.
     """
-    law = design("D", kind)
+    law = slide_controller(kind)
     discrete, continuous = (pair(first, second, law, tangential=tangential, field=field) for field in FIELDS)
     assert discrete.stable
     assert continuous.stable
@@ -140,7 +139,7 @@ def test_neighbouring_stiffnesses(kind: Any, tangential: float, first: float, se
 
 def test_an_unstable_slide_is_told() -> None:
     """A loop gain beyond its limit on 3.5 N/mm does not pass for stable."""
-    law = design("D", "lqg")
+    law = slide_controller("lqg")
     s = law.system
     strong = Controller(control.StateSpace(s.A, s.B, 6.0 * s.C, 6.0 * s.D, s.dt), law.antiwindup, "state_space")
     found = pair(0.5, 3.5, strong, tangential=0.0, field="continuous")

@@ -14,9 +14,8 @@ from palpate.loop.trace import Trace
 from palpate.report import Page
 from palpate.report.figures import forces
 from palpate.report.sliding import stiffness_and_depth, trajectory
-from palpate.thesis.cases import design
 from palpate.thesis.checks import Check, at_most, statement
-from palpate.thesis.sliding import FIELDS, GROUNDS, Field, Kind, Pair, pairs, slide_scenario
+from palpate.thesis.sliding import FIELDS, GROUNDS, Field, Kind, Pair, pairs, slide_controller, slide_scenario
 
 __all__ = ["sliding"]
 
@@ -38,7 +37,7 @@ def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
         "along the way for the friction, 0.2 of the press, that the surface answers with. Without tangential stiffness "
         "there is no friction, and nothing but the hand holds the tip along the surface."
     )
-    laws = {name: design("D", kind) for name, kind in CONTROLLERS.items()}
+    laws = {name: slide_controller(kind) for name, kind in CONTROLLERS.items()}
     tick("a slide", 0.0)
     traces = {name: simulate(slide_scenario(GROUNDS[_SHOWN]), law) for name, law in laws.items()}
     _pictures(page, traces["lead–lag"], traces["LQG"])

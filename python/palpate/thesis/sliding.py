@@ -19,7 +19,7 @@ from palpate.control import Controller
 from palpate.loop.simulate import simulate
 from palpate.loop.sliding import Slide, slide
 from palpate.loop.trace import Trace
-from palpate.thesis.cases import POSE
+from palpate.thesis.cases import POSE, design
 from palpate.thesis.experimental import PERIOD
 
 __all__ = [
@@ -40,6 +40,9 @@ Field = Literal["discrete", "continuous"]
 
 FIELDS: Final[tuple[Field, Field]] = ("discrete", "continuous")
 PAIR_STIFFNESSES: Final = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)  # N/mm
+# The step that a crossing asks for lasts one tick. An integrator that follows the saturated drive within 10 ms would
+# take it for a load, and then needs 0.4 s to forget it.
+WINDUP_TIME: Final = 0.2  # s
 FRICTION: Final = 0.2  # static and dynamic, where there is a tangential stiffness to carry it
 HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
 SPEED: Final = 60.0  # mm/s
@@ -138,9 +141,19 @@ def slide_scenario(
                 "field": field,
             },
         },
-        "controller": {"kind": controller, "stiffness": "1 N/mm", **options},
+        "controller": {
+            "kind": controller,
+            "stiffness": "1 N/mm",
+            **({"windup_time": f"{WINDUP_TIME:g} s"} if controller == "lqg" else {}),
+            **options,
+        },
         "run": {"duration": _time(end + REST)},
     }
+
+
+def slide_controller(kind: Kind) -> Controller:
+    """Return the controller that `slide_scenario` describes: one design serves every slide."""
+    return design("D", "lqg", windup_time=WINDUP_TIME) if kind == "lqg" else design("D", kind)
 
 
 def _time(seconds: float) -> str:

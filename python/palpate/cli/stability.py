@@ -1,4 +1,4 @@
-"""`palpate certify` and `palpate zwidth`: a verdict on a scenario's loop, and the map of all it can render."""
+"""`palpate certify`, `zwidth`, `workspace`: a verdict on a loop, all that it can render, and where in space."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from palpate.cli.console import output, progress
 from palpate.files import write_folder
 
-__all__ = ["certify", "zwidth"]
+__all__ = ["certify", "workspace", "zwidth"]
 
 
 def certify(
@@ -86,5 +86,33 @@ def zwidth(
     if found.simulated:
         worst = max(abs(point.error) for point in found.simulated)
         output.print(f"  simulated boundary within {100 * worst:.2g} % of the exact one", markup=False)
+    for path in paths:
+        output.print(f"  {path}", style="dim")
+
+
+def workspace(
+    subject: Annotated[str, typer.Argument(help="Scenario file (TOML), or a device: its name or file.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to write to; results/<name of scenario or device> if not given."),
+    ] = None,
+    poses: Annotated[int, typer.Option(min=50, max=100_000, help="About how many poses to judge.")] = 2000,
+) -> None:
+    """Map the stiffest stable wall over all that an arm can reach, in every direction, and tell where it is least.
+
+    A device by itself is held through fingertip tissue. Writes workspace.html and workspace.json.
+
+    Example: palpate workspace scenarios/arm-through-tissue-on-a-wall.toml
+    """
+    with progress("reading") as tell:
+        from palpate.stability import workspace as map_of
+
+        found = map_of(subject, poses=poses, progress=tell)
+        tell("drawing", 0.96)
+        page = found.page()
+        folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")
+        paths = write_folder(folder, {"workspace.html": page.write, "workspace.json": found.write_json})
+    output.print(f"[bold]{found.title}[/]: {found.loop}", soft_wrap=True)
+    output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim")

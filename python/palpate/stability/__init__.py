@@ -38,6 +38,7 @@ from palpate.stability.two_port import (
     two_port_limit,
     two_port_margin,
 )
+from palpate.stability.workspace import Workspace, workspace
 from palpate.stability.zwidth import ZWidth, zwidth
 
 __all__ = [
@@ -60,6 +61,7 @@ __all__ = [
     "Tip",
     "WallLoop",
     "WallVerdict",
+    "Workspace",
     "ZWidth",
     "boundary",
     "certify",
@@ -90,6 +92,7 @@ __all__ = [
     "wall",
     "wall_loop",
     "wall_polynomial",
+    "workspace",
     "worst_hand",
     "zwidth",
 ]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
 
-from palpate.analysis import discretize
 from palpate.control.build import build_controller
 from palpate.control.controller import Controller
 from palpate.design.loop import closed_loop_matrix, spectral_radius
@@ -21,9 +21,9 @@ from palpate.devices import Device
 from palpate.loop.plant import sampled_plant
 from palpate.scenario import Scenario
 from palpate.stability.checks import StabilityError
-from palpate.stability.tip import Arm, Tip
+from palpate.stability.tip import Arm, in_hand
 
-__all__ = ["ScenarioLoop", "scenario_loop"]
+__all__ = ["ScenarioLoop", "assembled", "felt", "held_plants", "scenario_arm", "scenario_loop"]
 
 Array = NDArray[np.float64]
 
@@ -123,46 +123,27 @@ def scenario_loop(
     law = build_controller(scenario, device, start) if controller is None else controller
     frozen = scenario.device.kinematics == "linear"
     at = start if pose is None or scenario.device.model != "nonlinear" else np.asarray(pose, dtype=float)
-    hand = arm if arm is not None else _arm(scenario)
+    hand = arm if arm is not None else scenario_arm(scenario)
     jacobian = device.jacobian(start if frozen else at)
     hold = _hold(scenario, device, start)
     motors = hold if frozen else hold + np.asarray(tip_force, dtype=float)
     turning = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
     plant = _plant(scenario, device, at, start, hand, operator_force)
     directions = _directions(scenario, jacobian)
-    r, dof = directions.shape[1], device.dof
+    r = directions.shape[1]
     k = directions.T @ np.diag(np.asarray(scenario.object.stiffness, float)) @ directions
     b = directions.T @ np.diag(np.asarray(scenario.object.damping, float)) @ directions
 
-    # states: plant, torques on their way (newest first), controller
-    n, late, m = plant.nstates, scenario.device.delay, law.system.nstates
-    size = n + late * dof + m
-    a, entry, out = np.zeros((size, size)), np.zeros((size, r)), np.zeros((r, size))
-    a[:n, :n] = plant.A
-    torque_x, torque_w = np.zeros((dof, size)), jacobian.T @ law.feedback.D @ directions
-    torque_x[:, :n] = turning @ plant.C
-    torque_x[:, n + late * dof :] = jacobian.T @ law.feedback.C
-    if late:
-        a[:n, n + (late - 1) * dof : n + late * dof] = plant.B
-        for i in range(1, late):
-            a[n + i * dof : n + (i + 1) * dof, n + (i - 1) * dof : n + i * dof] = np.eye(dof)
-        a[n : n + dof] += torque_x
-        entry[n : n + dof] = torque_w
-    else:
-        a[:n] += plant.B @ torque_x
-        entry[:n] = plant.B @ torque_w
-    if m:
-        a[n + late * dof :, n + late * dof :] = law.system.A
-        entry[n + late * dof :] = law.feedback.B @ directions
-    out[:, :n] = directions.T @ jacobian @ plant.C
-    small = _felt(a, entry, out)
+    a, entry, out = assembled((plant.A, plant.B, plant.C), jacobian, turning, law, scenario.device.delay)
+    small = felt(a, entry, out, directions)
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
     rests = _rests(device, at, turning)
-    felt = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
-    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, felt, size - path.nstates, rests)
+    own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
 
 
-def _arm(scenario: Scenario) -> Arm | None:
+def scenario_arm(scenario: Scenario) -> Arm | None:
+    """Return the arm that holds the tip in a scenario; None: there is none."""
     o = scenario.operator
     if o.kind != "arm":
         return None
@@ -186,9 +167,6 @@ def _plant(
             raise StabilityError('operator: an arm moves with the nonlinear device; write device.model = "nonlinear"')
         p = sampled_plant(scenario.device.model, device, start, scenario.period)
         return control.StateSpace(p.a, p.b, p.c, np.zeros((device.dof, device.dof)), scenario.period)
-    dof = device.dof
-    inertia, jacobian = device.mass_matrix(at), device.jacobian(at)
-    a_q, a_v, _ = device.linearization(at, np.zeros(dof), device.gravity(at))
     # the hand's force turns with the pose as well
     if operator_force is None:
         pull = np.zeros(3)
@@ -196,21 +174,82 @@ def _plant(
             pull = (arm.stiffness if arm.tissue_stiffness is None else 0.0) * np.array(scenario.operator.rest)
     else:
         pull = np.asarray(operator_force, dtype=float)
-    turning = np.einsum("k,kij->ij", pull, device.tip_hessian(at))
-    axes = np.flatnonzero(np.linalg.norm(jacobian, axis=1) > 0)
-    tip = Tip(inertia, -inertia @ a_v, -inertia @ a_q - turning, jacobian[axes], np.eye(len(axes))[0])
+    a, b, c = held_plants(device, at[None, :], arm, pull, scenario.period)
+    return control.StateSpace(a[0], b[0], c[0], np.zeros((device.dof, device.dof)), scenario.period)
+
+
+def held_plants(
+    device: Device, poses: Array, arm: Arm | None, pull: Array, period: float
+) -> tuple[Array, Array, Array]:
+    """Return (A, B, C), each (n, ...), of a device at rest in n poses, in a hand: from held torques to joint angles.
+
+    Args:
+        device: dof joints.
+        poses: (n, dof), rad.
+        arm: holds the tip; None: nobody does.
+        pull: force of the hand at rest (3,), N; its torque turns with the pose.
+        period: of the hold, s.
+    """
+    count, dof = poses.shape
+    inertia, jacobian = device.mass_matrix(poses), device.jacobian(poses)
+    torque = device.gravity(poses)
+    slopes = [device.linearization(q, np.zeros(dof), t)[:2] for q, t in zip(poses, torque, strict=True)]
+    a_q, a_v = (np.array([pair[i] for pair in slopes]) for i in range(2))
+    turning = np.einsum("k,nkij->nij", pull, device.tip_hessian(poses))
+    felt = jacobian[:, np.linalg.norm(jacobian, axis=(0, 2)) > 0, :]
+    m, d, s = inertia, -inertia @ a_v, -inertia @ a_q - turning
     if arm is not None:
-        tip = tip.held_by(arm)
-    count = len(tip.inertia)
-    inverse = np.linalg.inv(tip.inertia)
-    zero, eye = np.zeros((count, count)), np.eye(count)
-    continuous = control.StateSpace(
-        np.block([[zero, eye], [-inverse @ tip.stiffness, -inverse @ tip.damping]]),
-        np.vstack([np.zeros((count, dof)), inverse[:, :dof]]),
-        np.hstack([np.eye(dof, count), np.zeros((dof, count))]),
-        np.zeros((dof, dof)),
-    )
-    return discretize(continuous, scenario.period)
+        m, d, s, _ = in_hand(m, d, s, felt, arm)
+    size = m.shape[-1]
+    inverse = np.linalg.inv(m)
+    block = np.zeros((count, 2 * size + dof, 2 * size + dof))
+    block[:, :size, size : 2 * size] = np.eye(size)
+    block[:, size : 2 * size, :size] = -inverse @ s
+    block[:, size : 2 * size, size : 2 * size] = -inverse @ d
+    block[:, size : 2 * size, 2 * size :] = inverse[:, :, :dof]
+    held = expm(block * period)
+    out = np.broadcast_to(np.eye(dof, 2 * size), (count, dof, 2 * size))
+    return held[:, : 2 * size, : 2 * size], held[:, : 2 * size, 2 * size :], out
+
+
+def assembled(
+    plant: tuple[Array, Array, Array], jacobian: Array, turning: Array, law: Controller, late: int
+) -> tuple[Array, Array, Array]:
+    """Return (A, B, C), each (..., ., .), from the object's force (3, N) to the tip (3, m) of one loop or a stack.
+
+    The states are the plant's, the torques on their way (newest first), and the controller's.
+
+    Args:
+        plant: sampled (A, B, C) from torques to joint angles.
+        jacobian: (..., 3, dof), m/rad.
+        turning: (..., dof, dof), N m/rad: how the torque of the motors' force turns with the pose.
+        law: the controller.
+        late: delay, samples.
+    """
+    pa, pb, pc = plant
+    batch, n, dof = pa.shape[:-2], pa.shape[-1], pb.shape[-1]
+    turned, feedback = np.swapaxes(jacobian, -1, -2), law.feedback
+    m = feedback.nstates
+    size = n + late * dof + m
+    a, entry, out = np.zeros((*batch, size, size)), np.zeros((*batch, size, 3)), np.zeros((*batch, 3, size))
+    a[..., :n, :n] = pa
+    torque_x, torque_w = np.zeros((*batch, dof, size)), turned @ feedback.D
+    torque_x[..., :n] = turning @ pc
+    torque_x[..., n + late * dof :] = turned @ feedback.C
+    if late:
+        a[..., :n, n + (late - 1) * dof : n + late * dof] = pb
+        for i in range(1, late):
+            a[..., n + i * dof : n + (i + 1) * dof, n + (i - 1) * dof : n + i * dof] = np.eye(dof)
+        a[..., n : n + dof, :] += torque_x
+        entry[..., n : n + dof, :] = torque_w
+    else:
+        a[..., :n, :] += pb @ torque_x
+        entry[..., :n, :] = pb @ torque_w
+    if m:
+        a[..., n + late * dof :, n + late * dof :] = feedback.A
+        entry[..., n + late * dof :, :] = feedback.B
+    out[..., :n] = jacobian @ pc
+    return a, entry, out
 
 
 def _directions(scenario: Scenario, jacobian: Array) -> Array:
@@ -227,29 +266,38 @@ def _directions(scenario: Scenario, jacobian: Array) -> Array:
     return np.asarray(np.eye(3)[:, axes], dtype=float)
 
 
-def _felt(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return (a, b, c) without the modes that the input does not reach or the output does not see."""
-    a, b, c = _reachable(a, b, c)
-    at, ct, bt = _reachable(a.T, c.T, b.T)
-    return at.T, bt.T, ct.T
+def felt(a: Array, entry: Array, out: Array, directions: Array) -> tuple[Array, Array, Array]:
+    """Return (A, B, C) along some directions, without the modes that force there does not reach or motion does not see.
+
+    Args:
+        a: (n, n).
+        entry: (n, 3), of the object's force.
+        out: (3, n), to the tip.
+        directions: (3, r).
+    """
+    basis, other = _reached(a, entry, entry @ directions)
+    a, entry, out = other @ a @ basis, other @ entry, out @ basis
+    basis, other = _reached(a.T, out.T, out.T @ directions)
+    return basis.T @ (other @ a.T).T, basis.T @ entry @ directions, directions.T @ out @ other.T
 
 
-def _reachable(a: Array, b: Array, c: Array, tolerance: float = 1e-9) -> tuple[Array, Array, Array]:
-    """Return the part of (a, b, c) that the input reaches, in orthonormal coordinates of balanced states."""
+def _reached(a: Array, all_ways: Array, b: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
+    """Return (basis, its inverse) of the space (n, k) that the input ``b`` reaches through ``a``.
+
+    The states are first scaled by how far ``all_ways`` of pushing moves them, so that metres and newtons compare; a
+    state that only rounding moves under ``b`` stays as small as it is.
+    """
     n = len(a)
     if n == 0:
-        return a, b, c
-    # states in the scale in which the input moves them, so that metres and newtons compare
-    scale = np.ones(n)
-    size, power = np.zeros(n), b
+        return np.zeros((0, 0)), np.zeros((0, 0))
+    size, power = np.zeros(n), all_ways
     for _ in range(2 * n):
         size = np.maximum(size, np.abs(power).max(axis=1))
         power = a @ power
     scale = np.where(size > 1e-200, size, 1.0)
-    a, b, c = a * scale[None, :] / scale[:, None], b / scale[:, None], c * scale[None, :]
-    step = a - np.eye(n)
+    step = a * scale[None, :] / scale[:, None] - np.eye(n)
     columns: list[Array] = []
-    waiting = list(b.T)
+    waiting = list((b / scale[:, None]).T)
     while waiting and len(columns) < n:
         vector = waiting.pop(0)
         length = np.linalg.norm(vector)
@@ -260,7 +308,7 @@ def _reachable(a: Array, b: Array, c: Array, tolerance: float = 1e-9) -> tuple[A
             columns.append(vector / np.linalg.norm(vector))
             waiting.append(step @ columns[-1])
     basis = np.array(columns).T.reshape(n, len(columns))
-    return basis.T @ a @ basis, basis.T @ b, c @ basis
+    return scale[:, None] * basis, basis.T / scale[None, :]
 
 
 def _rests(device: Device, at: Array, turning: Array) -> bool:

@@ -136,33 +136,19 @@ class Tip:
 
     def held_by(self, arm: Arm) -> Tip:
         """Return this device in the hand of ``arm``: rigidly, or with one more mass per axis behind the fingertip."""
-        lever = self.levers
-        if arm.tissue_stiffness is None:
-            extra = lever.T @ lever
-            return replace(
-                self,
-                inertia=self.inertia + arm.mass * extra,
-                damping=self.damping + arm.damping * extra,
-                stiffness=self.stiffness + arm.stiffness * extra,
-                name=f"{self.name}, gripped rigidly by an arm of {arm.mass:g} kg, {arm.damping:g} N s/m, "
-                f"{arm.stiffness:g} N/m",
-            )
-        axes, n = lever.shape
-        eye, zero = np.eye(axes), np.zeros((n, axes))
-        stretch = np.hstack([lever, -eye])  # of the tissue
-
-        def join(device: Array, hand: float, tissue: float) -> Array:
-            joined = np.block([[device, zero], [zero.T, hand * eye]]) + tissue * stretch.T @ stretch
-            return np.asarray(joined, dtype=float)
-
+        grip = (
+            "gripped rigidly by"
+            if arm.tissue_stiffness is None
+            else f"held through fingertip tissue of {arm.tissue_stiffness:g} N/m by"
+        )
+        inertia, damping, stiffness, levers = in_hand(self.inertia, self.damping, self.stiffness, self.levers, arm)
         return replace(
             self,
-            inertia=join(self.inertia, arm.mass, 0.0),
-            damping=join(self.damping, arm.damping, arm.tissue_damping),
-            stiffness=join(self.stiffness, arm.stiffness, arm.tissue_stiffness),
-            levers=np.hstack([lever, np.zeros((axes, axes))]),
-            name=f"{self.name}, held through fingertip tissue of {arm.tissue_stiffness:g} N/m by an arm of "
-            f"{arm.mass:g} kg, {arm.damping:g} N s/m, {arm.stiffness:g} N/m",
+            inertia=inertia,
+            damping=damping,
+            stiffness=stiffness,
+            levers=levers,
+            name=f"{self.name}, {grip} an arm of {arm.mass:g} kg, {arm.damping:g} N s/m, {arm.stiffness:g} N/m",
         )
 
     @property
@@ -188,6 +174,36 @@ class Tip:
             np.concatenate([force, np.zeros(n)])[None, :],
             np.zeros((1, 1)),
         )
+
+
+def in_hand(
+    inertia: Array, damping: Array, stiffness: Array, levers: Array, arm: Arm
+) -> tuple[Array, Array, Array, Array]:
+    """Return M, D, S (..., n, n) and J (..., axes, n) of a device, or of a stack of them, in the hand of ``arm``.
+
+    A rigid grip adds to the device; behind the fingertip the hand is one more mass per axis, after the device's own.
+    """
+    turned = np.swapaxes(levers, -1, -2)
+    if arm.tissue_stiffness is None:
+        extra = turned @ levers
+        return inertia + arm.mass * extra, damping + arm.damping * extra, stiffness + arm.stiffness * extra, levers
+    axes, n = levers.shape[-2:]
+    eye = np.broadcast_to(np.eye(axes), (*levers.shape[:-2], axes, axes))
+    stretch = np.concatenate([levers, -eye], axis=-1)  # of the tissue
+    between = np.swapaxes(stretch, -1, -2) @ stretch
+
+    def join(device: Array, hand: float, tissue: float) -> Array:
+        joined = tissue * between
+        joined[..., :n, :n] += device
+        joined[..., n:, n:] += hand * eye
+        return np.asarray(joined, dtype=float)
+
+    return (
+        join(inertia, arm.mass, 0.0),
+        join(damping, arm.damping, arm.tissue_damping),
+        join(stiffness, arm.stiffness, arm.tissue_stiffness),
+        np.concatenate([levers, np.zeros_like(eye)], axis=-1),
+    )
 
 
 def _reachable(start: Array, maps: tuple[Array, ...], tolerance: float = 1e-10) -> Array:

@@ -11,7 +11,7 @@ import pytest
 from palpate import Mesh, Proxy, Surface, simulate
 from palpate.control import Controller
 from palpate.loop.sliding import slide
-from palpate.loop.touched import box
+from palpate.loop.touched import box, touched_mesh
 from palpate.loop.trace import Trace
 from palpate.report.run import run_page
 from palpate.scenario import Scenario
@@ -159,3 +159,15 @@ def test_the_report_of_a_slide(tmp_path: Path) -> None:
     for text in ("The slide in numbers", "largest force step at a crossing", "20 to 500 Hz"):
         assert text in page
     assert Trace.read(trace.write(tmp_path / "trace.h5")).summary() == summary
+
+
+def test_the_loop_meets_what_the_proxy_meets() -> None:
+    """The tip's recorded way, followed by a proxy outside the loop, gives the recorded contact tick by tick."""
+    scenario = Scenario.from_dict(slide_scenario(GROUNDS["organ, small steps"], field="continuous"))
+    trace = simulate(scenario)
+    origin = trace["tip"][0] + np.array(scenario.object.position)
+    mesh, surface = touched_mesh(scenario.object, origin, scenario.period)
+    contacts = Proxy(mesh, surface).follow(trace["tip"])
+    assert np.array_equal(contacts.triangle, trace["triangle"][:, 0].astype(int))
+    np.testing.assert_allclose(-contacts.force, trace["object_force"], atol=1e-8)
+    np.testing.assert_allclose(contacts.position, trace["proxy"], atol=1e-11)

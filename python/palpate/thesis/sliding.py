@@ -25,13 +25,13 @@ from palpate.thesis.experimental import PERIOD
 __all__ = [
     "FIELDS",
     "GROUNDS",
-    "PAIR_STIFFNESSES",
     "Field",
     "Ground",
     "Kind",
     "Pair",
     "pair",
     "pairs",
+    "slide_controller",
     "slide_scenario",
 ]
 

@@ -104,6 +104,7 @@ def test_lost_contact_is_counted() -> None:
     [
         ("slide-cube-small-steps", "cube, small steps", {}),
         ("slide-cube-large-steps", "cube, large steps", {"controller": "lqg"}),
+        ("slide-cube-by-forces", "cube, small steps", {"controller": "lqg", "led_by": "forces"}),
         ("slide-organ", "organ, small steps", {"field": "continuous"}),
     ],
 )

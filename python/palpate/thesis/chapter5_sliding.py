@@ -35,7 +35,8 @@ def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
         "presses a point into the top of the object with 1 N (large steps of stiffness) or 2 N (small steps). A hand "
         "(0.15 kg, 4.5 N s/m, 200 N/m) holds the stylus and leads it along X and Y at 60 mm/s; the reference asks "
         "along the way for the friction, 0.2 of the press, that the surface answers with. Without tangential stiffness "
-        "there is no friction, and nothing but the hand holds the tip along the surface."
+        "there is no friction, and nothing but the hand holds the tip along the surface. Where the surface drags, "
+        "forces alone move the tip, as in the thesis: see below."
     )
     laws = {name: slide_controller(kind) for name, kind in CONTROLLERS.items()}
     tick("a slide", 0.0)
@@ -52,6 +53,7 @@ def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
         for field in FIELDS
     }
     checks = _comparison(page, found)
+    checks.append(_by_forces(page, laws))
     tick("pairs of stiffnesses", 0.3)
     checks += _pairs(page, laws, tick)
     tick("a slope without friction", 0.95)
@@ -133,6 +135,37 @@ def _comparison(page: Page, found: dict[Run, tuple[Slide, bool]]) -> list[Check]
             where=WHERE,
         ),
     ]
+
+
+def _by_forces(page: Page, laws: dict[str, Controller]) -> Check:
+    """Slide without a hand, moved by the reference force alone as in the thesis's figure 5.8."""
+    rows, stays = [], []
+    for ground in ("cube, small steps", "cube, large steps"):
+        for name, law in laws.items():
+            for tangential in TANGENTIAL[:-1]:
+                trace = simulate(slide_scenario(GROUNDS[ground], tangential=tangential, led_by="forces"), law)
+                found, here = _slide(trace)
+                stays.append(here)
+                reached = 1e3 * float(trace["tip"][-1, 0] - trace["tip"][0, 0])
+                rows.append(
+                    (ground, name, f"{tangential:g}", f"{reached:.1f}", _n(found.step_at_crossing),
+                     f"{found.lost_ticks}", _n(found.deflection_error_percent), "yes" if here else "no")
+                )  # fmt: skip
+    page.table(
+        ["object", "controller", "tangential", "way along X", "step", "contact lost", "error", "stays"],
+        rows,
+        "Moved by forces in X, Y and Z alone, no hand, discrete field, on a surface that drags with 20 N s/m besides "
+        "its friction; 60 mm along X are asked for.",
+        units=["", "", "N/mm", "mm", "N", "ticks", "%", ""],
+    )
+    return statement(
+        "sec5.6-forces-alone",
+        "sliding by applied forces in X, Y and Z (figure 5.8)",
+        "absolutely stable",
+        f"{sum(stays)} of {len(stays)} slides stay bounded and in contact at the end",
+        holds=all(stays),
+        where=WHERE,
+    )
 
 
 def _pairs(page: Page, laws: dict[str, Controller], tick: Callable[[str, float], None]) -> list[Check]:

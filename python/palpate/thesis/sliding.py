@@ -1,10 +1,10 @@
 """The sliding experiment of chapter 5 (figures 5.5 to 5.10), and what the thesis left open.
 
 That is less tangential stiffness, a continuous force field, and a curved object. The thesis prints no values; these are
-chosen. A hand holds the stylus and leads it over the surface: a spring whose rest moves along the way (the operator's
-force in X and Y over the hand's stiffness). The reference presses along Z and, while the hand leads, asks along the way
-for the friction that the surface answers with. Without the hand, nothing but the device's own friction would hold the
-tip along a surface without friction: no force depends on its place there.
+chosen. The reference presses along Z, and along X and Y it asks for what the surface answers with at the wanted speed:
+friction, and drag. As in the thesis nothing else need move the tip ("forces"), where the surface drags. Without
+tangential stiffness there is neither friction nor drag, and no force depends on the tip's place or speed: a hand must
+lead it ("hand"), a spring whose rest moves along the way (the operator's force in X and Y over the hand's stiffness).
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ PAIR_STIFFNESSES: Final = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)  # N/mm
 # The step that a crossing asks for lasts one tick. An integrator that follows the saturated drive within 10 ms would
 # take it for a load, and then needs 0.4 s to forget it.
 WINDUP_TIME: Final = 0.2  # s
+DRAG: Final = 20.0  # N s/m, where forces alone move the tip
 FRICTION: Final = 0.2  # static and dynamic, where there is a tangential stiffness to carry it
 HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
 SPEED: Final = 60.0  # mm/s
@@ -83,7 +84,13 @@ GROUNDS: Final = {
 
 
 def slide_scenario(
-    ground: Ground, *, controller: Kind = "lead_lag", tangential: float = 1.0, field: Field = "discrete", **options: Any
+    ground: Ground,
+    *,
+    controller: Kind = "lead_lag",
+    tangential: float = 1.0,
+    field: Field = "discrete",
+    led_by: Literal["hand", "forces"] = "hand",
+    **options: Any,
 ) -> dict[str, Any]:
     """Return a slide as its file would have it.
 
@@ -92,14 +99,29 @@ def slide_scenario(
         controller: designed for 1 N/mm, as for table 5.1: one design for every stiffness.
         tangential: stiffness between tip and proxy along the surface, N/mm; 0: none, and no friction.
         field: of the surface.
+        led_by: what moves the tip along the surface; forces alone need a tangential stiffness.
         options: of the controller.
     """
+    drag = DRAG if led_by == "forces" else 0.0
     friction = FRICTION if tangential > 0.0 else 0.0
     length = float(np.hypot(*ground.way))
     end = LED_FROM + length / SPEED
-    drag_x, drag_y = (friction * ground.press * part / length for part in ground.way)
-    still, led = _force(0.0, 0.0, -ground.press), _force(drag_x, drag_y, -ground.press)
+    answer = friction * ground.press + drag * SPEED * 1e-3
+    along_x, along_y = (answer * part / length for part in ground.way)
+    still, led = _force(0.0, 0.0, -ground.press), _force(along_x, along_y, -ground.press)
     lead_x, lead_y = (HAND["stiffness"] * 1e-3 * part for part in ground.way)
+    hand = {
+        "kind": "arm",
+        "mass": f"{HAND['mass']:g} kg",
+        "damping": f"{HAND['damping']:g} N*s/m",
+        "stiffness": f"{HAND['stiffness']:g} N/m",
+        "shape": "table",
+        "table": [
+            [_time(0.0), *_force(0.0, 0.0, 0.0)],
+            [_time(LED_FROM), *_force(0.0, 0.0, 0.0)],
+            [_time(end), *_force(lead_x, lead_y, 0.0)],
+        ],
+    }
     return {
         "title": "A slide",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
@@ -116,18 +138,7 @@ def slide_scenario(
                 [_time(end + 0.05), *still],
             ],
         },
-        "operator": {
-            "kind": "arm",
-            "mass": f"{HAND['mass']:g} kg",
-            "damping": f"{HAND['damping']:g} N*s/m",
-            "stiffness": f"{HAND['stiffness']:g} N/m",
-            "shape": "table",
-            "table": [
-                [_time(0.0), *_force(0.0, 0.0, 0.0)],
-                [_time(LED_FROM), *_force(0.0, 0.0, 0.0)],
-                [_time(end), *_force(lead_x, lead_y, 0.0)],
-            ],
-        },
+        **({"operator": hand} if led_by == "hand" else {}),
         "object": {
             "kind": "mesh",
             "position": [f"{part:g} mm" for part in ground.position],
@@ -138,6 +149,7 @@ def slide_scenario(
                 "width": f"{ground.width:g} mm",
                 "tangential": f"{tangential:g} N/mm",
                 "static_friction": friction,
+                **({"viscous": f"{drag:g} N*s/m"} if drag else {}),
                 "field": field,
             },
         },

@@ -24,7 +24,7 @@ TEST(Motion, ConservesEnergyForTenSeconds) {
   s.qd = Joints<3>(1.0, -2.0, 1.5);
   const auto energy = [&] { return 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q); };
   const double before = energy();
-  for (int k = 0; k < 10000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment{}, 1e-3, 4);
+  for (int k = 0; k < 10000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 4);
   EXPECT_LT(std::abs(energy() - before), 1e-9 * std::abs(before));
 }
 
@@ -34,7 +34,7 @@ TEST(Motion, SliderFollowsItsClosedForm) {
   friction.viscous[0] = 0.8;
   const Motion<Slider> motion(Slider(0.06), friction, Hand{});
   MotionState<1> s;
-  for (int k = 0; k < 500; ++k) motion.advance(s, Joints<1>(0.3), ForceSegment{}, 1e-3, 2);
+  for (int k = 0; k < 500; ++k) motion.advance(s, Joints<1>(0.3), ForceSegment<>{}, 1e-3, 2);
   const double tau = 0.06 / 0.8;
   const double v = 0.3 / 0.8 * (1.0 - std::exp(-0.5 / tau));
   const double x = 0.3 / 0.8 * (0.5 - tau * (1.0 - std::exp(-0.5 / tau)));
@@ -49,13 +49,13 @@ TEST(Motion, CoulombFrictionStopsAMassAtTheRightPlaceForEver) {
   const Motion<Slider> motion(Slider(0.06), friction, Hand{});
   MotionState<1> s;
   s.qd[0] = 0.1;
-  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment{}, 1e-3, 2);
+  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 2);
   EXPECT_EQ(s.qd[0], 0.0);
   EXPECT_NEAR(s.q[0], 0.01 * 0.06 / (2 * 0.04), 1e-10);
   const double stopped = s.q[0];
-  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0399), ForceSegment{}, 1e-3, 2);
+  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0399), ForceSegment<>{}, 1e-3, 2);
   EXPECT_EQ(s.q[0], stopped);  // a force it can hold moves nothing: no creep, no chatter
-  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0401), ForceSegment{}, 1e-3, 2);
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0401), ForceSegment<>{}, 1e-3, 2);
   EXPECT_GT(s.qd[0], 0.0);
 }
 
@@ -70,7 +70,7 @@ TEST(Motion, StickingHoldsTheArmAgainstGravity) {
   ASSERT_LT(arm.gravity(s.q).cwiseAbs().maxCoeff(), 0.05);
   ASSERT_GT(arm.gravity(s.q).cwiseAbs().maxCoeff(), 0.005);
   const Joints<3> before = s.q;
-  for (int k = 0; k < 2000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment{}, 1e-3, 1);
+  for (int k = 0; k < 2000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 1);
   EXPECT_EQ(s.q, before);
   EXPECT_EQ(s.qd, Joints<3>(Joints<3>::Zero()));
 }
@@ -86,7 +86,7 @@ TEST(Motion, DissipationNeverAddsEnergy) {
   s.qd = Joints<3>(5.0, -4.0, 3.0);
   double before = 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q);
   for (int k = 0; k < 3000; ++k) {
-    motion.advance(s, Joints<3>::Zero(), ForceSegment{}, 1e-3, 2);
+    motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 2);
     const double energy = 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q);
     EXPECT_LE(energy, before + 1e-13);
     before = energy;
@@ -102,7 +102,7 @@ TEST(Motion, RigidGripIsAMassDamperSpring) {
   const Motion<Slider> motion(Slider(0.06), Friction<1>{}, hand);
   MotionState<1> s;
   s.q[0] = 0.01;
-  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment{}, 1e-3, 4);
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 4);
   const double m = 0.21;
   const double decay = 4.5 / (2 * m);
   const double frequency = std::sqrt(560.0 / m - decay * decay);
@@ -128,8 +128,8 @@ TEST(Motion, StiffTissueTendsToTheRigidGrip) {
   MotionState<1> t = s;
   t.hand[0] = 0.01;
   for (int k = 0; k < 100; ++k) {
-    a.advance(s, Joints<1>(0.0), ForceSegment{}, 1e-3, 40);
-    b.advance(t, Joints<1>(0.0), ForceSegment{}, 1e-3, 40);
+    a.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);
+    b.advance(t, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);
   }
   EXPECT_NEAR(s.q[0], t.q[0], 1e-6);
 }
@@ -141,7 +141,7 @@ TEST(Motion, IsOfFourthOrder) {
     MotionState<3> s;
     s.q = Joints<3>(0.2, 2.0, 3.0);
     s.qd = Joints<3>(2.0, -3.0, 3.0);
-    for (int k = 0; k < 20; ++k) motion.advance(s, Joints<3>(0.05, 0.02, 0.01), ForceSegment{}, 2e-2, substeps);
+    for (int k = 0; k < 20; ++k) motion.advance(s, Joints<3>(0.05, 0.02, 0.01), ForceSegment<>{}, 2e-2, substeps);
     return s.q;
   };
   const Joints<3> exact = end(256);

@@ -70,7 +70,7 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   const long before = allocations;
   for (int k = 0; k < 2000; ++k) {
     const auto& tick = servo.tick(state.q, Vector3<>(0.5, 0.2, -0.3));
-    motion.advance(state, tick.torque, palpate::ForceSegment{Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, 1e-3, 2);
+    motion.advance(state, tick.torque, palpate::ForceSegment<>{Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, 1e-3, 2);
   }
   EXPECT_EQ(allocations - before, 0);
   EXPECT_TRUE(state.q.allFinite());

@@ -21,7 +21,7 @@ SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double vi
   s.stiffness = Vector3<>(stiffness, 0.0, 0.0);
   s.damping = Vector3<>(damping, 0.0, 0.0);
   s.delay = delay;
-  s.controller = palpate::StateSpace::negative_feedback();
+  s.controller = palpate::StateSpace();
   s.start[0] = 1e-3;
   return s;
 }

@@ -1,6 +1,6 @@
 """palpate's core: device dynamics and the servo loop."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import enum
 from typing import Annotated, overload
 
@@ -776,3 +776,13 @@ class Slider:
     def acceleration(self, arg0: SliderFriction, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+def most_lanes() -> int:
+    """Loops that run side by side in one thread on this machine."""
+
+@overload
+def run_cells(base: PremiumSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object: ...
+
+@overload
+def run_cells(base: SliderSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object:
+    """Runs cells of one base setup; returns a row of outcomes for each."""

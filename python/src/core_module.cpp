@@ -185,6 +185,7 @@ void bind_loop(nb::module_& m, const char* name) {
 
 }  // namespace
 
+void bind_batch(nb::module_& m);
 void bind_touch(nb::module_& m);
 
 NB_MODULE(_core, m) {
@@ -265,4 +266,6 @@ NB_MODULE(_core, m) {
   nb::class_<palpate::Slider> slider(m, "Slider");
   slider.def(nb::init<double>(), "mass"_a);
   bind_mechanism(slider);
+
+  bind_batch(m);
 }

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <vector>
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -10,61 +13,92 @@ namespace palpate {
 ///   u_k = C x_k + D [reference; object],   x_{k+1} = A x_k + B [reference; object] + L (applied - u)
 /// where `applied` is what the drive really gave. L = 0 is a plain state space; an observer that must know the true input, or
 /// an integrator that must not wind up, puts its gain there.
-class StateSpace {
+template <class Scalar>
+class BasicStateSpace {
  public:
-  StateSpace()
-      : StateSpace(Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 6), Eigen::MatrixXd(3, 0), Eigen::MatrixXd::Zero(3, 6),
-                   Eigen::MatrixXd(0, 3)) {}
-
-  /// A n x n, B n x 6, C 3 x n, D 3 x 6, L n x 3. All memory is taken here; the tick takes none.
-  StateSpace(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::MatrixXd& c, const Eigen::MatrixXd& d,
-             const Eigen::MatrixXd& antiwindup)
-      : order_(static_cast<int>(a.rows())), ab_(a.rows(), a.cols() + 9), cd_(3, a.cols() + 6), xv_(a.cols() + 9), next_(a.rows()) {
-    ab_ << a, b, antiwindup;
-    cd_ << c, d;
-    xv_.setZero();
-    next_.setZero();
+  /// u = reference - object: no states. An impedance display with zero reference renders the object as it is.
+  BasicStateSpace() : cd_(18, 0.0), xv_(9, Scalar(0.0)) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      cd_[4 * i] = 1.0;
+      cd_[9 + 4 * i] = -1.0;
+    }
   }
 
-  /// u = reference - object: no states. An impedance display with zero reference renders the object as it is.
-  static StateSpace negative_feedback() {
-    Eigen::MatrixXd d(3, 6);
-    d << Eigen::Matrix3d::Identity(), -Eigen::Matrix3d::Identity();
-    return {Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 6), Eigen::MatrixXd(3, 0), d, Eigen::MatrixXd(0, 3)};
+  /// A n x n, B n x 6, C 3 x n, D 3 x 6, L n x 3. All memory is taken here; the tick takes none.
+  BasicStateSpace(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::MatrixXd& c, const Eigen::MatrixXd& d,
+                  const Eigen::MatrixXd& antiwindup)
+      : order_(static_cast<int>(a.rows())) {
+    for (const Eigen::MatrixXd* part : {&a, &b, &antiwindup}) ab_.insert(ab_.end(), part->data(), part->data() + part->size());
+    for (const Eigen::MatrixXd* part : {&c, &d}) cd_.insert(cd_.end(), part->data(), part->data() + part->size());
+    take_memory();
+  }
+
+  /// The same controller with another scalar.
+  template <class Other>
+  [[nodiscard]] BasicStateSpace<Other> cast() const {
+    BasicStateSpace<Other> out;
+    out.order_ = order_;
+    out.ab_ = ab_;
+    out.cd_ = cd_;
+    out.take_memory();
+    return out;
   }
 
   [[nodiscard]] int order() const { return order_; }
 
   /// Output for this sample: tip force [N] from reference force and object force [N].
-  Vector3<> output(const Vector3<>& reference, const Vector3<>& object) noexcept {
-    xv_.segment<3>(order_) = reference;
-    xv_.segment<3>(order_ + 3) = object;
+  Vector3<Scalar> output(const Vector3<Scalar>& reference, const Vector3<Scalar>& object) noexcept {
+    const auto n = static_cast<std::size_t>(order_);
+    for (std::size_t i = 0; i < 3; ++i) {
+      xv_[n + i] = reference[static_cast<int>(i)];
+      xv_[n + 3 + i] = object[static_cast<int>(i)];
+    }
     // Column by column in registers: a general matrix product costs more to call than to do at this size.
-    Vector3<> u = Vector3<>::Zero();
-    for (int j = 0; j < order_ + 6; ++j) u += xv_[j] * cd_.col(j);
+    Vector3<Scalar> u = Vector3<Scalar>::Constant(0.0);
+    for (std::size_t j = 0; j < n + 6; ++j) {
+      const double* column = cd_.data() + 3 * j;
+      for (int i = 0; i < 3; ++i) u[i] += xv_[j] * column[i];
+    }
     output_ = u;
     return output_;
   }
 
   /// Moves the state on, once the force that was really applied [N] is known.
-  void advance(const Vector3<>& applied) noexcept {
+  void advance(const Vector3<Scalar>& applied) noexcept {
     if (order_ == 0) return;
-    xv_.tail<3>() = applied - output_;
-    next_.noalias() = ab_ * xv_;
-    xv_.head(order_) = next_;
+    const auto n = static_cast<std::size_t>(order_);
+    for (std::size_t i = 0; i < 3; ++i) xv_[n + 6 + i] = applied[static_cast<int>(i)] - output_[static_cast<int>(i)];
+    for (std::size_t i = 0; i < n; ++i) next_[i] = 0.0;
+    for (std::size_t j = 0; j < n + 9; ++j) {
+      const Scalar x = xv_[j];
+      const double* column = ab_.data() + j * n;
+      for (std::size_t i = 0; i < n; ++i) next_[i] += x * column[i];
+    }
+    for (std::size_t i = 0; i < n; ++i) xv_[i] = next_[i];
   }
 
-  void reset() noexcept { xv_.setZero(); }
+  void reset() noexcept {
+    for (Scalar& x : xv_) x = 0.0;
+  }
 
-  [[nodiscard]] auto state() const { return xv_.head(order_); }
+  [[nodiscard]] Eigen::Map<const Eigen::Matrix<Scalar, Eigen::Dynamic, 1>> state() const { return {xv_.data(), order_}; }
 
  private:
+  template <class Other>
+  friend class BasicStateSpace;
+
+  void take_memory() {
+    xv_.assign(static_cast<std::size_t>(order_) + 9, Scalar(0.0));
+    next_.assign(static_cast<std::size_t>(order_), Scalar(0.0));
+  }
+
   int order_ = 0;
-  Eigen::MatrixXd ab_;                           // [A B L], n x (n + 9)
-  Eigen::Matrix<double, 3, Eigen::Dynamic> cd_;  // [C D], 3 x (n + 6)
-  Eigen::VectorXd xv_;                           // state, reference, object, applied - output
-  Eigen::VectorXd next_;                         // state
-  Vector3<> output_ = Vector3<>::Zero();
+  std::vector<double> ab_;    // [A B L], n x (n + 9), column by column
+  std::vector<double> cd_;    // [C D], 3 x (n + 6), column by column
+  std::vector<Scalar> xv_;    // state, reference, object, applied - output
+  std::vector<Scalar> next_;  // state
+  Vector3<Scalar> output_ = Vector3<Scalar>::Constant(0.0);
 };
+using StateSpace = BasicStateSpace<double>;
 
 }  // namespace palpate

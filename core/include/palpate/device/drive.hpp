@@ -4,32 +4,36 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
 
 /// Encoders: angles come in whole counts.
-template <int dof>
+template <int dof, class Scalar = double>
 struct Encoder {
-  Joints<dof> step = Joints<dof>::Zero();  ///< rad per count; 0 reads exactly
+  Joints<dof, Scalar> step = Joints<dof, Scalar>::Constant(0.0);  ///< rad per count; 0 reads exactly
 
-  [[nodiscard]] Joints<dof> read(const Joints<dof>& q) const noexcept {
-    Joints<dof> counted = q;
+  [[nodiscard]] Joints<dof, Scalar> read(const Joints<dof, Scalar>& q) const noexcept {
+    Joints<dof, Scalar> counted = q;
     for (int i = 0; i < dof; ++i) {
-      if (step[i] > 0.0) counted[i] = std::nearbyint(q[i] / step[i]) * step[i];
+      const auto counts = step[i] > Scalar(0.0);
+      if (any(counts)) counted[i] = choose(counts, nearest(q[i] / step[i]) * step[i], q[i]);
     }
     return counted;
   }
 };
 
 /// Limits of a drive; infinite where there is none.
-template <int dof>
+template <int dof, class Scalar = double>
 struct DriveLimits {
-  double peak_force = std::numeric_limits<double>::infinity();        ///< at the tip, N
-  double continuous_force = std::numeric_limits<double>::infinity();  ///< at the tip, N: what the motors stand for ever
-  double thermal_time = 1.0;                                          ///< s: time constant of the windings' heating
-  Joints<dof> peak_torque = Joints<dof>::Constant(std::numeric_limits<double>::infinity());  ///< N*m
+  static constexpr double none = std::numeric_limits<double>::infinity();
+  Scalar peak_force = none;                                               ///< at the tip, N
+  Scalar continuous_force = none;                                         ///< at the tip, N: what the motors stand for ever
+  Scalar thermal_time = 1.0;                                              ///< s: time constant of the windings' heating
+  Joints<dof, Scalar> peak_torque = Joints<dof, Scalar>::Constant(none);  ///< N*m
 };
 
 /// Motors: a peak, a continuous rating behind a first-order winding temperature, and torque limits, in this order.
@@ -37,68 +41,108 @@ struct DriveLimits {
 /// Above the peak the tip force is scaled, so that its direction is kept. Heat follows (force / continuous)^2; over the last
 /// tenth of the heat the windings may hold, the limit fades from the peak to the continuous force, so that the limit itself
 /// makes no step that a hand would feel.
-template <int dof>
+template <int dof, class Scalar = double>
 class Drive {
  public:
   Drive() = default;
-  Drive(const DriveLimits<dof>& limits, double period)
+  Drive(const DriveLimits<dof, Scalar>& limits, const Scalar& period)
       : limits_(limits),
-        limits_force_(std::isfinite(limits.peak_force) || std::isfinite(limits.continuous_force)),
-        warming_(1.0 - std::exp(-period / limits.thermal_time)) {}
+        heats_(finite(limits.continuous_force)),
+        any_heats_(any(heats_)),
+        limits_force_(any_heats_ || any(finite(limits.peak_force))),
+        warming_(1.0 - exponential(-period / limits.thermal_time)) {
+    for (int i = 0; i < dof; ++i) limits_torque_ = limits_torque_ || any(finite(limits.peak_torque[i]));
+  }
 
   /// The tip force [N] that the motors will give when `wanted` is asked for.
-  Vector3<> limit_force(const Vector3<>& wanted) noexcept {
+  Vector3<Scalar> limit_force(const Vector3<Scalar>& wanted) noexcept {
     if (!limits_force_) return wanted;
-    const double size = wanted.norm();
-    double limit = limits_.peak_force;
-    if (std::isfinite(limits_.continuous_force)) {
-      const double left = std::clamp((1.0 - heat_) / 0.1, 0.0, 1.0);
-      limit = std::min(limit, limits_.continuous_force + left * std::max(0.0, std::min(limit, 1e300) - limits_.continuous_force));
-      const double load = std::min(size, limit) / limits_.continuous_force;
-      heat_ += warming_ * (load * load - heat_);
+    const Scalar size = wanted.norm();
+    Scalar limit = limits_.peak_force;
+    if (any_heats_) {
+      const Scalar& rating = limits_.continuous_force;
+      const Scalar left = lesser(greater((1.0 - heat_) / 0.1, Scalar(0.0)), Scalar(1.0));
+      const Scalar faded = rating + left * greater(Scalar(0.0), lesser(limit, Scalar(1e300)) - rating);
+      limit = choose(heats_, lesser(limit, faded), limit);
+      const Scalar load = lesser(size, limit) / rating;
+      heat_ = choose(heats_, heat_ + warming_ * (load * load - heat_), heat_);
     }
-    return size > limit ? Vector3<>(wanted * (limit / size)) : wanted;
+    const auto too_much = size > limit;
+    if (!any(too_much)) return wanted;
+    return choose_each(too_much, Vector3<Scalar>(wanted * (limit / size)), wanted);
   }
 
   /// The largest part, 0 to 1, of joint torques [N*m] that the motors can give; all joints are scaled alike, so that the tip
   /// force keeps its direction.
-  [[nodiscard]] double possible_part(const Joints<dof>& wanted) const noexcept {
-    double part = 1.0;
+  [[nodiscard]] Scalar possible_part(const Joints<dof, Scalar>& wanted) const noexcept {
+    using std::abs;
+    Scalar part = 1.0;
+    if (!limits_torque_) return part;
     for (int i = 0; i < dof; ++i) {
-      const double size = std::abs(wanted[i]);
-      if (size > limits_.peak_torque[i]) part = std::fmin(part, limits_.peak_torque[i] / size);
+      const Scalar size = abs(wanted[i]);
+      const Scalar possible = limits_.peak_torque[i] / size;
+      part = choose((size > limits_.peak_torque[i]) & (possible < part), possible, part);
     }
     return part;
   }
 
   /// Heat of the windings: 1 is what the continuous force keeps up.
-  [[nodiscard]] double heat() const { return heat_; }
+  [[nodiscard]] const Scalar& heat() const { return heat_; }
 
  private:
-  DriveLimits<dof> limits_;
+  static Scalar exponential(const Scalar& x) {
+    using std::exp;
+    return exp(x);
+  }
+
+  DriveLimits<dof, Scalar> limits_;
+  Condition<Scalar> heats_ = false;
+  bool any_heats_ = false;
   bool limits_force_ = false;
-  double warming_ = 0.0;
-  double heat_ = 0.0;
+  bool limits_torque_ = false;
+  Scalar warming_ = 0.0;
+  Scalar heat_ = 0.0;
 };
 
-/// A transport delay of whole servo periods.
-template <class Value, int longest = 65>
+/// A transport delay of whole servo periods: the same for a value, or (Periods a list of them) each lane's own.
+template <class Value, class Periods = int, int longest = 65>
 class Delay {
  public:
   Delay() = default;
   /// `periods` in [0, longest - 1]; `initial` is what comes out before the first value arrives.
-  Delay(int periods, const Value& initial) : periods_(std::clamp(periods, 0, longest - 1)) { line_.fill(initial); }
+  Delay(const Periods& periods, const Value& initial) : periods_(periods) {
+    line_.fill(initial);
+    if constexpr (!std::is_same_v<Periods, int>) {
+      for (int& p : periods_) longest_ = std::max(longest_, p = std::clamp(p, 0, longest - 1));
+      for (const int p : periods_) alike_ = alike_ && p == longest_;
+    } else {
+      longest_ = std::clamp(periods, 0, longest - 1);
+    }
+  }
 
   /// Puts `value` in, takes out what went in `periods` calls ago.
   Value pass(const Value& value) noexcept {
-    line_[static_cast<std::size_t>(position_)] = value;
-    const int oldest = position_ >= periods_ ? position_ - periods_ : position_ - periods_ + longest;
-    position_ = position_ + 1 < longest ? position_ + 1 : 0;
-    return line_[static_cast<std::size_t>(oldest)];
+    const int newest = position_;
+    line_[static_cast<std::size_t>(newest)] = value;
+    position_ = position_ < longest_ ? position_ + 1 : 0;  // the oldest is the next to be overwritten
+    if constexpr (!std::is_same_v<Periods, int>) {
+      if (!alike_) {
+        Value out = value;
+        for (std::size_t lane = 0; lane < periods_.size(); ++lane) {
+          const int age = newest - periods_[lane];
+          const Value& then = line_[static_cast<std::size_t>(age >= 0 ? age : age + longest_ + 1)];
+          for (Eigen::Index i = 0; i < out.size(); ++i) out[i].set(static_cast<int>(lane), then[i][static_cast<int>(lane)]);
+        }
+        return out;
+      }
+    }
+    return line_[static_cast<std::size_t>(position_)];
   }
 
  private:
-  int periods_ = 0;
+  Periods periods_{};
+  int longest_ = 0;
+  bool alike_ = true;
   int position_ = 0;
   std::array<Value, longest> line_{};
 };

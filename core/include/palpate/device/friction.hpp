@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -9,21 +10,27 @@ namespace palpate {
 /// Friction in the joints. Dry friction is a set-valued law: at rest it takes whatever value up to `breakaway` holds
 /// the joint; sliding, it falls from `breakaway` to `coulomb` with speed (Stribeck): coulomb + (breakaway - coulomb)
 /// exp(-(v/stribeck_speed)^2), against the motion.
-template <int dof>
+template <int dof, class Scalar = double>
 struct Friction {
-  Joints<dof> viscous = Joints<dof>::Zero();                 ///< N*m*s/rad
-  Joints<dof> coulomb = Joints<dof>::Zero();                 ///< N*m
-  Joints<dof> breakaway = Joints<dof>::Zero();               ///< N*m, not less than coulomb
-  Joints<dof> stribeck_speed = Joints<dof>::Constant(1e-2);  ///< rad/s
+  Joints<dof, Scalar> viscous = Joints<dof, Scalar>::Constant(0.0);          ///< N*m*s/rad
+  Joints<dof, Scalar> coulomb = Joints<dof, Scalar>::Constant(0.0);          ///< N*m
+  Joints<dof, Scalar> breakaway = Joints<dof, Scalar>::Constant(0.0);        ///< N*m, not less than coulomb
+  Joints<dof, Scalar> stribeck_speed = Joints<dof, Scalar>::Constant(1e-2);  ///< rad/s
 
-  [[nodiscard]] bool dry() const { return (breakaway.array() > 0.0).any(); }
+  [[nodiscard]] bool dry() const {
+    for (int i = 0; i < dof; ++i) {
+      if (any(breakaway[i] > Scalar(0.0))) return true;
+    }
+    return false;
+  }
 
   /// Size of the sliding dry friction of one joint [N*m].
-  [[nodiscard]] double sliding(int joint, double speed) const {
-    const double extra = breakaway[joint] - coulomb[joint];
-    if (extra == 0.0) return coulomb[joint];
-    const double ratio = speed / stribeck_speed[joint];
-    return coulomb[joint] + extra * std::exp(-ratio * ratio);
+  [[nodiscard]] Scalar sliding(int joint, const Scalar& speed) const {
+    using std::exp;
+    const Scalar extra = breakaway[joint] - coulomb[joint];
+    if (all(extra == Scalar(0.0))) return coulomb[joint];
+    const Scalar ratio = speed / stribeck_speed[joint];
+    return coulomb[joint] + extra * exp(-ratio * ratio);
   }
 };
 

@@ -1,30 +1,36 @@
 #pragma once
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
 
 /// The operator at the tip: a mass, damper and spring to the shoulder (Gil et al. 2004), held rigidly
 /// or through fingertip tissue, and a voluntary force. All zero: nobody holds the device, the force still acts on the tip.
-struct Hand {
-  double mass = 0.0;                   ///< kg
-  double damping = 0.0;                ///< N*s/m, to the ground
-  double stiffness = 0.0;              ///< N/m, to `rest`
-  bool tissue = false;                 ///< false: hand and tip move as one; true: through the next two
-  double tissue_stiffness = 0.0;       ///< N/m
-  double tissue_damping = 0.0;         ///< N*s/m
-  Vector3<> rest = Vector3<>::Zero();  ///< where the arm's spring is unstretched, m
+template <class Scalar>
+struct BasicHand {
+  Scalar mass = 0.0;                                      ///< kg
+  Scalar damping = 0.0;                                   ///< N*s/m, to the ground
+  Scalar stiffness = 0.0;                                 ///< N/m, to `rest`
+  bool tissue = false;                                    ///< false: hand and tip move as one; true: through the next two
+  Scalar tissue_stiffness = 0.0;                          ///< N/m
+  Scalar tissue_damping = 0.0;                            ///< N*s/m
+  Vector3<Scalar> rest = Vector3<Scalar>::Constant(0.0);  ///< where the arm's spring is unstretched, m
 
   /// Nothing but a force: the tip carries no extra mass, damper or spring.
-  [[nodiscard]] bool empty() const { return mass == 0.0 && damping == 0.0 && stiffness == 0.0 && !tissue; }
+  [[nodiscard]] bool empty() const {
+    return all(mass == Scalar(0.0)) && all(damping == Scalar(0.0)) && all(stiffness == Scalar(0.0)) && !tissue;
+  }
 };
+using Hand = BasicHand<double>;
 
 /// The voluntary force [N] over one servo period: linear in time from `begin` to `end`.
+template <class Scalar = double>
 struct ForceSegment {
-  Vector3<> begin = Vector3<>::Zero();
-  Vector3<> end = Vector3<>::Zero();
+  Vector3<Scalar> begin = Vector3<Scalar>::Constant(0.0);
+  Vector3<Scalar> end = Vector3<Scalar>::Constant(0.0);
 
-  [[nodiscard]] Vector3<> at(double fraction) const { return begin + fraction * (end - begin); }
+  [[nodiscard]] Vector3<Scalar> at(double fraction) const { return begin + fraction * (end - begin); }
 };
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/dual.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
@@ -77,9 +78,22 @@ class Premium {
   }
 
   /// The posture `turn` [rad] further on, cheaper than a new one when the turn is small.
-  [[nodiscard, gnu::always_inline]] Posture<> turned(const Posture<>& from, const Joints<3>& turn) const {
-    if (!(turn.cwiseAbs().maxCoeff() <= small_turn)) return posture(Joints<3>(from.q + turn));
-    return {from.q + turn, palpate::turned(from.yaw, turn[0]), palpate::turned(from.upper, turn[1]), palpate::turned(from.fore, turn[2])};
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Posture<Scalar> turned(const Posture<Scalar>& from, const Angles<Scalar>& turn) const {
+    const Angles<Scalar> q = from.q + turn;
+    return {q, turned_joint(from.yaw, turn[0], q[0]), turned_joint(from.upper, turn[1], q[1]), turned_joint(from.fore, turn[2], q[2])};
+  }
+
+  /// The posture as a function of time, at joint speeds `qd` [rad/s].
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Posture<Dual<1, Scalar>> moving(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
+    using Rate = Eigen::Matrix<Scalar, 1, 1>;
+    Posture<Dual<1, Scalar>> out;
+    for (int i = 0; i < 3; ++i) out.q[i] = {at.q[i], Rate(qd[i])};
+    out.yaw = sincos<1, Scalar>(at.yaw, Rate(qd[0]));
+    out.upper = sincos<1, Scalar>(at.upper, Rate(qd[1]));
+    out.fore = sincos<1, Scalar>(at.fore, Rate(qd[2]));
+    return out;
   }
 
   /// Tip position [m] (thesis 2.10).
@@ -104,9 +118,10 @@ class Premium {
   }
 
   /// Joint torques [N*m] of a force [N] at the tip, J^T force, without building J.
-  [[nodiscard, gnu::always_inline]] Joints<3> torque(const Posture<>& at, const Vector3<>& force) const {
-    const double reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
-    const double outwards = at.yaw.sine * force[0] + at.yaw.cosine * force[2];
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Angles<Scalar> torque(const Posture<Scalar>& at, const Vector3<Scalar>& force) const {
+    const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
+    const Scalar outwards = at.yaw.sine * force[0] + at.yaw.cosine * force[2];
     return {reach * (at.yaw.cosine * force[0] - at.yaw.sine * force[2]), l1_ * (at.upper.cosine * force[1] - at.upper.sine * outwards),
             l2_ * (at.fore.sine * force[1] + at.fore.cosine * outwards)};
   }
@@ -234,6 +249,18 @@ class Premium {
   }
 
  private:
+  /// One joint's sine and cosine, `turn` further on, at the angle `q`: each joint, and each lane, decides by itself what is small.
+  template <class Scalar>
+  [[gnu::always_inline]] static SineCosine<Scalar> turned_joint(const SineCosine<Scalar>& from, const Scalar& turn, const Scalar& q) {
+    using std::abs;
+    const auto small = abs(turn) <= Scalar(small_turn);
+    if (all(small)) [[likely]]
+      return palpate::turned(from, turn);
+    const SineCosine<Scalar> near = palpate::turned(from, turn);
+    const SineCosine<Scalar> far = sincos(q);
+    return {choose(small, near.sine, far.sine), choose(small, near.cosine, far.cosine)};
+  }
+
   template <class Scalar>
   struct Terms {
     Scalar s3, c2;

@@ -21,7 +21,14 @@ class Slider {
   [[nodiscard]] const Angles<Scalar>& posture(const Angles<Scalar>& q) const {
     return q;
   }
-  [[nodiscard]] Angles<double> turned(const Angles<double>& from, const Angles<double>& shift) const { return from + shift; }
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> turned(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
+    return from + shift;
+  }
+  template <class Scalar>
+  [[nodiscard]] Angles<Dual<1, Scalar>> moving(const Angles<Scalar>& at, const Angles<Scalar>& qd) const {
+    return Angles<Dual<1, Scalar>>(Dual<1, Scalar>(at[0], qd));
+  }
 
   /// Tip position (q, 0, 0) [m].
   template <class Scalar>
@@ -36,7 +43,10 @@ class Slider {
   }
 
   /// The part of a tip force [N] along the axis.
-  [[nodiscard]] Joints<1> torque(const Joints<1>& /*q*/, const Vector3<>& force) const { return Joints<1>(force[0]); }
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> torque(const Angles<Scalar>& /*q*/, const Vector3<Scalar>& force) const {
+    return Angles<Scalar>(force[0]);
+  }
 
   /// The mass [kg], 1 x 1.
   template <class Scalar>

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <cstddef>
+#include <type_traits>
 
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
@@ -15,22 +17,22 @@ namespace palpate {
 
 /// A whole experiment in virtual time: what to build and how to run it. Plain data; every run builds afresh from it, so the same
 /// setup gives the same trace, bit for bit.
-template <class Mechanism>
-struct SimulationSetup : ServoSetup<Mechanism> {
+template <class Mechanism, class Scalar = double>
+struct SimulationSetup : ServoSetup<Mechanism, Scalar> {
   static constexpr int dof = Mechanism::dof;
 
-  Friction<dof> friction;
-  Hand hand;
+  Friction<dof, Scalar> friction;
+  BasicHand<Scalar> hand;
 
   bool held = false;    ///< the operator holds the tip where it starts: nothing moves
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
 
-  Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
-  int substeps = 2;                               ///< of the motion in one period
-  int record_every = 1;                           ///< periods between recorded rows
-  double speed_limit = 1e3;                       ///< rad/s: past it (or not finite) the loop counts as diverged
+  Joints<dof, Scalar> start_speed = Joints<dof, Scalar>::Constant(0.0);  ///< rad/s
+  int substeps = 2;                                                      ///< of the motion in one period
+  int record_every = 1;                                                  ///< periods between recorded rows
+  double speed_limit = 1e3;                                              ///< rad/s: past it (or not finite) the loop counts as diverged
 };
 
 /// What a run leaves behind. A recorded row holds, at one sample:
@@ -53,25 +55,35 @@ template <class Mechanism>
 
 namespace detail {
 
-template <class Mechanism>
+template <class Mechanism, class Scalar = double>
 class MovingPlant {
  public:
-  explicit MovingPlant(const SimulationSetup<Mechanism>& s)
+  static constexpr int dof = Mechanism::dof;
+  explicit MovingPlant(const SimulationSetup<Mechanism, Scalar>& s)
       : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps), period_(s.period) {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
   }
-  [[nodiscard]] const Joints<Mechanism::dof>& angles() const { return state_.q; }
-  [[nodiscard]] const Joints<Mechanism::dof>& speeds() const { return state_.qd; }
-  [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return motion_.hand_force(state_, voluntary); }
-  void advance(const Joints<Mechanism::dof>& torque, const ForceSegment& force) noexcept {
+  [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
+  [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
+  [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
+  void advance(const Joints<dof, Scalar>& torque, const ForceSegment<Scalar>& force) noexcept {
     motion_.advance(state_, torque, force, period_, substeps_);
+  }
+  /// Puts the chosen loops back where they started, at rest.
+  void rest(const Condition<Scalar>& which, const SimulationSetup<Mechanism, Scalar>& s) noexcept {
+    const Joints<dof, Scalar> still = Joints<dof, Scalar>::Constant(0.0);
+    const Vector3<Scalar> none = Vector3<Scalar>::Constant(0.0);
+    state_.q = choose_each(which, s.start, state_.q);
+    state_.qd = choose_each(which, still, state_.qd);
+    state_.hand = choose_each(which, s.mechanism.forward(s.start), state_.hand);
+    state_.hand_velocity = choose_each(which, none, state_.hand_velocity);
   }
 
  private:
-  Motion<Mechanism> motion_;
-  MotionState<Mechanism::dof> state_;
+  Motion<Mechanism, Scalar> motion_;
+  MotionState<dof, Scalar> state_;
   int substeps_;
   double period_;
 };
@@ -90,7 +102,7 @@ class SampledPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
-  void advance(const Joints<dof>& torque, const ForceSegment& force) noexcept {
+  void advance(const Joints<dof>& torque, const ForceSegment<>& force) noexcept {
     plant_.advance(torque + kinematics_.jacobian(angles_).transpose() * force.begin);
     const Joints<dof> angles = plant_.angles();
     speeds_ = (angles - angles_) * per_period_;
@@ -114,7 +126,7 @@ class HeldPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
-  void advance(const Joints<dof>& /*torque*/, const ForceSegment& /*force*/) noexcept {}
+  void advance(const Joints<dof>& /*torque*/, const ForceSegment<>& /*force*/) noexcept {}
 
  private:
   Joints<dof> angles_;
@@ -129,40 +141,90 @@ inline void write_contact(double* row, const Contact& contact) noexcept {
   row[8] = contact.triangle;
 }
 
-template <class Mechanism, class Plant>
-SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference,
-                      const double* operator_force, double* rows) noexcept {
-  constexpr int dof = Mechanism::dof;
-  const int width = row_width(setup);
-  Servo<Mechanism> servo(setup);
-  SimulationOutcome outcome;
-  const double fastest = setup.speed_limit;
-  int until_record = 0;
-  for (int k = 0;; ++k) {
-    // Written so that a NaN fails it.
-    if (!((plant.speeds().array().abs() < fastest).all() && plant.angles().allFinite())) {
-      outcome.unstable_tick = k;
-      return outcome;
-    }
-    const auto& tick = servo.tick(plant.angles(), Eigen::Map<const Vector3<>>(reference + 3 * k));
-    ForceSegment force;
-    force.begin = Eigen::Map<const Vector3<>>(operator_force + 3 * k);
-    if (until_record == 0) {
-      double* row = rows + static_cast<std::ptrdiff_t>(outcome.rows++) * width;
+/// Writes one loop's rows.
+template <class Mechanism>
+class Recorder {
+ public:
+  static constexpr int dof = Mechanism::dof;
+  Recorder(const SimulationSetup<Mechanism>& s, double* rows) : every_(s.record_every), width_(row_width(s)), rows_(rows) {}
+
+  void lost(bool /*which*/, int tick) noexcept { outcome_.unstable_tick = tick; }
+
+  template <class Plant>
+  void see(int /*tick*/, bool /*alive*/, const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force) noexcept {
+    const auto& tick = servo.last();
+    if (until_next_ == 0) {
+      double* row = rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_;
       Eigen::Map<Joints<dof>>{row} = plant.angles();
       Eigen::Map<Joints<dof>>{row + dof} = plant.speeds();
       Eigen::Map<Vector3<>>{row + 2 * dof} = tick.object_force;
       Eigen::Map<Vector3<>>{row + 2 * dof + 3} = tick.command;
       Eigen::Map<Joints<dof>>{row + 2 * dof + 6} = tick.torque;
-      Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(force.begin);
+      Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(force);
       row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
       row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
       if (const Contact* contact = servo.contact()) write_contact(row + record_width<dof>, *contact);
-      until_record = setup.record_every;
+      until_next_ = every_;
     }
-    --until_record;
-    if (k == ticks) return outcome;
-    force.end = Eigen::Map<const Vector3<>>(operator_force + 3 * (k + 1));
+    --until_next_;
+  }
+
+  [[nodiscard]] const SimulationOutcome& outcome() const { return outcome_; }
+
+ private:
+  int every_;
+  int width_;
+  int until_next_ = 0;
+  double* rows_;
+  SimulationOutcome outcome_;
+};
+
+/// Whether a plant moves no faster than `fastest` and is somewhere; a NaN is not.
+template <class Scalar, class Plant>
+[[gnu::always_inline]] inline Condition<Scalar> calm(const Plant& plant, const Scalar& fastest) {
+  using std::abs;
+  Condition<Scalar> out = true;
+  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < fastest) & finite(plant.angles()[i]);
+  return out;
+}
+
+/// Three numbers of a table of forces, for every loop alike.
+template <class Scalar>
+Vector3<Scalar> force_at(const double* table, int tick) {
+  const double* row = table + 3 * static_cast<std::ptrdiff_t>(tick);
+  return {Scalar(row[0]), Scalar(row[1]), Scalar(row[2])};
+}
+
+/// The loop itself, for one (double) or several side by side (Pack): samples 0 to `ticks`, each shown to `watch`. Loops that diverge are
+/// told to `watch` and left out from then on; when none is left it ends.
+template <class Mechanism, class Scalar, class Plant, class Watch>
+void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
+         Watch& watch) noexcept {
+  using Angles = Joints<Mechanism::dof, Scalar>;
+  Servo<Mechanism, Scalar> servo(setup);
+  Condition<Scalar> alive = true;
+  for (int k = 0;; ++k) {
+    const Condition<Scalar> lost = alive & !calm<Scalar>(plant, setup.speed_limit);
+    if (any(lost)) [[unlikely]] {
+      watch.lost(lost, k);
+      alive = alive & !lost;
+      if (!any(alive)) return;
+    }
+    if constexpr (!std::is_same_v<Scalar, double>) {
+      if (!all(alive)) plant.rest(!alive, setup);
+    }
+    const auto& tick = servo.tick(plant.angles(), force_at<Scalar>(reference, k));
+    ForceSegment<Scalar> force;
+    force.begin = force_at<Scalar>(operator_force, k);
+    watch.see(k, alive, plant, servo, force.begin);
+    if (k == ticks) return;
+    force.end = force_at<Scalar>(operator_force, k + 1);
+    if constexpr (!std::is_same_v<Scalar, double>) {
+      if (!all(alive)) {
+        plant.advance(choose_each(alive, tick.torque, Angles(Angles::Constant(0.0))), force);
+        continue;
+      }
+    }
     plant.advance(tick.torque, force);
   }
 }
@@ -176,16 +238,18 @@ SimulationOutcome run(const SimulationSetup<Mechanism>& setup, Plant& plant, int
 template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                            double* rows) noexcept {
+  detail::Recorder<Mechanism> recorder(setup, rows);
   if (setup.held) {
     detail::HeldPlant<Mechanism> plant(setup);
-    return detail::run(setup, plant, ticks, reference, operator_force, rows);
-  }
-  if (setup.linear) {
+    detail::run(setup, plant, ticks, reference, operator_force, recorder);
+  } else if (setup.linear) {
     detail::SampledPlant<Mechanism> plant(setup);
-    return detail::run(setup, plant, ticks, reference, operator_force, rows);
+    detail::run(setup, plant, ticks, reference, operator_force, recorder);
+  } else {
+    detail::MovingPlant<Mechanism> plant(setup);
+    detail::run(setup, plant, ticks, reference, operator_force, recorder);
   }
-  detail::MovingPlant<Mechanism> plant(setup);
-  return detail::run(setup, plant, ticks, reference, operator_force, rows);
+  return recorder.outcome();
 }
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <type_traits>
 
 #include "palpate/math/sincos.hpp"
 
@@ -9,17 +10,20 @@ namespace palpate {
 
 /// A number with its exact derivatives along N directions: value + gradient . epsilon, epsilon^2 = 0
 /// (forward-mode differentiation). Run through a templated formula it gives the formula's Jacobian to rounding.
-template <int N>
+template <int N, class Value = double>
 struct Dual {
-  double value = 0.0;
-  Eigen::Matrix<double, N, 1> gradient = Eigen::Matrix<double, N, 1>::Zero();
+  using Gradient = Eigen::Matrix<Value, N, 1>;
+  Value value = 0.0;
+  Gradient gradient = Gradient::Constant(0.0);
 
   Dual() = default;
-  Dual(double v) : value(v) {}  // NOLINT(google-explicit-constructor): constants mix with duals in formulas
-  Dual(double v, const Eigen::Matrix<double, N, 1>& g) : value(v), gradient(g) {}
+  template <class Number>
+    requires std::is_convertible_v<Number, Value>
+  Dual(const Number& v) : value(v) {}  // NOLINT(google-explicit-constructor): constants mix with duals in formulas
+  Dual(const Value& v, const Gradient& g) : value(v), gradient(g) {}
 
   /// The independent variable number `direction`: its derivative along that direction is one.
-  static Dual variable(double v, int direction) {
+  static Dual variable(const Value& v, int direction) {
     Dual d(v);
     d.gradient[direction] = 1.0;
     return d;
@@ -37,13 +41,13 @@ struct Dual {
     return *this;
   }
   Dual& operator*=(const Dual& o) {
-    gradient = gradient * o.value + value * o.gradient;
+    gradient = gradient * o.value + o.gradient * value;
     value *= o.value;
     return *this;
   }
   Dual& operator/=(const Dual& o) {
     value /= o.value;
-    gradient = (gradient - value * o.gradient) / o.value;
+    gradient = (gradient - o.gradient * value) / o.value;
     return *this;
   }
 
@@ -51,30 +55,36 @@ struct Dual {
   friend Dual operator-(Dual a, const Dual& b) { return a -= b; }
   friend Dual operator*(Dual a, const Dual& b) { return a *= b; }
   friend Dual operator/(Dual a, const Dual& b) { return a /= b; }
-  friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
-  friend bool operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
+  friend auto operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
+  friend auto operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
 };
 
-template <int N>
-SineCosine<Dual<N>> sincos(const Dual<N>& x) {
-  const auto [s, c] = sincos(x.value);
-  return {Dual<N>(s, c * x.gradient), Dual<N>(c, -s * x.gradient)};
+/// Sine and cosine with their derivatives, given their values.
+template <int N, class Value>
+[[gnu::always_inline]] inline SineCosine<Dual<N, Value>> sincos(const SineCosine<Value>& at, const Eigen::Matrix<Value, N, 1>& gradient) {
+  return {Dual<N, Value>(at.sine, gradient * at.cosine), Dual<N, Value>(at.cosine, gradient * -at.sine)};
 }
 
-template <int N>
-Dual<N> sqrt(const Dual<N>& x) {
-  const double root = std::sqrt(x.value);
+template <int N, class Value>
+SineCosine<Dual<N, Value>> sincos(const Dual<N, Value>& x) {
+  return sincos<N, Value>(sincos(x.value), x.gradient);
+}
+
+template <int N, class Value>
+Dual<N, Value> sqrt(const Dual<N, Value>& x) {
+  using std::sqrt;
+  const Value root = sqrt(x.value);
   return {root, x.gradient / (2.0 * root)};
 }
 
 }  // namespace palpate
 
 namespace Eigen {
-template <int N>
-struct NumTraits<palpate::Dual<N>> : NumTraits<double> {
-  using Real = palpate::Dual<N>;
-  using NonInteger = palpate::Dual<N>;
-  using Nested = palpate::Dual<N>;
+template <int N, class Value>
+struct NumTraits<palpate::Dual<N, Value>> : NumTraits<double> {
+  using Real = palpate::Dual<N, Value>;
+  using NonInteger = palpate::Dual<N, Value>;
+  using Nested = palpate::Dual<N, Value>;
   enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 1, AddCost = N, MulCost = 2 * N };
 };
 }  // namespace Eigen

@@ -12,12 +12,40 @@ struct SineCosine {
   Scalar cosine;
 };
 
+namespace detail {
+
+/// The angle less its whole quadrants: pi/2 in three parts (33 + 33 + 53 bits, exact products up to 2^20 quadrants).
+template <class Scalar>
+[[gnu::always_inline]] inline Scalar reduced(const Scalar& angle, const Scalar& quadrants) noexcept {
+  return ((angle - quadrants * 0x1.921fb544p+0) - quadrants * 0x1.0b4611a6p-34) - quadrants * 0x1.3198a2e037073p-69;
+}
+
+/// Chebyshev fits in angle^2 on [-pi/4, pi/4] (fit error 2e-17 for the sine, 1e-18 for the cosine).
+template <class Scalar>
+[[gnu::always_inline]] inline SineCosine<Scalar> sincos_near_zero(const Scalar& r) noexcept {
+  // Sums in pairs (Estrin), not nested: a servo loop waits for the longest chain, not for the number of operations.
+  const Scalar u = r * r;
+  const Scalar u2 = u * u;
+  const Scalar u4 = u2 * u2;
+  const Scalar sine_tail = (-0.16666666666666664611 + u * 0.0083333333333309365507) +
+                           u2 * (-0.00019841269836740527586 + u * 2.7557316093196064354e-6) +
+                           u4 * (-2.5051129895962806497e-8 + u * 1.5917988944318715217e-10);
+  const Scalar cosine_tail = (0.041666666666666665381 + u * -0.0013888888888887389771) +
+                             u2 * (0.000024801587298754398347 + u * -2.7557317265876615658e-7) +
+                             u4 * (2.0876145049108280391e-9 + u * -1.1382544623404290303e-11);
+  // 1 - u/2 loses bits that its own rounding error gives back.
+  const Scalar half = 0.5 * u;
+  const Scalar leading = 1.0 - half;
+  return {r + r * u * sine_tail, leading + (((1.0 - leading) - half) + u * u * cosine_tail)};
+}
+
+}  // namespace detail
+
 /// Sine and cosine of an angle [rad], to 1 unit in the last place for |angle| <= 1e3 rad, 2 up to 1e5 rad; beyond that, and
 /// for non-finite angles, the C library answers.
 ///
 /// Why not std::sin: the arm's dynamics need nothing else that costs time, the library's version cannot be inlined and
-/// is not vectorised by g++. Reduction by pi/2 in three parts (33 + 33 + 53 bits, exact products up to 2^20 quadrants),
-/// then Chebyshev fits in angle^2 on [-pi/4, pi/4] (fit error 2e-17 for the sine, 1e-18 for the cosine).
+/// is not vectorised by g++.
 [[gnu::always_inline]] inline SineCosine<double> sincos(double angle) noexcept {
   if (!(std::abs(angle) <= 1e5)) return {std::sin(angle), std::cos(angle)};
   constexpr double two_over_pi = 0.63661977236758134308;
@@ -25,24 +53,7 @@ struct SineCosine {
   constexpr double round_to_integer = 6755399441055744.0;
   const double quadrants = (angle * two_over_pi + round_to_integer) - round_to_integer;
   const auto quadrant = static_cast<std::int64_t>(quadrants);
-  const double r = ((angle - quadrants * 0x1.921fb544p+0) - quadrants * 0x1.0b4611a6p-34) - quadrants * 0x1.3198a2e037073p-69;
-
-  // Sums in pairs (Estrin), not nested: a servo loop waits for the longest chain, not for the number of operations.
-  const double u = r * r;
-  const double u2 = u * u;
-  const double u4 = u2 * u2;
-  const double sine_tail = (-0.16666666666666664611 + u * 0.0083333333333309365507) +
-                           u2 * (-0.00019841269836740527586 + u * 2.7557316093196064354e-6) +
-                           u4 * (-2.5051129895962806497e-8 + u * 1.5917988944318715217e-10);
-  const double cosine_tail = (0.041666666666666665381 + u * -0.0013888888888887389771) +
-                             u2 * (0.000024801587298754398347 + u * -2.7557317265876615658e-7) +
-                             u4 * (2.0876145049108280391e-9 + u * -1.1382544623404290303e-11);
-  const double sine = r + r * u * sine_tail;
-  // 1 - u/2 loses bits that its own rounding error gives back.
-  const double half = 0.5 * u;
-  const double leading = 1.0 - half;
-  const double cosine = leading + (((1.0 - leading) - half) + u * u * cosine_tail);
-
+  const auto [sine, cosine] = detail::sincos_near_zero(detail::reduced(angle, quadrants));
   const bool swapped = (quadrant & 1) != 0;
   const double s = swapped ? cosine : sine;
   const double c = swapped ? sine : cosine;
@@ -54,11 +65,12 @@ constexpr double small_turn = 1.0 / 32.0;
 
 /// Sine and cosine of an angle `turn` [rad] further on, |turn| <= small_turn, to 2 units in the last place of 1: addition theorem
 /// with Taylor sums cut where the next term is below 3e-18. A third of the work of a new sincos; not to be chained.
-[[gnu::always_inline]] inline SineCosine<double> turned(const SineCosine<double>& from, double turn) noexcept {
-  const double u = turn * turn;
-  const double u2 = u * u;
-  const double sine = turn * ((1.0 - u * (1.0 / 6.0)) + u2 * ((1.0 / 120.0) - u * (1.0 / 5040.0)));
-  const double cosine_less_one = u * ((u * (1.0 / 24.0) - 0.5) + u2 * (u * (1.0 / 40320.0) - (1.0 / 720.0)));
+template <class Scalar>
+[[gnu::always_inline]] inline SineCosine<Scalar> turned(const SineCosine<Scalar>& from, const Scalar& turn) noexcept {
+  const Scalar u = turn * turn;
+  const Scalar u2 = u * u;
+  const Scalar sine = turn * ((1.0 - u * (1.0 / 6.0)) + u2 * ((1.0 / 120.0) - u * (1.0 / 5040.0)));
+  const Scalar cosine_less_one = u * ((u * (1.0 / 24.0) - 0.5) + u2 * (u * (1.0 / 40320.0) - (1.0 / 720.0)));
   return {from.sine + (from.sine * cosine_less_one + from.cosine * sine), from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
 }
 

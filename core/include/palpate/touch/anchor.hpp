@@ -1,34 +1,40 @@
 #pragma once
 
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
 
+/// What a tip can touch.
+enum class AnchorKind {
+  none,        ///< nothing there
+  point,       ///< a point held from all sides: deflection = tip - point (thesis ch. 3-5)
+  half_space,  ///< a wall: one-sided, along its normal
+};
+
 /// The simplest surfaces a tip can touch. Deflection is how far the tip has pushed the surface in [m]: a displacement, zero
 /// when they are apart.
-struct Anchor {
-  enum class Kind {
-    none,        ///< nothing there
-    point,       ///< a point held from all sides: deflection = tip - point (thesis ch. 3-5)
-    half_space,  ///< a wall: one-sided, along its normal
-  };
+template <class Scalar>
+struct BasicAnchor {
+  using Kind = AnchorKind;
   Kind kind = Kind::none;
-  Vector3<> point = Vector3<>::Zero();    ///< on the surface, m
-  Vector3<> normal = Vector3<>::UnitZ();  ///< unit, out of the wall
+  Vector3<Scalar> point = Vector3<Scalar>::Constant(0.0);                           ///< on the surface, m
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0.0), Scalar(0.0), Scalar(1.0));  ///< unit, out of the wall
 
   struct Contact {
-    bool touching = false;
-    Vector3<> deflection = Vector3<>::Zero();
+    Condition<Scalar> touching = false;
+    Vector3<Scalar> deflection = Vector3<Scalar>::Constant(0.0);
   };
 
-  [[nodiscard]] Contact contact(const Vector3<>& tip) const noexcept {
+  [[nodiscard]] Contact contact(const Vector3<Scalar>& tip) const noexcept {
     if (kind == Kind::none) return {};
-    const Vector3<> away = tip - point;
+    const Vector3<Scalar> away = tip - point;
     if (kind == Kind::point) return {true, away};
-    const double height = normal.dot(away);
-    if (height >= 0.0) return {};
-    return {true, height * normal};
+    const Scalar height = normal.dot(away);
+    const auto apart = height >= Scalar(0.0);
+    return {!apart, choose(apart, Scalar(0.0), height) * normal};
   }
 };
+using Anchor = BasicAnchor<double>;
 
 }  // namespace palpate

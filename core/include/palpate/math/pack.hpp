@@ -1,0 +1,222 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#include "palpate/math/choose.hpp"
+#include "palpate/math/sincos.hpp"
+
+namespace palpate {
+
+namespace detail {
+
+// Spelt out: g++ drops a vector size that depends on a template's parameter.
+template <int lanes>
+struct Lanes;
+template <>
+struct Lanes<2> {
+  using Vector [[gnu::vector_size(16)]] = double;
+  using Bits [[gnu::vector_size(16)]] = std::int64_t;
+};
+template <>
+struct Lanes<4> {
+  using Vector [[gnu::vector_size(32)]] = double;
+  using Bits [[gnu::vector_size(32)]] = std::int64_t;
+};
+template <>
+struct Lanes<8> {
+  using Vector [[gnu::vector_size(64)]] = double;
+  using Bits [[gnu::vector_size(64)]] = std::int64_t;
+};
+template <>
+struct Lanes<16> {
+  using Vector [[gnu::vector_size(128)]] = double;
+  using Bits [[gnu::vector_size(128)]] = std::int64_t;
+};
+
+}  // namespace detail
+
+/// Which lanes of a pack something holds for: all bits set or none in each.
+template <int lanes>
+struct Mask {
+  using Bits = typename detail::Lanes<lanes>::Bits;
+  Bits bits{};
+
+  Mask() = default;
+  Mask(Bits b) : bits(b) {}  // NOLINT(google-explicit-constructor): what a comparison of vectors gives
+  Mask(bool all) : bits(Bits{} - static_cast<std::int64_t>(all)) {}  // NOLINT(google-explicit-constructor): constants mix with masks
+
+  [[nodiscard]] bool operator[](int lane) const { return bits[lane] != 0; }
+  void set(int lane, bool value) { bits[lane] = value ? -1 : 0; }
+
+  [[gnu::always_inline]] friend Mask operator&(Mask a, Mask b) { return Mask(Bits(a.bits & b.bits)); }
+  [[gnu::always_inline]] friend Mask operator|(Mask a, Mask b) { return Mask(Bits(a.bits | b.bits)); }
+  [[gnu::always_inline]] friend Mask operator!(Mask a) { return Mask(Bits(~a.bits)); }
+};
+
+/// One number of each of `lanes` loops that run side by side: the scalar of a batch. Each lane computes what a double would, in the
+/// same order, so a loop's result depends neither on its neighbours nor on the number of lanes.
+template <int lanes>
+struct Pack {
+  static constexpr int width = lanes;
+  using Vector = typename detail::Lanes<lanes>::Vector;
+  Vector v{};
+
+  Pack() = default;
+  [[gnu::always_inline]] Pack(double all) : v(Vector{} + all) {}  // NOLINT(google-explicit-constructor): constants mix with packs
+  [[gnu::always_inline]] explicit Pack(Vector x) : v(x) {}
+
+  [[nodiscard]] double operator[](int lane) const { return v[lane]; }
+  void set(int lane, double value) { v[lane] = value; }
+
+  [[gnu::always_inline]] Pack operator-() const { return Pack(Vector(-v)); }
+  [[gnu::always_inline]] Pack& operator+=(Pack o) { return v += o.v, *this; }
+  [[gnu::always_inline]] Pack& operator-=(Pack o) { return v -= o.v, *this; }
+  [[gnu::always_inline]] Pack& operator*=(Pack o) { return v *= o.v, *this; }
+  [[gnu::always_inline]] Pack& operator/=(Pack o) { return v /= o.v, *this; }
+  [[gnu::always_inline]] friend Pack operator+(Pack a, Pack b) { return Pack(Vector(a.v + b.v)); }
+  [[gnu::always_inline]] friend Pack operator-(Pack a, Pack b) { return Pack(Vector(a.v - b.v)); }
+  [[gnu::always_inline]] friend Pack operator*(Pack a, Pack b) { return Pack(Vector(a.v * b.v)); }
+  [[gnu::always_inline]] friend Pack operator/(Pack a, Pack b) { return Pack(Vector(a.v / b.v)); }
+  [[gnu::always_inline]] friend Mask<lanes> operator<(Pack a, Pack b) { return {a.v < b.v}; }
+  [[gnu::always_inline]] friend Mask<lanes> operator>(Pack a, Pack b) { return {a.v > b.v}; }
+  [[gnu::always_inline]] friend Mask<lanes> operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
+  [[gnu::always_inline]] friend Mask<lanes> operator>=(Pack a, Pack b) { return {a.v >= b.v}; }
+  [[gnu::always_inline]] friend Mask<lanes> operator==(Pack a, Pack b) { return {a.v == b.v}; }
+  [[gnu::always_inline]] friend Mask<lanes> operator!=(Pack a, Pack b) { return {a.v != b.v}; }
+};
+
+template <int lanes>
+struct WholeOf<Pack<lanes>> {
+  using Type = std::array<int, lanes>;
+};
+
+template <int lanes>
+[[gnu::always_inline]] inline bool any(const Mask<lanes>& mask) {
+#if defined(__AVX512F__)
+  if constexpr (lanes == 8) return _mm512_test_epi64_mask(__m512i(mask.bits), __m512i(mask.bits)) != 0;
+#endif
+#if defined(__AVX__)
+  if constexpr (lanes == 4) return _mm256_movemask_pd(__m256d(mask.bits)) != 0;
+#endif
+#if defined(__SSE2__)
+  if constexpr (lanes == 2) return _mm_movemask_pd(__m128d(mask.bits)) != 0;
+#endif
+  std::int64_t together = 0;
+  for (int i = 0; i < lanes; ++i) together |= mask.bits[i];
+  return together != 0;
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline bool all(const Mask<lanes>& mask) {
+  return !any(!mask);
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> choose(const Mask<lanes>& mask, const Pack<lanes>& yes, const Pack<lanes>& no) {
+  return Pack<lanes>(mask.bits ? yes.v : no.v);
+}
+
+/// `function` of each lane by itself: for what is rare.
+template <int lanes, class Function>
+Pack<lanes> each(const Pack<lanes>& x, const Function& function) {
+  Pack<lanes> y;
+  for (int i = 0; i < lanes; ++i) y.set(i, function(x[i]));
+  return y;
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> abs(const Pack<lanes>& x) {
+  using Bits = typename Mask<lanes>::Bits;
+  return Pack<lanes>(typename Pack<lanes>::Vector(Bits(x.v) & (Bits{} + INT64_MAX)));
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> sqrt(const Pack<lanes>& x) {
+#if defined(__AVX512F__)
+  if constexpr (lanes == 8) return Pack<lanes>(_mm512_maskz_sqrt_pd(0xff, x.v));  // the plain one leaves g++ 12 with a false warning
+#endif
+#if defined(__AVX__)
+  if constexpr (lanes == 4) return Pack<lanes>(_mm256_sqrt_pd(x.v));
+#endif
+#if defined(__SSE2__)
+  if constexpr (lanes == 2) return Pack<lanes>(_mm_sqrt_pd(x.v));
+#endif
+  return each(x, [](double one) { return std::sqrt(one); });
+}
+
+template <int lanes>
+Pack<lanes> exp(const Pack<lanes>& x) {
+  return each(x, [](double one) { return std::exp(one); });
+}
+
+/// The nearest whole number, ties to even, as std::nearbyint has it.
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> nearest(const Pack<lanes>& x) {
+  const Pack<lanes> round_to_integer(6755399441055744.0);  // 1.5 * 2^52
+  const Pack<lanes> rounded = (x + round_to_integer) - round_to_integer;
+  return choose(abs(x) < Pack<lanes>(2251799813685248.0), rounded, x);
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline Mask<lanes> finite(const Pack<lanes>& x) {
+  return abs(x) <= Pack<lanes>(1.7976931348623157e308);
+}
+
+/// Whether a whole number's bit `weight` is set.
+template <int lanes>
+[[gnu::always_inline]] inline Mask<lanes> odd(const Pack<lanes>& whole, double shift, std::int64_t weight) {
+  // 1.5 * 2^52 + whole has the whole number in its lowest bits, two's complement.
+  using Bits = typename Mask<lanes>::Bits;
+  const Bits low = Bits((whole + Pack<lanes>(6755399441055744.0 + shift)).v);
+  return Mask<lanes>(Bits((low & weight) != 0));
+}
+
+/// As for one angle; lanes beyond 1e5 rad or not finite are answered by the C library, one by one.
+template <int lanes>
+[[gnu::always_inline]] inline SineCosine<Pack<lanes>> sincos(const Pack<lanes>& angle) noexcept {
+  const Pack<lanes> two_over_pi(0.63661977236758134308);
+  const Pack<lanes> round_to_integer(6755399441055744.0);
+  const Pack<lanes> quadrants = (angle * two_over_pi + round_to_integer) - round_to_integer;
+  const SineCosine<Pack<lanes>> near_zero = detail::sincos_near_zero(detail::reduced(angle, quadrants));
+  const Mask<lanes> swapped = odd(quadrants, 0.0, 1);
+  const Pack<lanes> s = choose(swapped, near_zero.cosine, near_zero.sine);
+  const Pack<lanes> c = choose(swapped, near_zero.sine, near_zero.cosine);
+  SineCosine<Pack<lanes>> out{choose(odd(quadrants, 0.0, 2), -s, s), choose(odd(quadrants, 1.0, 2), -c, c)};
+  const Mask<lanes> outside = !(abs(angle) <= Pack<lanes>(1e5));
+  if (any(outside)) [[unlikely]] {
+    for (int i = 0; i < lanes; ++i) {
+      if (!outside[i]) continue;
+      out.sine.set(i, std::sin(angle[i]));
+      out.cosine.set(i, std::cos(angle[i]));
+    }
+  }
+  return out;
+}
+
+}  // namespace palpate
+
+namespace Eigen {
+template <int lanes>
+struct NumTraits<palpate::Pack<lanes>> : NumTraits<double> {
+  using Real = palpate::Pack<lanes>;
+  using NonInteger = palpate::Pack<lanes>;
+  using Nested = palpate::Pack<lanes>;
+  enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 0, ReadCost = 1, AddCost = 1, MulCost = 1 };
+};
+template <int lanes, class Operation>
+struct ScalarBinaryOpTraits<double, palpate::Pack<lanes>, Operation> {
+  using ReturnType = palpate::Pack<lanes>;
+};
+template <int lanes, class Operation>
+struct ScalarBinaryOpTraits<palpate::Pack<lanes>, double, Operation> {
+  using ReturnType = palpate::Pack<lanes>;
+};
+}  // namespace Eigen

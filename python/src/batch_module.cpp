@@ -1,0 +1,122 @@
+/// The Python face of the batch: cells as columns of numbers, their outcomes as rows.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+
+#include <functional>
+#include <map>
+#include <palpate/palpate.hpp>
+#include <string>
+#include <vector>
+
+#include "batch.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+/// Columns that cells may have of their own, each with how many numbers it takes and where they go.
+template <class Mechanism>
+struct Columns {
+  static constexpr int dof = Mechanism::dof;
+  using Setup = palpate::SimulationSetup<Mechanism>;
+  struct Column {
+    int width;
+    std::function<void(Setup&, const double*)> put;
+  };
+
+  template <class Get>
+  static Column one(Get get) {
+    return {1, [get](Setup& s, const double* x) { get(s) = *x; }};
+  }
+  template <class Get>
+  static Column three(Get get) {
+    return {3, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::Vector3<>>(x); }};
+  }
+  template <class Get>
+  static Column joints(Get get) {
+    return {dof, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::Joints<dof>>(x); }};
+  }
+
+  static const std::map<std::string, Column>& all() {
+    static const std::map<std::string, Column> columns = {
+        {"stiffness", three([](Setup& s) -> auto& { return s.stiffness; })},
+        {"damping", three([](Setup& s) -> auto& { return s.damping; })},
+        {"anchor", three([](Setup& s) -> auto& { return s.anchor.point; })},
+        {"hold", three([](Setup& s) -> auto& { return s.hold; })},
+        {"start", joints([](Setup& s) -> auto& { return s.start; })},
+        {"start_speed", joints([](Setup& s) -> auto& { return s.start_speed; })},
+        {"delay", {1, [](Setup& s, const double* x) { s.delay = static_cast<int>(*x); }}},
+        {"hand_mass", one([](Setup& s) -> auto& { return s.hand.mass; })},
+        {"hand_damping", one([](Setup& s) -> auto& { return s.hand.damping; })},
+        {"hand_stiffness", one([](Setup& s) -> auto& { return s.hand.stiffness; })},
+        {"tissue_stiffness", one([](Setup& s) -> auto& { return s.hand.tissue_stiffness; })},
+        {"tissue_damping", one([](Setup& s) -> auto& { return s.hand.tissue_damping; })},
+        {"hand_rest", three([](Setup& s) -> auto& { return s.hand.rest; })},
+        {"encoder_step", joints([](Setup& s) -> auto& { return s.encoder.step; })},
+        {"viscous", joints([](Setup& s) -> auto& { return s.friction.viscous; })},
+        {"coulomb", joints([](Setup& s) -> auto& { return s.friction.coulomb; })},
+        {"breakaway", joints([](Setup& s) -> auto& { return s.friction.breakaway; })},
+    };
+    return columns;
+  }
+};
+
+template <class Mechanism>
+nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
+                     const std::map<std::string, Rows>& columns, std::ptrdiff_t count, int threads, int lanes) {
+  constexpr int width = palpate::outcome_width<Mechanism::dof>;
+  using Setup = palpate::SimulationSetup<Mechanism>;
+  if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
+    throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+  if (base.held || base.linear || base.touched) throw nb::value_error("a batch runs the nonlinear device, free to move, at an anchor");
+  struct Own {
+    const double* data;
+    int width;
+    const std::function<void(Setup&, const double*)>* put;
+  };
+  std::vector<Own> own;
+  const auto& known = Columns<Mechanism>::all();
+  for (const auto& [name, rows] : columns) {
+    const auto found = known.find(name);
+    if (found == known.end()) throw nb::value_error(("cells have no column " + name).c_str());
+    if (rows.shape(0) != static_cast<std::size_t>(count) || rows.shape(1) != static_cast<std::size_t>(found->second.width))
+      throw nb::value_error(("column " + name + " must be cells x " + std::to_string(found->second.width)).c_str());
+    own.push_back({rows.data(), found->second.width, &found->second.put});
+  }
+  const auto cell = [&own](std::ptrdiff_t i, Setup& setup) {
+    for (const Own& column : own) (*column.put)(setup, column.data + i * column.width);
+  };
+  auto* data = new double[static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 1)) * width];
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  {
+    const nb::gil_scoped_release unlocked;
+    const int ticks = static_cast<int>(reference.shape(0)) - 1;
+    palpate::batch::run_cells(base, cell, count, ticks, reference.data(), operator_force.data(), data, threads, lanes);
+  }
+  return nb::cast(nb::ndarray<nb::numpy, double>(data, {static_cast<std::size_t>(count), static_cast<std::size_t>(width)}, owner));
+}
+
+}  // namespace
+
+int palpate::batch::most_lanes() {
+#if defined(PALPATE_WIDE_LANES)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return 8;
+  if (__builtin_cpu_supports("avx2")) return 4;
+#endif
+  return 2;
+}
+
+void bind_batch(nb::module_& m) {
+  m.def("most_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
+  constexpr const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
+  m.def("run_cells", &run_cells<palpate::Premium>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,
+        "lanes"_a = 0, doc);
+  m.def("run_cells", &run_cells<palpate::Slider>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,
+        "lanes"_a = 0, doc);
+}

@@ -1,0 +1,53 @@
+"""`palpate performance`: what a hand feels of a scenario's loop."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.console import output, progress
+from palpate.files import write_folder
+
+__all__ = ["performance"]
+
+
+def performance(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+    ] = None,
+) -> None:
+    """Tell what a hand feels of a loop: impedance, stiffness, rate-hardness, force bandwidth, and whether it buzzes.
+
+    Writes performance.html and performance.json.
+
+    Example: palpate performance scenarios/arm-through-tissue-on-a-wall.toml
+    """
+    with progress("reading the scenario") as tell:
+        from palpate.performance import measure
+        from palpate.scenario import Scenario
+
+        loaded = Scenario.from_file(scenario)
+        found = measure(loaded, progress=tell)
+        tell("drawing", 0.9)
+        page = found.page()
+        folder = out if out is not None else Path("results") / scenario.stem
+        paths = write_folder(folder, {"performance.html": page.write, "performance.json": found.write_json})
+    output.print(f"[bold]{loaded.title}[/]")
+    for one in found.along:
+        where = ", ".join(f"{part:.3g}" for part in one.direction)
+        output.print(
+            f"  along ({where}): {one.static_stiffness:.4g} N/m felt at rest, as wished to within 23 % up to "
+            f"{one.transparent_to:.3g} Hz; "
+            + ("" if math.isnan(one.rate_hardness) else f"rate-hardness {one.rate_hardness:.4g} N/m; ")
+            + f"force bandwidth {one.bandwidth:.3g} Hz",
+            markup=False,
+            soft_wrap=True,
+        )
+    output.print(f"  {found.remark}", markup=False, soft_wrap=True)
+    for path in paths:
+        output.print(f"  {path}", style="dim")

@@ -1,52 +1,30 @@
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 
 #include "palpate/touch/friction_cone.hpp"
+#include "palpate/touch/groove.hpp"
 #include "palpate/touch/mesh.hpp"
+#include "palpate/touch/rolling.hpp"
+#include "palpate/touch/seat.hpp"
 #include "palpate/touch/tree.hpp"
 #include "palpate/touch/triangle.hpp"
 
 namespace palpate {
 
-/// A sphere's centre, free or held by facets.
-struct Seat {
-  static constexpr int most_planes = 12;
-
-  /// A half-space that leaves out everything nearer to `facet` than the radius (a facet is convex), and leaves in the centre.
-  struct Plane {
-    std::int32_t facet = Mesh::none;
-    NearestPoint at{};
-    Vector3<> normal = Vector3<>::Zero();  // unit
-    double offset = 0.0;                   // normal . x >= offset, m
-  };
-
-  Vector3<> centre = Vector3<>::Zero();  ///< m
-  Vector3<> rest = Vector3<>::Zero();    ///< where it would be without friction, as far as the planes tell, m
-  std::int32_t facet = Mesh::none;       ///< the one that pushes hardest; none: free
-  std::array<Plane, most_planes> planes{};
-  int count = 0;
-
-  [[nodiscard]] bool touching() const noexcept { return facet != Mesh::none; }
-};
-
-/// The sphere proxy's move. The centre always stays a radius away from every facet. Each step takes the planes that separate the
-/// centre from the facets near it, finds the point nearest to the tip behind all of them (at most three hold it), and sweeps the
-/// sphere there; a facet in the way adds its plane. The planes allow less than the facets do, and allow where the centre is, so
-/// every step ends nearer to the tip and no step can pass through the surface.
+/// The sphere proxy's move. The centre always stays a radius away from every facet. Held by one facet, the sphere rolls over it
+/// exactly; held by two, it follows the line on which it touches both; held by three, it rests. Each move is swept, and a facet in its way
+/// stops it and joins those that hold it. Every move ends nearer to the tip, and none can pass through the surface.
 class Roll {
  public:
-  static constexpr int most_steps = 64;
+  static constexpr int most_steps = 256;
   static constexpr double tolerance = 1e-10;  // of radius and depth
-  static constexpr double flat = 1e-9;        // rad: facets that turn less lie in one plane
-  static constexpr double clear = 1e-6;       // rad: rounding is about 1e-8 where a sphere just touches
-  static constexpr double most_turn = 1.0;    // rad, in one move
 
-  Roll(const Mesh& mesh, const Tree& tree, double radius) noexcept : mesh_(&mesh), tree_(&tree), radius_(radius) {}
+  Roll(const Mesh& mesh, const Tree& tree, double radius) noexcept : mesh_(&mesh), tree_(&tree), rolling_(mesh, radius), radius_(radius) {}
 
   /// Where a proxy starts: at the tip, or where a sphere stops that comes to the tip from outside past the nearest facet.
   [[nodiscard]] Seat start(const Vector3<>& tip) const noexcept {
@@ -64,426 +42,406 @@ class Roll {
     }
     if (!inside && near.distance2 >= radius_ * radius_) return seat;
     out = inside || !(out.norm() > 1e-9 * radius_) ? facet.normal : Vector3<>(out.normalized());
-    const Vector3<> far = near.at.point + 2.0 * (mesh_->extent() + radius_) * out;
-    seat.centre = far;
-    sweep_to(seat, near.at.point);
+    seat.centre = near.at.point + 2.0 * (mesh_->extent() + radius_) * out;
+    sweep_to(seat, near.at.point, Mesh::none, Mesh::none);
     return seat;
   }
 
   /// Moves `seat` towards `tip`; see Walk::follow.
   template <class Cone>
   bool follow(Seat& seat, const Vector3<>& tip, const Cone& cone, bool& sliding) const noexcept {
-    Slip slip{sliding, 0.0};
+    Slip slip{sliding, 0.0, still * (radius_ + (tip - seat.centre).norm())};
     bool done = false;
-    keep_contacts(seat);
     for (int step = 0; step < most_steps && !done; ++step) {
-      const Goal goal = nearest_allowed(seat, tip);
+      Goal goal = nearest_allowed(seat, tip);
       note(seat, goal);
       const double small = tolerance * (radius_ + (goal.point - tip).norm());
-      if (goal.strongest < 0) {
+      if (goal.active == 0) {
         const bool away = (tip - seat.centre).norm() > small;
         if (!away) seat.centre = tip;
-        done = !away || sweep_to(seat, tip) == 1.0;
-        continue;
+        done = !away || sweep_to(seat, tip, Mesh::none, Mesh::none) == 1.0;
+      } else if (goal.active == 1) {
+        done = slide_on_one(seat, goal, tip, cone, slip, small);
+      } else {
+        done = goal.active > 2 || slide_on_two(seat, goal, tip, cone, slip, small);
       }
-      if (goal.active == 1) {
-        const Move move = one_contact(seat, seat.planes[static_cast<std::size_t>(goal.strongest)], tip, cone, slip, small);
-        if (move.kind == Move::Kind::rest) {
-          done = true;
-          continue;
-        }
-        if (move.kind == Move::Kind::meet && add(seat, move.facet)) continue;
-        if (move.kind == Move::Kind::go && allows(seat, move.by)) {
-          double part = sweep_to(seat, move.by);
-          if (part == 1.0 && move.curved) part = sweep_to(seat, move.to);
-          if (part == 1.0) add(seat, move.facet);
-          slip.sliding = slip.sliding || move.slip > 0.0;
-          slip.slid += part * move.slip;
-          continue;
-        }
-      }
-      const Vector3<> lag = goal.point - seat.centre;
-      const double length = lag.norm();
-      const double left = cone(seat.facet, goal.point).rest(length, (goal.point - tip).norm(), slip.slid, slip.sliding);
-      if (!(length - left > small)) {
-        done = true;
-        continue;
-      }
-      const double share = 1.0 - left / length;
-      const double part = sweep_to(seat, share == 1.0 ? goal.point : Vector3<>(seat.centre + share * lag));
-      slip.sliding = true;
-      slip.slid += part * share * length;
     }
     if (!done) {  // what there is to say after the last move; the next tick goes on
       Goal goal = nearest_allowed(seat, tip);
-      if (goal.strongest < 0) {
-        sweep_to(seat, tip);
+      if (goal.active == 0) {
+        sweep_to(seat, tip, Mesh::none, Mesh::none);
         goal = nearest_allowed(seat, tip);
       }
       note(seat, goal);
     }
-    sliding = seat.touching() && slip.slid > 0.0;
+    sliding = seat.touching() && slip.slid > slip.least;
     return done;
   }
 
  private:
+  static constexpr double still = 1e-7;     // of radius and depth: what slides less in a tick holds
+  static constexpr double most_way = 0.3;   // of the radius, in one move round two contacts
+  static constexpr double parallel = 1e-7;  // rad: normals that differ less leave no line between them
+  static constexpr double probe = 1e-6;     // of the radius: looked ahead
+
+  /// The point nearest to the tip that the supports' planes allow, and the supports that press there.
   struct Goal {
     Vector3<> point;
-    int strongest = -1;  // plane that pushes hardest, -1 if none
-    int active = 0;      // planes that push
-  };
-
-  struct Slip {
-    bool sliding;
-    double slid;  // in this tick, m
-  };
-
-  /// Where a sphere that one facet holds goes next.
-  struct Move {
-    enum class Kind { rest, meet, go } kind = Kind::rest;
-    std::int32_t facet = Mesh::none;  // that holds it there; or, to `meet`, one that touches it and is not among its planes
-    bool curved = false;              // round an edge or a corner: along the tangent to `by`, then down to `to`
-    Vector3<> by = Vector3<>::Zero();
-    Vector3<> to = Vector3<>::Zero();
-    double slip = 0.0;  // m
+    int active = 0;  // that press: 0 to 3
+    int one = -1, two = -1;
   };
 
   static void note(Seat& seat, const Goal& goal) noexcept {
     seat.rest = goal.point;
-    seat.facet = goal.strongest < 0 ? Mesh::none : seat.planes[static_cast<std::size_t>(goal.strongest)].facet;
+    seat.facet = goal.active == 0 ? Mesh::none : seat.support(goal.one).facet;
   }
 
-  [[nodiscard]] bool allows(const Seat& seat, const Vector3<>& x) const noexcept {
-    const double little = clear * (x - seat.centre).norm() + tolerance * radius_;
-    for (int i = 0; i < seat.count; ++i) {
-      const Seat::Plane& p = seat.planes[static_cast<std::size_t>(i)];
-      if (p.normal.dot(x) < p.offset - little) return false;
-    }
+  /// Held from all sides, friction or not.
+  static bool stay(Seat& seat) noexcept {
+    seat.rest = seat.centre;
     return true;
   }
 
-  /// The move over a facet until its foot comes to the facet's edge, round an edge until it comes to a facet or to the edge's end, round
-  /// a corner until it comes to an edge; or less, if friction or the tip says so.
-  template <class Cone>
-  [[nodiscard]] Move one_contact(const Seat& seat, const Seat::Plane& plane, const Vector3<>& tip, const Cone& cone, const Slip& slip,
-                                 double small) const noexcept {
-    Contact at{plane.facet, plane.at.feature, plane.at.point, plane.normal};
-    for (int turn = 0; turn < 16; ++turn) {
-      Move move;
-      bool again = false;
-      if (at.feature == Feature::inside) {
-        again = over_facet(at, seat.centre, tip, cone, slip, small, move);
-      } else if (is_edge(at.feature)) {
-        again = round_edge(at, tip, cone, slip, small, move);
-      } else {
-        again = round_corner(at, tip, cone, slip, small, move);
-      }
-      if (!again) return move;
-    }
-    return {};
-  }
-
-  /// A facet's feature under the sphere, the foot [m], and the unit normal from there to the centre.
-  struct Contact {
-    std::int32_t facet;
-    Feature feature;
-    Vector3<> foot;
-    Vector3<> normal;
-  };
-
-  // Each of these three fills `move`, or returns true if there is no way to go on `at`, which it then sets to the neighbouring feature.
-
-  template <class Cone>
-  bool over_facet(Contact& at, const Vector3<>& centre, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small,
-                  Move& move) const noexcept {
-    const Facet& facet = mesh_->facet(at.facet);
-    const double depth = at.normal.dot(facet.corner[0] - tip) + radius_;
-    Vector3<> lag = tip - centre;
-    lag -= lag.dot(at.normal) * at.normal;
-    const double length = lag.norm(), left = cone(at.facet, at.foot).rest(length, std::fabs(depth), slip.slid, slip.sliding);
-    if (!(length - left > small)) return false;
-    const Vector3<> way = (1.0 - left / length) * lag;
-    double part = 1.0;
-    int out = -1;
-    for (int i = 0; i < 3; ++i) {
-      const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-      const Vector3<> inward = facet.normal.cross(facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
-      const double rate = inward.dot(way);
-      if (rate >= 0.0) continue;
-      const double distance = std::fmax(inward.dot(at.foot - a), 0.0);
-      if (distance < -rate * part) {
-        part = distance / -rate;
-        out = i;
-      }
-    }
-    if (out >= 0 && !(part * (length - left) > small)) {
-      at.feature = edge(out);
-      return true;
-    }
-    move = {Move::Kind::go, at.facet, false, centre + part * way, centre + part * way, part * (length - left)};
-    return false;
-  }
-
-  template <class Cone>
-  bool round_edge(Contact& at, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small, Move& move) const noexcept {
-    const Facet& facet = mesh_->facet(at.facet);
-    const int i = index_of(at.feature);
-    const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-    Vector3<> along = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a;
-    const double size = along.norm();
-    along /= size;
-    const Vector3<> out = along.cross(facet.normal);  // away from the facet, in its plane
-    const double place = std::fmin(std::fmax((at.foot - a).dot(along), 0.0), size);
-    const Vector3<> pull = tip - a - place * along;
-    // Angles about the edge, from the facet's normal towards `out`: the sphere's, the neighbour's, the tip's.
-    double angle = std::atan2(at.normal.dot(out), at.normal.dot(facet.normal));
-    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the facet's back
-    double low = 0.0, high = std::numbers::pi;
-    std::int32_t at_low = at.facet, at_high = at.facet;
-    const std::int32_t across = facet.neighbour[static_cast<std::size_t>(i)];
-    if (across >= 0) {
-      const Vector3<>& other = mesh_->facet(across / 3).normal;
-      const double turn = std::atan2(other.dot(out), other.dot(facet.normal));
-      if (std::fabs(turn) < flat) {
-        if (pull.dot(out) > 0.0) at.facet = across / 3;
-        at.feature = Feature::inside;
-        return true;
-      }
-      (turn > 0.0 ? high : low) = turn > 0.0 ? turn : std::numbers::pi + turn;
-      (turn > 0.0 ? at_high : at_low) = across / 3;
-      if (angle < low - clear || angle > high + clear) {  // a valley: the neighbour touches too
-        move = {Move::Kind::meet, across / 3};
-        return false;
-      }
-    }
-    angle = std::fmin(std::fmax(angle, low), high);
-    const double in_x = pull.dot(facet.normal), in_y = pull.dot(out), lengthwise = pull.dot(along);
-    const double distance = std::hypot(in_x, in_y);
-    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), way = std::fabs(to_go);
-    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(way);
-    const double lag = std::hypot(across_lag, lengthwise);
-    const double left = cone(at.facet, at.foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding);
-    if (!(lag - left > small)) return false;
-    const double friction = depth > 0.0 ? left / depth : 0.0;
-    const double rest = resting_angle(friction * across_lag / lag, distance, way);
-    const double wanted = angle + std::copysign(way - rest, to_go);
-    double next = std::fmin(std::fmax(wanted, low), high);
-    const bool blocked = next != wanted;
-    const std::int32_t beside = wanted > high ? at_high : at_low;
-    if (std::fabs(next - angle) > most_turn) next = angle + std::copysign(most_turn, next - angle);
-    const double turned = std::fabs(next - angle);
-    double shift = 0.0;
-    if (!blocked && turned < most_turn) {
-      const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(rest));
-      shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
-    }
-    const double end = std::fmin(std::fmax(place + shift, 0.0), size);
-    if (!(radius_ * turned > small) && !(std::fabs(end - place) > small)) {
-      if (blocked) {
-        at.facet = beside;
-        at.feature = Feature::inside;
-        at.normal = std::cos(next) * facet.normal + std::sin(next) * out;
-        at.foot = a + place * along;
-        return true;
-      }
-      if (end == place + shift) return false;
-      const int k = shift > 0.0 ? (i + 1) % 3 : i;
-      at.feature = corner(k);
-      at.foot = facet.corner[static_cast<std::size_t>(k)];
-      return true;
-    }
-    const Vector3<> normal = std::cos(next) * facet.normal + std::sin(next) * out, foot = a + end * along;
-    move = {Move::Kind::go,
-            blocked ? beside : at.facet,
-            turned > 0.0,
-            foot + radius_ / std::cos(turned) * normal,
-            foot + radius_ * normal,
-            radius_ * turned + std::fabs(end - place)};
-    return false;
-  }
-
-  template <class Cone>
-  bool round_corner(Contact& at, const Vector3<>& tip, const Cone& cone, const Slip& slip, double small, Move& move) const noexcept {
-    const int k = index_of(at.feature);
-    const Vector3<> foot = mesh_->facet(at.facet).corner[static_cast<std::size_t>(k)], pull = tip - foot;
-    const double up = at.normal.dot(pull), distance = pull.norm();
-    Vector3<> tangent = pull - up * at.normal;
-    const double lag = tangent.norm(), depth = radius_ - up;
-    const double left = cone(at.facet, foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding);
-    if (!(lag - left > small)) return false;
-    tangent /= lag;
-    const double way = std::atan2(lag, up);
-    double turned = std::fmin(way - resting_angle(depth > 0.0 ? left / depth : 0.0, distance, way), most_turn);
-    // The corner holds the sphere as long as its normal leans along none of the edges that leave it.
-    std::int32_t over = Mesh::none;
-    int over_edge = 0;
-    const auto look = [&](std::int32_t f, int i, double sense) {
-      const Facet& facet = mesh_->facet(f);
-      const Vector3<> e = sense * (facet.corner[static_cast<std::size_t>((i + 1) % 3)] - facet.corner[static_cast<std::size_t>(i)]);
-      const double rate = tangent.dot(e);
-      if (rate <= 0.0) return;
-      const double until = std::atan2(std::fmax(-at.normal.dot(e), 0.0), rate);
-      if (until < turned) {
-        turned = until;
-        over = f;
-        over_edge = i;
-      }
-    };
-    const std::int32_t start = 3 * at.facet + k;
-    std::int32_t h = start;
-    do {
-      const auto c = static_cast<std::size_t>(h % 3);
-      look(h / 3, h % 3, 1.0);
-      const std::int32_t next = mesh_->facet(h / 3).neighbour[(c + 2) % 3];
-      if (next < 0) look(h / 3, (h % 3 + 2) % 3, -1.0);
-      h = next;
-    } while (h >= 0 && h != start);
-    if (h < 0) {
-      h = mesh_->facet(start / 3).neighbour[static_cast<std::size_t>(k)];
-      while (h >= 0) {
-        const int c = (h % 3 + 1) % 3;
-        look(h / 3, c, 1.0);
-        h = mesh_->facet(h / 3).neighbour[static_cast<std::size_t>(c)];
-      }
-    }
-    if (!(radius_ * turned > small)) {
-      if (over == Mesh::none) return false;
-      at.facet = over;
-      at.feature = edge(over_edge);
-      at.foot = foot;
-      return true;
-    }
-    const Vector3<> normal = std::cos(turned) * at.normal + std::sin(turned) * tangent;
-    move = {
-        Move::Kind::go,  over == Mesh::none ? at.facet : over, true, foot + radius_ / std::cos(turned) * normal, foot + radius_ * normal,
-        radius_ * turned};
-    return false;
-  }
-
-  /// Angle between normal and pull at which a sphere on a rounding comes to rest: distance sin a = friction (radius - distance cos a).
-  [[nodiscard]] double resting_angle(double friction, double distance, double from) const noexcept {
-    if (friction <= 0.0 || distance == 0.0) return 0.0;
-    const double sine = friction * radius_ / (distance * std::sqrt(1.0 + friction * friction));
-    if (sine >= 1.0) return from;
-    return std::fmin(std::fmax(std::asin(sine) - std::atan(friction), 0.0), from);
-  }
-
-  /// Sweeps the sphere to `target`; stops at the first facet that it does not touch yet, and adds that one's plane. Returns the part of
-  /// the way done.
-  double sweep_to(Seat& seat, const Vector3<>& target) const noexcept {
-    Touch first;
-    std::int32_t hit = Mesh::none;
-    const Vector3<> from = seat.centre, way = target - from;
-    tree_->along(from, way, radius_, [&](std::int32_t f, double& end) {
-      for (int i = 0; i < seat.count; ++i)
-        if (seat.planes[static_cast<std::size_t>(i)].facet == f) return;
-      const Touch touch = sweep(mesh_->facet(f), from, way, radius_);
-      if (touch.hit && (touch.time < end || hit == Mesh::none)) {
-        end = touch.time;
-        first = touch;
-        hit = f;
-      }
-    });
-    const double part = hit == Mesh::none ? 1.0 : first.time;
-    seat.centre = hit == Mesh::none ? target : Vector3<>(from + part * way);
-    if (part > 0.0) keep_contacts(seat);
-    if (hit != Mesh::none) add(seat, hit);
-    return part;
-  }
-
-  /// The plane that separates the facet from a sphere at `centre`, at the facet's point nearest to it.
-  void support(Seat::Plane& plane, const Vector3<>& centre) const noexcept {
-    const Facet& facet = mesh_->facet(plane.facet);
-    plane.at = nearest_point(facet, centre);
-    if (plane.at.feature == Feature::inside) {
-      const double side = facet.height(centre) >= 0.0 ? 1.0 : -1.0;
-      plane.normal = side * facet.normal;
-      plane.offset = plane.normal.dot(facet.corner[0]) + radius_;
-      return;
-    }
-    const Vector3<> away = centre - plane.at.point;
-    const double distance = away.norm();
-    if (distance > 0.0) plane.normal = away / distance;
-    plane.offset = plane.normal.dot(plane.at.point) + radius_;
-  }
-
-  /// False if the facet is among the planes already.
-  bool add(Seat& seat, std::int32_t facet) const noexcept {
-    int place = seat.count;
-    for (int i = 0; i < seat.count; ++i)
-      if (seat.planes[static_cast<std::size_t>(i)].facet == facet) return false;
-    if (place < Seat::most_planes) {
-      ++seat.count;
-    } else {  // in the place of the one farthest away
-      double widest = -1.0;
-      for (int i = 0; i < Seat::most_planes; ++i) {
-        const Seat::Plane& p = seat.planes[static_cast<std::size_t>(i)];
-        const double gap = p.normal.dot(seat.centre) - p.offset;
-        if (gap > widest) {
-          widest = gap;
-          place = i;
-        }
-      }
-    }
-    Seat::Plane& plane = seat.planes[static_cast<std::size_t>(place)];
-    plane.facet = facet;
-    support(plane, seat.centre);
-    return true;
-  }
-
-  /// Planes at the centre as it is now, of the facets that touch the sphere there; what rounding has let in is put out again.
-  void keep_contacts(Seat& seat) const noexcept {
-    int kept = 0;
-    for (int i = 0; i < seat.count; ++i) {
-      Seat::Plane plane = seat.planes[static_cast<std::size_t>(i)];
-      support(plane, seat.centre);
-      seat.centre += std::fmax(plane.offset - plane.normal.dot(seat.centre), 0.0) * plane.normal;
-      if (plane.normal.dot(seat.centre) - plane.offset <= tolerance * radius_) seat.planes[static_cast<std::size_t>(kept++)] = plane;
-    }
-    seat.count = kept;
-  }
-
-  /// The point nearest to the tip that the planes allow. All of them pass through the centre, so that what they allow is a cone from
-  /// there: held by one plane, one slides in it; by two, along their common line; by three or more, nowhere.
+  /// The supports' planes all pass through the centre, so that what they allow is a cone from there: held by one plane, one slides in it;
+  /// by two, along their common line; by three or more, nowhere.
   [[nodiscard]] Goal nearest_allowed(const Seat& seat, const Vector3<>& tip) const noexcept {
     const Vector3<> pull = tip - seat.centre;
-    const double rounding = 1e-12 * pull.norm();
-    std::array<double, Seat::most_planes> press{};
+    const double rounding = 1e-15 * pull.norm();
+    std::array<double, Seat::most_supports> press{};
     int hardest = -1;
-    const auto normal = [&](int i) -> const Vector3<>& { return seat.planes[static_cast<std::size_t>(i)].normal; };
     for (int i = 0; i < seat.count; ++i) {
-      press[static_cast<std::size_t>(i)] = -normal(i).dot(pull);
-      if (press[static_cast<std::size_t>(i)] > 0.0 &&
-          (hardest < 0 || press[static_cast<std::size_t>(i)] > press[static_cast<std::size_t>(hardest)]))
-        hardest = i;
+      const double p = press[static_cast<std::size_t>(i)] = -seat.support(i).normal.dot(pull);
+      if (p > 0.0 && (hardest < 0 || p > press[static_cast<std::size_t>(hardest)])) hardest = i;
     }
     if (hardest < 0) return {tip};
     const auto allowed = [&](const Vector3<>& way, int but_one, int but_two) {
+      const double little = rounding + tolerance * way.norm();
       for (int i = 0; i < seat.count; ++i)
-        if (i != but_one && i != but_two && normal(i).dot(way) < -rounding) return false;
+        if (i != but_one && i != but_two && seat.support(i).normal.dot(way) < -little) return false;
       return true;
     };
     for (int i = 0; i < seat.count; ++i) {
       const double p = press[static_cast<std::size_t>(i)];
-      const Vector3<> way = pull + p * normal(i);
-      if (p > 0.0 && allowed(way, i, i)) return {seat.centre + way, i, 1};
+      const Vector3<> way = pull + p * seat.support(i).normal;
+      if (p > 0.0 && allowed(way, i, i)) return {seat.centre + way, 1, i, i};
     }
     for (int i = 0; i < seat.count; ++i)
       for (int j = 0; j < i; ++j) {
-        const double p = press[static_cast<std::size_t>(i)], q = press[static_cast<std::size_t>(j)], c = normal(i).dot(normal(j));
+        const Vector3<>&m = seat.support(i).normal, &n = seat.support(j).normal;
+        const double p = press[static_cast<std::size_t>(i)], q = press[static_cast<std::size_t>(j)], c = m.dot(n);
         if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would pull
-        Vector3<> line = normal(i).cross(normal(j));
+        Vector3<> line = m.cross(n);
         const double sine = line.norm();
-        if (sine < 1e-12) continue;
+        if (sine < parallel) continue;
         line /= sine;
         const Vector3<> way = pull.dot(line) * line;
-        if (allowed(way, i, j)) return {seat.centre + way, p > q ? i : j, 2};
+        if (allowed(way, i, j)) return {seat.centre + way, 2, p > q ? i : j, p > q ? j : i};
       }
-    return {seat.centre, hardest, 3};
+    return {seat.centre, 3, hardest, hardest};
+  }
+
+  /// True if the sphere rests.
+  template <class Cone>
+  bool slide_on_one(Seat& seat, Goal& goal, const Vector3<>& tip, const Cone& cone, Slip& slip, double small) const noexcept {
+    const Seat::Support support = seat.support(goal.one);
+    const Rolling::Move move = rolling_.next(seat, support, tip, cone, slip, small);
+    if (move.kind == Rolling::Move::Kind::rest) return true;
+    if (move.kind == Rolling::Move::Kind::meet && add(seat, move.facet)) return false;
+    if (move.kind == Rolling::Move::Kind::go && allows(seat, move.by)) {
+      const Hit hit = first_on(seat, move.by, support.facet, support.facet);
+      if (hit.part == 0.0) {
+        if (!meet(seat, goal, hit.facet)) return stay(seat);
+        note(seat, goal);
+        return slide_on_two(seat, goal, tip, cone, slip, small);
+      }
+      go(seat, hit, move.by);
+      double part = hit.part;
+      if (part == 1.0 && move.curved) part = sweep_to(seat, move.to, support.facet, move.facet);
+      if (part == 1.0) add(seat, move.facet);
+      slip.slid += part * move.slip;
+      return false;
+    }
+    // The rolling would run into another support: straight on, as far as the planes allow.
+    const Vector3<> lag = goal.point - seat.centre;
+    const double length = lag.norm();
+    const double left = cone(seat.facet, goal.point).rest(length, (goal.point - tip).norm(), slip.slid, slip.sliding());
+    if (!(length - left > small)) return true;
+    const double share = 1.0 - left / length;
+    slip.slid += sweep_to(seat, seat.centre + share * lag, support.facet, support.facet) * share * length;
+    return false;
+  }
+
+  /// A facet that the planes do not hold against, but for rounding, holds too. False if it touches where the first one does.
+  bool meet(Seat& seat, Goal& goal, std::int32_t facet) const noexcept {
+    add(seat, facet);
+    for (int i = 0; i < seat.count; ++i)
+      if (seat.support(i).facet == facet) goal.two = i;
+    const Vector3<> line = seat.support(goal.one).normal.cross(seat.support(goal.two).normal);
+    const double sine2 = line.squaredNorm();
+    if (!(sine2 > parallel * parallel)) return false;
+    goal.point = seat.centre + (goal.point - seat.centre).dot(line) / sine2 * line;
+    return true;
+  }
+
+  [[nodiscard]] bool allows(const Seat& seat, const Vector3<>& x) const noexcept {
+    const Vector3<> way = x - seat.centre;
+    const double little = Rolling::clear * way.norm() + tolerance * radius_;
+    for (int i = 0; i < seat.count; ++i)
+      if (seat.support(i).normal.dot(way) < -little) return false;
+    return true;
+  }
+
+  /// A Newton step along the curve on which the sphere touches both, as far as both stay the features they are. True if the sphere rests.
+  template <class Cone>
+  bool slide_on_two(Seat& seat, const Goal& goal, const Vector3<>& tip, const Cone& cone, Slip& slip, double small) const noexcept {
+    Seat::Support one = seat.support(goal.one), two = seat.support(goal.two);
+    const std::int32_t first = one.facet, second = two.facet;
+    const Vector3<> from = seat.centre, pull = tip - from;
+    Vector3<> line = one.normal.cross(two.normal).normalized();
+    double along = pull.dot(line);
+    if (along < 0.0) {
+      line = -line;
+      along = -along;
+    }
+    const double depth = (pull - along * line).norm();
+    const double left = cone(seat.facet, from).rest(along, depth, slip.slid, slip.sliding());
+    if (!(along - left > small)) return true;
+    // Where a foot is on a border, it counts what it will be on: rounding has no say.
+    const double ahead = std::fmin(probe * radius_, along - left);
+    Vector3<> x = from + ahead * line;
+    if (!put_on(one, two, x)) return true;
+    const Groove groove(*mesh_, radius_, {one.facet, one.at.feature}, {two.facet, two.at.feature});
+    const bool straight = groove.straight(line);
+    // How fast the lag shrinks along the curve, and the friction with it.
+    double shrink = 1.0;
+    if (!straight) {
+      shrink -= pull.dot(groove.curvature(from, line));
+      if (left > 0.0) shrink -= left * along / (depth * depth) * (1.0 - shrink);
+    }
+    double length = (along - left) / std::fmax(shrink, 0.2);
+    if (!straight) length = std::fmin(length, most_way * radius_);
+    const auto at = [&](double way, Vector3<>& target) {
+      target = from + way * line;
+      return straight || groove.put_on(target);
+    };
+    Vector3<> target;
+    for (int halved = 0; !at(length, target) || !((target - from).dot(tip - target + pull) > 0.0); ++halved) {
+      if (halved == 30) return stay(seat);  // as near as numbers can tell
+      length *= 0.5;
+    }
+    // Back to where one of them becomes another feature (regula falsi, Illinois).
+    double low = std::fmin(ahead, length), high = length, at_high = groove.margin(target), at_low = groove.margin(x);
+    if (at_high < 0.0 && high > low) {
+      if (!(at_low > 0.0)) at_low = 1e-3 * probe * radius_;
+      int same = 0;
+      for (int turn = 0; turn < 60 && high - low > 1e-13 * radius_; ++turn) {
+        length = low + (high - low) * at_low / (at_low - at_high);
+        if (!at(length, target)) break;
+        const double margin = groove.margin(target);
+        if (margin < 0.0) {
+          high = length;
+          at_high = margin;
+          if (same > 0) at_low *= 0.5;
+          same = 1;
+        } else {
+          low = length;
+          at_low = margin;
+          if (same < 0) at_high *= 0.5;
+          same = -1;
+        }
+        if (std::fabs(margin) <= 1e-13 * radius_) break;
+      }
+      if (high - low <= 1e-12 * radius_) {
+        length = low;
+        at(length, target);
+      }
+    }
+    // Back to where a third one comes: on the chord that is nearer by a share of the bulge, so again from there, and by secants.
+    Hit hit = first_on(seat, target, first, second);
+    double last_length = 0.0, last_excess = -1.0;
+    for (int turn = 0; turn < 30 && hit.facet != Mesh::none && !straight; ++turn) {
+      const double excess = (1.0 - hit.part) * length;
+      if (excess <= 1e-13 * radius_ || hit.part == 0.0) break;
+      const double slope = last_excess > excess ? (last_excess - excess) / (last_length - length) : 1.0;
+      last_length = length;
+      last_excess = excess;
+      length = std::fmax(length - excess / std::fmin(std::fmax(slope, 0.2), 1.0), 0.5 * hit.part * length);
+      if (!at(length, target)) break;
+      hit = first_on(seat, target, first, second);
+    }
+    if (hit.part == 0.0 && holds(seat, hit.facet)) return stay(seat);  // a third one, but for rounding
+    go(seat, hit, target);
+    slip.slid += (seat.centre - from).norm();
+    if (hit.part == 1.0) {
+      add(seat, one.facet);
+      add(seat, two.facet);
+    }
+    return false;
+  }
+
+  /// Moves `x` to where the sphere touches both supports, which change to a neighbour where that one comes nearer. False if there is no
+  /// such place close by.
+  bool put_on(Seat::Support& one, Seat::Support& two, Vector3<>& x) const noexcept {
+    for (int turn = 0; turn < 12; ++turn) {
+      support(one, x);
+      support(two, x);
+      const double in_one = radius_ - one.distance, in_two = radius_ - two.distance;
+      if (std::fmax(std::fabs(in_one), std::fabs(in_two)) <= 1e-13 * radius_ + 1e-15 * mesh_->reach()) {
+        if (!nearer_neighbour(one, x, two.facet) && !nearer_neighbour(two, x, one.facet)) return true;
+        continue;
+      }
+      const double cosine = one.normal.dot(two.normal), sine2 = 1.0 - cosine * cosine;
+      if (!(sine2 > parallel * parallel)) return false;
+      x += (in_one - cosine * in_two) / sine2 * one.normal + (in_two - cosine * in_one) / sine2 * two.normal;
+    }
+    return false;
+  }
+
+  /// Takes, in the support's place, the facet around its edge or corner that the sphere is deepest in; false if there is none.
+  bool nearer_neighbour(Seat::Support& s, const Vector3<>& x, std::int32_t other) const noexcept {
+    if (s.at.feature == Feature::inside) return false;
+    std::int32_t nearest = Mesh::none;
+    double least = s.distance * (1.0 - 1e-14);
+    const auto look = [&](std::int32_t f) {
+      if (f == other) return;
+      const double distance = (nearest_point(mesh_->facet(f), x).point - x).norm();
+      if (distance < least) {
+        least = distance;
+        nearest = f;
+      }
+    };
+    if (is_edge(s.at.feature)) {
+      const std::int32_t across = mesh_->facet(s.facet).neighbour[static_cast<std::size_t>(index_of(s.at.feature))];
+      if (across >= 0) look(across / 3);
+    } else {
+      mesh_->around(s.facet, index_of(s.at.feature), look);
+    }
+    if (nearest == Mesh::none) return false;
+    s.facet = nearest;
+    return true;
+  }
+
+  /// The first facet in the way of the sphere.
+  struct Hit {
+    std::int32_t facet = Mesh::none;
+    double part = 1.0;  // of the way
+  };
+
+  /// The first facet between the sphere and `target`, other than the two that it moves on.
+  [[nodiscard]] Hit first_on(Seat& seat, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
+    Hit hit;
+    const Vector3<> from = seat.centre, way = target - from;
+    seat.near.along(*mesh_, *tree_, from, way, radius_, [&](std::int32_t f, double& end) {
+      if (f == one || f == two) return;
+      const Facet& facet = mesh_->facet(f);
+      const Touch touch = sweep(facet, from, way, radius_);
+      if (!touch.hit || (touch.time >= end && hit.facet != Mesh::none)) return;
+      // A facet lies behind its plane: what is left of the way leads no deeper into it than rounding.
+      const bool deep = touch.time == 0.0 && (from - touch.point).squaredNorm() < (1.0 - 2e-9) * radius_ * radius_;
+      if (!deep && -(1.0 - touch.time) * way.dot(touch.normal) <= tolerance * radius_) return;
+      // At a point that also belongs to what it moves on, and no deeper on the way: nothing new.
+      if (one >= 0 && touch.feature != Feature::inside &&
+          (belongs(facet, touch.feature, mesh_->facet(one)) || belongs(facet, touch.feature, mesh_->facet(two))) &&
+          (nearest_point(facet, target).point - target).norm() > (1.0 - tolerance) * radius_)
+        return;
+      end = touch.time;
+      hit = {f, touch.time};
+    });
+    return hit;
+  }
+
+  void go(Seat& seat, const Hit& hit, const Vector3<>& target) const noexcept {
+    seat.centre = hit.part == 1.0 ? target : Vector3<>(seat.centre + hit.part * (target - seat.centre));
+    if (hit.part > 0.0) settle(seat);
+    if (hit.facet != Mesh::none) add(seat, hit.facet);
+  }
+
+  /// Sweeps the sphere to `target`; stops at the first facet in its way, other than the two that it moves on, and adds that one. Returns
+  /// the part of the way done.
+  double sweep_to(Seat& seat, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
+    const Hit hit = first_on(seat, target, one, two);
+    go(seat, hit, target);
+    return hit.part;
+  }
+
+  /// The facet's point nearest to a sphere at `centre`, and the normal there.
+  void support(Seat::Support& s, const Vector3<>& centre) const noexcept {
+    const Facet& facet = mesh_->facet(s.facet);
+    s.at = nearest_point(facet, centre);
+    if (s.at.feature == Feature::inside) {
+      const double height = facet.height(centre);
+      s.normal = height >= 0.0 ? facet.normal : Vector3<>(-facet.normal);
+      s.distance = std::fabs(height);
+      return;
+    }
+    const Vector3<> away = centre - s.at.point;
+    s.distance = away.norm();
+    if (s.distance > 0.0) s.normal = away / s.distance;
+  }
+
+  [[nodiscard]] static bool holds(const Seat& seat, std::int32_t facet) noexcept {
+    for (int i = 0; i < seat.count; ++i)
+      if (seat.support(i).facet == facet) return true;
+    return false;
+  }
+
+  /// False if the facet is among the supports already.
+  bool add(Seat& seat, std::int32_t facet) const noexcept {
+    if (holds(seat, facet)) return false;
+    int place = seat.count;
+    if (place < Seat::most_supports) {
+      ++seat.count;
+    } else {  // in the place of the one farthest away
+      place = 0;
+      for (int i = 1; i < seat.count; ++i)
+        if (seat.support(i).distance > seat.support(place).distance) place = i;
+    }
+    Seat::Support& s = seat.support(place);
+    s.facet = facet;
+    support(s, seat.centre);
+    drop_repeated(seat);
+    return true;
+  }
+
+  /// The supports at the centre as it is now, of the facets that touch the sphere there; what rounding has let in is put out again.
+  void settle(Seat& seat) const noexcept {
+    int kept = 0;
+    for (int i = 0; i < seat.count; ++i) {
+      Seat::Support s = seat.support(i);
+      support(s, seat.centre);
+      if (s.distance < radius_) {
+        seat.centre += (radius_ - s.distance) * s.normal;
+        s.distance = radius_;
+      }
+      if (s.distance - radius_ <= tolerance * radius_) seat.support(kept++) = s;
+    }
+    seat.count = kept;
+    drop_repeated(seat);
+  }
+
+  /// Facets that touch the sphere at a point they share count once, or it would look held where it can roll over their edge: the one
+  /// stays that is touched on the larger feature.
+  void drop_repeated(Seat& seat) const noexcept {
+    for (int i = 0; i < seat.count; ++i)
+      for (int j = 0; j < seat.count; ++j) {
+        const Seat::Support &s = seat.support(i), &t = seat.support(j);
+        if (i == j || s.at.feature == Feature::inside || !belongs(mesh_->facet(s.facet), s.at.feature, mesh_->facet(t.facet))) continue;
+        const bool back = t.at.feature != Feature::inside && belongs(mesh_->facet(t.facet), t.at.feature, mesh_->facet(s.facet));
+        if (back && (rank(s) > rank(t) || (rank(s) == rank(t) && i > j))) continue;
+        for (int k = i + 1; k < seat.count; ++k) seat.support(k - 1) = seat.support(k);
+        --seat.count;
+        --i;
+        break;
+      }
+  }
+
+  [[nodiscard]] static int rank(const Seat::Support& s) noexcept {
+    return s.at.feature == Feature::inside ? 2 : (is_edge(s.at.feature) ? 1 : 0);
   }
 
   const Mesh* mesh_;
   const Tree* tree_;
+  Rolling rolling_;
   double radius_;  // m
 };
 

@@ -99,6 +99,27 @@ class Tree {
     return best;
   }
 
+  /// Shows `visit(facet)` every facet whose box comes within `distance` [m] of `x`.
+  template <class Visit>
+  void within(const Vector3<>& x, double distance, Visit visit) const noexcept {
+    if (nodes_.empty()) return;
+    const double bound2 = distance * distance * (1.0 + 1e-14);
+    std::array<std::int32_t, 100> stack;
+    std::size_t size = 0;
+    stack[size++] = 0;
+    while (size > 0) {
+      const Node& node = nodes_[static_cast<std::size_t>(stack[--size])];
+      for (std::size_t k = 0; k < 2; ++k) {
+        if (!(node.box[k].distance2(x) <= bound2)) continue;
+        if (node.count[k] == 0) {
+          stack[size++] = node.child[k];
+        } else {
+          for (std::int32_t i = 0; i < node.count[k]; ++i) visit(order_[static_cast<std::size_t>(node.child[k] + i)]);
+        }
+      }
+    }
+  }
+
   /// Shows `visit(facet, end)` every facet whose box comes within `radius` [m] of the segment from + t way, 0 <= t <= end, nearer
   /// ones first as far as the boxes tell. It may lower `end` (from 1 on) to what it has found.
   template <class Visit>

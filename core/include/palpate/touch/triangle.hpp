@@ -28,6 +28,14 @@ enum class Feature : std::uint8_t { edge0, edge1, edge2, corner0, corner1, corne
   return static_cast<Feature>(3 + i);
 }
 
+/// Whether a feature of facet `f` also belongs to facet `g`.
+[[nodiscard]] inline bool belongs(const Facet& f, Feature feature, const Facet& g) noexcept {
+  const auto of_g = [&g](std::int32_t v) { return g.vertex[0] == v || g.vertex[1] == v || g.vertex[2] == v; };
+  if (feature == Feature::inside) return &f == &g;
+  const auto i = static_cast<std::size_t>(index_of(feature));
+  return of_g(f.vertex[i]) && (is_corner(feature) || of_g(f.vertex[(i + 1) % 3]));
+}
+
 struct NearestPoint {
   Vector3<> point = Vector3<>::Zero();  ///< m
   Feature feature = Feature::inside;
@@ -68,6 +76,7 @@ struct Touch {
   double time = 1.0;                     ///< fraction of the way
   Vector3<> normal = Vector3<>::Zero();  ///< unit, from the facet to the sphere's centre
   Vector3<> point = Vector3<>::Zero();   ///< on the facet, m
+  Feature feature = Feature::inside;     ///< of the facet, there
 };
 
 /// When a sphere of `radius` that moves by `way` from `from` meets the facet, from either side. A sphere that touches already is
@@ -85,7 +94,7 @@ struct Touch {
     const double distance = std::sqrt(d2);
     const bool deep = distance < radius * (1.0 - 1e-9);
     if (d2 == 0.0 || (!deep && away.dot(way) >= -1e-10 * distance * way.norm())) return touch;
-    return {true, 0.0, away / distance, near.point};
+    return {true, 0.0, away / distance, near.point, near.feature};
   }
   // The facet is convex, all of it behind the plane through its nearest point: does the sphere come through that plane at all?
   const double descent = away.dot(way);
@@ -100,7 +109,7 @@ struct Touch {
       const Vector3<> e = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - p;
       if (facet.normal.dot(e.cross(at - p)) < 0.0) inside = false;
     }
-    if (inside) return {t <= 1.0, t, side * facet.normal, at};
+    if (inside) return {t <= 1.0, t, side * facet.normal, at, Feature::inside};
   }
   // Rounded edges and corners.
   const double way2 = way.squaredNorm();
@@ -116,14 +125,14 @@ struct Touch {
       const double u = (me + t * we) / e2;
       if (t < touch.time && u >= 0.0 && u <= 1.0) {
         const Vector3<> foot = p + u * e;
-        touch = {true, t, (from + t * way - foot) / radius, foot};
+        touch = {true, t, (from + t * way - foot) / radius, foot, edge(i)};
       }
     }
     const double b = m.dot(way), c = m.squaredNorm() - reach2;
     discriminant = b * b - way2 * c;
     if (b < 0.0 && c >= 0.0 && discriminant >= 0.0) {
       const double t = c / (-b + std::sqrt(discriminant));
-      if (t < touch.time) touch = {true, t, (m + t * way) / radius, p};
+      if (t < touch.time) touch = {true, t, (m + t * way) / radius, p, corner(i)};
     }
   }
   return touch;

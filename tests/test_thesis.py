@@ -68,6 +68,17 @@ def test_every_erratum_of_the_print_is_found(reproduced: Any) -> None:
     assert found == expected
 
 
+def test_every_loop_has_its_certificate(reproduced: Any) -> None:
+    """Cases A to D and table 5.1 with both controllers: only case B with LQG is unstable, above 8.8 N/m."""
+    _, results, _ = reproduced
+    verdicts = {entry["id"]: entry["computed"] for entry in results if entry["id"].endswith("-certificate")}
+    assert len(verdicts) == 8 + 10
+    assert [name for name, verdict in verdicts.items() if verdict != "stable"] == ["caseB-lqg-certificate"]
+    limits = {entry["id"]: entry["computed"] for entry in results if entry["id"].endswith("-certified-limit")}
+    assert limits["caseB-lqg-certified-limit"] == pytest.approx(8.8, abs=0.05)
+    assert limits["caseD-lqg-certified-limit"] == pytest.approx(7900, rel=1e-3)
+
+
 def test_the_report_carries_everything_itself(reproduced: Any) -> None:
     """One file, no network: every chapter, every matrix of 3.41 and 3.42, a figure for each experiment."""
     out, _, _ = reproduced

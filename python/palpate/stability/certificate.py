@@ -153,11 +153,12 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str
         pass
     angle = _angle(loop)
     margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
+    motion = f"a swing at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without swing"
     example = growing(s, radius)
     return Certificate(
         s.title,
         "unstable",
-        f"Unstable: a swing at {margin['frequency_Hz']:.4g} Hz doubles every {doubling:.3g} s{bears}.",
+        f"Unstable: {motion} doubles every {doubling:.3g} s{bears}.",
         _assumptions(s),
         margin,
         _method(s),

@@ -225,6 +225,10 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
         margin["damping_felt_N_s_per_m"] = loop.damping_felt
     if passive:
         claim += ", and passive: stable in every passive hand"
+        late = _longest_period(s, loop)
+        if late > s.period:
+            margin["longest_time_between_ticks_s"] = late
+            why += f" It stays passive if ticks come late, up to {1e3 * late:.4g} ms after the one before."
     elif not math.isnan(needed):
         example = worst_hand(s)
         if example is not None:
@@ -316,6 +320,13 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
     return passive, needed, remark
 
 
+def _longest_period(s: Scenario, loop: ScenarioLoop) -> float:
+    """Return the T_max (s) up to which ``field_damping`` is covered by the damping that is felt."""
+    share = max(s.controller.gain or (1.0,))
+    k, b = (share * float(np.linalg.eigvalsh(m).max()) for m in (loop.stiffness, loop.damping))
+    return (loop.damping_felt - b) / (k * (0.5 + s.device.delay)) if k > 0 else float("inf")
+
+
 def _start(s: Scenario) -> Array:
     if s.start.tip is not None:
         return s.load_device().inverse(s.start.tip)
@@ -346,12 +357,29 @@ def _assumptions(s: Scenario) -> tuple[str, ...]:
     if np.any(device.coulomb > 0):
         ignored.append("dry friction, which only takes energy away")
     if s.device.encoder:
-        ignored.append("encoder counts, which can leave a swing of a few counts")
+        count = float((np.abs(device.jacobian(_start(s))).max(axis=0) * device.encoder_step).max())
+        ignored.append(
+            f"encoder counts (up to {count * 1e6:.2g} um at the tip), which can leave a swing of a few counts"
+        )
     if s.device.saturation:
         ignored.append("the drive's limits, which a large swing meets")
     if ignored:
         said.append(f"Left out: {'; '.join(ignored)}.")
+    wild = _unstable_pole(s)
+    if wild is not None:
+        said.append(
+            f"The controller by itself is unstable (a pole of modulus {wild:.6g}): the verdict ends where the loop is "
+            "open, off a wall or at a limit of the drive."
+        )
     return tuple(said)
+
+
+def _unstable_pole(s: Scenario) -> float | None:
+    """Return the modulus of the controller's largest pole if it is outside the unit circle."""
+    if s.controller.kind != "state_space" or not s.controller.A:
+        return None
+    largest = float(np.abs(np.linalg.eigvals(np.array(s.controller.A, dtype=float))).max())
+    return largest if largest > 1 + 1e-9 else None
 
 
 def _method(s: Scenario) -> tuple[str, ...]:

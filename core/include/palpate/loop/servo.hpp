@@ -198,7 +198,7 @@ class Servo {
   Vector touch_anchor() noexcept {
     const typename BasicAnchor<Scalar>::Contact contact = anchor_.contact(tick_.tip);
     tick_.touching = contact.touching;
-    const Vector force = coupling_.force(contact.deflection);
+    Vector force = coupling_.force(contact.deflection);
     if (anchor_.kind != AnchorKind::half_space) return force;
     // A wall pushes, it never pulls: neither its damper on the way out nor its memory after contact.
     const Scalar none = 0.0;
@@ -208,9 +208,11 @@ class Servo {
 
   Vector touch_mesh() noexcept {
     if constexpr (meshes) {
-      const Contact& contact = proxy_->step(tick_.tip);
-      tick_.touching = contact.touching;
-      return -contact.force;
+      if (proxy_) {
+        const Contact& contact = proxy_->step(tick_.tip);
+        tick_.touching = contact.touching;
+        return -contact.force;
+      }
     }
     return Vector::Constant(0.0);
   }

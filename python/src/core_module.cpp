@@ -186,12 +186,14 @@ void bind_loop(nb::module_& m, const char* name) {
 }  // namespace
 
 void bind_batch(nb::module_& m);
+void bind_body(nb::module_& m);
 void bind_touch(nb::module_& m);
 
 NB_MODULE(_core, m) {
   nb::set_leak_warnings(false);  // the device cache outlives the module on purpose
   m.doc() = "palpate's core: device dynamics and the servo loop.";
 
+  bind_body(m);
   bind_touch(m);
 
   nb::class_<palpate::Hand>(m, "Hand")

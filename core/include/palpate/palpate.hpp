@@ -1,6 +1,8 @@
 #pragma once
 
-/// Everything of palpate's core: device, touch, control, loop.
+/// Everything of palpate's core: device, touch, body, control, loop.
+#include "palpate/body/compliance.hpp"
+#include "palpate/body/patch.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/catalogue.hpp"

@@ -1,6 +1,6 @@
 """What yields: bodies condensed from finite elements, fast enough for the servo."""
 
-from palpate.bodies.body import Body
+from palpate.bodies.body import Body, Press, Presses
 from palpate.bodies.build import build
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.material import Material, Region, Skin
@@ -14,6 +14,8 @@ __all__ = [
     "BodyWarning",
     "Material",
     "Place",
+    "Press",
+    "Presses",
     "Region",
     "Skin",
     "Volume",

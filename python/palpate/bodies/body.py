@@ -3,18 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from palpate import _core
+from palpate.bodies.errors import BodyError
 from palpate.bodies.store import Contents, read, write
+from palpate.errors import PoseError
+from palpate.touch.mesh import Mesh
+from palpate.units import quantity
 
-__all__ = ["Body"]
+__all__ = ["Body", "Press", "Presses"]
+
+Shape = Literal["sphere", "flat"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+class Press(NamedTuple):
+    """What a tip that presses feels, and how the surface moves."""
+
+    force: Array  # of the body on the tip (3,), N
+    displacement: Array  # of the nodes (n, 3), m
+
+
+class Presses(NamedTuple):
+    """What a tip feels along a path of m places."""
+
+    force: Array  # of the body on the tip (m, 3), N
+    deflection: Array  # of the pressed patch, weighted by its forces (m, 3), m
+    energy: Array  # stored (m,), J
+    nodes: Indices  # pressed (m,)
 
 
 class Body:
@@ -69,3 +93,85 @@ class Body:
     def extent(self) -> float:
         """Diagonal of the box around it, m."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    @cached_property
+    def surface(self) -> Mesh:
+        """The part of the surface that can be touched, as a mesh."""
+        used, faces = np.unique(self.triangles[self.contents.touchable], return_inverse=True)
+        return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
+
+    @cached_property
+    def core(self) -> _core.BodyCore:
+        """The contact of one tip, in C++."""
+        return _core.BodyCore(
+            np.ascontiguousarray(self.nodes),
+            np.ascontiguousarray(self.normals),
+            np.ascontiguousarray(self.contents.areas),
+            np.ascontiguousarray(self.compliance),
+        )
+
+    def press(self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: Shape = "sphere") -> Press:
+        """Press a rigid tip `depth` into the body along the normal at the surface's nearest point to `point`.
+
+        Args:
+            point: (3,), m.
+            radius: of the sphere, or of the flat end of a rod, m or text such as "5 mm".
+            depth: of the tip's lowest point or end under the surface at rest, m or text.
+            tip: "sphere" or "flat".
+
+        Returns:
+            The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. There is no friction, and
+            displacements are taken as small against the body and the tip.
+
+        Raises:
+            PoseError: the point is not three finite numbers.
+            BodyError: the radius is not positive, or more nodes lie under the tip than are looked at (128).
+        """
+        x = np.asarray(point, dtype=float)
+        if x.shape != (3,) or not np.isfinite(x).all():
+            raise PoseError(f"a point is three finite numbers in m, not {np.asarray(point)}")
+        size, deep = _length(radius, "radius"), _length(depth, "depth")
+        at, facet = self.surface.nearest(x[None])
+        a, b, c = self.surface.vertices[self.surface.triangles[facet[0]]]
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
+        self.core.reset()
+        felt = self.follow(centre[None], size, outward=normal, tip=tip)
+        return Press(felt.force[0], self.displacement())
+
+    def follow(
+        self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: Shape = "sphere"
+    ) -> Presses:
+        """Go one period for each place of the tip's centre in `path` (m, 3), m; the loop is the core's.
+
+        `outward` (3,) or (m, 3) is the direction out of the body where it is pressed, and the axis of a flat end; if
+        None, the normal at the surface's nearest point.
+        """
+        centres = np.ascontiguousarray(path, dtype=float)
+        if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
+            raise PoseError(f"a path is (m, 3) finite numbers in m; this has shape {centres.shape}")
+        size = _length(radius, "radius")
+        if not 0 < size < np.inf:
+            raise BodyError(f"a tip has a positive radius, not {size} m")
+        if outward is None:
+            corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centres)[1]]]
+            outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        axes = np.array(np.broadcast_to(np.asarray(outward, dtype=float), centres.shape), order="C")
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        rows = self.core.follow(centres, axes, size, tip == "flat")
+        if not rows[:, 9].all():
+            raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+        return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64))
+
+    def displacement(self) -> Array:
+        """Displacement of the nodes (n, 3), m, under the last tick's forces, each a mean over the node's patch."""
+        nodes, forces = self.core.pressed()
+        total = np.zeros(3 * len(self.nodes))
+        for node, force in zip(nodes, forces, strict=True):
+            total -= force * (self.compliance[:, 3 * node : 3 * node + 3] @ self.normals[node])
+        return total.reshape(-1, 3)
+
+
+def _length(value: float | str, field: str) -> float:
+    return quantity(value, "m", field, error=BodyError) if isinstance(value, str) else float(value)

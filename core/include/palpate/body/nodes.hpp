@@ -1,0 +1,168 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "palpate/math/vector.hpp"
+
+namespace palpate {
+
+/// The rigid tip that presses a body: a sphere, or the flat end of a rod.
+struct BodyTip {
+  enum class Kind { sphere, flat };
+  Kind kind = Kind::sphere;
+  double radius = 5e-3;                    ///< m
+  Vector3<> centre = Vector3<>::Zero();    ///< of the sphere, or of the flat end, m
+  Vector3<> outward = Vector3<>::UnitZ();  ///< unit, out of the body where it is pressed; the rod's axis
+};
+
+/// The nodes of a body's touchable surface at rest, found by place: a grid of cells, so that a look takes no longer on a larger body.
+class BodyNodes {
+ public:
+  /// How far the tip is in at one node.
+  struct Near {
+    std::int32_t node = 0;
+    double depth = 0.0;                         ///< how far the node must give way along its inward normal, m
+    Vector3<> slope = Vector3<>::Zero();        ///< of the depth, by the tip's centre
+    double cover = 1.0;                         ///< the part of the node's patch that lies under a flat end, above 0
+    Vector3<> cover_slope = Vector3<>::Zero();  ///< of `cover`, by the tip's centre, 1/m
+  };
+
+  BodyNodes() = default;
+
+  /// Places [m], outward unit normals, and areas [m^2] of the patches, one of each per node.
+  BodyNodes(std::vector<Vector3<>> points, std::vector<Vector3<>> normals, const std::vector<double>& areas)
+      : points_(std::move(points)), normals_(std::move(normals)), widths_(areas.size()) {
+    double total = 0.0;
+    for (std::size_t i = 0; i < areas.size(); ++i) {
+      widths_[i] = std::sqrt(areas[i]);
+      total += areas[i];
+    }
+    if (points_.empty()) return;
+    widest_ = *std::max_element(widths_.begin(), widths_.end());
+    low_ = points_[0];
+    Vector3<> high = points_[0];
+    for (const Vector3<>& p : points_) {
+      low_ = low_.cwiseMin(p);
+      high = high.cwiseMax(p);
+    }
+    cell_ = 2.0 * std::sqrt(total / static_cast<double>(points_.size()));
+    for (int a = 0; a < 3; ++a) {
+      // Never more than a million cells: a long thin body has few nodes in a large box.
+      cell_ = std::max(cell_, (high[a] - low_[a]) / 100.0);
+    }
+    for (int a = 0; a < 3; ++a) count_[a] = static_cast<std::int32_t>((high[a] - low_[a]) / cell_) + 1;
+    const std::size_t cells =
+        static_cast<std::size_t>(count_[0]) * static_cast<std::size_t>(count_[1]) * static_cast<std::size_t>(count_[2]);
+    begin_.assign(cells + 1, 0);
+    for (const Vector3<>& p : points_) ++begin_[cell_of(p) + 1];
+    for (std::size_t c = 0; c < cells; ++c) begin_[c + 1] += begin_[c];
+    list_.resize(points_.size());
+    std::vector<std::int32_t> next(begin_.begin(), begin_.end() - 1);
+    for (std::size_t i = 0; i < points_.size(); ++i)
+      list_[static_cast<std::size_t>(next[cell_of(points_[i])]++)] = static_cast<std::int32_t>(i);
+  }
+
+  [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(points_.size()); }
+  [[nodiscard]] const Vector3<>& point(std::int32_t i) const noexcept { return points_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const Vector3<>& normal(std::int32_t i) const noexcept { return normals_[static_cast<std::size_t>(i)]; }
+
+  /// Calls `take(node, depth)` for each node that lies under the tip, in or before it. A node whose normal turns away from `tip.outward`,
+  /// such as one on the far side of a thin body, is not under it.
+  template <class Take>
+  void under(const BodyTip& tip, Take take) const noexcept {
+    const double reach = tip.radius + (tip.kind == BodyTip::Kind::flat ? 0.5 * widest_ : 0.0);
+    std::int32_t from[3], to[3];
+    for (int a = 0; a < 3; ++a) {
+      const double first = (tip.centre[a] - reach - low_[a]) / cell_, last = (tip.centre[a] + reach - low_[a]) / cell_;
+      if (!(last >= 0.0) || !(first < count_[a])) return;
+      from[a] = static_cast<std::int32_t>(std::max(first, 0.0));
+      to[a] = static_cast<std::int32_t>(std::min(last, count_[a] - 1.0));
+    }
+    for (std::int32_t x = from[0]; x <= to[0]; ++x)
+      for (std::int32_t y = from[1]; y <= to[1]; ++y)
+        for (std::int32_t z = from[2]; z <= to[2]; ++z) {
+          const std::size_t c = (static_cast<std::size_t>(x) * static_cast<std::size_t>(count_[1]) + static_cast<std::size_t>(y)) *
+                                    static_cast<std::size_t>(count_[2]) +
+                                static_cast<std::size_t>(z);
+          for (std::int32_t k = begin_[c]; k < begin_[c + 1]; ++k) {
+            const std::int32_t node = list_[static_cast<std::size_t>(k)];
+            const Vector3<> away = point(node) - tip.centre;
+            const Vector3<>& n = normal(node);
+            const double facing = n.dot(tip.outward);
+            if (facing < least_facing) continue;
+            if (tip.kind == BodyTip::Kind::sphere) {
+              const double height = away.dot(n), square = tip.radius * tip.radius - away.squaredNorm() + height * height;
+              if (square > 0.0) take(node, height + std::sqrt(square));
+            } else {
+              const double height = away.dot(tip.outward);
+              const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
+              if (part(tip, node, distance) > least_part) take(node, height / facing);
+            }
+          }
+        }
+  }
+
+  /// A node under the tip in full.
+  [[nodiscard]] Near at(const BodyTip& tip, std::int32_t node) const noexcept {
+    Near near;
+    near.node = node;
+    const Vector3<>& n = normal(node);
+    const Vector3<> away = point(node) - tip.centre;
+    if (tip.kind == BodyTip::Kind::sphere) {
+      // Along the node's inward normal, as far as the sphere's lower side.
+      const double height = away.dot(n);
+      const Vector3<> aside = away - height * n;
+      const double half = std::sqrt(std::max(tip.radius * tip.radius - aside.squaredNorm(), 0.0));
+      near.depth = height + half;
+      // The slope along the surface grows without bound towards the sphere's equator, where nothing is pressed.
+      near.slope = -n + aside / std::max(half, 1e-3 * tip.radius);
+      return near;
+    }
+    // As far as the plane of the end; `cover` fades over the width of the node's patch.
+    const double facing = n.dot(tip.outward), height = away.dot(tip.outward);
+    const Vector3<> aside = away - height * tip.outward;
+    const double distance = aside.norm(), p = part(tip, node, distance);
+    near.depth = height / facing;
+    near.slope = -tip.outward / facing;
+    if (p < 1.0) {
+      near.cover = p * p * (3.0 - 2.0 * p);
+      near.cover_slope = (6.0 * p * (1.0 - p) / (widths_[static_cast<std::size_t>(node)] * distance)) * aside;
+    }
+    return near;
+  }
+
+ private:
+  /// Where the edge of a flat end crosses the patch of a node at `distance` from its axis: 0 outside, 1 and more inside.
+  [[nodiscard]] double part(const BodyTip& tip, std::int32_t node, double distance) const noexcept {
+    return (tip.radius - distance) / widths_[static_cast<std::size_t>(node)] + 0.5;
+  }
+
+  static constexpr double least_part = 1e-3;
+  static constexpr double least_facing = 0.2;  // cosine of the angle between a node's normal and the tip's, 78 degrees
+
+  [[nodiscard]] std::size_t cell_of(const Vector3<>& p) const noexcept {
+    std::size_t c = 0;
+    for (int a = 0; a < 3; ++a) {
+      const auto i = std::clamp(static_cast<std::int32_t>((p[a] - low_[a]) / cell_), 0, count_[a] - 1);
+      c = c * static_cast<std::size_t>(count_[a]) + static_cast<std::size_t>(i);
+    }
+    return c;
+  }
+
+  std::vector<Vector3<>> points_;   // m
+  std::vector<Vector3<>> normals_;  // unit, outward
+  std::vector<double> widths_;      // square roots of the patches' areas, m
+  double widest_ = 0.0;
+  Vector3<> low_ = Vector3<>::Zero();  // the grid's corner, m
+  double cell_ = 1.0;                  // m
+  std::int32_t count_[3] = {1, 1, 1};
+  std::vector<std::int32_t> begin_;  // of each cell in list_
+  std::vector<std::int32_t> list_;   // nodes, by cell
+};
+
+}  // namespace palpate

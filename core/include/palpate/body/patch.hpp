@@ -1,0 +1,174 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <utility>
+
+#include "palpate/body/nodes.hpp"
+#include "palpate/body/unilateral.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate {
+
+/// What a body answers to a tip.
+struct BodyAnswer {
+  bool touching = false;
+  Vector3<> force = Vector3<>::Zero();       ///< of the body on the tip, N
+  Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the pressed patch, weighted by its forces, m
+  double energy = 0.0;                       ///< that pressing has stored, J (of the contact: f.g/2)
+  int nodes = 0;                             ///< pressed
+  bool solved = true;                        ///< false: the bound on moves was reached, or more nodes lie under the tip than are looked at
+};
+
+/// A rigid tip on a linear body: which nodes lie under it, and the forces that keep them out of it.
+///
+/// `Kind` is any body that is linear over one servo period:
+///   double compliance(i, j)   how far node i has moved along its inward normal at the end of the period, by a unit force along node j's
+///                             that is held from its beginning, m/N; symmetric
+///   double at_rest(i)         where node i will be then without any force, m
+///   void advance(nodes, forces, count)   one period with these forces
+///   void reset()
+/// Displacements are small: nodes move along their normals at rest. So the force is the slope of the stored energy by the tip's place,
+/// and no closed path of the tip gives work, whatever the mesh.
+template <class Kind>
+class BodyContact {
+ public:
+  static constexpr int capacity = Unilateral::capacity;
+
+  /// The nodes and the body outlive the contact.
+  BodyContact(const BodyNodes& nodes, Kind& kind) : nodes_(&nodes), kind_(&kind) {}
+
+  /// Goes on by one period with the tip where it is.
+  const BodyAnswer& step(const BodyTip& tip) noexcept {
+    find(tip);
+    solve();
+    answer();
+    kind_->advance(pressed_.data(), forces_.data(), answer_.nodes);
+    return answer_;
+  }
+
+  void reset() noexcept {
+    count_ = 0;
+    answer_ = {};
+    kind_->reset();
+  }
+
+  [[nodiscard]] const BodyAnswer& last() const noexcept { return answer_; }
+
+  /// The pressed nodes of the last step and the forces on them along their inward normals [N], answer.nodes of each.
+  [[nodiscard]] const std::int32_t* pressed() const noexcept { return pressed_.data(); }
+  [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }
+
+ private:
+  using Near = BodyNodes::Near;
+  struct Seen {
+    std::int32_t node;
+    double depth;
+  };
+  static constexpr int capacity_seen = 1024;
+
+  /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's.
+  void find(const BodyTip& tip) noexcept {
+    answer_ = {};
+    int found = 0;
+    deepest_ = 0.0;
+    nodes_->under(tip, [&](std::int32_t node, double depth) {
+      depth -= kind_->at_rest(node);
+      deepest_ = std::max(deepest_, depth);
+      if (!(depth > -0.25 * deepest_)) return;
+      if (found == capacity_seen) found = keep(found);
+      if (found < capacity_seen)
+        seen_[static_cast<std::size_t>(found++)] = {node, depth};
+      else
+        answer_.solved = false;
+    });
+    found = deepest_ > 0.0 ? keep(found) : 0;
+    if (found > capacity) {  // the deepest stay
+      answer_.solved = false;
+      std::nth_element(seen_.begin(), seen_.begin() + capacity, seen_.begin() + found,
+                       [](const Seen& a, const Seen& b) { return a.depth > b.depth; });
+      found = capacity;
+    }
+    std::sort(seen_.begin(), seen_.begin() + found, [](const Seen& a, const Seen& b) { return a.node < b.node; });
+    same_ = found == count_;
+    for (int a = 0; a < found; ++a) {
+      Near& near = near_[static_cast<std::size_t>(a)];
+      near = nodes_->at(tip, seen_[static_cast<std::size_t>(a)].node);
+      near.depth = seen_[static_cast<std::size_t>(a)].depth;
+      same_ = same_ && near.node == node_[static_cast<std::size_t>(a)] && near.cover == cover_[static_cast<std::size_t>(a)];
+      solver_.depth(a) = near.depth;
+    }
+    next_ = found;
+  }
+
+  /// Drops what turned out to be too high; returns how many stay.
+  int keep(int found) noexcept {
+    const auto end = std::remove_if(seen_.begin(), seen_.begin() + found, [this](const Seen& s) { return !(s.depth > -0.25 * deepest_); });
+    return static_cast<int>(end - seen_.begin());
+  }
+
+  void solve() noexcept {
+    if (!same_) {
+      // The nodes of the last step that were pressed are tried first; without any, those that Hertz would press: deeper than half.
+      bool touched = false;
+      for (int a = 0; a < answered_; ++a) touched = touched || forces_[static_cast<std::size_t>(a)] > 0.0;
+      for (int a = 0; a < next_; ++a) {
+        const Near& near = near_[static_cast<std::size_t>(a)];
+        node_[static_cast<std::size_t>(a)] = near.node;
+        cover_[static_cast<std::size_t>(a)] = near.cover;
+        for (int b = 0; b < a; ++b)
+          solver_.compliance(a, b) = solver_.compliance(b, a) = kind_->compliance(near.node, node_[static_cast<std::size_t>(b)]);
+        own_[static_cast<std::size_t>(a)] = kind_->compliance(near.node, near.node);
+        solver_.compliance(a, a) = own_[static_cast<std::size_t>(a)] / near.cover;
+      }
+      count_ = next_;
+      solver_.start(count_, [&](int a) {
+        const Near& near = near_[static_cast<std::size_t>(a)];
+        if (!touched) return near.depth > 0.5 * deepest_;
+        return std::binary_search(pressed_.begin(), pressed_.begin() + answered_, near.node);
+      });
+    }
+    answer_.solved = solver_.solve() && answer_.solved;
+  }
+
+  void answer() noexcept {
+    double total = 0.0;
+    for (int a = 0; a < count_; ++a) {
+      const double f = solver_.force(a);
+      if (f <= 0.0) continue;
+      const Near& near = near_[static_cast<std::size_t>(a)];
+      pressed_[static_cast<std::size_t>(answer_.nodes)] = near.node;
+      forces_[static_cast<std::size_t>(answer_.nodes++)] = f;
+      // Minus the slope of the stored energy, max f.(g - C f/2), by the tip's place.
+      answer_.force -= f * near.slope;
+      if (near.cover < 1.0)
+        answer_.force -= (0.5 * f * f * own_[static_cast<std::size_t>(a)] / (near.cover * near.cover)) * near.cover_slope;
+      answer_.energy += 0.5 * f * near.depth;
+      answer_.deflection -= (f * near.depth) * nodes_->normal(near.node);
+      total += f;
+    }
+    answer_.touching = answer_.nodes > 0;
+    if (answer_.touching) answer_.deflection /= total;
+    answered_ = answer_.nodes;
+  }
+
+  const BodyNodes* nodes_;
+  Kind* kind_;
+  Unilateral solver_;
+  BodyAnswer answer_;
+  int count_ = 0;     // places in the solver
+  int next_ = 0;      // places found in this step
+  int answered_ = 0;  // pressed in the last step
+  bool same_ = false;
+  double deepest_ = 0.0;
+  std::array<Seen, capacity_seen> seen_{};
+  std::array<Near, capacity> near_{};
+  std::array<std::int32_t, capacity> node_{};  // by place
+  std::array<double, capacity> cover_{};       // by place
+  std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
+  std::array<std::int32_t, capacity> pressed_{};
+  std::array<double, capacity> forces_{};
+};
+
+}  // namespace palpate

@@ -1,0 +1,184 @@
+// Bodies that yield: one-sided contact against brute force, and against Boussinesq's half-space.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <palpate/body/compliance.hpp>
+#include <palpate/body/patch.hpp>
+#include <random>
+
+namespace {
+
+using palpate::Unilateral;
+
+Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(n, n, [&] { return normal(random); });
+  return a * a.transpose() + 0.05 * Eigen::MatrixXd::Identity(n, n);
+}
+
+void put(Unilateral& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
+  for (int i = 0; i < g.size(); ++i) {
+    solver.depth(i) = g[i];
+    for (int j = 0; j < g.size(); ++j) solver.compliance(i, j) = c(i, j);
+  }
+}
+
+// Every one of the 2^n sets of pressed places is tried: exactly one is right, and it is the one found.
+TEST(Unilateral, FindsWhatTryingAllSetsFinds) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 200; ++trial) {
+    const int n = 6;
+    const Eigen::MatrixXd c = random_compliance(n, random);
+    const Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
+    Unilateral solver;
+    put(solver, c, g);
+    solver.start(n, [&](int a) { return ((trial >> a) & 1) != 0; });  // whatever is tried first
+    ASSERT_TRUE(solver.solve());
+    int right = 0;
+    for (int set = 0; set < (1 << n); ++set) {
+      std::vector<int> in;
+      for (int a = 0; a < n; ++a)
+        if ((set >> a) & 1) in.push_back(a);
+      Eigen::VectorXd f = Eigen::VectorXd::Zero(n);
+      if (!in.empty()) {
+        const Eigen::MatrixXd part = c(in, in);
+        const Eigen::VectorXd some = part.ldlt().solve(Eigen::VectorXd(g(in)));
+        for (std::size_t k = 0; k < in.size(); ++k) f[in[k]] = some[static_cast<int>(k)];
+      }
+      if (f.minCoeff() < 0.0 || (c * f - g).minCoeff() < -1e-12) continue;
+      ++right;
+      for (int a = 0; a < n; ++a) EXPECT_NEAR(solver.force(a), f[a], 1e-9 * (1.0 + f.norm()));
+    }
+    EXPECT_EQ(right, 1);
+  }
+}
+
+// The conditions themselves, on full-size contacts that change from step to step with the factor kept.
+TEST(Unilateral, HoldsItsConditionsWhileDepthsChange) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  for (const int n : {1, 30, Unilateral::capacity}) {
+    const Eigen::MatrixXd c = random_compliance(n, random);
+    Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
+    Unilateral solver;
+    put(solver, c, g);
+    solver.start(n, [](int) { return false; });
+    for (int step = 0; step < 50; ++step) {
+      ASSERT_TRUE(solver.solve());
+      Eigen::VectorXd f(n);
+      for (int a = 0; a < n; ++a) f[a] = solver.force(a);
+      const Eigen::VectorXd gap = c * f - g;
+      EXPECT_GE(f.minCoeff(), 0.0);
+      EXPECT_GE(gap.minCoeff(), -1e-7 * g.norm());
+      EXPECT_LE(f.cwiseProduct(gap).cwiseAbs().maxCoeff(), 1e-7 * (1.0 + f.norm() * g.norm()));
+      for (int a = 0; a < n; ++a) {
+        g[a] += 0.2 * normal(random);
+        solver.depth(a) = g[a];
+      }
+    }
+  }
+}
+
+/// The top of an elastic half-space, z up: mean displacement of square patches under even pressure on another, by Love's closed form at
+/// centres for the own patch and Boussinesq's point load elsewhere. Nothing here comes from finite elements.
+struct HalfSpace {
+  double modulus, width;  // E / (1 - nu^2), Pa; m
+  palpate::BodyNodes nodes;
+  std::vector<palpate::Vector3<>> points;
+
+  HalfSpace(int side, double w, double e) : modulus(e), width(w) {
+    for (int i = 0; i < side; ++i)
+      for (int j = 0; j < side; ++j) points.emplace_back(w * (i - 0.5 * (side - 1)), w * (j - 0.5 * (side - 1)), 0.0);
+    nodes = palpate::BodyNodes(points, std::vector<palpate::Vector3<>>(points.size(), palpate::Vector3<>::UnitZ()),
+                               std::vector<double>(points.size(), w * w));
+  }
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
+    // 1.1222 / w at the centre of the own square; the mean over it is 0.9464 / w (Johnson 1985, eq. 3.25 ff.).
+    if (i == j) return 2.9730 / (M_PI * modulus * width);
+    return 1.0 / (M_PI * modulus * (points[static_cast<std::size_t>(i)] - points[static_cast<std::size_t>(j)]).norm());
+  }
+  [[nodiscard]] static double at_rest(std::int32_t) { return 0.0; }
+  static void advance(const std::int32_t*, const double*, int) {}
+  static void reset() {}
+};
+
+// Hertz 1882: F = 4/3 E* sqrt(R) d^(3/2), contact radius sqrt(R d).
+TEST(BodyContact, OnAHalfSpaceIsHertzs) {
+  HalfSpace space(41, 0.5e-3, 20e3);
+  palpate::BodyContact<HalfSpace> contact(space.nodes, space);
+  palpate::BodyTip tip;
+  tip.radius = 20e-3;
+  for (const double depth : {0.1e-3, 0.15e-3, 0.2e-3}) {
+    tip.centre = {0.1e-3, -0.2e-3, tip.radius - depth};
+    const palpate::BodyAnswer& a = contact.step(tip);
+    ASSERT_TRUE(a.solved);
+    EXPECT_NEAR(a.force.z(), 4.0 / 3.0 * 20e3 * std::sqrt(tip.radius) * std::pow(depth, 1.5), 0.05 * a.force.z());
+    EXPECT_NEAR(a.nodes * 0.25e-6, M_PI * tip.radius * depth, 0.2 * M_PI * tip.radius * depth);
+    EXPECT_NEAR(a.energy, 0.4 * a.force.z() * depth, 0.05 * a.energy);
+  }
+  tip.centre.z() = tip.radius + 1e-6;
+  EXPECT_FALSE(contact.step(tip).touching);
+  EXPECT_EQ(contact.last().force.norm(), 0.0);
+}
+
+// Sneddon 1946: a flat end of radius a has the stiffness 2 a E*, wherever it stands between the nodes.
+TEST(BodyContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
+  HalfSpace space(41, 1e-3, 20e3);
+  palpate::BodyContact<HalfSpace> contact(space.nodes, space);
+  palpate::BodyTip tip;
+  tip.kind = palpate::BodyTip::Kind::flat;
+  tip.radius = 5e-3;
+  for (const double aside : {0.0, 0.2e-3, 0.35e-3, 0.5e-3}) {
+    tip.centre = {aside, 0.4 * aside, -1e-3};
+    EXPECT_NEAR(contact.step(tip).force.z(), 2.0 * tip.radius * 20e3 * 1e-3, 0.04 * 0.2);
+  }
+}
+
+// The force is the slope of the energy: compared by central differences, for both tips, where nodes come and go.
+TEST(BodyContact, ForceIsTheSlopeOfItsEnergy) {
+  HalfSpace space(31, 1e-3, 20e3);
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
+    palpate::BodyContact<HalfSpace> contact(space.nodes, space);
+    palpate::BodyTip tip;
+    tip.kind = kind;
+    tip.radius = 4e-3;
+    for (int trial = 0; trial < 50; ++trial) {
+      const double top = kind == palpate::BodyTip::Kind::sphere ? tip.radius : 0.0;
+      const palpate::Vector3<> at(3e-3 * uniform(random), 3e-3 * uniform(random), top - 1e-3 * (1.2 + uniform(random)));
+      tip.centre = at;
+      const palpate::Vector3<> force = contact.step(tip).force;
+      palpate::Vector3<> slope;
+      for (int a = 0; a < 3; ++a) {
+        const double h = 1e-8;
+        tip.centre = at + h * palpate::Vector3<>::Unit(a);
+        const double up = contact.step(tip).energy;
+        tip.centre = at - h * palpate::Vector3<>::Unit(a);
+        slope[a] = (up - contact.step(tip).energy) / (2.0 * h);
+      }
+      EXPECT_LT((force + slope).norm(), 1e-4 * force.norm() + 1e-9);
+    }
+  }
+}
+
+// Nodes on the far side of a thin plate are not under the tip.
+TEST(BodyNodes, OnTheFarSideAreNotUnderTheTip) {
+  const std::vector<palpate::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};
+  const std::vector<palpate::Vector3<>> normals{palpate::Vector3<>::UnitZ(), -palpate::Vector3<>::UnitZ()};
+  const palpate::BodyNodes nodes(points, normals, {1e-6, 1e-6});
+  palpate::BodyTip tip;
+  tip.centre = {0, 0, 4e-3};
+  int found = 0;
+  nodes.under(tip, [&](std::int32_t node, double depth) {
+    EXPECT_EQ(node, 0);
+    EXPECT_NEAR(depth, 1e-3, 1e-15);
+    ++found;
+  });
+  EXPECT_EQ(found, 1);
+  tip.centre.x() = std::nan("");
+  nodes.under(tip, [&](std::int32_t, double) { FAIL(); });
+}
+
+}  // namespace

@@ -1,0 +1,114 @@
+/// The Python face of bodies: a rigid tip that presses one, with the loop over a path in C++.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <chrono>
+#include <memory>
+#include <palpate/body/compliance.hpp>
+#include <palpate/body/patch.hpp>
+#include <vector>
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+
+std::vector<palpate::Vector3<>> points(const Points& a) {
+  std::vector<palpate::Vector3<>> list(a.shape(0));
+  for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
+  return list;
+}
+
+/// A numpy array of `shape` that owns its memory.
+template <class T>
+std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
+  std::size_t count = 1;
+  for (const std::size_t s : shape) count *= s;
+  auto* data = new T[count > 0 ? count : 1]();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
+}
+
+/// A compliance with its nodes and the contact of one tip.
+struct BodyCore {
+  palpate::BodyNodes nodes;
+  palpate::Compliance body;
+  palpate::BodyContact<palpate::Compliance> contact;
+
+  BodyCore(const Points& at, const Points& normals, const std::vector<double>& areas, const Matrix& compliance)
+      : nodes(points(at), points(normals), areas), body(nodes, compliance.data()), contact(nodes, body) {}
+};
+
+palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
+  return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};
+}
+
+}  // namespace
+
+void bind_body(nb::module_& m) {
+  nb::class_<BodyCore>(m, "BodyCore")
+      .def(
+          "__init__",
+          [](BodyCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
+            const std::size_t n = at.shape(0);
+            if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
+              throw nb::value_error("the sizes of a body's arrays do not fit each other");
+            new (self) BodyCore(at, normals, std::vector<double>(areas.data(), areas.data() + n), compliance);
+          },
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a)
+      .def(
+          "follow",
+          [](BodyCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centres.shape(0);
+            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            auto [rows, row] = new_array<double>({n, 10});
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t i = 0; i < n; ++i, row += 10) {
+              const palpate::BodyAnswer& a =
+                  self.contact.step(tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
+                                           Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i)));
+              Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
+              Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+              row[6] = a.energy;
+              row[7] = a.nodes;
+              row[8] = a.touching ? 1.0 : 0.0;
+              row[9] = a.solved ? 1.0 : 0.0;
+            }
+            return rows;
+          },
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "Rows of force (3), deflection (3), energy, nodes, touching, solved.")
+      .def(
+          "time",
+          [](BodyCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centres.shape(0);
+            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            auto [seconds, s] = new_array<double>({n});
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t i = 0; i < n; ++i) {
+              const palpate::BodyTip tip = tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
+                                                  Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
+              const auto begin = std::chrono::steady_clock::now();
+              self.contact.step(tip);
+              s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+            }
+            return seconds;
+          },
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "How long each step took, s, the clock's own time included.")
+      .def("pressed",
+           [](const BodyCore& self) {
+             const auto n = static_cast<std::size_t>(self.contact.last().nodes);
+             auto [nodes, i] = new_array<std::int64_t>({n});
+             auto [forces, f] = new_array<double>({n});
+             for (std::size_t k = 0; k < n; ++k) {
+               i[k] = self.contact.pressed()[k];
+               f[k] = self.contact.forces()[k];
+             }
+             return nb::make_tuple(nodes, forces);
+           })
+      .def("reset", [](BodyCore& self) { self.contact.reset(); });
+}

@@ -1,16 +1,18 @@
-"""Time the exact answers: a whole boundary, and a map of spectral radii."""
+"""Time the exact answers: a whole boundary, a map of spectral radii, a workspace."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from palpate.bench.section import TIMED, Effort, Progress, Rows, Section, timed, timed_cells
-from palpate.stability import Tip, boundary, critical_stiffness, spectral_radius
+from palpate.stability import Tip, boundary, critical_stiffness, spectral_radius, workspace
 
 __all__ = ["SECTION"]
 
 PERIOD = 1e-3  # s
 SIDE = 1000  # points of the map along each axis
+DEVICE = "phantom-premium-1.5a"
+POSES = 500
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
@@ -40,7 +42,16 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
             10.0,
         )
     )
+    tell("a workspace", 0.85)
+    rows.append(
+        timed(f"workspace of an arm, {POSES} poses × 10 walls", lambda: workspace(DEVICE, poses=POSES), effort.runs(1))
+    )
     return Rows(rows)
 
 
-SECTION = Section("a mass of 60 g with 0.05 N·s/m at 1 kHz against walls", TIMED, timed_cells, _measure)
+SECTION = Section(
+    "a mass of 60 g with 0.05 N·s/m at 1 kHz against walls; an arm of three joints in a soft hand",
+    TIMED,
+    timed_cells,
+    _measure,
+)

@@ -64,7 +64,7 @@ class Certificate:
             lines += [
                 "",
                 "Margins:",
-                *(f"  {name.replace('_', ' ')}: {value:.7g}" for name, value in self.margin.items()),
+                *(f"  {_named(name)}: {value:.{_digits(name)}g}{_unit(name)}" for name, value in self.margin.items()),
             ]
         lines += ["", "Method:", *(f"  - {one}" for one in self.method)]
         if self.counter_example is not None:
@@ -186,7 +186,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
         "disk_alpha": m.disk,
     }
     method = list(_method(s))
-    claim = f"Stable: the object may be {_factor(m.gain_up)} before the loop oscillates"
+    claim = f"Stable: the object may be {_factor(m.gain_up, loop)} before the loop oscillates"
     rests, diverged, sentence = _at_rest(s)
     method.append(sentence)
     if diverged is not None:
@@ -255,8 +255,12 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
     )
 
 
-def _factor(up: float) -> str:
-    return "as stiff as you like" if math.isinf(up) else f"{up:.4g} times as stiff and as damped"
+def _factor(up: float, loop: ScenarioLoop) -> str:
+    if math.isinf(up):
+        return "as stiff as you like"
+    stiffest = up * float(np.linalg.eigvalsh(loop.stiffness).max())
+    damped = " and as damped" if np.any(loop.damping) else ""
+    return f"{up:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
 
 
 def _at_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, str]:
@@ -388,6 +392,22 @@ def _method(s: Scenario) -> tuple[str, ...]:
         "Eigenvalues, Jury's table, Routh's array through the bilinear map and a Lyapunov matrix were computed apart, "
         "and a verdict is given only if all four agree.",
     )
+
+
+UNITS = {"_N_s_per_m": " N s/m", "_Hz": " Hz", "_deg": " deg", "_s": " s"}  # at the end of a margin's name
+
+
+def _unit(name: str) -> str:
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+
+
+def _digits(name: str) -> int:
+    return 9 if name.startswith("spectral_radius") else 5  # of a radius, what is left to 1 counts
+
+
+def _named(name: str) -> str:
+    end = next((end for end in UNITS if name.endswith(end)), "")
+    return name.removesuffix(end).replace("_", " ")
 
 
 def _plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from palpate.loop.simulate import simulate
     from palpate.loop.trace import Trace
     from palpate.scenario import Scenario
+    from palpate.sweeps import sweep
     from palpate.touch import Contact, Mesh, Proxy, Surface
 
 # Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
@@ -30,6 +31,7 @@ _HOMES = {
     "discretize": "palpate.analysis",
     "linearize": "palpate.analysis",
     "simulate": "palpate.loop.simulate",
+    "sweep": "palpate.sweeps",
 }
 _ROOMS = (
     "analysis",
@@ -43,6 +45,7 @@ _ROOMS = (
     "report",
     "scenario",
     "stability",
+    "sweeps",
     "thesis",
     "touch",
 )
@@ -71,6 +74,8 @@ __all__ = [
     "scenario",
     "simulate",
     "stability",
+    "sweep",
+    "sweeps",
     "thesis",
     "touch",
 ]

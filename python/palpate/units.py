@@ -23,7 +23,7 @@ from palpate.errors import PalpateError, ScenarioError
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-__all__ = ["parse", "parse_vector", "quantity", "vector", "write"]
+__all__ = ["parse", "parse_any", "parse_vector", "quantity", "vector", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -121,6 +121,16 @@ def parse(value: object, unit: str) -> float:
     if not math.isfinite(result):
         raise ValueError(f"{_shown(value)} is too large for a number; write it as {_example(unit)}")
     return math.copysign(result, -1.0) if number.startswith("-") else result  # a fraction has no -0
+
+
+def parse_any(text: str) -> tuple[float, str]:
+    """Return a text's number in SI and its SI unit, of whatever it measures; ValueError when it cannot be read."""
+    for unit in ("", *_KINDS):
+        try:
+            return parse(text, unit), unit
+        except ValueError:
+            continue
+    raise ValueError(f'{_shown(text)} cannot be read as a number with a unit; write it as "100 N/m"')
 
 
 def parse_vector(value: object, unit: str, size: int = 3) -> tuple[float, ...]:

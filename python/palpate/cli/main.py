@@ -20,6 +20,7 @@ from palpate.cli.performance import performance
 from palpate.cli.reproduce import reproduce
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
+from palpate.cli.sweep import merge, sweep
 from palpate.errors import PalpateError
 
 __all__ = ["app", "main"]
@@ -55,7 +56,7 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     return wrapped
 
 
-for function in (run, certify, zwidth, workspace, performance, reproduce, identify, devices, bench):
+for function in (run, certify, zwidth, workspace, performance, sweep, merge, reproduce, identify, devices, bench):
     app.command()(one_sentence(function))
 
 bodies = typer.Typer(no_args_is_help=True, help="Bodies that yield: build one from a mesh, or look at one.")

@@ -1,0 +1,9 @@
+"""Sweeps: a scenario run over every combination of values, in bulk, and the boundary at which it turns unstable."""
+
+from palpate.sweeps.axes import SweepError
+from palpate.sweeps.outcomes import Outcomes, Verdict
+from palpate.sweeps.refine import Refined, refine
+from palpate.sweeps.run import Sweep, open_sweep, sweep
+from palpate.sweeps.store import merge
+
+__all__ = ["Outcomes", "Refined", "Sweep", "SweepError", "Verdict", "merge", "open_sweep", "refine", "sweep"]

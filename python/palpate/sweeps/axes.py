@@ -1,0 +1,194 @@
+"""What a sweep varies: a scenario's key and its values, `"object.stiffness" = "100 N/m..5 N/mm:100"`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import PalpateError
+from palpate.units import parse, parse_any, write
+
+__all__ = ["COLUMNS", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
+
+Array = NDArray[np.float64]
+
+# Keys that every lane of the batch has for itself: the core's column, SI unit.
+COLUMNS: dict[str, tuple[str, str]] = {
+    "object.stiffness": ("stiffness", "N/m"),
+    "object.damping": ("damping", "N*s/m"),
+    "operator.mass": ("hand_mass", "kg"),
+    "operator.damping": ("hand_damping", "N*s/m"),
+    "operator.stiffness": ("hand_stiffness", "N/m"),
+    "operator.tissue_stiffness": ("tissue_stiffness", "N/m"),
+    "operator.tissue_damping": ("tissue_damping", "N*s/m"),
+    "device.delay": ("delay", ""),
+}
+_RANGE = re.compile(r"\s*(.+?)\s*\.\.\s*(.+?)\s*:\s*(\d+)\s*(log)?\s*")
+_PATH = re.compile(r"[a-z]+\.[A-Za-z_]+(\.[xyz])?")
+LARGEST = 100_000_000  # cells
+
+
+class SweepError(PalpateError):
+    """A sweep that cannot be made or gone on with: an unknown key, no such scheduler, another sweep's file."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One key of the scenario and the values it takes.
+
+    Attributes:
+        path: table and key, and x, y or z for one spatial axis: "object.stiffness", "operator.force.z".
+        unit: SI unit of `values`; "" for plain numbers and for words.
+        values: floats in SI, or words and flags.
+    """
+
+    path: str
+    unit: str
+    values: tuple[Any, ...]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def key(self) -> str:
+        """The path without its spatial axis."""
+        return ".".join(self.path.split(".")[:2])
+
+    @property
+    def component(self) -> int | None:
+        """0, 1 or 2 for one spatial axis; None for all."""
+        parts = self.path.split(".")
+        return "xyz".index(parts[2]) if len(parts) == 3 else None
+
+    def text(self, index: int) -> Any:
+        """Return value `index` as the scenario's file has it."""
+        return _written(self.values[index], self.unit)
+
+
+def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
+    """Return the axes of a mapping from paths to values.
+
+    Values are text for a range, `"FROM..TO:COUNT"` or `"FROM..TO:COUNT log"` (both ends included, with units), a list
+    of such values as the scenario's file has, or, for keys in COLUMNS, plain numbers in SI.
+
+    Raises:
+        SweepError: a path or a value cannot be read.
+    """
+    if not over:
+        raise SweepError('nothing to vary: give for example over={"object.stiffness": "100 N/m..5 N/mm:50"}')
+    axes = tuple(_axis(path, values) for path, values in over.items())
+    if len({axis.path for axis in axes}) < len(axes):
+        raise SweepError("a key is varied twice")
+    count = int(np.prod([len(axis) for axis in axes], dtype=float))
+    if count > LARGEST:
+        raise SweepError(f"{count:,} cells; the most is {LARGEST:,}")
+    return axes
+
+
+def limits_of(path: str, text: Any) -> tuple[float, float]:
+    """Return the two ends of "FROM..TO" in the SI unit of `path`, one of COLUMNS.
+
+    Raises:
+        SweepError: the path has no column, or the text is no range.
+    """
+    unit = _unit(path)
+    parts = str(text).split("..")
+    if len(parts) != 2:
+        raise SweepError(f'{path}: "{text}" is no range; write it as "0.05 kg..0.3 kg"')
+    try:
+        low, high = parse(parts[0], unit), parse(parts[1], unit)
+    except ValueError as problem:
+        raise SweepError(f"{path}: {problem}") from None
+    if not low <= high:
+        raise SweepError(f"{path}: a range goes from the smaller to the larger, not from {parts[0]} to {parts[1]}")
+    return low, high
+
+
+def with_value(tables: Mapping[str, Any], axis: Axis, index: int) -> dict[str, Any]:
+    """Return a scenario's tables with value `index` of `axis` put in."""
+    table, key = axis.key.split(".")
+    inside = dict(tables.get(table, {}))
+    value = axis.text(index)
+    if axis.component is not None:
+        before = inside.get(key)
+        if before is None:
+            raise SweepError(f"{axis.path}: the scenario has no {axis.key} whose axis could be varied")
+        three = list(before) if isinstance(before, (list, tuple)) else [before] * 3
+        three[axis.component] = value
+        value = three
+    inside[key] = value
+    return {**tables, table: inside}
+
+
+def _unit(path: str) -> str:
+    key = ".".join(path.split(".")[:2])
+    if not _PATH.fullmatch(path) or key not in COLUMNS:
+        raise SweepError(f"{path} cannot be drawn at random; those that can are {', '.join(COLUMNS)}")
+    return COLUMNS[key][1]
+
+
+def _axis(path: str, values: Any) -> Axis:
+    if not _PATH.fullmatch(path):
+        raise SweepError(
+            f'"{path}" is no key of a scenario; write table.key, as in object.stiffness, and .x, .y or .z for one axis'
+        )
+    unit = COLUMNS.get(".".join(path.split(".")[:2]), (None, None))[1]
+    try:
+        if isinstance(values, str) and (match := _RANGE.fullmatch(values)):
+            low, unit = _quantity(match[1], unit)
+            high, _ = _quantity(match[2], unit)
+            return Axis(path, unit, _spread(low, high, int(match[3]), match[4] is not None))
+        listed = values.split(",") if isinstance(values, str) else list(np.asarray(values, dtype=object).ravel())
+        read = [_value(value, unit) for value in listed]
+    except ValueError as problem:
+        raise SweepError(f"{path}: {problem}") from None
+    if not read:
+        raise SweepError(f"{path}: no values")
+    units = {one for _, one in read}
+    if len(units) > 1:
+        raise SweepError(f"{path}: values of different kinds: {', '.join(sorted(units)) or 'words'}")
+    return Axis(path, units.pop(), tuple(value for value, _ in read))
+
+
+def _spread(low: float, high: float, count: int, logarithmic: bool) -> tuple[float, ...]:
+    if count < 1:
+        raise ValueError("a range needs a count of at least 1")
+    if not logarithmic:
+        return tuple(float(x) for x in np.linspace(low, high, count))
+    if low <= 0 or high <= 0:
+        raise ValueError("a logarithmic range needs ends above zero")
+    return tuple(float(x) for x in np.geomspace(low, high, count))
+
+
+def _value(value: Any, unit: str | None) -> tuple[Any, str]:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, str):
+        try:
+            return _quantity(value, unit)
+        except ValueError:
+            if unit is not None or re.match(r"\s*[+-]?[\d.]", value):
+                raise
+            word = value.strip()
+            return {"true": True, "false": False}.get(word, word), ""
+    if isinstance(value, bool):
+        return value, ""
+    if not isinstance(value, (int, float)) or not np.isfinite(value):
+        raise ValueError(f"{value!r} is not a finite number")
+    return (float(value) if unit else value), unit or ""
+
+
+def _quantity(text: str, unit: str | None) -> tuple[float, str]:
+    """Return a text's number in SI, and its unit."""
+    return parse_any(text) if unit is None else (parse(text, unit), unit)
+
+
+def _written(value: Any, unit: str) -> Any:
+    if unit:
+        return write(float(value), unit)
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -1,0 +1,210 @@
+"""Which cells a sweep has, and how a stretch of them is run: the same anywhere, whoever runs it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import _core
+from palpate.loop.simulate import Experiment, prepare
+from palpate.scenario import Scenario
+from palpate.sweeps.axes import COLUMNS, Axis, SweepError, with_value
+from palpate.sweeps.outcomes import name_rows
+
+__all__ = ["Plan"]
+
+Array = NDArray[np.float64]
+TICKS_A_CHUNK = 5e6  # about 0.3 s of one core
+CHUNK_LIMITS = (64, 16384)  # cells
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep before it is run. Plain data: it travels to other processes, and a file keeps it.
+
+    Attributes:
+        tables: the scenario's, as text with units.
+        axes: what varies; the last one fastest.
+        random: key of COLUMNS to its two limits, SI: drawn uniformly, anew for each cell.
+        draws: cells for each combination of the axes.
+        seed: of the draws; a cell's own generator is spawned from it by the cell's number.
+    """
+
+    tables: Mapping[str, Any]
+    axes: tuple[Axis, ...]
+    random: Mapping[str, tuple[float, float]]
+    draws: int
+    seed: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Cells along each axis; the draws last if there are several."""
+        return (*(len(axis) for axis in self.axes), *((self.draws,) if self.draws > 1 else ()))
+
+    @property
+    def count(self) -> int:
+        """Number of cells."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+    @property
+    def period(self) -> float:
+        """Servo period of the scenario as it stands, s."""
+        return Scenario.from_dict(self.tables).period
+
+    @property
+    def chunk(self) -> int:
+        """Cells that are run and stored together; it does not depend on who runs them."""
+        scenario = Scenario.from_dict(self.tables)
+        cells = TICKS_A_CHUNK / (scenario.run.duration / scenario.period)
+        low, high = CHUNK_LIMITS
+        return int(np.clip(2 ** round(np.log2(max(cells, 1.0))), low, high))
+
+    def text(self) -> str:
+        """Return the plan as JSON: equal plans give equal text."""
+        return json.dumps(
+            {
+                "scenario": self.tables,
+                "over": [[axis.path, axis.unit, list(axis.values)] for axis in self.axes],
+                "random": {path: list(limits) for path, limits in self.random.items()},
+                "draws": self.draws,
+                "seed": self.seed,
+            },
+            sort_keys=True,
+        )
+
+    @classmethod
+    def of_text(cls, text: str) -> Plan:
+        """Read what `text` wrote."""
+        raw = json.loads(text)
+        axes = tuple(Axis(path, unit, tuple(values)) for path, unit, values in raw["over"])
+        random = {path: (float(low), float(high)) for path, (low, high) in raw["random"].items()}
+        return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"])
+
+    def check(self) -> None:
+        """Make the scenario ready at the ends of every axis and range, so that a mistake is told before the run.
+
+        Raises:
+            ScenarioError, DesignError, PoseError: as `palpate.simulate`.
+            SweepError: the batch cannot run it.
+        """
+        _check(self.tables)
+        for axis in self.axes:
+            if axis.key in COLUMNS:
+                ends = {int(np.argmin(axis.values)), int(np.argmax(axis.values))}
+            else:
+                ends = set(range(len(axis)))
+            for index in sorted(ends):
+                _check(with_value(self.tables, axis, index))
+        for path, limits in self.random.items():
+            axis = Axis(path, COLUMNS[".".join(path.split(".")[:2])][1], limits)
+            for index in (0, 1):
+                _check(with_value(self.tables, axis, index))
+
+    def run(self, first: int, last: int, threads: int = 1) -> dict[str, Array]:
+        """Run cells `first` to `last` (not included) and return their outcomes by name of QUANTITIES."""
+        return self.run_cells(np.arange(first, last), threads)
+
+    def run_cells(self, cells: NDArray[np.int64], threads: int = 1) -> dict[str, Array]:
+        """Run the cells of these numbers and return their outcomes by name of QUANTITIES."""
+        text = self.text()
+        indices = dict(zip([axis.path for axis in self.axes], np.unravel_index(cells, self.shape), strict=False))
+        lane, shape = _split(text)
+        combination = np.zeros(len(cells), dtype=np.int64)
+        for axis in shape:
+            combination = combination * len(axis) + indices[axis.path]
+        drawn = self._draw(cells)
+        out: dict[str, Array] = {}
+        for one in np.unique(combination):
+            here = np.flatnonzero(combination == one)
+            chosen = tuple(int(indices[axis.path][here[0]]) for axis in shape)
+            experiment = _ready(text, chosen)
+            columns: dict[str, Array] = {}
+            for axis in lane:
+                _put(columns, experiment, axis.path, np.asarray(axis.values, dtype=float)[indices[axis.path][here]])
+            for path, values in drawn.items():
+                _put(columns, experiment, path, values[here])
+            rows = _core.run_cells(
+                experiment.setup, experiment.reference, experiment.operator, columns, len(here), threads
+            )
+            for name, values in name_rows(np.asarray(rows), experiment.scenario.period).items():
+                whole = out.setdefault(name, np.empty((len(cells), *values.shape[1:])))
+                whole[here] = values
+        return out
+
+    def _draw(self, cells: NDArray[np.int64]) -> dict[str, Array]:
+        """Return the random values of each cell, by path: a generator for each cell, spawned from the seed."""
+        out = {path: np.empty(len(cells)) for path in self.random}
+        if not out:
+            return out
+        for row, cell in enumerate(cells):
+            generator = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(int(cell),)))
+            for path, (low, high) in self.random.items():
+                out[path][row] = generator.uniform(low, high)
+        return out
+
+
+def _check(tables: Mapping[str, Any]) -> Experiment:
+    experiment = prepare(tables)
+    scenario = experiment.scenario
+    if scenario.device.model != "nonlinear" or scenario.operator.kind == "hold":
+        raise SweepError(
+            'a sweep runs the nonlinear device, free to move: device.model = "nonlinear", operator not "hold"'
+        )
+    if scenario.object.kind not in ("none", "spring", "wall"):
+        raise SweepError(f'object.kind: a sweep runs springs and walls, not "{scenario.object.kind}"')
+    return experiment
+
+
+@lru_cache(maxsize=64)
+def _split(plan_text: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
+    """Return the axes that lanes have for themselves, and those for which the scenario is made ready anew.
+
+    A controller that is designed for the object or the hand follows them: such an axis is of the second kind.
+    """
+    plan = Plan.of_text(plan_text)
+    lane, shape = [], []
+    for axis in plan.axes:
+        if axis.key in COLUMNS and _same_controller(plan, axis):
+            lane.append(axis)
+        else:
+            shape.append(axis)
+    return tuple(lane), tuple(shape)
+
+
+def _same_controller(plan: Plan, axis: Axis) -> bool:
+    if plan.tables.get("controller", {}).get("kind", "none") in ("none", "gain", "state_space"):
+        return True
+    ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
+    a, b = (prepare(with_value(plan.tables, axis, index)).controller.system for index in ends)
+    return all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
+
+
+@lru_cache(maxsize=256)
+def _ready(plan_text: str, chosen: tuple[int, ...]) -> Experiment:
+    """Return the scenario made ready with the chosen value of each axis that lanes do not have."""
+    plan = Plan.of_text(plan_text)
+    tables: Mapping[str, Any] = plan.tables
+    for axis, index in zip(_split(plan_text)[1], chosen, strict=True):
+        tables = with_value(tables, axis, index)
+    return _check(tables)
+
+
+def _put(columns: dict[str, Array], experiment: Experiment, path: str, values: Array) -> None:
+    """Set one key of every cell: values (n,), SI."""
+    parts = path.split(".")
+    name = COLUMNS[".".join(parts[:2])][0]
+    if name not in ("stiffness", "damping"):
+        columns[name] = np.ascontiguousarray(values[:, None])
+        return
+    if len(parts) == 2:
+        columns[name] = np.ascontiguousarray(np.repeat(values[:, None], 3, axis=1))
+        return
+    base = np.asarray(getattr(experiment.setup, name), dtype=float)
+    whole = columns.setdefault(name, np.tile(base, (len(values), 1)))
+    whole[:, "xyz".index(parts[2])] = values

@@ -1,0 +1,153 @@
+"""The boundary between stable and unstable cells, found on a coarse grid and refined only where neighbours differ."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.scenario import Scenario
+from palpate.sweeps.axes import COLUMNS, Axis, SweepError, axes_of
+from palpate.sweeps.outcomes import Outcomes
+from palpate.sweeps.plan import Plan
+
+__all__ = ["Refined", "refine"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A map of two axes, each cell run or, far from the boundary, taken over from its coarse neighbours.
+
+    Attributes:
+        paths: of the two axes.
+        values: of the two axes, SI, (m,) and (n,).
+        unstable: (m, n).
+        growth: (m, n), late over early swing; nan where not run.
+        ran: (m, n), whether the cell was run.
+    """
+
+    paths: tuple[str, str]
+    values: tuple[Array, Array]
+    unstable: NDArray[np.bool_]
+    growth: Array
+    ran: NDArray[np.bool_]
+
+    @property
+    def boundary(self) -> Array:
+        """Return points (k, 2) of the boundary, SI, where the verdict changes along the second axis.
+
+        Between two neighbours it is put where the logarithm of the growth, taken as straight, is zero; in the middle
+        where one of them diverged or came to rest.
+        """
+        first, second = self.values
+        at = np.argwhere(self.unstable[:, 1:] != self.unstable[:, :-1])
+        points = np.empty((len(at), 2))
+        for row, (i, j) in enumerate(at):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                low, high = np.log(self.growth[i, j]), np.log(self.growth[i, j + 1])
+            share = low / (low - high) if np.isfinite(low) and np.isfinite(high) and low * high < 0 else 0.5
+            points[row] = first[i], second[j] + share * (second[j + 1] - second[j])
+        return points
+
+
+def refine(
+    scenario: Scenario | Mapping[str, Any] | str | Path,
+    over: Mapping[str, Any],
+    *,
+    levels: int = 4,
+    threads: int | None = None,
+) -> Refined:
+    """Return the map of verdicts over two axes, as fine near the boundary as a grid with 2^levels times the steps.
+
+    Args:
+        scenario: as `sweep`; a small push shows the linear boundary, a large one what counts and friction make of it.
+        over: two keys of COLUMNS, such as object.damping and object.stiffness, each with a coarse range or list.
+        levels: how often steps are halved.
+        threads: all cores if not given.
+
+    Raises:
+        SweepError: not two axes that lanes can have for themselves, or a grid too fine.
+        ScenarioError, DesignError, PoseError: as `palpate.simulate`.
+    """
+    axes = axes_of(over)
+    if len(axes) != 2 or any(axis.key not in COLUMNS for axis in axes) or any(len(axis) < 2 for axis in axes):
+        raise SweepError(f"a boundary needs two axes of two values or more, of {', '.join(COLUMNS)}")
+    if not 0 <= levels <= 10:
+        raise SweepError(f"levels: {levels}; from 0 to 10")
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    step = 2**levels
+    fine = tuple(Axis(axis.path, axis.unit, _finer(axis, step)) for axis in axes)
+    plan = Plan(scenario.to_dict(), fine, {}, 1, 0)
+    plan.check()
+    shape = plan.shape
+    growth = np.full(shape, np.nan)
+    ran = np.zeros(shape, dtype=bool)
+    unstable = np.zeros(shape, dtype=bool)
+
+    def look(wanted: NDArray[np.bool_]) -> None:
+        new = wanted & ~ran
+        if not new.any():
+            return
+        cells = np.flatnonzero(new)
+        outcomes = Outcomes(plan.run_cells(cells, threads or os.cpu_count() or 1))
+        growth.ravel()[cells], unstable.ravel()[cells] = outcomes.growth, outcomes.unstable
+        ran.ravel()[cells] = True
+
+    coarse = np.zeros(shape, dtype=bool)
+    coarse[::step, ::step] = True
+    look(coarse)
+    while True:
+        # every square of this step whose corners differ gets its middle and the middles of its sides
+        half = step // 2
+        if half == 0:
+            break
+        mixed = _mixed(unstable[::step, ::step])
+        wanted = np.zeros(shape, dtype=bool)
+        for i, j in np.argwhere(mixed):
+            wanted[i * step : (i + 1) * step + 1 : half, j * step : (j + 1) * step + 1 : half] = True
+        _take_over(unstable, ran, step)
+        look(wanted)
+        step = half
+    return Refined(
+        (axes[0].path, axes[1].path),
+        (np.asarray(fine[0].values, dtype=float), np.asarray(fine[1].values, dtype=float)),
+        unstable,
+        growth,
+        ran,
+    )
+
+
+def _finer(axis: Axis, step: int) -> tuple[float, ...]:
+    coarse = np.asarray(axis.values, dtype=float)
+    places = np.arange((len(coarse) - 1) * step + 1) / step
+    return tuple(float(x) for x in np.interp(places, np.arange(len(coarse)), coarse))
+
+
+def _mixed(corners: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return for each square of a lattice, and those beside it, whether its corners differ."""
+    four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
+    mixed = np.asarray(four.any(axis=0) & ~four.all(axis=0), dtype=bool)
+    wide = mixed.copy()  # the boundary may leave a square through a side between two equal corners
+    wide[1:] |= mixed[:-1]
+    wide[:-1] |= mixed[1:]
+    wide[:, 1:] |= mixed[:, :-1]
+    wide[:, :-1] |= mixed[:, 1:]
+    return wide
+
+
+def _take_over(unstable: NDArray[np.bool_], ran: NDArray[np.bool_], step: int) -> None:
+    """Give cells of the lattice half as wide that are not run the verdict of the corner before them."""
+    half = step // 2
+    for i, j in ((half, 0), (0, half), (half, half)):
+        part = unstable[i::step, j::step]
+        known = ran[i::step, j::step]
+        source = unstable[::step, ::step][: part.shape[0], : part.shape[1]]
+        unstable[i::step, j::step] = np.where(known, part, source)

@@ -1,0 +1,249 @@
+"""Run a sweep: on this machine's threads, any executor, or Dask; to memory, or to a file that can be gone on with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import PalpateError
+from palpate.scenario import Scenario
+from palpate.sweeps.axes import Axis, SweepError, axes_of, limits_of
+from palpate.sweeps.outcomes import Outcomes
+from palpate.sweeps.plan import Plan
+from palpate.sweeps.store import FileStore, MemoryStore, read
+
+__all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep that was run, or the part of it that was.
+
+    Attributes:
+        axes: what varied.
+        outcomes: by name, cells shaped as `shape`, the last axis fastest; nan where a cell was not run.
+        done: share of the cells that were run, 0 to 1.
+        path: of the file, if there is one.
+    """
+
+    plan: Plan
+    outcomes: Outcomes
+    done: float
+    path: Path | None = None
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What varied."""
+        return self.plan.axes
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Cells along each axis; the draws last if there are several."""
+        return self.plan.shape
+
+    def values(self, path: str) -> Array:
+        """Return the values of one axis, SI."""
+        for axis in self.axes:
+            if axis.path == path:
+                return np.asarray(axis.values, dtype=float)
+        raise SweepError(f"{path} was not varied; {', '.join(axis.path for axis in self.axes)} were")
+
+    def __getitem__(self, name: str) -> Array:
+        return self.outcomes[name]
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Where the loop's swing grows or the loop diverges."""
+        return self.outcomes.unstable
+
+
+def sweep(
+    scenario: Scenario | Mapping[str, Any] | str | Path,
+    over: Mapping[str, Any],
+    *,
+    random: Mapping[str, str] | None = None,
+    draws: int = 1,
+    seed: int = 0,
+    out: str | Path | None = None,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    shard: tuple[int, int] | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run a scenario for every combination of values, each cell the whole nonlinear loop.
+
+    What a cell finds does not depend on who runs it, nor beside which others: bit for bit.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        over: path to values: {"object.stiffness": "100 N/m..5 N/mm:100", "object.damping": [0.0, 1.0, 2.0]}. A range
+            has both ends and a count ("log" after it: equal ratios); a list has values as the file has them, or
+            numbers in SI. "object.stiffness.z" is one spatial axis.
+        random: path to a range, "0.05 kg..0.3 kg", drawn uniformly for each cell by itself.
+        draws: cells for each combination.
+        seed: of the draws.
+        out: HDF5 file; made, or gone on with if the same sweep was begun in it. None: results stay in memory.
+        executor: runs chunks elsewhere; none: this machine's cores.
+        workers: threads here, or workers of the executor (chunks are kept ready for each); all cores if not given.
+        shard: (i, n): only every n-th chunk, from the i-th on, 1 <= i <= n; `merge` puts the files together.
+        progress: called with a text and the share done, 0 to 1.
+
+    Raises:
+        SweepError: an unknown key, a scenario that the batch does not run, another sweep's file.
+        ScenarioError, DesignError, PoseError: as `palpate.simulate`, for any combination of ends.
+        OutputError: the file cannot be written; what was done is kept.
+    """
+    plan = plan_of(scenario, over, random=random, draws=draws, seed=seed)
+    plan.check()
+    store: FileStore | MemoryStore = MemoryStore(plan) if out is None else FileStore(out, plan)
+    try:
+        todo = _share(store.missing(), shard)
+        _run(plan, todo, store, executor, workers, progress or (lambda _text, _share: None))
+        left = len(store.missing())
+    finally:
+        store.close()
+    chunks = -(-plan.count // plan.chunk)
+    if out is not None:
+        return open_sweep(out)
+    assert isinstance(store, MemoryStore)
+    return Sweep(plan, _shaped(plan, store.values()), 1.0 - left / chunks)
+
+
+def open_sweep(path: str | Path) -> Sweep:
+    """Return the sweep of a file, finished or not.
+
+    Raises:
+        SweepError: it is no sweep's file.
+    """
+    plan, values, done = read(path)
+    return Sweep(plan, _shaped(plan, values), float(np.mean(done)), Path(path))
+
+
+def plan_of(
+    scenario: Scenario | Mapping[str, Any] | str | Path,
+    over: Mapping[str, Any],
+    *,
+    random: Mapping[str, str] | None = None,
+    draws: int = 1,
+    seed: int = 0,
+) -> Plan:
+    """Return what `sweep` would run."""
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    if draws < 1:
+        raise SweepError(f"draws: {draws}; at least one cell for each combination is needed")
+    limits = {path: limits_of(path, text) for path, text in (random or {}).items()}
+    axes = axes_of(over)
+    if twice := limits.keys() & {axis.path for axis in axes}:
+        raise SweepError(f"{min(twice)} is varied and drawn at random")
+    return Plan(scenario.to_dict(), axes, limits, draws, seed)
+
+
+@contextmanager
+def dask_executor(scheduler: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
+    """Yield an executor on the Dask workers of `scheduler` ("tcp://host:8786"), and how many there are.
+
+    Raises:
+        SweepError: Dask is not installed, no scheduler answers, or it has no workers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise SweepError("dask: not installed; pip install 'palpate[dask]'") from None
+    try:
+        client = Client(scheduler, timeout=timeout, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as problem:
+        raise SweepError(
+            f"no Dask scheduler answers at {scheduler} ({str(problem).splitlines()[0]}); "
+            "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+        ) from None
+    with client:
+        workers = client.scheduler_info(n_workers=-1)["workers"]
+        threads = sum(int(worker["nthreads"]) for worker in workers.values())
+        if not threads:
+            raise SweepError(f"the Dask scheduler at {scheduler} has no workers; start some with `dask worker`")
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor, threads
+        finally:
+            executor.shutdown(wait=False)
+
+
+def _shaped(plan: Plan, values: Mapping[str, Array]) -> Outcomes:
+    return Outcomes({name: rows.reshape(*plan.shape, *rows.shape[1:]) for name, rows in values.items()})
+
+
+def _share(chunks: list[int], shard: tuple[int, int] | None) -> list[int]:
+    if shard is None:
+        return chunks
+    part, parts = shard
+    if not 1 <= part <= parts:
+        raise SweepError(f"shard {part}/{parts}: the first number goes from 1 to the second")
+    return [chunk for chunk in chunks if chunk % parts == part - 1]
+
+
+def _run(
+    plan: Plan,
+    todo: list[int],
+    store: FileStore | MemoryStore,
+    executor: Executor | None,
+    workers: int | None,
+    tell: Progress,
+) -> None:
+    """Run chunks and store each as it comes."""
+    size, count = plan.chunk, plan.count
+    finished = 0
+
+    def done(chunk: int, values: Mapping[str, Array]) -> None:
+        nonlocal finished
+        store.put(chunk, values)
+        finished += 1
+        cells = min(finished * size, count)
+        tell(f"{cells:,} of {min(len(todo) * size, count):,} cells", finished / len(todo))
+
+    def ends(chunk: int) -> tuple[int, int]:
+        return chunk * size, min((chunk + 1) * size, count)
+
+    if executor is None:
+        threads = workers or os.cpu_count() or 1
+        for chunk in todo:
+            done(chunk, plan.run(*ends(chunk), threads=threads))
+        return
+    waiting: dict[Future[dict[str, Array]], int] = {}
+    queue = iter(todo)
+    most = IN_FLIGHT * (workers or os.cpu_count() or 1)
+    try:
+        while True:
+            for chunk in queue:
+                waiting[executor.submit(plan.run, *ends(chunk))] = chunk
+                if len(waiting) >= most:
+                    break
+            if not waiting:
+                return
+            for future in wait(list(waiting), return_when=FIRST_COMPLETED).done:
+                done(waiting.pop(future), _result(future))
+    finally:
+        for future in waiting:
+            with suppress(Exception):
+                future.cancel()
+
+
+def _result(future: Future[dict[str, Array]]) -> dict[str, Array]:
+    try:
+        return future.result()
+    except PalpateError:
+        raise
+    except Exception as problem:
+        raise SweepError(f"a worker failed: {type(problem).__name__}: {problem}; what is done is kept") from problem

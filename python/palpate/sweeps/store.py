@@ -1,0 +1,203 @@
+"""A sweep's file: HDF5, laid out in full before the first cell is run, filled chunk by chunk, gone on with at any time.
+
+Every dataset takes its place on the disk at the start. A chunk is written, flushed, and only then marked as done: a
+run that is killed leaves whole chunks, and a disk that is too small is told of before anything is computed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import OutputError
+from palpate.files import write_whole
+from palpate.sweeps.axes import SweepError
+from palpate.sweeps.outcomes import QUANTITIES
+from palpate.sweeps.plan import Plan
+
+__all__ = ["FileStore", "MemoryStore", "merge", "read"]
+
+Array = NDArray[np.float64]
+
+
+class MemoryStore:
+    """Outcomes in memory."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._chunk = plan, plan.chunk
+        self._values = {
+            name: np.full((plan.count, columns)[: 1 + (columns > 1)], np.nan)
+            for name, (columns, _, _) in QUANTITIES.items()
+        }
+        self._done = np.zeros(-(-plan.count // self._chunk), dtype=bool)
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the chunks that are still to be run."""
+        return [int(i) for i in np.flatnonzero(~self._done)]
+
+    def put(self, chunk: int, values: Mapping[str, Array]) -> None:
+        """Keep a chunk's outcomes."""
+        first = chunk * self._chunk
+        for name, rows in values.items():
+            self._values[name][first : first + len(rows)] = rows
+        self._done[chunk] = True
+
+    def values(self) -> dict[str, Array]:
+        """Return everything, by name of QUANTITIES."""
+        return self._values
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class FileStore:
+    """Outcomes in a file that may have been begun before; a context that closes it."""
+
+    def __init__(self, path: str | Path, plan: Plan) -> None:
+        """Open the file if it is this sweep's, else make it.
+
+        Raises:
+            SweepError: the file holds another sweep, or something else.
+            OutputError: it cannot be written: no permission, a full disk.
+        """
+        self.path = Path(path)
+        if not self.path.exists():
+            write_whole(self.path, lambda part: _lay_out(part, plan))
+        held = _plan_text(self.path)
+        if held != plan.text():
+            what = "something else" if held is None else "another sweep"
+            raise SweepError(f"{self.path} holds {what}: give another file, or delete it")
+        self._chunk = plan.chunk
+        try:
+            self._file = h5py.File(self.path, "r+")
+        except OSError as problem:
+            raise OutputError(f"{self.path}: cannot be written: {problem}") from problem
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the chunks that are still to be run."""
+        return [int(i) for i in np.flatnonzero(self._file["done"][:] == 0)]
+
+    def put(self, chunk: int, values: Mapping[str, Array]) -> None:
+        """Write a chunk, then mark it.
+
+        Raises:
+            OutputError: the disk refused. What was marked before is on it.
+        """
+        first = chunk * self._chunk
+        try:
+            for name, rows in values.items():
+                self._file[name][first : first + len(rows)] = rows
+            self._file.flush()
+            self._file["done"][chunk] = 1
+            self._file.flush()
+        except OSError as problem:
+            raise OutputError(f"{self.path}: cannot be written: {problem}; what is done is kept") from problem
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def read(path: str | Path) -> tuple[Plan, dict[str, Array], NDArray[np.bool_]]:
+    """Return a file's plan, its outcomes by name of QUANTITIES, and which chunks are done.
+
+    Raises:
+        SweepError: it is no sweep's file.
+    """
+    text = _plan_text(Path(path))
+    if text is None:
+        raise SweepError(f"{path} is not the file of a sweep")
+    with h5py.File(path, "r") as file:
+        values = {name: np.asarray(file[name][:], dtype=float) for name in QUANTITIES}
+        return Plan.of_text(text), values, np.asarray(file["done"][:] != 0)
+
+
+def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
+    """Put the files of one sweep's shards together into `out` and return its path.
+
+    Raises:
+        SweepError: the files are of different sweeps, or a chunk is done in none of them.
+        OutputError: `out` cannot be written.
+    """
+    if not parts:
+        raise SweepError("no files to put together")
+    texts = {_plan_text(Path(part)) for part in parts}
+    if len(texts) > 1 or None in texts:
+        raise SweepError("these files are not shards of one sweep")
+    plan = Plan.of_text(str(texts.pop()))
+    chunk = plan.chunk
+
+    def write(target: Path) -> None:
+        _lay_out(target, plan)
+        with h5py.File(target, "r+") as whole:
+            for part in parts:
+                with h5py.File(part, "r") as file:
+                    for index in np.flatnonzero(file["done"][:] != 0):
+                        cells = slice(int(index) * chunk, (int(index) + 1) * chunk)
+                        for name in QUANTITIES:
+                            whole[name][cells] = file[name][cells]
+                        whole["done"][index] = 1
+            left = int(np.sum(whole["done"][:] == 0))
+        if left:
+            raise SweepError(f"{left} chunks are done in none of these files: run the missing shards first")
+
+    return write_whole(out, write)
+
+
+def _plan_text(path: Path) -> str | None:
+    try:
+        with h5py.File(path, "r") as file:
+            found: Any = file.attrs.get("sweep")
+            return None if found is None else str(found)
+    except OSError:
+        return None
+
+
+def _lay_out(path: Path, plan: Plan) -> None:
+    """Make a file in which every number has its place."""
+    _reserve(path, plan)
+    with h5py.File(path, "w", track_order=True) as file:
+        file.attrs["sweep"] = plan.text()
+        file.attrs["shape"] = plan.shape
+        file.attrs["title"] = str(plan.tables.get("title", ""))
+        for number, axis in enumerate(plan.axes):
+            values = list(axis.values)
+            words = not all(isinstance(value, (int, float)) for value in values)
+            file[f"over/{axis.path}"] = [str(value) for value in values] if words else np.asarray(values, dtype=float)
+            file[f"over/{axis.path}"].attrs.update({"unit": axis.unit, "dimension": number})
+        for name, (columns, unit, meaning) in QUANTITIES.items():
+            shape = (plan.count, columns) if columns > 1 else (plan.count,)
+            _place(file, name, shape, "f8", np.nan)
+            file[name].attrs.update({"unit": unit, "meaning": meaning})
+        _place(file, "done", (-(-plan.count // plan.chunk),), "u1", 0)
+
+
+def _reserve(path: Path, plan: Plan) -> None:
+    """Ask the disk for the room that the file will need: HDF5 itself does not take a refusal well."""
+    numbers = sum(columns for columns, _, _ in QUANTITIES.values())
+    with path.open("wb") as file:
+        os.posix_fallocate(file.fileno(), 0, 8 * numbers * plan.count + 2 * len(plan.text()) + 65536)
+
+
+def _place(file: h5py.File, name: str, shape: tuple[int, ...], kind: str, fill: float) -> None:
+    """Make a contiguous dataset that is on the disk from now on."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    properties.set_fill_time(h5py.h5d.FILL_TIME_ALLOC)
+    properties.set_obj_track_times(False)  # the same sweep gives the same bytes
+    properties.set_fill_value(np.asarray(fill, dtype=kind))
+    space = h5py.h5s.create_simple(shape)
+    h5py.h5d.create(file.id, name.encode(), h5py.h5t.py_create(np.dtype(kind)), space, dcpl=properties)

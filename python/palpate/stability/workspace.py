@@ -91,8 +91,9 @@ class Workspace:
             )
         return (
             f"Walls up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses, whatever way they "
-            f"face; the least is at {tip} mm with the normal {normal}, oscillating at {self.frequency[i, j]:.4g} Hz. "
-            f"Half of the poses bear {np.median(self.worst):.5g} N/m or more."
+            f"face ({self.stiffness.shape[1]} tried at each); the least is at {tip} mm with the normal {normal}, "
+            f"oscillating at {self.frequency[i, j]:.4g} Hz. Half of the poses bear {np.median(self.worst):.5g} N/m or "
+            "more."
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -140,6 +140,8 @@ def workspace(
     damping of its object. A device by itself is taken at its usual rate, without delay or damping of the wall, held
     through fingertip tissue by a hand of 0.15 kg, 4.5 N s/m, 560 N/m.
 
+    A motion that the wall does not feel must not run away either; a certificate leaves that to the hand.
+
     Reachable is what the links reach on the start's side of the base's axis, elbow as there, base turned by up to 90
     degrees, no nearer to a singularity than a tenth (of the Jacobian's singular values, least over largest).
 

@@ -6,7 +6,9 @@
 #include <chrono>
 #include <memory>
 #include <palpate/body/compliance.hpp>
+#include <palpate/body/modal.hpp>
 #include <palpate/body/patch.hpp>
+#include <palpate/body/relaxing.hpp>
 #include <vector>
 
 namespace nb = nanobind;
@@ -34,36 +36,40 @@ std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::si
   return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
 }
 
-/// A compliance with its nodes and the contact of one tip.
+std::vector<double> numbers(const Numbers& a) {
+  return {a.data(), a.data() + a.shape(0)};
+}
+
+/// A body of some kind with its nodes and the contact of one tip.
+template <class Kind>
 struct BodyCore {
   palpate::BodyNodes nodes;
-  palpate::Compliance body;
-  palpate::BodyContact<palpate::Compliance> contact;
+  Kind body;
+  palpate::BodyContact<Kind> contact;
 
-  BodyCore(const Points& at, const Points& normals, const std::vector<double>& areas, const Matrix& compliance)
-      : nodes(points(at), points(normals), areas), body(nodes, compliance.data()), contact(nodes, body) {}
+  template <class Make>
+  BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, Make make)
+      : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body) {}
+
+  static palpate::BodyNodes fitting(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
+    const std::size_t n = at.shape(0);
+    if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
+      throw nb::value_error("the sizes of a body's arrays do not fit each other");
+    return {points(at), points(normals), numbers(areas)};
+  }
 };
 
 palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
   return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};
 }
 
-}  // namespace
-
-void bind_body(nb::module_& m) {
-  nb::class_<BodyCore>(m, "BodyCore")
-      .def(
-          "__init__",
-          [](BodyCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
-            const std::size_t n = at.shape(0);
-            if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
-              throw nb::value_error("the sizes of a body's arrays do not fit each other");
-            new (self) BodyCore(at, normals, std::vector<double>(areas.data(), areas.data() + n), compliance);
-          },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a)
+/// What all kinds share.
+template <class Kind>
+nb::class_<BodyCore<Kind>> bind_kind(nb::module_& m, const char* name) {
+  return nb::class_<BodyCore<Kind>>(m, name)
       .def(
           "follow",
-          [](BodyCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
+          [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
             auto [rows, row] = new_array<double>({n, 10});
@@ -84,7 +90,7 @@ void bind_body(nb::module_& m) {
           "centres"_a, "outward"_a, "radius"_a, "flat"_a, "Rows of force (3), deflection (3), energy, nodes, touching, solved.")
       .def(
           "time",
-          [](BodyCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
+          [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
             auto [seconds, s] = new_array<double>({n});
@@ -100,7 +106,7 @@ void bind_body(nb::module_& m) {
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a, "How long each step took, s, the clock's own time included.")
       .def("pressed",
-           [](const BodyCore& self) {
+           [](const BodyCore<Kind>& self) {
              const auto n = static_cast<std::size_t>(self.contact.last().nodes);
              auto [nodes, i] = new_array<std::int64_t>({n});
              auto [forces, f] = new_array<double>({n});
@@ -110,5 +116,53 @@ void bind_body(nb::module_& m) {
              }
              return nb::make_tuple(nodes, forces);
            })
-      .def("reset", [](BodyCore& self) { self.contact.reset(); });
+      .def("reset", [](BodyCore<Kind>& self) { self.contact.reset(); })
+      .def(
+          "respond",
+          [](BodyCore<Kind>& self, std::int32_t node, const Numbers& forces) {
+            if (node < 0 || node >= self.nodes.size()) throw nb::value_error("there is no such node");
+            auto [places, x] = new_array<double>({forces.shape(0)});
+            for (std::size_t k = 0; k < forces.shape(0); ++k) {
+              x[k] = self.body.at_rest(node) + self.body.compliance(node, node) * forces.data()[k];
+              self.body.advance(&node, forces.data() + k, 1);
+            }
+            return places;
+          },
+          "node"_a, "forces"_a, "Where a node is along its inward normal after each period, m, under forces held over them, N.");
+}
+
+}  // namespace
+
+void bind_body(nb::module_& m) {
+  using palpate::Compliance, palpate::Modal, palpate::Relaxing;
+  bind_kind<Compliance>(m, "ElasticBody")
+      .def(
+          "__init__",
+          [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
+            new (self) BodyCore<Compliance>(at, normals, areas, compliance,
+                                            [&](const palpate::BodyNodes& nodes) { return Compliance(nodes, compliance.data()); });
+          },
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a);
+  bind_kind<Modal>(m, "ModalBody")
+      .def(
+          "__init__",
+          [](BodyCore<Modal>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta) {
+            if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
+              throw nb::value_error("the sizes of a body's modes do not fit each other");
+            new (self) BodyCore<Modal>(at, normals, areas, compliance, [&](const palpate::BodyNodes& nodes) {
+              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta);
+            });
+          },
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a);
+  bind_kind<Relaxing>(m, "RelaxingBody")
+      .def(
+          "__init__",
+          [](BodyCore<Relaxing>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+             double instant, double creep, double period) {
+            new (self) BodyCore<Relaxing>(at, normals, areas, compliance, [&](const palpate::BodyNodes& nodes) {
+              return Relaxing(Compliance(nodes, compliance.data()), instant, creep, period);
+            });
+          },
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a);
 }

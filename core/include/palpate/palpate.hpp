@@ -2,7 +2,9 @@
 
 /// Everything of palpate's core: device, touch, body, control, loop.
 #include "palpate/body/compliance.hpp"
+#include "palpate/body/modal.hpp"
 #include "palpate/body/patch.hpp"
+#include "palpate/body/relaxing.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/catalogue.hpp"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
-from palpate.bodies.errors import BodyError
+from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.store import Contents, read, write
 from palpate.errors import PoseError
 from palpate.touch.mesh import Mesh
@@ -101,14 +102,52 @@ class Body:
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
 
     @cached_property
-    def core(self) -> _core.BodyCore:
+    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody:
         """The contact of one tip, in C++."""
-        return _core.BodyCore(
-            np.ascontiguousarray(self.nodes),
-            np.ascontiguousarray(self.normals),
-            np.ascontiguousarray(self.contents.areas),
-            np.ascontiguousarray(self.compliance),
+        return _core.ElasticBody(*self._arrays())
+
+    def modal(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
+        """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
+
+        Rayleigh damping: `by_mass`, 1/s, times the mass and `by_stiffness`, s, times the stiffness; a mode of w rad/s
+        then has the damping ratio (by_mass / w + by_stiffness w) / 2. What the modes leave out has no inertia.
+
+        Raises:
+            BodyError: the body was built without modes, or a number is impossible.
+        """
+        if len(self.contents.frequencies) == 0:
+            raise BodyError("the body was built without modes; build it with modes=100, or palpate body build --modes")
+        tick = _positive(period, "s", "period")
+        if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
+            raise BodyError("Rayleigh damping is not negative and finite")
+        moving = Body(self.contents)
+        shapes = np.ascontiguousarray(self.contents.shapes)
+        moving.core = _core.ModalBody(
+            *self._arrays(), shapes, np.ascontiguousarray(self.contents.frequencies), tick, by_mass, by_stiffness
         )
+        return moving
+
+    def relaxing(self, period: float | str, *, instant: float, creep: float | str) -> Body:
+        """Return the same body made of a standard linear solid, for ticks of `period`, s or text.
+
+        Pressed in a step it is `instant` times as stiff as at last (at least 1), and it creeps there under a held force
+        with the time `creep`, s or text; at a held depth the force relaxes with `creep / instant`. Poisson's ratio
+        stays.
+
+        Raises:
+            BodyError: a number is impossible.
+        """
+        if not 1.0 <= instant < np.inf:
+            raise BodyError(f"at once, tissue is at least as stiff as at last: instant is 1 or more, not {instant:g}")
+        viscous = Body(self.contents)
+        viscous.core = _core.RelaxingBody(
+            *self._arrays(), instant, _positive(creep, "s", "creep"), _positive(period, "s", "period")
+        )
+        return viscous
+
+    def _arrays(self) -> tuple[Array, Array, Array, NDArray[np.float32]]:
+        nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
+        return nodes, normals, areas, np.ascontiguousarray(self.compliance)
 
     def press(self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: Shape = "sphere") -> Press:
         """Press a rigid tip `depth` into the body along the normal at the surface's nearest point to `point`.
@@ -121,7 +160,7 @@ class Body:
 
         Returns:
             The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. There is no friction, and
-            displacements are taken as small against the body and the tip.
+            displacements are taken as small against the body and the tip. Fewer than four pressed nodes are warned of.
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -138,6 +177,13 @@ class Body:
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
         felt = self.follow(centre[None], size, outward=normal, tip=tip)
+        if deep > 0 and felt.nodes[0] < 4:
+            warnings.warn(
+                f"the tip presses {felt.nodes[0]} nodes, too few for a force to believe: take a finer mesh, "
+                "a larger tip or a deeper press",
+                BodyWarning,
+                stacklevel=2,
+            )
         return Press(felt.force[0], self.displacement())
 
     def follow(
@@ -165,7 +211,7 @@ class Body:
         return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64))
 
     def displacement(self) -> Array:
-        """Displacement of the nodes (n, 3), m, under the last tick's forces, each a mean over the node's patch."""
+        """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long."""
         nodes, forces = self.core.pressed()
         total = np.zeros(3 * len(self.nodes))
         for node, force in zip(nodes, forces, strict=True):
@@ -175,3 +221,10 @@ class Body:
 
 def _length(value: float | str, field: str) -> float:
     return quantity(value, "m", field, error=BodyError) if isinstance(value, str) else float(value)
+
+
+def _positive(value: float | str, unit: str, field: str) -> float:
+    number = quantity(value, unit, field, error=BodyError) if isinstance(value, str) else float(value)
+    if not 0 < number < np.inf:
+        raise BodyError(f"{field} is positive and finite, not {number:g}")
+    return number

@@ -16,6 +16,7 @@ from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.factor import Factor
 from palpate.bodies.material import Material, Region, Skin
+from palpate.bodies.modes import modes as find_modes
 from palpate.bodies.places import Place, place
 from palpate.bodies.store import Contents, write
 from palpate.bodies.volume import Volume, fill, read_volume
@@ -40,6 +41,7 @@ def build(
     unit: str | None = None,
     spacing: float | str | None = None,
     order: int = 2,
+    modes: int = 0,
     memory: float | str = "8 GB",
     output: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -60,6 +62,7 @@ def build(
         unit: that a file is written in; needed with a file.
         spacing: length of the tetrahedra's edges in a filled surface, m or text; a fifteenth of its extent if None.
         order: 2 for quadratic tetrahedra, 1 for linear ones (which lock as Poisson's ratio nears 0.5).
+        modes: how many vibration modes to find too, for `Body.modal`.
         memory: budget that the build must keep, bytes or text.
         output: file (.h5) to write the body to; a build that was killed is taken up again from what lies beside it.
         progress: told what is done, and the fraction of it, 0 to 1.
@@ -98,6 +101,10 @@ def build(
         resume = target.with_name(f".{target.name}.{digest(elements)}.rows")
         resume.parent.mkdir(parents=True, exist_ok=True)
     compliance = condense(elements, factor, resume=resume, progress=progress)
+    frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
+    if modes:
+        tell(f"finding {modes} modes", 1.0)
+        frequencies, shapes = find_modes(elements, factor, modes)
     record = {
         "source": volume.source,
         "unit": unit,
@@ -109,6 +116,7 @@ def build(
         "fixed": [str(p) for p in held],
         "touch": None if where is None else str(where),
         "order": order,
+        "modes": modes,
         "tetrahedra": len(volume.tetrahedra),
         "nodes": len(elements.nodes),
         "unknowns": len(elements.free),
@@ -119,7 +127,7 @@ def build(
         "seconds_solving": round(time.perf_counter() - meshed, 3),
         "versions": _versions(),
     }
-    contents = _contents(elements, compliance, record)
+    contents = _contents(elements, compliance, frequencies, shapes, record)
     if output is not None:
         write(contents, output)
         assert resume is not None
@@ -152,7 +160,7 @@ def volume_of(
     return fill(mesh.vertices, mesh.triangles, step, source=name)
 
 
-def _contents(elements: Elements, compliance: Any, record: dict[str, Any]) -> Contents:
+def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> Contents:
     faces = elements.volume.surface
     used, triangles = np.unique(faces, return_inverse=True)
     there = np.ones(len(elements.volume.points), dtype=bool)
@@ -166,6 +174,8 @@ def _contents(elements: Elements, compliance: Any, record: dict[str, Any]) -> Co
         normals=elements.normals,
         areas=elements.areas,
         compliance=compliance,
+        frequencies=frequencies,
+        shapes=shapes,
         record=record,
     )
 

@@ -27,6 +27,7 @@ def phantom(
     skin_young: float = 50e3,
     poisson: float = 0.45,
     spacing: float = 5e-3,
+    modes: int = 0,
     output: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Body:
@@ -41,6 +42,7 @@ def phantom(
         skin_young: of the skin, Pa; of the breast 56 +- 16 kPa.
         poisson: Poisson's ratio.
         spacing: of the cells, m.
+        modes: vibration modes to find too.
         output: file to write to.
         progress: told what is done, and the fraction of it.
 
@@ -62,6 +64,7 @@ def phantom(
         skin=Skin(skin, skin_young) if skin > 0 else None,
         fixed=beyond("z", "<", 1e-6),
         touch=beyond("z", ">", _HEIGHT - 1e-6),
+        modes=modes,
         output=output,
         progress=progress,
     )

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
 _VERSION: Final = 1
-_UNITS: Final = {"points": "m", "areas": "m^2", "compliance": "m/N", "normals": "1"}
+_UNITS: Final = {"points": "m", "areas": "m^2", "compliance": "m/N", "normals": "1", "frequencies": "rad/s"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,8 @@ class Contents:
     normals: Array  # outward, unit, at the nodes (n, 3)
     areas: Array  # of the nodes' patches (n,), m^2
     compliance: NDArray[np.float32]  # (3n, 3n), m/N, row 3 x node + axis
+    frequencies: Array  # of the vibration modes (m,), rad/s; none if it was built without
+    shapes: NDArray[np.float32]  # of the modes at the nodes (3n, m), 1/sqrt(kg), row 3 x node + axis
     record: Mapping[str, Any]  # how it was made
 
 
@@ -91,10 +93,12 @@ def _check(c: Contents, file: Path) -> None:
         and c.areas.shape == (n,)
         and c.compliance.shape == (3 * n, 3 * n)
         and c.compliance.dtype == np.float32
+        and c.shapes.shape == (3 * n, len(c.frequencies))
+        and c.shapes.dtype == np.float32
     )
     if not sizes or n == 0:
         raise BodyError(f"{file}: the sizes of its arrays do not fit each other; build it again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
-    finite = all(np.isfinite(a).all() for a in (c.points, c.normals, c.areas, c.compliance))
+    finite = all(np.isfinite(a).all() for a in (c.points, c.normals, c.areas, c.compliance, c.frequencies, c.shapes))
     if not finite or indices.min() < 0 or indices.max() >= s or not (np.diag(c.compliance) > 0).all():
         raise BodyError(f"{file}: it holds numbers that no body has (not finite, or no stiffness); build it again")

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.units import quantity
 
-__all__ = ["Volume", "block", "fill", "read_volume"]
+__all__ = ["Volume", "block", "fill", "grid", "read_volume"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -115,11 +115,11 @@ def block(
     lines = [np.linspace(0.0, side, max(1, round(side / step)) + 1) for side, step in zip(sides, steps, strict=True)]
     stack = [np.linspace(a, b, max(1, round((b - a) / steps[2])) + 1) for a, b in pairwise(depths)]
     lines[2] = sides[2] - np.unique(np.concatenate(stack))[::-1]
-    return _grid(lines, f"block of {' x '.join(f'{s * 1e3:g}' for s in sides)} mm")
+    return grid(lines, f"block of {' x '.join(f'{s * 1e3:g}' for s in sides)} mm")
 
 
-def _grid(lines: Sequence[Array], source: str) -> Volume:
-    """Cells between the planes at `lines` along x, y and z."""
+def grid(lines: Sequence[Array], source: str = "grid") -> Volume:
+    """Return cells between the planes at `lines` (three rising lists, m) along x, y and z, cut as in `block`."""
     nx, ny, nz = (len(line) for line in lines)
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(nx * ny * nz).reshape(nx, ny, nz)

@@ -38,6 +38,7 @@ def build(
         str | None, typer.Option("--spacing", help="Edges of the tetrahedra in a filled surface.")
     ] = None,
     order: Annotated[int, typer.Option("--order", help="2: quadratic elements; 1: linear, which lock near 0.5.")] = 2,
+    modes: Annotated[int, typer.Option("--modes", help="Vibration modes to find too, for a body with inertia.")] = 0,
     memory: Annotated[str, typer.Option("--memory", help="Budget that the build must keep.")] = "8 GB",
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write; the source's name with .h5.")] = None,
 ) -> None:
@@ -66,6 +67,7 @@ def build(
             touch=touch,
             spacing=spacing,
             order=order,
+            modes=modes,
             memory=memory,
             output=target,
             progress=tell,

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include "palpate/body/compliance.hpp"
+
+namespace palpate {
+
+/// A body of one standard linear solid, without inertia: pressed in a step it is `instant` times as stiff as at last, and goes there with
+/// the time `creep` [s] under a constant force. Poisson's ratio stays, so displacements are the elastic ones of (Lee 1955)
+///   f / instant + q,   creep q' = (1 - 1 / instant) f - q,
+/// exact over one period with the forces held. Nodes remember their q until it is a millionth of the largest.
+class Relaxing {
+ public:
+  static constexpr std::size_t capacity = 512;  ///< nodes that are remembered; beyond it the least are forgotten
+
+  Relaxing() = default;
+  Relaxing(Compliance elastic, double instant, double creep, double period)
+      : elastic_(std::move(elastic)),
+        stays_(std::exp(-period / creep)),
+        gains_((1.0 - stays_) * (1.0 - 1.0 / instant)),
+        share_(1.0 / instant + gains_) {}
+
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return share_ * elastic_.compliance(i, j); }
+
+  [[nodiscard]] double at_rest(std::int32_t i) const noexcept {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.compliance(i, node_[k]) * crept_[k];
+    return stays_ * sum;
+  }
+
+  /// `nodes` rise.
+  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
+    double most = 0.0;
+    for (std::size_t k = 0; k < count_; ++k) most = std::max(most, crept_[k] *= stays_);
+    for (int c = 0; c < count; ++c) {
+      const auto end = node_.begin() + static_cast<std::ptrdiff_t>(count_);
+      const auto at = std::find(node_.begin(), end, nodes[c]);
+      auto k = static_cast<std::size_t>(at - node_.begin());
+      if (at == end) {
+        if (count_ == capacity)
+          k = static_cast<std::size_t>(std::min_element(crept_.begin(), crept_.end()) - crept_.begin());
+        else
+          ++count_;
+        node_[k] = nodes[c];
+        crept_[k] = 0.0;
+      }
+      crept_[k] += gains_ * forces[c];
+      most = std::max(most, crept_[k]);
+    }
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < count_; ++k) {
+      if (!(crept_[k] > 1e-6 * most) || !(crept_[k] > least)) continue;
+      node_[kept] = node_[k];
+      crept_[kept++] = crept_[k];
+    }
+    count_ = kept;
+  }
+
+  void reset() noexcept { count_ = 0; }
+
+ private:
+  static constexpr double least = 1e-12;  // N: far below anything that is felt
+
+  Compliance elastic_;
+  double stays_ = 0.0, gains_ = 0.0, share_ = 1.0;
+  std::size_t count_ = 0;
+  std::array<std::int32_t, capacity> node_{};
+  std::array<double, capacity> crept_{};  // N
+};
+
+}  // namespace palpate

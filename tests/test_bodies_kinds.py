@@ -1,0 +1,104 @@
+"""Bodies with inertia and with creep: against finite elements in time, and their own compliance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from palpate import bodies
+from palpate.bodies import Body, BodyError, block
+from palpate.bodies.elements import Elements
+from palpate.bodies.material import Material
+from palpate.bodies.places import beyond
+from scipy import sparse
+from scipy.linalg import eigh, lu_factor, lu_solve
+
+BOTTOM, TOP = beyond("z", "<", 1e-9), beyond("z", ">", 0.02 - 1e-9)
+VOLUME = block((0.03, 0.03, 0.02), 0.01)
+PERIOD, BY_MASS, BY_STIFFNESS = 1e-3, 5.0, 2e-4
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return bodies.build(VOLUME, young=5e3, fixed=BOTTOM, touch=TOP, modes=40)
+
+
+@pytest.fixture(scope="module")
+def elements() -> Elements:
+    return Elements(VOLUME, Material(5e3), [BOTTOM], TOP)
+
+
+def test_modes_are_those_of_the_dense_problem(body: Body, elements: Elements) -> None:
+    k = elements.stiffness[elements.free][:, elements.free].toarray()
+    m = elements.mass[elements.free][:, elements.free].toarray()
+    squares = eigh(k, m, eigvals_only=True, subset_by_index=[0, 39])
+    assert body.contents.frequencies == pytest.approx(np.sqrt(squares), rel=1e-8)
+
+
+def test_modal_is_within_two_percent_of_all_elements_in_time(body: Body, elements: Elements) -> None:
+    """A pulse on one node: 40 modes and static correction beside all unknowns, by Newmark at a tenth of a tick."""
+    k = elements.stiffness[elements.free][:, elements.free].toarray()
+    m = elements.mass[elements.free][:, elements.free].toarray()
+    node = int(np.argmin(np.linalg.norm(body.nodes - [0.01, 0.01, 0.02], axis=1)))
+    load = -(
+        sparse.kron(elements.load, sparse.eye(3)).tocsr()[elements.free] @ np.eye(3 * len(body.nodes))[3 * node + 2]
+    )
+    t = (np.arange(300) + 0.5) * PERIOD
+    force = 0.2 * np.sin(np.pi * t / 0.03) ** 2 * (t < 0.03)
+    found = body.modal(PERIOD, by_mass=BY_MASS, by_stiffness=BY_STIFFNESS).core.respond(node, force)
+
+    damping, h = BY_MASS * m + BY_STIFFNESS * k, PERIOD / 10
+    u, v = np.zeros(len(k)), np.zeros(len(k))
+    a = np.zeros(len(k))
+    solver = lu_factor(m + h / 2 * damping + h * h / 4 * k)
+    expected = []
+    for f in force:
+        for _ in range(10):
+            guess, speed = u + h * v + h * h / 4 * a, v + h / 2 * a
+            a = lu_solve(solver, load * f - damping @ speed - k @ guess)
+            u, v = guess + h * h / 4 * a, speed + h / 2 * a
+        expected.append(load @ u)
+    assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_modal_at_last_is_compliance(body: Body) -> None:
+    """A tip that stays: after the ringing, the force is that of the body without inertia."""
+    tip = np.tile([0.01, 0.01, 0.02 + 0.008 - 0.001], (4000, 1))
+    moving = body.modal("1 ms", by_mass=20.0, by_stiffness=1e-3)
+    felt = moving.follow(tip, 0.008, outward=[0, 0, 1])
+    still = body.follow(tip[:1], 0.008, outward=[0, 0, 1])
+    assert felt.force[-1] == pytest.approx(still.force[0], rel=1e-4, abs=1e-6)
+    assert np.abs(felt.force[:20, 2] - still.force[0, 2]).max() > 0.05 * still.force[0, 2]
+
+
+def test_a_relaxing_body_starts_stiff_and_ends_as_compliance(body: Body) -> None:
+    tip = np.tile([0.01, 0.01, 0.02 + 0.008 - 0.001], (2000, 1))
+    felt = body.relaxing("1 ms", instant=2.5, creep="0.2 s").follow(tip, 0.008, outward=[0, 0, 1])
+    still = body.follow(tip[:1], 0.008, outward=[0, 0, 1]).force[0, 2]
+    assert still > 0
+    assert felt.force[0, 2] == pytest.approx(2.5 * still, rel=0.02)
+    assert felt.force[-1, 2] == pytest.approx(still, rel=1e-4)
+    assert (np.diff(felt.force[:, 2]) < 1e-9).all()
+
+
+def test_a_sweep_over_a_relaxing_body_loses_energy(body: Body) -> None:
+    t = np.linspace(0, 2 * np.pi, 2001)
+    path = np.stack([0.01 + 3e-3 * np.sin(t), 0.01 + 2e-3 * np.cos(2 * t), 0.027 - 5e-4 * np.cos(t)], axis=1)
+    felt = body.relaxing("1 ms", instant=2.5, creep="0.2 s").follow(path, 0.008, outward=[0, 0, 1])
+    work = -(felt.force[1:] * np.diff(path, axis=0)).sum()
+    assert work > 0.0
+
+
+def test_modes_come_back_from_a_file_and_their_absence_is_told(body: Body, tmp_path: Path) -> None:
+    again = Body.load(body.write(tmp_path / "b.h5"))
+    assert np.array_equal(again.contents.shapes, body.contents.shapes)
+    plain = bodies.build(VOLUME, young=5e3, fixed=BOTTOM, touch=TOP)
+    with pytest.raises(BodyError, match="built without modes"):
+        plain.modal(PERIOD)
+    with pytest.raises(BodyError, match="period is positive"):
+        body.modal(0.0)
+    with pytest.raises(BodyError, match="instant is 1 or more"):
+        body.relaxing(PERIOD, instant=0.5, creep=0.1)
+    with pytest.raises(BodyError, match="fewer than"):
+        bodies.build(VOLUME, young=5e3, fixed=BOTTOM, touch=TOP, modes=100_000)

@@ -46,7 +46,9 @@ def test_sections_are_run_as_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert told == [0.25, 0.75]
     assert list(result["sections"]) == asked
     assert list(run()["sections"]) == list(SECTIONS)
-    with pytest.raises(PalpateError, match="no section 'speed' in the benchmark: choose from loop, stability, touch"):
+    with pytest.raises(
+        PalpateError, match="no section 'speed' in the benchmark: choose from loop, batch, stability, touch"
+    ):
         run(["speed"])
     out = tmp_path / "numbers.json"
     done = CliRunner().invoke(app, ["bench", "loop", "--out", str(out)])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from palpate.bench.workload import PERIOD, POSE, ForceLaw, Workload
 
-__all__ = ["mujoco_loop", "python_control_loop"]
+__all__ = ["mujoco_loop", "mujoco_rollout", "python_control_loop"]
 
 Array = NDArray[np.float64]
 SUBSTEPS = 10  # Runge-Kutta steps of a peer in one servo period
@@ -26,6 +26,24 @@ def mujoco_loop(work: Workload) -> Array:
         data.ctrl[:] = law.torque(tick, rows[tick])
         mujoco.mj_step(model, data, nstep=SUBSTEPS)
     return rows
+
+
+def mujoco_rollout(work: Workload, batch: int) -> Array:
+    """Return the last angles (3,) of `batch` runs by MuJoCo's native batch, on one thread.
+
+    A rollout takes its torques beforehand: it is given those of the closed loop, and spared the force law.
+    """
+    import mujoco
+    from mujoco import rollout
+
+    model, data = _mujoco_model(work)
+    hinges = [model.joint(name).qposadr[0] for name in ("theta1", "theta2", "theta3")]
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    state = np.empty(size)
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    torques = np.repeat(work.torques(), SUBSTEPS, axis=0)
+    states, _ = rollout.rollout(model, data, np.tile(state, (batch, 1)), np.tile(torques, (batch, 1, 1)))
+    return np.asarray(states)[0, -1, 1:][hinges]  # time comes first
 
 
 def _mujoco_model(work: Workload):  # type: ignore[no-untyped-def]

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from palpate.bench import loop, stability, touch
+from palpate.bench import batch, loop, stability, touch
 from palpate.bench.section import Effort, Progress, Section
 from palpate.errors import PalpateError
 from palpate.files import write_whole
@@ -19,6 +19,7 @@ __all__ = ["SECTIONS", "run"]
 
 SECTIONS: dict[str, Section] = {
     "loop": loop.SECTION,
+    "batch": batch.SECTION,
     "stability": stability.SECTION,
     "touch": touch.SECTION,
 }

@@ -75,6 +75,12 @@ class Workload:
         run = {"duration": f"{self.ticks * PERIOD!r} s", "substeps": substeps}
         return Scenario.from_dict({**SCENARIO, "run": run})
 
+    def torques(self) -> Array:
+        """Return the torques (ticks, 3), N*m, that the loop holds from each sample to the next."""
+        from palpate.loop.simulate import simulate
+
+        return np.asarray(simulate(self.scenario(substeps=4))["torque"])[: self.ticks]
+
     def acceleration(self, q: Array, qd: Array, torque: Array) -> Array:
         """Return qdd (3,), rad/s^2, from the core without checks."""
         device = self.device

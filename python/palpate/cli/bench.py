@@ -16,7 +16,7 @@ __all__ = ["bench"]
 
 def bench(
     sections: Annotated[
-        list[str] | None, typer.Argument(help="What to time: loop, stability, touch. Everything if not given.")
+        list[str] | None, typer.Argument(help="What to time: loop, batch, stability, touch. Everything if not given.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file for the numbers.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,
@@ -26,7 +26,8 @@ def bench(
 
     **loop**: one second of the nonlinear arm at 1 kHz, and its distance from a tight reference; medians and the slow
     tail (p99.9 of a thousand runs or more, else the slowest) as multiples of real time on one core; the ratio is
-    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **stability**: the exact
+    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: loops side by side in
+    vector lanes, a second and core. **stability**: the exact
     boundary, and a map of spectral radii on all cores. **touch**: one step of the proxy.
 
     Example: palpate bench stability --quick

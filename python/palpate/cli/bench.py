@@ -26,9 +26,9 @@ def bench(
 
     **loop**: one second of the nonlinear arm at 1 kHz, and its distance from a tight reference; medians and the slow
     tail (p99.9 of a thousand runs or more, else the slowest) as multiples of real time on one core; the ratio is
-    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: loops side by side in
-    vector lanes, a second and core. **stability**: the exact
-    boundary, and a map of spectral radii on all cores. **touch**: one step of the proxy.
+    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: the same loop, many
+    side by side in vector lanes. **stability**: the exact boundary, and a map of spectral radii on all cores.
+    **touch**: one step of the proxy.
 
     Example: palpate bench stability --quick
     """

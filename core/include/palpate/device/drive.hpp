@@ -16,6 +16,13 @@ template <int dof, class Scalar = double>
 struct Encoder {
   Joints<dof, Scalar> step = Joints<dof, Scalar>::Constant(0.0);  ///< rad per count; 0 reads exactly
 
+  /// Whether every joint is read as it is.
+  [[nodiscard]] bool exact() const noexcept {
+    bool out = true;
+    for (int i = 0; i < dof; ++i) out = out && !any(step[i] > Scalar(0.0));
+    return out;
+  }
+
   [[nodiscard]] Joints<dof, Scalar> read(const Joints<dof, Scalar>& q) const noexcept {
     Joints<dof, Scalar> counted = q;
     for (int i = 0; i < dof; ++i) {

@@ -15,6 +15,10 @@
 
 namespace palpate {
 
+/// What a mechanism computes of a pose once, for all that is asked there.
+template <class Mechanism, class Scalar = double>
+using PostureOf = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Joints<Mechanism::dof, Scalar>>()))>;
+
 /// What moves: joints and, when tissue parts them from the tip, the hand.
 template <int dof, class Scalar = double>
 struct MotionState {
@@ -54,6 +58,13 @@ class Motion {
   /// Moves `state` on by `period` [s] in `substeps` equal steps, under motor torques [N*m] held constant and the
   /// operator's force.
   void advance(State& state, const Torque& torque, const ForceSegment<Scalar>& force, double period, int substeps) const noexcept {
+    Posture at = mechanism_.posture(state.q);
+    advance(state, at, torque, force, period, substeps);
+  }
+
+  /// The same for whoever keeps the posture `at` of `state` too: it moves with it.
+  void advance(State& state, PostureOf<Mechanism, Scalar>& at, const Torque& torque, const ForceSegment<Scalar>& force, double period,
+               int substeps) const noexcept {
     const bool pushed = acts(force.begin) || acts(force.end);
     const double step = period / substeps;
     for (int i = 0; i < substeps; ++i) {
@@ -61,14 +72,17 @@ class Motion {
       if (dry_) {
         advance_with_sticking(state, push, step);
       } else if (hand_.tissue) {
-        runge_kutta<true>(state, step, [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
+        runge_kutta<true>(state, at, step,
+                          [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
       } else if (loaded_) {
-        runge_kutta<false>(state, step, [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
+        runge_kutta<false>(state, at, step,
+                           [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
       } else if (pushed) {
-        advance_freely<true>(state, push, step);
+        advance_freely<true>(state, at, push, step);
       } else {
-        advance_freely<false>(state, push, step);
+        advance_freely<false>(state, at, push, step);
       }
+      at = mechanism_.posture(state.q);
     }
   }
 
@@ -89,7 +103,7 @@ class Motion {
   }
 
  private:
-  using Posture = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Torque>()))>;
+  using Posture = PostureOf<Mechanism, Scalar>;
   using Where = Condition<Scalar>;
   using Matrix = Eigen::Matrix<Scalar, dof, dof>;
 
@@ -144,8 +158,7 @@ class Motion {
 
   /// The common case, where a second of servo ticks is a second of these: Runge-Kutta written out for q' = v, v' = a(q, v, t).
   template <bool pushed>
-  void advance_freely(State& s, const Push& push, double h) const {
-    const Posture at = mechanism_.posture(s.q);
+  void advance_freely(State& s, const Posture& at, const Push& push, double h) const {
     const Torque v1 = s.qd;
     const Torque a1 = free_acceleration<pushed>(at, v1, push, 0.0);
     const Torque v2 = v1 + 0.5 * h * a1;
@@ -230,8 +243,7 @@ class Motion {
   }
 
   template <bool with_hand, class RateOf>
-  void runge_kutta(State& s, const Scalar& h, const RateOf& rate) const {
-    const Posture at = mechanism_.posture(s.q);
+  void runge_kutta(State& s, const Posture& at, const Scalar& h, const RateOf& rate) const {
     const auto later = [&](const Rate& k, const Scalar& t) {
       const State there = moved<with_hand>(s, k, t);
       return rate(there, mechanism_.turned(at, Torque(t * k.qd)), t);
@@ -305,11 +317,12 @@ class Motion {
     Scalar t = 0.0;
     Where running = true;
     for (int event = 0; event < most_events && any(running); ++event) {
-      const Modes modes = choose_modes(state, mechanism_.posture(state.q), push, t);
+      const Posture here = mechanism_.posture(state.q);
+      const Modes modes = choose_modes(state, here, push, t);
       const auto slide = [&](const Scalar& h) {
         const auto rate = [&](const State& s, const Posture& at, const Scalar& dt) { return general_rate(s, at, push, t + dt, modes); };
         State there = state;
-        hand_.tissue ? runge_kutta<true>(there, h, rate) : runge_kutta<false>(there, h, rate);
+        hand_.tissue ? runge_kutta<true>(there, here, h, rate) : runge_kutta<false>(there, here, h, rate);
         return there;
       };
       State next = slide(end - t);

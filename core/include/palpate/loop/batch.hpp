@@ -29,8 +29,7 @@ class Watch {
   using Vector = Vector3<Scalar>;
 
   Watch(const SimulationSetup<Mechanism, Scalar>& s, int ticks)
-      : mechanism_(s.mechanism), start_(s.mechanism.forward(s.start)), ticks_(ticks), reads_exactly_(!s.frozen_kinematics) {
-    for (int i = 0; i < dof; ++i) reads_exactly_ = reads_exactly_ && all(s.encoder.step[i] == Scalar(0.0));
+      : mechanism_(s.mechanism), start_(s.mechanism.forward(s.start)), ticks_(ticks) {
     lowest_.setConstant(1e300);
     highest_.setConstant(-1e300);
     steady_.setConstant(0.0);
@@ -42,7 +41,7 @@ class Watch {
   template <class Plant, class Servo>
   void see(int k, const Where& alive, const Plant& plant, const Servo& servo, const Vector& /*force*/) noexcept {
     const auto& tick = servo.last();
-    const Vector tip = reads_exactly_ ? tick.tip : mechanism_.forward(plant.angles());
+    const Vector tip = mechanism_.forward(plant.posture());
     const Vector bend = tip - 2.0 * last_ + before_;
     const Scalar swing = choose(alive, bend.squaredNorm(), Scalar(0.0));
     before_ = last_;
@@ -96,7 +95,6 @@ class Watch {
   Mechanism mechanism_;
   Vector start_;
   int ticks_;
-  bool reads_exactly_;
   Vector before_, last_;
   Vector lowest_, highest_, steady_;
   Scalar unstable_ = -1.0, early_ = 0.0, late_ = 0.0, object_force_ = 0.0, command_ = 0.0, touching_ = 0.0, saturated_ = 0.0;

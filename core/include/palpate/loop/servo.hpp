@@ -9,6 +9,7 @@
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/drive.hpp"
+#include "palpate/device/motion.hpp"
 #include "palpate/math/dual.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/anchor.hpp"
@@ -56,6 +57,12 @@ class Kinematics {
     tip_ = mechanism_.forward(at_);
   }
 
+  /// The same, for whoever has the posture already.
+  void look_at(const PostureOf<Mechanism, Scalar>& at) noexcept {
+    at_ = at;
+    tip_ = mechanism_.forward(at_);
+  }
+
   /// Tip position [m] at the angles last looked at.
   [[nodiscard]] const Vector& tip() const noexcept { return tip_; }
 
@@ -73,8 +80,7 @@ class Kinematics {
   Angles turn_ = Angles::Constant(0.0);  // from the frozen pose
   Vector tip_ = Vector::Constant(0.0);
   TipJacobian<dof, Scalar> jacobian_ = TipJacobian<dof, Scalar>::Constant(0.0);  // at the frozen pose
-  using Posture = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Angles>()))>;
-  Posture at_ = Mechanism().posture(Angles(Angles::Constant(0.0)));
+  PostureOf<Mechanism, Scalar> at_ = Mechanism().posture(Angles(Angles::Constant(0.0)));
   Eigen::Matrix<Scalar, dof, dof> torque_turn_ = Eigen::Matrix<Scalar, dof, dof>::Constant(0.0);  // d(J^T hold)/dq
 };
 
@@ -142,13 +148,36 @@ class Servo {
         controller_(s.controller),
         drive_(s.limits, s.period),
         hold_(s.hold),
-        delay_(s.delay, torque_at_rest(s.start)) {}
+        delay_(s.delay, torque_at_rest(s.start)),
+        reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {}
 
   /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
   /// impedance display).
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept {
-    const Angles q = encoder_.read(angles);
-    kinematics_.look(q);
+    kinematics_.look(encoder_.read(angles));
+    return act(reference);
+  }
+
+  /// The same for whoever has the posture `at` of these angles already: a servo that reads exactly need not compute it again.
+  const Tick& tick(const Angles& angles, const PostureOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
+    if (!reads_exactly_) return tick(angles, reference);
+    kinematics_.look_at(at);
+    return act(reference);
+  }
+
+  /// What the last tick saw and did.
+  [[nodiscard]] const Tick& last() const noexcept { return tick_; }
+
+  /// Where the tip touches the mesh at this tick; null without a mesh.
+  [[nodiscard]] const Contact* contact() const noexcept
+    requires std::is_same_v<Scalar, double>
+  {
+    return proxy_ ? &proxy_->contact() : nullptr;
+  }
+
+ private:
+  /// The tick, once it is known where the tip is.
+  [[gnu::always_inline]] const Tick& act(const Vector& reference) noexcept {
     tick_.tip = kinematics_.tip();
     const Vector force = on_mesh() ? touch_mesh() : touch_anchor();
     tick_.object_force = force;
@@ -168,17 +197,6 @@ class Servo {
     return tick_;
   }
 
-  /// What the last tick saw and did.
-  [[nodiscard]] const Tick& last() const noexcept { return tick_; }
-
-  /// Where the tip touches the mesh at this tick; null without a mesh.
-  [[nodiscard]] const Contact* contact() const noexcept
-    requires std::is_same_v<Scalar, double>
-  {
-    return proxy_ ? &proxy_->contact() : nullptr;
-  }
-
- private:
   static constexpr bool meshes = std::is_same_v<Scalar, double>;  // a proxy walks by branches: no two lanes alike
   using PossibleProxy = std::conditional_t<meshes, std::optional<Proxy>, std::monostate>;
 
@@ -232,6 +250,7 @@ class Servo {
   Drive<dof, Scalar> drive_;
   Vector hold_ = Vector::Constant(0.0);
   Delay<Angles, Whole<Scalar>> delay_;
+  bool reads_exactly_ = false;
   Tick tick_;
 };
 

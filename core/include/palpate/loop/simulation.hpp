@@ -64,12 +64,14 @@ class MovingPlant {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
+    at_ = s.mechanism.posture(s.start);
   }
+  [[nodiscard]] const PostureOf<Mechanism, Scalar>& posture() const { return at_; }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
   void advance(const Joints<dof, Scalar>& torque, const ForceSegment<Scalar>& force) noexcept {
-    motion_.advance(state_, torque, force, period_, substeps_);
+    motion_.advance(state_, at_, torque, force, period_, substeps_);
   }
   /// Puts the chosen loops back where they started, at rest.
   void rest(const Condition<Scalar>& which, const SimulationSetup<Mechanism, Scalar>& s) noexcept {
@@ -79,11 +81,13 @@ class MovingPlant {
     state_.qd = choose_each(which, still, state_.qd);
     state_.hand = choose_each(which, s.mechanism.forward(s.start), state_.hand);
     state_.hand_velocity = choose_each(which, none, state_.hand_velocity);
+    at_ = s.mechanism.posture(state_.q);
   }
 
  private:
   Motion<Mechanism, Scalar> motion_;
   MotionState<dof, Scalar> state_;
+  PostureOf<Mechanism, Scalar> at_;
   int substeps_;
   double period_;
 };
@@ -195,6 +199,15 @@ Vector3<Scalar> force_at(const double* table, int tick) {
   return {Scalar(row[0]), Scalar(row[1]), Scalar(row[2])};
 }
 
+/// The servo's tick at a plant, which may know its posture.
+template <class Servo, class Plant, class Vector>
+[[gnu::always_inline]] inline const auto& tick_of(Servo& servo, const Plant& plant, const Vector& reference) noexcept {
+  if constexpr (requires { plant.posture(); })
+    return servo.tick(plant.angles(), plant.posture(), reference);
+  else
+    return servo.tick(plant.angles(), reference);
+}
+
 /// The loop itself, for one (double) or several side by side (Pack): samples 0 to `ticks`, each shown to `watch`. Loops that diverge are
 /// told to `watch` and left out from then on; when none is left it ends.
 template <class Mechanism, class Scalar, class Plant, class Watch>
@@ -213,7 +226,8 @@ void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int tick
     if constexpr (!std::is_same_v<Scalar, double>) {
       if (!all(alive)) plant.rest(!alive, setup);
     }
-    const auto& tick = servo.tick(plant.angles(), force_at<Scalar>(reference, k));
+    const Vector3<Scalar> wanted = force_at<Scalar>(reference, k);
+    const auto& tick = tick_of(servo, plant, wanted);
     ForceSegment<Scalar> force;
     force.begin = force_at<Scalar>(operator_force, k);
     watch.see(k, alive, plant, servo, force.begin);

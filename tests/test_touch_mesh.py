@@ -8,6 +8,7 @@ import numpy as np
 import palpate
 import pytest
 import trimesh
+from palpate import Proxy, Surface
 from palpate.touch import Mesh, MeshError
 from touch_shapes import ball, box
 
@@ -95,3 +96,36 @@ def test_nearest_is_the_nearest_on_a_box() -> None:
     mesh = Mesh(*box((1.0, 1.0, 1.0), 3))
     at, _ = mesh.nearest([[0.1, 0.2, 3.0], [2.0, 2.0, 2.0], [0.0, 0.9, 0.0]])
     np.testing.assert_allclose(at, [[0.1, 0.2, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.0, 2e-3])
+def test_a_proxy_rides_on_a_mesh_that_moves(radius: float) -> None:
+    """The top of a box moves up and aside under a stuck tip: the spring is longer by what it has moved."""
+    mesh = Mesh(*box((0.05, 0.05, 0.05), 6))
+    proxy = Proxy(mesh, Surface(stiffness=1000.0, static_friction=np.inf), radius=radius)
+    proxy.step([1e-3, 2e-3, 0.08])
+    tip = np.array([1e-3, 2e-3, 0.049 + radius])
+    before = proxy.step(tip)
+    top = np.flatnonzero(mesh.vertices[:, 2] > 0.049)
+    mesh.move(mesh.vertices[top] + [0.5e-3, -1e-3, 2e-3], top)
+    after = proxy.step(tip)
+    np.testing.assert_allclose(after.force - before.force, 1000.0 * np.array([0.5e-3, -1e-3, 2e-3]), atol=1e-9)
+    np.testing.assert_allclose(mesh.vertices[top, 2], 0.052)
+    mesh.move(mesh.vertices - [0.0, 0.0, 0.1])
+    assert not Proxy(mesh).step(tip).touching
+
+
+def test_a_move_that_cannot_be_changes_nothing() -> None:
+    mesh = Mesh(*box((0.05, 0.05, 0.05), 2))
+    start = mesh.vertices
+    a, b, c = mesh.triangles[3]
+    for positions, vertices, words in (
+        ([start[b]], [a], "no area"),
+        ([[np.nan, 0, 0]], [a], "finite"),
+        ([[0.0, 0, 0]], [999], "numbered"),
+        ([[0.0, 0, 0]], [a, c], "as many"),
+    ):
+        with pytest.raises(MeshError, match=words):
+            mesh.move(positions, vertices)
+        np.testing.assert_array_equal(mesh.vertices, start)
+        np.testing.assert_array_equal(mesh.nearest([start[a]])[0], [start[a]])

@@ -147,3 +147,69 @@ def test_the_stopwatch_counts_every_tick() -> None:
     assert 0.0 < found["median"] <= found["p99.9"] <= found["worst"] <= found["worst_single"]
     assert found["median"] < 1000.0
     assert found["lost"] == 0
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-3])
+def test_friction_where_soft_meets_stiff_is_that_of_what_is_touched(radius: float) -> None:
+    """Dragged from 0.2 to 3.5 N/mm, the proxy lags no farther than friction on the triangle it reports would let it."""
+    mesh = Mesh(*box((0.04, 0.04, 0.04), 16))
+    stiff = np.where(mesh.vertices[mesh.triangles].mean(axis=1)[:, 0] < 0.0, 200.0, 3500.0)
+    proxy = Proxy(mesh, Surface(stiffness=stiff, tangential=1000.0, static_friction=0.2), radius=radius)
+    x = np.linspace(-2e-3, 6e-3, 1601)
+    proxy.step([-2e-3, 1.3e-3, 0.06])
+    contacts = proxy.follow(np.stack([x, np.full_like(x, 1.3e-3), np.full_like(x, 0.0355 + radius)], axis=1))
+    assert set(np.unique(contacts.stiffness)) == {200.0, 3500.0}
+    assert np.all(x - contacts.position[:, 0] <= 0.2 * contacts.stiffness / 1000.0 * contacts.depth * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+@pytest.mark.parametrize("pieces", [12, 71])
+def test_shading_takes_the_facets_out_of_a_ball(radius: float, pieces: int) -> None:
+    """The force's steps from tick to tick are those of a true ball: 100 N/m times the step of the spring's vector."""
+    path = orbit(6000)
+    outward = path / np.linalg.norm(path, axis=1, keepdims=True)
+    true = 100.0 * ((0.5 + radius) * outward - path)
+
+    def steps(force: Array) -> float:
+        return float(np.sqrt(np.mean(np.sum(np.diff(force, axis=0) ** 2, axis=1))))
+
+    mesh = Mesh(*ball(pieces))
+    contacts = Proxy(mesh, Surface(stiffness=100.0, shading="30 deg"), radius).follow(path)
+    assert contacts.touching.all()
+    assert steps(contacts.force) == pytest.approx(steps(true), rel=0.05)
+    assert np.linalg.norm(contacts.normal - outward, axis=1).max() < 0.1 / pieces
+    assert steps(Proxy(mesh, Surface(stiffness=100.0), radius).follow(path).force) > 1.2 * steps(true)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+def test_shaded_force_is_continuous_across_edges(radius: float) -> None:
+    """Ten times as many ticks on the same way: the largest step of the force is a tenth; unshaded it stays."""
+    mesh = Mesh(*ball(8))
+
+    def largest(ticks: int, shading: float) -> float:
+        angle = np.linspace(0.2, 1.3, ticks)
+        way = 0.47 * np.stack([np.cos(angle), np.sin(angle), 0.3 * np.ones(ticks)], axis=1) / np.sqrt(1.09)
+        force = Proxy(mesh, Surface(stiffness=100.0, shading=shading), radius).follow(way).force
+        return float(np.linalg.norm(np.diff(force[ticks // 20 :], axis=0), axis=1).max())
+
+    assert largest(20_000, 0.5) < 0.15 * largest(2_000, 0.5)
+    if radius == 0.0:
+        assert largest(20_000, 0.0) > 0.7 * largest(2_000, 0.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_shading_leaves_creases_alone(friction: float) -> None:
+    """A box has nothing to shade: the same force as without, round its edges too."""
+    mesh = Mesh(*box((0.05, 0.05, 0.05), 6))
+    angle = np.linspace(0.0, 6.0, 4000)
+    path = 0.049 * np.stack([np.cos(angle), np.sin(3 * angle), np.sin(2 * angle + 0.4)], axis=1)
+    plain, shaded = (
+        Proxy(mesh, Surface(static_friction=friction, shading=angle)).follow(path).force for angle in (0.0, 0.5)
+    )
+    np.testing.assert_allclose(shaded, plain, atol=1e-3)
+
+
+@pytest.mark.parametrize("angle", ["2 mm", -0.1, "100 deg", float("nan")])
+def test_shading_is_an_angle(angle: float | str) -> None:
+    with pytest.raises(SurfaceError, match="shading"):
+        Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)), Surface(shading=angle))

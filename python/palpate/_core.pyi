@@ -113,6 +113,12 @@ class TouchSurface:
     def field(self, arg: Field, /) -> None: ...
 
     @property
+    def shading(self) -> float: ...
+
+    @shading.setter
+    def shading(self, arg: float, /) -> None: ...
+
+    @property
     def period(self) -> float: ...
 
     @period.setter
@@ -133,6 +139,11 @@ class TouchMesh:
     def diagnosis(self) -> dict: ...
 
     def self_intersections(self) -> tuple: ...
+
+    def move(self, vertices: Sequence[int], to: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> int:
+        """
+        The first triangle that would lose its area, and then nothing has moved; or -1.
+        """
 
     def nearest(self, x: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
 

@@ -46,11 +46,23 @@ std::vector<palpate::Triangle> triangles(const Indices& a) {
 
 /// A proxy with what it refers to.
 struct TouchProxy {
-  std::unique_ptr<const TouchedSurface> on;
+  std::unique_ptr<TouchedSurface> on;
   palpate::Proxy proxy;
+  palpate::Proxy::Grip grip{};
+  std::int64_t seen;  // moves of the mesh
 
   explicit TouchProxy(TouchedSurface&& surface)
-      : on(std::make_unique<const TouchedSurface>(std::move(surface))), proxy(on->mesh->mesh, on->mesh->tree, *on->field, on->radius) {}
+      : on(std::make_unique<TouchedSurface>(std::move(surface))),
+        proxy(on->mesh->mesh, on->mesh->tree, *on->field, on->radius),
+        seen(on->mesh->moves) {}
+
+  /// Follows the mesh, if it has moved since.
+  void catch_up() noexcept {
+    if (seen == on->mesh->moves) return;
+    on->refit(seen);
+    proxy.carry(grip);
+    seen = on->mesh->moves;
+  }
 };
 
 TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::Surface& surface, double radius) {
@@ -74,6 +86,7 @@ void bind_touch(nb::module_& m) {
       .def_rw("dynamic_friction", &Surface::dynamic_friction)
       .def_rw("viscous", &Surface::viscous)
       .def_rw("field", &Surface::field)
+      .def_rw("shading", &Surface::shading)
       .def_rw("period", &Surface::period);
 
   nb::class_<TouchMesh>(m, "TouchMesh")
@@ -107,6 +120,10 @@ void bind_touch(nb::module_& m) {
              const auto c = palpate::self_intersections(self.mesh, self.tree);
              return nb::make_tuple(c.count, c.first);
            })
+      .def(
+          "move",
+          [](TouchMesh& self, const std::vector<std::int32_t>& vertices, const Points& to) { return self.move(vertices, points(to)); },
+          "vertices"_a, "to"_a, "The first triangle that would lose its area, and then nothing has moved; or -1.")
       .def(
           "nearest",
           [](const TouchMesh& self, const Points& x) {
@@ -156,6 +173,7 @@ void bind_touch(nb::module_& m) {
             auto [facet, f] = new_array<std::int64_t>({n});
             {
               const nb::gil_scoped_release unlocked;
+              self.catch_up();
               for (std::size_t i = 0; i < n; ++i, row += 11) {
                 const palpate::Contact& c = self.proxy.step(Eigen::Map<const palpate::Vector3<>>(path.data() + 3 * i));
                 Eigen::Map<palpate::Vector3<>>(row + 0) = c.position;
@@ -165,6 +183,7 @@ void bind_touch(nb::module_& m) {
                 row[10] = c.stiffness;
                 f[i] = c.triangle;
               }
+              self.grip = self.proxy.grip();
             }
             return nb::make_tuple(rows, facet);
           },

@@ -104,6 +104,29 @@ class Mesh:
         at, facet = self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
         return np.asarray(at), np.asarray(facet)
 
+    def move(self, positions: ArrayLike, vertices: ArrayLike | None = None) -> None:
+        """Move `vertices` (n,), numbers; all of them if None, to `positions` (n, 3), m. Proxies ride along.
+
+        Only the triangles around them are refitted. Raises MeshError, with nothing moved, if a position is not finite
+        or a triangle would lose its area. A free tip that a closed mesh has come over is put on its surface.
+        """
+        to = _numbers(positions)
+        count = len(self.vertices)
+        which = np.arange(count) if vertices is None else np.atleast_1d(np.asarray(vertices))
+        if which.shape != (len(to),) or not np.issubdtype(which.dtype, np.integer):
+            raise MeshError(
+                f"{len(to)} positions need as many vertex numbers; there are {which.shape} of {which.dtype}"
+            )
+        if len(which) and not (which.min() >= 0 and which.max() < count):
+            raise MeshError(f"the vertices are numbered 0 to {count - 1}; asked to move {which.min()} to {which.max()}")
+        flat = self.core.move(which.tolist(), to)
+        if flat >= 0:
+            raise MeshError(f"triangle {flat} would have no area there; nothing was moved")
+        moved = self.vertices.copy()
+        moved[which] = to
+        moved.setflags(write=False)
+        self.vertices = moved
+
     def _refuse(self) -> NoReturn:
         d = self.core.diagnosis()
         for name, words, cure in (

@@ -34,6 +34,9 @@ class Surface:
     The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" one
     spreads the values over the surface, with a continuous slope; its force is the slope of the potential
     stiffness * depth^2 / 2, so there is a part depth^2 / 2 times the slope of the stiffness, along the surface.
+
+    `shading` (rad, or text such as "30 deg"; below 85 deg) makes the normal turn smoothly over edges that turn by less,
+    so that the facets of a rounded surface are not felt (Morgenbesser & Srinivasan 1996); 0 for none.
     """
 
     stiffness: ArrayLike | str = 1000.0
@@ -43,6 +46,7 @@ class Surface:
     viscous: float | str = 0.0
     damping: ArrayLike | str = 0.0
     field: Literal["discrete", "continuous"] = "discrete"
+    shading: float | str = 0.0
     period: float | str = "1 ms"
 
     def core_for(self, mesh: Mesh) -> Any:
@@ -57,6 +61,7 @@ class Surface:
         if core.dynamic_friction > core.static_friction:
             raise SurfaceError(f"dynamic_friction {dynamic} must not exceed static_friction {self.static_friction}")
         core.viscous = number(self.viscous, "viscous", "N*s/m")
+        core.shading = _angle(self.shading)
         core.period = number(self.period, "period", "s")
         if core.period <= 0.0:
             raise SurfaceError("period must be positive")
@@ -71,6 +76,13 @@ def number(value: float | str, name: str, unit: str) -> float:
     found = float(quantity(value, unit, name, error=SurfaceError)) if isinstance(value, str) else float(value)
     if not (math.isfinite(found) and found >= 0.0):
         raise SurfaceError(f"{name} must be finite and not negative; it is {found:g} {unit}")
+    return found
+
+
+def _angle(value: float | str) -> float:
+    found = float(quantity(value, "rad", "shading", error=SurfaceError)) if isinstance(value, str) else float(value)
+    if not 0.0 <= found <= math.radians(85.0):
+        raise SurfaceError(f"shading must be an angle from 0 to 85 deg; it is {math.degrees(found):g} deg")
     return found
 
 

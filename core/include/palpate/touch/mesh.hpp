@@ -130,24 +130,39 @@ class Mesh {
     }
   }
 
-  /// Moves vertex `v` to `position` [m]. Call moved() with the facets around it when all have their places.
+  /// Moves vertex `v` to `position` [m]: a Deformation does that, and all that hangs on it.
   void move(std::int32_t v, const Vector3<>& position) noexcept { vertices_[static_cast<std::size_t>(v)] = position; }
+
+  /// Whether facet `f` would keep an area in the new places of its vertices.
+  [[nodiscard]] bool can_move(std::int32_t f) const noexcept {
+    Facet next = facet(f);
+    return place(next);
+  }
 
   /// Takes over the new places of facet `f`'s vertices; false, with the facet as it was, if it would lose its area.
   bool moved(std::int32_t f) noexcept {
-    Facet& facet = facets_[static_cast<std::size_t>(f)];
-    Facet next = facet;
+    Facet next = facet(f);
     if (!place(next)) return false;
-    facet = next;
+    facets_[static_cast<std::size_t>(f)] = next;
     return true;
   }
 
-  /// Takes over the places of all vertices, and their normals. False if a facet would lose its area (that one stays as it was).
-  bool moved() noexcept {
-    bool good = true;
-    for (std::int32_t f = 0; f < size(); ++f) good = moved(f) && good;
-    measure_vertices();
-    return good;
+  /// Takes over the normal at vertex `v` from the facets [first, last) around it.
+  void measure_vertex(std::int32_t v, const std::int32_t* first, const std::int32_t* last) noexcept {
+    Vector3<> sum = Vector3<>::Zero();
+    for (; first != last; ++first) {
+      const Facet& f = facet(*first);
+      for (std::size_t i = 0; i < 3; ++i)
+        if (f.vertex[i] == v) sum += share(f, i);
+    }
+    const double length = sum.norm();
+    if (length > 0.0) vertex_normals_[static_cast<std::size_t>(v)] = sum / length;
+  }
+
+  /// A facet's normal weighted by its angle at corner `i`.
+  [[nodiscard]] static Vector3<> share(const Facet& f, std::size_t i) noexcept {
+    const Vector3<> a = f.corner[(i + 1) % 3] - f.corner[i], b = f.corner[(i + 2) % 3] - f.corner[i];
+    return std::atan2(a.cross(b).norm(), a.dot(b)) * f.normal;
   }
 
  private:
@@ -278,10 +293,7 @@ class Mesh {
   void measure_vertices() {
     vertex_normals_.assign(vertices_.size(), Vector3<>::Zero());
     for (const Facet& f : facets_)
-      for (std::size_t i = 0; i < 3; ++i) {
-        const Vector3<> a = f.corner[(i + 1) % 3] - f.corner[i], b = f.corner[(i + 2) % 3] - f.corner[i];
-        vertex_normals_[static_cast<std::size_t>(f.vertex[i])] += std::atan2(a.cross(b).norm(), a.dot(b)) * f.normal;
-      }
+      for (std::size_t i = 0; i < 3; ++i) vertex_normals_[static_cast<std::size_t>(f.vertex[i])] += share(f, i);
     for (Vector3<>& n : vertex_normals_) {
       const double length = n.norm();
       if (length > 0.0) n /= length;

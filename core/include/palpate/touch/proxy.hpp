@@ -2,11 +2,13 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/friction_cone.hpp"
 #include "palpate/touch/mesh.hpp"
 #include "palpate/touch/roll.hpp"
+#include "palpate/touch/shading.hpp"
 #include "palpate/touch/surface.hpp"
 #include "palpate/touch/tree.hpp"
 #include "palpate/touch/walk.hpp"
@@ -46,16 +48,51 @@ class Proxy {
         place_ = walk_.start(tip);
       }
     }
-    const auto cone = [this](std::int32_t f, const Vector3<>& x) { return friction(f, x); };
-    if (radius_ > 0.0) {
-      if (!roll_.follow(seat_, tip, cone, sliding_)) ++unfinished_;
+    Slip slip{sliding_};
+    Vector3<> shaded = Vector3<>::Zero();
+    if (!(field_->shading().on() ? move_shaded(tip, slip, shaded) : move(tip, slip))) ++unfinished_;
+    sliding_ = facet() != Mesh::none && slip.slid > slip.least;
+    const Vector3<> spring = position() - tip;
+    if (!shaded.isZero()) {
+      answer(tip, facet(), position(), spring.dot(shaded) * shaded);
+    } else if (radius_ > 0.0) {
       answer(tip, seat_.facet, seat_.centre, seat_.rest - tip);
     } else {
-      if (!walk_.follow(place_, tip, cone, sliding_)) ++unfinished_;
-      const Vector3<> away = place_.point - tip;
-      answer(tip, place_.facet, place_.point, away.dot(place_.normal) * place_.normal);
+      answer(tip, place_.facet, place_.point, spring.dot(place_.normal) * place_.normal);
     }
     return contact_;
+  }
+
+  /// How a proxy sits on its facet, for when the mesh moves.
+  struct Grip {
+    Vector3<> weights = Vector3<>::Zero();  ///< of the facet's corners, at the point touched
+    Vector3<> out = Vector3<>::Zero();      ///< from there to the proxy, along the first edge, across it, and along the normal, m
+  };
+
+  /// Before vertices of the mesh move.
+  [[nodiscard]] Grip grip() const noexcept {
+    Grip grip;
+    if (facet() == Mesh::none) return grip;
+    const Facet& f = mesh_->facet(facet());
+    const Vector3<> foot = radius_ > 0.0 ? nearest_point(f, seat_.centre).point : place_.point;
+    grip.weights = barycentric(f, foot);
+    grip.out = frame(f).transpose() * (position() - foot);
+    return grip;
+  }
+
+  /// After they have: the proxy rides along. A free one that a closed mesh has come over is put on its surface.
+  void carry(const Grip& grip) noexcept {
+    if (!started_) return;
+    if (radius_ > 0.0) {
+      Vector3<> centre = seat_.centre;
+      if (seat_.touching()) {
+        const Facet& f = mesh_->facet(seat_.facet);
+        centre = grip.weights[0] * f.corner[0] + grip.weights[1] * f.corner[1] + grip.weights[2] * f.corner[2] + frame(f) * grip.out;
+      }
+      roll_.carry(seat_, centre);
+    } else {
+      walk_.carry(place_, grip.weights);
+    }
   }
 
   /// Lets go: the next step starts anew.
@@ -74,6 +111,118 @@ class Proxy {
   [[nodiscard]] double radius() const noexcept { return radius_; }
 
  private:
+  static constexpr int most_passes = 8;
+
+  /// A facet's own axes, in columns.
+  [[nodiscard]] static Eigen::Matrix3d frame(const Facet& f) noexcept {
+    Eigen::Matrix3d axes;
+    axes.col(0) = (f.corner[1] - f.corner[0]).normalized();
+    axes.col(1) = f.normal.cross(axes.col(0));
+    axes.col(2) = f.normal;
+    return axes;
+  }
+
+  /// The normal that the facets have where the proxy is, and the shaded one; both zero where shading has no say.
+  struct Normals {
+    Vector3<> flat = Vector3<>::Zero(), shaded = Vector3<>::Zero();  // unit
+  };
+
+  [[nodiscard]] std::int32_t facet() const noexcept { return radius_ > 0.0 ? seat_.facet : place_.facet; }
+  [[nodiscard]] const Vector3<>& position() const noexcept { return radius_ > 0.0 ? seat_.centre : place_.point; }
+
+  template <class Cone>
+  bool move(const Vector3<>& tip, const Cone& cone, Slip& slip) noexcept {
+    return radius_ > 0.0 ? roll_.follow(seat_, tip, cone, slip) : walk_.follow(place_, tip, cone, slip);
+  }
+  bool move(const Vector3<>& tip, Slip& slip) noexcept {
+    return move(tip, [this](std::int32_t f, const Vector3<>& x) { return friction(f, x); }, slip);
+  }
+
+  /// Moves to where the spring is inclined to the shaded normal as friction lets it: what it lags too far, seen from the shaded normal, it
+  /// goes over the facets, until there is no more (after Ruspini, Kolarov & Khatib 1997, iterated). `shaded` is that normal, or zero if the
+  /// facets decided.
+  bool move_shaded(const Vector3<>& tip, Slip& slip, Vector3<>& shaded) noexcept {
+    if (facet() == Mesh::none && !move(tip, slip)) return false;
+    for (int pass = 0; pass < most_passes && facet() != Mesh::none; ++pass) {
+      const Vector3<> from = position(), pull = tip - from;
+      const Normals normal = radius_ > 0.0 ? normals_of_seat(tip) : normals_of_place(tip);
+      const double depth = -normal.shaded.dot(pull);
+      if (!(depth > 0.0)) break;
+      shaded = normal.shaded;
+      const Vector3<> lag = pull + depth * shaded;
+      const double length = lag.norm(), small = 1e-7 * (depth + radius_);
+      slip.least = small;
+      const double left = friction(facet(), from).rest(length, depth, slip.slid, slip.sliding());
+      if (!(length - left > small)) return true;
+      // Hardly below the facets: deep down, the way to the next facet would not be as long as the tip's.
+      const Vector3<> way = (1.0 - left / length) * turn(shaded, normal.flat, lag);
+      const double below = std::fmin(depth, std::fmax(0.01 * depth, 0.5 * way.norm()));
+      Slip free;
+      const bool done = move(from + way - below * normal.flat, [](std::int32_t, const Vector3<>&) { return FrictionCone{}; }, free);
+      const double slid = (position() - from).norm();
+      slip.slid += slid;
+      if (!done) return false;
+      if (!(slid > 1e-3 * small)) return true;  // something is in the way
+    }
+    if (facet() != Mesh::none && !shaded.isZero() && shaded.dot(tip - position()) < 0.0) return true;
+    shaded.setZero();
+    return move(tip, slip);
+  }
+
+  /// What turns `from` to `to` (unit), turns `x`.
+  [[nodiscard]] static Vector3<> turn(const Vector3<>& from, const Vector3<>& to, const Vector3<>& x) noexcept {
+    const Vector3<> axis = from.cross(to);
+    return from.dot(to) * x + axis.cross(x) + axis.dot(x) / (1.0 + from.dot(to)) * axis;
+  }
+
+  /// Several supports count as they press; none if they make a crease.
+  [[nodiscard]] Normals normals_of_seat(const Vector3<>& tip) const noexcept {
+    Normals sum;
+    for (int i = 0; i < seat_.count; ++i) {
+      const Seat::Support& s = seat_.support(i);
+      const double press = s.normal.dot(seat_.centre - tip);
+      if (press <= 0.0) continue;
+      if (!field_->shading().smooth(*mesh_, s.facet, s.at.feature, s.at.point)) return {};
+      const double side = s.normal.dot(mesh_->facet(s.facet).normal) >= 0.0 ? 1.0 : -1.0;
+      const Vector3<> shaded = side * field_->shading().at(*mesh_, s.facet, s.at.point);
+      if (!sum.flat.isZero() && !field_->shading().smooth(sum.shaded.normalized(), shaded)) return {};
+      sum.shaded += press * shaded;
+      sum.flat += press * s.normal;
+    }
+    if (sum.flat.isZero() || sum.shaded.isZero()) return {};
+    return {sum.flat.normalized(), sum.shaded.normalized()};
+  }
+
+  /// On an edge or a corner that facet counts to which the shaded surface leads; none if it is a crease.
+  [[nodiscard]] Normals normals_of_place(const Vector3<>& tip) noexcept {
+    const Vector3<> x = place_.point, shaded = place_.side * field_->shading().at(*mesh_, place_.facet, x);
+    if (place_.feature != Feature::inside) {
+      if (!field_->shading().smooth(*mesh_, place_.facet, place_.feature, x)) return {};
+      const Vector3<> pull = tip - x, lag = pull - shaded.dot(pull) * shaded;
+      const auto look = [&](std::int32_t f, Feature feature) {
+        const Facet& facet = mesh_->facet(f);
+        const auto k = static_cast<std::size_t>(index_of(feature));
+        const Vector3<> e = facet.corner[(k + 1) % 3] - facet.corner[k], g = facet.corner[k] - facet.corner[(k + 2) % 3];
+        if (facet.normal.cross(e).dot(lag) < 0.0 || (is_corner(feature) && facet.normal.cross(g).dot(lag) < 0.0)) return;
+        place_.facet = f;
+        place_.feature = feature;
+      };
+      const Facet& here = mesh_->facet(place_.facet);
+      const int i = index_of(place_.feature);
+      if (is_edge(place_.feature)) {
+        const std::int32_t h = here.neighbour[static_cast<std::size_t>(i)];
+        look(h / 3, edge(h % 3));
+      } else {
+        const std::int32_t v = here.vertex[static_cast<std::size_t>(i)];
+        mesh_->around(place_.facet, i, [&](std::int32_t f) {
+          const Triangle& t = mesh_->facet(f).vertex;
+          look(f, corner(t[0] == v ? 0 : (t[1] == v ? 1 : 2)));
+        });
+      }
+    }
+    return {place_.side * mesh_->facet(place_.facet).normal, shaded};
+  }
+
   [[nodiscard]] FrictionCone friction(std::int32_t f, const Vector3<>& x) const noexcept {
     const Surface& s = field_->surface();
     if (s.static_friction == 0.0 && s.viscous == 0.0) return {};

@@ -47,10 +47,39 @@ class Roll {
     return seat;
   }
 
+  /// The seat where the mesh has moved under it: the centre put to `centre` [m] and out of what is there; a free one, as at the start.
+  void carry(Seat& seat, const Vector3<>& centre) const noexcept {
+    if (!seat.touching()) {
+      seat = start(seat.centre);
+      return;
+    }
+    seat.centre = centre;
+    seat.count = 0;
+    seat.near.forget();
+    for (int turn = 0; turn < most_carries; ++turn) {
+      bool out = true;
+      tree_->within(seat.centre, radius_ * (1.0 + tolerance), [&](std::int32_t f) {
+        Seat::Support s;
+        s.facet = f;
+        support(s, seat.centre);
+        if (!(s.distance <= radius_ * (1.0 + 0.5 * tolerance))) return;
+        if (s.distance < radius_ * (1.0 - 0.1 * tolerance)) {
+          seat.centre += (radius_ - s.distance) * s.normal;
+          out = false;
+        } else if (out) {
+          add(seat, f);
+        }
+      });
+      if (out) return;
+      seat.count = 0;
+    }
+    seat = start(seat.centre);  // squeezed: as if it came from outside
+  }
+
   /// Moves `seat` towards `tip`; see Walk::follow.
   template <class Cone>
-  bool follow(Seat& seat, const Vector3<>& tip, const Cone& cone, bool& sliding) const noexcept {
-    Slip slip{sliding, 0.0, still * (radius_ + (tip - seat.centre).norm())};
+  bool follow(Seat& seat, const Vector3<>& tip, const Cone& cone, Slip& slip) const noexcept {
+    slip.least = still * (radius_ + (tip - seat.centre).norm());
     bool done = false;
     for (int step = 0; step < most_steps && !done; ++step) {
       Goal goal = nearest_allowed(seat, tip);
@@ -74,11 +103,11 @@ class Roll {
       }
       note(seat, goal);
     }
-    sliding = seat.touching() && slip.slid > slip.least;
     return done;
   }
 
  private:
+  static constexpr int most_carries = 64;
   static constexpr double still = 1e-7;     // of radius and depth: what slides less in a tick holds
   static constexpr double most_way = 0.3;   // of the radius, in one move round two contacts
   static constexpr double parallel = 1e-7;  // rad: normals that differ less leave no line between them
@@ -93,6 +122,7 @@ class Roll {
 
   static void note(Seat& seat, const Goal& goal) noexcept {
     seat.rest = goal.point;
+    seat.pressing = goal.active;
     seat.facet = goal.active == 0 ? Mesh::none : seat.support(goal.one).facet;
   }
 
@@ -145,7 +175,14 @@ class Roll {
   bool slide_on_one(Seat& seat, Goal& goal, const Vector3<>& tip, const Cone& cone, Slip& slip, double small) const noexcept {
     const Seat::Support support = seat.support(goal.one);
     const Rolling::Move move = rolling_.next(seat, support, tip, cone, slip, small);
-    if (move.kind == Rolling::Move::Kind::rest) return true;
+    if (move.kind == Rolling::Move::Kind::rest) {
+      // On a border it may be the neighbour whose friction holds: then that one is touched.
+      if (move.facet != Mesh::none && move.facet != support.facet && !holds(seat, move.facet)) {
+        seat.support(goal.one).facet = seat.facet = move.facet;
+        this->support(seat.support(goal.one), seat.centre);
+      }
+      return true;
+    }
     if (move.kind == Rolling::Move::Kind::meet && add(seat, move.facet)) return false;
     if (move.kind == Rolling::Move::Kind::go && allows(seat, move.by)) {
       const Hit hit = first_on(seat, move.by, support.facet, support.facet);

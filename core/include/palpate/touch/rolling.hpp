@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "palpate/math/vector.hpp"
+#include "palpate/touch/friction_cone.hpp"
 #include "palpate/touch/mesh.hpp"
 #include "palpate/touch/seat.hpp"
 #include "palpate/touch/triangle.hpp"
@@ -47,7 +48,9 @@ class Rolling {
       } else {
         again = round_corner(at, tip, cone, slip, small, move);
       }
-      if (!again) return move;
+      if (again) continue;
+      if (move.kind == Move::Kind::rest) move.facet = at.facet;
+      return move;
     }
     return {};
   }

@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "palpate/math/vector.hpp"
-#include "palpate/touch/friction_cone.hpp"
 #include "palpate/touch/mesh.hpp"
 #include "palpate/touch/neighbourhood.hpp"
 #include "palpate/touch/triangle.hpp"
@@ -27,6 +26,7 @@ struct Seat {
   Vector3<> centre = Vector3<>::Zero();  ///< m
   Vector3<> rest = Vector3<>::Zero();    ///< where it would be without friction, as far as the supports' planes tell, m
   std::int32_t facet = Mesh::none;       ///< the one that pushes hardest; none: free
+  int pressing = 0;                      ///< supports that push, 0 to 3
   std::array<Support, most_supports> supports{};
   int count = 0;
   Neighbourhood near{};
@@ -34,16 +34,6 @@ struct Seat {
   [[nodiscard]] bool touching() const noexcept { return facet != Mesh::none; }
   [[nodiscard]] Support& support(int i) noexcept { return supports[static_cast<std::size_t>(i)]; }
   [[nodiscard]] const Support& support(int i) const noexcept { return supports[static_cast<std::size_t>(i)]; }
-};
-
-/// How far a proxy has slid in one tick. It counts as sliding only from a length on that rounding cannot make: which friction holds
-/// must not be chosen by the last bits.
-struct Slip {
-  bool before = false;  // it slid in the last tick
-  double slid = 0.0;    // in this tick, m
-  double least = 0.0;   // m
-
-  [[nodiscard]] bool sliding() const noexcept { return before || slid > least; }
 };
 
 }  // namespace palpate

@@ -10,6 +10,8 @@
 
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/mesh.hpp"
+#include "palpate/touch/shading.hpp"
+#include "palpate/touch/triangle.hpp"
 
 namespace palpate {
 
@@ -28,6 +30,7 @@ struct Surface {
   double dynamic_friction = 0.0;          ///< coefficient, not above the static one
   double viscous = 0.0;                   ///< drag on the sliding proxy, N*s/m
   Field field = Field::discrete;
+  double shading = 0.0;  ///< edges that turn by less [rad] are not felt; 0 for none
   double period = 1e-3;  ///< of the servo, s; for damping and viscous friction
 };
 
@@ -51,7 +54,7 @@ class SurfaceField {
     };
     return good(s.stiffness, false) && good(s.damping, true) && s.static_friction >= 0.0 && s.dynamic_friction >= 0.0 &&
            s.dynamic_friction <= s.static_friction && s.viscous >= 0.0 && std::isfinite(s.viscous) && std::isfinite(s.tangential) &&
-           s.period > 0.0 && std::isfinite(s.period);
+           s.period > 0.0 && std::isfinite(s.period) && s.shading >= 0.0 && s.shading < 1.5;
   }
 
   SurfaceField(Surface s, const Mesh& mesh) : surface_(std::move(s)) {
@@ -61,9 +64,23 @@ class SurfaceField {
     damping_per_facet_ = surface_.damping.size() == facets;
     if (surface_.field == Field::continuous && per_facet_ && facets > 1) spread(mesh);
     uniform_ = surface_.stiffness.size() == 1;
+    if (surface_.shading > 0.0) shading_ = Shading(mesh, surface_.shading);
   }
 
   [[nodiscard]] const Surface& surface() const noexcept { return surface_; }
+  [[nodiscard]] const Shading& shading() const noexcept { return shading_; }
+
+  /// After the mesh has moved.
+  void refit(const Mesh& mesh) noexcept {
+    if (shading_.on()) shading_.refit(mesh);
+  }
+
+  /// After only the facets [first, last) have.
+  template <class Iterator>
+  void refit(const Mesh& mesh, Iterator first, Iterator last) noexcept {
+    if (!shading_.on()) return;
+    for (; first != last; ++first) shading_.refit(mesh, *first);
+  }
 
   /// Stiffness at the point `x` [m] of facet `f`.
   [[nodiscard]] Local at(const Mesh& mesh, std::int32_t f, const Vector3<>& x) const noexcept {
@@ -85,18 +102,6 @@ class SurfaceField {
     double d = 0.0;
     for (int i = 0; i < 3; ++i) d += b[i] * surface_.damping[static_cast<std::size_t>(facet.vertex[static_cast<std::size_t>(i)])];
     return d;
-  }
-
-  /// Weights of the corners at the point `x` of a facet's plane; clamped to the facet.
-  [[nodiscard]] static Vector3<> barycentric(const Facet& facet, const Vector3<>& x) noexcept {
-    const Vector3<> e1 = facet.corner[1] - facet.corner[0], e2 = facet.corner[2] - facet.corner[0], d = x - facet.corner[0];
-    const double area = facet.normal.dot(e1.cross(e2));
-    Vector3<> b;
-    b[1] = facet.normal.dot(d.cross(e2)) / area;
-    b[2] = facet.normal.dot(e1.cross(d)) / area;
-    b[0] = 1.0 - b[1] - b[2];
-    b = b.cwiseMax(0.0);
-    return b / b.sum();
   }
 
  private:
@@ -162,6 +167,7 @@ class SurfaceField {
   }
 
   Surface surface_;
+  Shading shading_;
   bool uniform_ = true;
   bool per_facet_ = false;
   bool damping_per_facet_ = false;

@@ -62,6 +62,18 @@ struct NearestPoint {
   return {x - facet.height(x) * facet.normal, Feature::inside};
 }
 
+/// Weights of the corners at the point `x` of a facet's plane; clamped to the facet.
+[[nodiscard]] inline Vector3<> barycentric(const Facet& facet, const Vector3<>& x) noexcept {
+  const Vector3<> e1 = facet.corner[1] - facet.corner[0], e2 = facet.corner[2] - facet.corner[0], d = x - facet.corner[0];
+  const double area = facet.normal.dot(e1.cross(e2));
+  Vector3<> b;
+  b[1] = facet.normal.dot(d.cross(e2)) / area;
+  b[2] = facet.normal.dot(e1.cross(d)) / area;
+  b[0] = 1.0 - b[1] - b[2];
+  b = b.cwiseMax(0.0);
+  return b / b.sum();
+}
+
 /// Whether the line through `from` along `way` passes through the facet or touches its border: signs of three volumes. Neighbours
 /// compute the same volume for their common edge, with opposite signs, so that no line slips through between them.
 [[nodiscard]] inline bool line_meets(const Facet& facet, const Vector3<>& from, const Vector3<>& way) noexcept {

@@ -51,11 +51,23 @@ class Walk {
     return place;
   }
 
-  /// Moves `place` towards `tip`. `cone(facet, point)` gives the friction there; `sliding` says, before, whether the proxy slid in
-  /// the last tick, and after, whether it did in this one. False if most_steps were not enough (the next call goes on).
+  /// The place where the mesh has moved under it: at `weights` of its facet's corners; a free one that is inside now, on the surface.
+  void carry(Place& place, const Vector3<>& weights) const noexcept {
+    if (!place.touching()) {
+      const double side = place.side;
+      place = start(place.point);
+      if (!place.touching()) place.side = side;
+      return;
+    }
+    const Facet& facet = mesh_->facet(place.facet);
+    place.point = weights[0] * facet.corner[0] + weights[1] * facet.corner[1] + weights[2] * facet.corner[2];
+    place.normal = place.side * facet.normal;
+  }
+
+  /// Moves `place` towards `tip`. `cone(facet, point)` gives the friction there; `slip` what has slid so far. False if most_steps were
+  /// not enough (the next call goes on).
   template <class Cone>
-  bool follow(Place& place, const Vector3<>& tip, const Cone& cone, bool& sliding) const noexcept {
-    Slip slip{sliding, 0.0};
+  bool follow(Place& place, const Vector3<>& tip, const Cone& cone, Slip& slip) const noexcept {
     bool done = false;
     for (int step = 0; step < most_steps && !done; ++step) {
       if (!place.touching()) {
@@ -68,7 +80,6 @@ class Walk {
         done = from_corner(place, tip, cone, slip);
       }
     }
-    sliding = place.touching() && slip.slid > 0.0;
     return done;
   }
 
@@ -83,11 +94,6 @@ class Walk {
   }
 
  private:
-  struct Slip {
-    bool sliding;
-    double slid;  // in this tick, m
-  };
-
   static constexpr double snap = 1e-12;  // of an edge's length: nearer to its end is at its end
 
   /// Goes straight from the place to the tip, past the facets around it; stops at the first facet in the way. True if it arrives.
@@ -159,9 +165,9 @@ class Walk {
     const Vector3<> pull = tip - height * facet.normal - place.point;
     const double lag = pull.norm();
     const FrictionCone friction = cone(place.facet, place.point);
-    const double left = friction.rest(lag, std::fabs(height), slip.slid, slip.sliding);
+    const double left = friction.rest(lag, std::fabs(height), slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + std::fabs(height)))) return true;
-    slip.sliding = true;
+    slip.before = true;
     const Vector3<> way = (1.0 - left / lag) * pull;
     double part = 1.0;
     int out = -1;
@@ -250,9 +256,9 @@ class Walk {
     const double length = e.norm(), depth = down.norm();
     const double pull = d.dot(e) / length, lag = std::fabs(pull);
     if (depth > 0.0) place.normal = down / -depth;
-    const double left = cone(place.facet, place.point).rest(lag, depth, slip.slid, slip.sliding);
+    const double left = cone(place.facet, place.point).rest(lag, depth, slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + depth))) return true;
-    slip.sliding = true;
+    slip.before = true;
     const double way = std::copysign(lag - left, pull);
     const double from = (place.point - a).dot(e) / length, to = from + way;
     if (to > snap * length && to < (1.0 - snap) * length) {
@@ -326,9 +332,9 @@ class Walk {
     place.normal = place.side * facet.normal;
     const Vector3<> pull = tip - height * facet.normal - place.point;
     const double lag = pull.norm();
-    const double left = cone(place.facet, place.point).rest(lag, std::fabs(height), slip.slid, slip.sliding);
+    const double left = cone(place.facet, place.point).rest(lag, std::fabs(height), slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + std::fabs(height)))) return true;
-    slip.sliding = true;
+    slip.before = true;
     const Vector3<> way = (1.0 - left / lag) * pull;
     const int i = (c + 1) % 3;
     const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from palpate.cli.console import errors, output, progress
 
-__all__ = ["build", "phantom", "show"]
+__all__ = ["build", "phantom", "show", "validate"]
 
 
 def build(
@@ -125,3 +125,26 @@ def _tell(record: object, nodes: int) -> None:
         f"by {record['factorisation']}",
         soft_wrap=True,
     )
+
+
+def validate() -> None:
+    """Hold bodies against a converged finite-element answer and Hertz; takes minutes.
+
+    Example: palpate body validate
+    """
+    with progress("starting") as tell:
+        from palpate.bodies.validation import validate as run
+
+        rows = run(tell)
+    missed = False
+    for row in rows:
+        off = row["measured"] - 1.0
+        good = abs(off) <= row["asked"]
+        missed = missed or not good
+        output.print(
+            f"  [{'green' if good else 'red'}]{100 * off:+.1f} %[/] {escape(row['what'])} "
+            f"[dim](asked: within {100 * row['asked']:.0f} %)[/]",
+            soft_wrap=True,
+        )
+    if missed:
+        raise typer.Exit(1)

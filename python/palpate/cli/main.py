@@ -60,7 +60,12 @@ for function in (run, certify, zwidth, workspace, performance, sweep, merge, rep
     app.command()(one_sentence(function))
 
 bodies = typer.Typer(no_args_is_help=True, help="Bodies that yield: build one from a mesh, or look at one.")
-for name, command in (("build", body.build), ("phantom", body.phantom), ("show", body.show)):
+for name, command in (
+    ("build", body.build),
+    ("phantom", body.phantom),
+    ("show", body.show),
+    ("validate", body.validate),
+):
     bodies.command(name)(one_sentence(command))
 app.add_typer(bodies, name="body")
 

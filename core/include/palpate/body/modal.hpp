@@ -27,7 +27,7 @@ class Modal {
         shape_(count_ * stride_, 0.0F),
         compliance_(count_ * count_),
         free_(stride_, 0.0F),
-        push_(stride_, 0.0),
+        push_(stride_, 0.0F),
         mode_(frequencies.size()) {
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t k = 0; k < modes_; ++k) {
@@ -70,12 +70,13 @@ class Modal {
   }
 
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
-    for (double& p : push_) p = 0.0;
+    for (float& p : push_) p = 0.0F;
     for (int c = 0; c < count; ++c) {
       const float* shape = shape_.data() + static_cast<std::size_t>(nodes[c]) * stride_;
-      for (std::size_t k = 0; k < stride_; ++k) push_[k] += forces[c] * static_cast<double>(shape[k]);
+      const auto force = static_cast<float>(forces[c]);
+      for (std::size_t k = 0; k < stride_; ++k) push_[k] += force * shape[k];
     }
-    for (std::size_t k = 0; k < modes_; ++k) free_[k] = static_cast<float>(mode_[k].advance(push_[k]));
+    for (std::size_t k = 0; k < modes_; ++k) free_[k] = static_cast<float>(mode_[k].advance(static_cast<double>(push_[k])));
   }
 
   void reset() noexcept {
@@ -142,7 +143,7 @@ class Modal {
   std::vector<float> shape_;       // n x stride: displacement along the inward normal, 1/sqrt(kg)
   std::vector<float> compliance_;  // n x n, m/N: at the end of a period, by a force held over it
   std::vector<float> free_;        // where each mode will be after the next period without forces, sqrt(kg) m
-  std::vector<double> push_;       // on each mode, N/sqrt(kg)
+  std::vector<float> push_;        // on each mode, N/sqrt(kg)
   std::vector<Mode> mode_;
 };
 

@@ -1,0 +1,57 @@
+"""A picture of a phantom: pressed, and what a sweep over it feels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from palpate.bodies.body import Body
+from palpate.report.style import COLOURS, FAINT, INK, PAPER, TITLE, new_figure
+
+__all__ = ["draw_sweep"]
+
+
+def draw_sweep(
+    lump: Body, plain: Body, path: str | Path, *, radius: float = 8e-3, depth: float = 3e-3, height: float = 0.05
+) -> float:
+    """Draw a flat end pressed over the nodule of `lump`, and its force along sweeps over `lump` and `plain`; as PNG.
+
+    Returns the largest force over the nodule by that over the plain body at the same place.
+    """
+    figure, ((left, right),) = new_figure(1, 2, width=10.5, height=4.0, sharex=False)
+    left.remove()
+    solid = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    felt = lump.press([0.05, 0.05, height], radius, depth, tip="flat")
+    moved = (lump.nodes + felt.displacement) * 1e3
+    down = -felt.displacement[:, 2] * 1e3
+    triangles = np.searchsorted(lump.contents.nodes, lump.triangles[lump.contents.touchable])
+    shade = solid.plot_trisurf(
+        moved[:, 0], moved[:, 1], moved[:, 2] - height * 1e3, triangles=triangles, cmap="cividis", linewidth=0.15,
+        edgecolor=FAINT, antialiased=True,
+    )  # fmt: skip
+    shade.set_array(down[triangles].mean(axis=1))
+    shade.set_clim(0, depth * 1e3)
+    solid.set_box_aspect((1, 1, 0.35))
+    solid.view_init(elev=28, azim=-58)
+    solid.set(xlabel="x [mm]", ylabel="y [mm]", zlim=(-depth * 1e3 * 1.2, depth * 1e3))
+    solid.set_zticks([-depth * 1e3, 0, depth * 1e3])
+    solid.xaxis.labelpad = solid.yaxis.labelpad = 9
+    solid.set_zlabel("height [mm]")
+    solid.set_title(f"Flat end of {radius * 2e3:g} mm, pressed {depth * 1e3:g} mm", **TITLE)
+    figure.colorbar(shade, ax=solid, shrink=0.55, pad=0.14, label="displacement, down [mm]")
+    along = np.linspace(0.015, 0.085, 281)
+    way = np.stack([along, np.full_like(along, 0.05), np.full_like(along, height - depth)], axis=1)
+    forces = [body.follow(way, radius, outward=[0, 0, 1], tip="flat").force[:, 2] for body in (lump, plain)]
+    for force, colour, label in zip(forces, COLOURS, ("with the nodule", "without"), strict=False):
+        right.plot(along * 1e3, force, color=colour, label=label)
+    right.axvspan(42.5, 57.5, color=FAINT, alpha=0.18, lw=0)
+    right.set(xlabel="place of the end along x [mm]", ylabel="force [N]", ylim=(0, None))
+    right.annotate(
+        "nodule, 5 mm deep", (50, 0.04), xycoords=("data", "axes fraction"), ha="center", color=INK, fontsize=9
+    )
+    right.set_title("Force along a sweep", **TITLE)
+    right.legend(loc="lower right", bbox_to_anchor=(1, 0.12), frameon=False)
+    figure.savefig(Path(path), dpi=150, facecolor=PAPER)
+    middle = len(along) // 2
+    return float(forces[0][middle] / forces[1][middle])

@@ -213,6 +213,11 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
     sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
     with pytest.raises(SweepError, match="another sweep"):
         sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "a.h5")
+    with FileStore(tmp_path / "a.h5", plan_of(SLIDER, {"object.stiffness": [1.0]})):
+        code = "import sys; from palpate.sweeps import open_sweep; open_sweep(sys.argv[1])"
+        other = [sys.executable, "-c", code, str(tmp_path / "a.h5")]
+        done = subprocess.run(other, capture_output=True, text=True, check=False)
+        assert "is being written by another sweep" in done.stderr
     (tmp_path / "b.h5").write_text("no HDF5", "utf-8")
     with pytest.raises(SweepError, match="something else"):
         sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5")

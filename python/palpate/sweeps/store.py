@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -162,7 +163,12 @@ def _plan_text(path: Path) -> str | None:
         with h5py.File(path, "r") as file:
             found: Any = file.attrs.get("sweep")
             return None if found is None else str(found)
+    except FileNotFoundError:
+        return None
     except OSError:
+        with suppress(OSError), path.open("rb") as raw:
+            if raw.read(8) == b"\x89HDF\r\n\x1a\n":
+                raise SweepError(f"{path} is being written by another sweep: wait for it, or stop it") from None
         return None
 
 

@@ -53,6 +53,7 @@ def sweep(
             from palpate.sweeps import SweepError
             from palpate.sweeps import sweep as run
             from palpate.sweeps.run import dask_executor
+            from palpate.sweeps.store import tally
 
             part = _shard(shard)
             executor, threads = None, workers
@@ -77,10 +78,11 @@ def sweep(
     except KeyboardInterrupt:
         errors.print(f"stopped: what is done is in {path}; the same command goes on")
         raise typer.Exit(130) from None
-    stable = int((~found.unstable[found["verdict"] == found["verdict"]]).sum())
+    dies, swings, grows, diverges = tally(path)
     cells = found.plan.count
     done = f"{cells:,} cells" if found.done == 1 else f"{found.done:.1%} of {cells:,} cells are done"
-    output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}, {stable:,} of them stable")
+    output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}")
+    output.print(f"  {dies:,} die out, {swings:,} keep swinging, {grows:,} grow, {diverges:,} diverge")
     output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
 
 

@@ -44,7 +44,7 @@ class Outcomes(Mapping[str, Array]):
     """
 
     def __init__(self, values: Mapping[str, Array]) -> None:
-        self._values = dict(values)
+        self._values = values
 
     def __getitem__(self, name: str) -> Array:
         return self._values[name]

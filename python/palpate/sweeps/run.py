@@ -33,7 +33,8 @@ class Sweep:
 
     Attributes:
         axes: what varied.
-        outcomes: by name, cells shaped as `shape`, the last axis fastest; nan where a cell was not run.
+        outcomes: by name, cells shaped as `shape`, the last axis fastest; nan where a cell was not run. Those of a
+            file are read when they are asked for.
         done: share of the cells that were run, 0 to 1.
         path: of the file, if there is one.
     """
@@ -128,7 +129,7 @@ def open_sweep(path: str | Path) -> Sweep:
         SweepError: it is no sweep's file.
     """
     plan, values, done = read(path)
-    return Sweep(plan, _shaped(plan, values), float(np.mean(done)), Path(path))
+    return Sweep(plan, Outcomes(values), float(np.mean(done)), Path(path))
 
 
 def plan_of(

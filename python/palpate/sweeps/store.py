@@ -7,7 +7,7 @@ run that is killed leaves whole chunks, and a disk that is too small is told of 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -23,7 +23,7 @@ from palpate.sweeps.axes import SweepError
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
 
-__all__ = ["FileStore", "MemoryStore", "merge", "read"]
+__all__ = ["FileStore", "MemoryStore", "StoredValues", "merge", "read", "tally"]
 
 Array = NDArray[np.float64]
 
@@ -112,8 +112,39 @@ class FileStore:
         self.close()
 
 
-def read(path: str | Path) -> tuple[Plan, dict[str, Array], NDArray[np.bool_]]:
-    """Return a file's plan, its outcomes by name of QUANTITIES, and which chunks are done.
+class StoredValues(Mapping[str, Array]):
+    """A file's outcomes by name of QUANTITIES, shaped as the sweep; each is read when it is asked for."""
+
+    def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
+        self._path, self._shape = path, shape
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in QUANTITIES:
+            raise KeyError(name)
+        with h5py.File(self._path, "r") as file:
+            rows = np.asarray(file[name][:], dtype=float)
+        return rows.reshape(*self._shape, *rows.shape[1:])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(QUANTITIES)
+
+    def __len__(self) -> int:
+        return len(QUANTITIES)
+
+
+def tally(path: str | Path) -> list[int]:
+    """Return how many of a file's cells die out, keep swinging, grow and diverge, read piece by piece."""
+    counts = np.zeros(4, dtype=np.int64)
+    with h5py.File(path, "r") as file:
+        verdict = file["verdict"]
+        for first in range(0, verdict.shape[0], 1_000_000):
+            part = np.asarray(verdict[first : first + 1_000_000])
+            counts += np.bincount(part[~np.isnan(part)].astype(int), minlength=4)
+    return [int(count) for count in counts]
+
+
+def read(path: str | Path) -> tuple[Plan, StoredValues, NDArray[np.bool_]]:
+    """Return a file's plan, its outcomes, and which chunks are done.
 
     Raises:
         SweepError: it is no sweep's file.
@@ -122,8 +153,8 @@ def read(path: str | Path) -> tuple[Plan, dict[str, Array], NDArray[np.bool_]]:
     if text is None:
         raise SweepError(f"{path} is not the file of a sweep")
     with h5py.File(path, "r") as file:
-        values = {name: np.asarray(file[name][:], dtype=float) for name in QUANTITIES}
-        return Plan.of_text(text), values, np.asarray(file["done"][:] != 0)
+        plan = Plan.of_text(text)
+        return plan, StoredValues(Path(path), plan.shape), np.asarray(file["done"][:] != 0)
 
 
 def merge(parts: Sequence[str | Path], out: str | Path) -> Path:

@@ -129,3 +129,18 @@ def test_a_move_that_cannot_be_changes_nothing() -> None:
             mesh.move(positions, vertices)
         np.testing.assert_array_equal(mesh.vertices, start)
         np.testing.assert_array_equal(mesh.nearest([start[a]])[0], [start[a]])
+
+
+def test_parts_that_meet_in_a_point_are_told() -> None:
+    vertices, triangles = box((1.0, 1.0, 1.0), 2)
+    far = np.argmax(vertices.sum(axis=1))
+    near = np.argmin(vertices.sum(axis=1))
+    others = np.where(triangles == near, far, triangles + len(vertices))
+    mesh = Mesh(np.concatenate([vertices, vertices + 2.0]), np.concatenate([triangles, others]))
+    assert mesh.diagnose().pinched_vertices == 1
+    assert not mesh.diagnose().clean
+    assert "meet in a point" in str(mesh.diagnose())
+    assert Mesh(vertices, triangles).diagnose().clean
+    assert Mesh(*ball(5)).diagnose().pinched_vertices == 0
+    sheet = Mesh([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.2]], [[0, 1, 2], [1, 3, 2]], open=True)
+    assert sheet.diagnose().pinched_vertices == 0

@@ -115,6 +115,11 @@ void bind_touch(nb::module_& m) {
              out["volume"] = d.volume;
              return out;
            })
+      .def("pinched_vertices",
+           [](const TouchMesh& self) {
+             const auto c = palpate::pinched_vertices(self.mesh);
+             return nb::make_tuple(c.count, c.first);
+           })
       .def("self_intersections",
            [](const TouchMesh& self) {
              const auto c = palpate::self_intersections(self.mesh, self.tree);

@@ -24,6 +24,8 @@ class Diagnosis:
     duplicate: int
     self_intersections: int
     """Edges that pierce a triangle; -1 if the mesh is too broken to look."""
+    pinched_vertices: int = 0
+    """Vertices at which parts of the surface meet in that one point only."""
     mended: tuple[str, ...] = ()
     """What was changed, one sentence each."""
 
@@ -36,7 +38,7 @@ class Diagnosis:
     def clean(self) -> bool:
         """Closed, manifold, wound one way, without pieces that cut each other."""
         faults = (self.open_edges, self.non_manifold_edges, self.mixed_winding_edges, self.degenerate, self.duplicate)
-        return not any(faults) and self.self_intersections == 0
+        return not any(faults) and self.self_intersections == 0 and self.pinched_vertices == 0
 
     def __str__(self) -> str:
         lines = [f"{self.triangles} triangles, {self.vertices} vertices, {self.parts} part{'s'[: self.parts != 1]}"]
@@ -47,6 +49,7 @@ class Diagnosis:
             (self.degenerate, "triangles without area"),
             (self.duplicate, "repeated triangles"),
             (self.self_intersections, "edges that pierce a triangle"),
+            (self.pinched_vertices, "vertices at which parts meet in a point only"),
         )
         lines += [f"{count} {what}" for count, what in named if count > 0]
         if self.closed:

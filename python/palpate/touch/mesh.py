@@ -96,6 +96,7 @@ class Mesh:
             degenerate=d["degenerate"][0],
             duplicate=d["duplicate"][0],
             self_intersections=self.core.self_intersections()[0],
+            pinched_vertices=self.core.pinched_vertices()[0],
             mended=self._mended,
         )
 

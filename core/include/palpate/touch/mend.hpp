@@ -134,6 +134,26 @@ inline Mending mend(const std::vector<Vector3<>>& vertices, std::vector<Triangle
   return done;
 }
 
+/// Vertices at which parts of a surface meet in that one point only: a proxy on one part does not know of the other there.
+inline MeshDiagnosis::Count pinched_vertices(const Mesh& mesh) {
+  std::vector<std::int32_t> facets(mesh.vertices().size(), 0);
+  std::vector<std::int64_t> corner(mesh.vertices().size(), -1);
+  for (std::int32_t f = 0; f < mesh.size(); ++f)
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto v = static_cast<std::size_t>(mesh.facet(f).vertex[i]);
+      ++facets[v];
+      if (corner[v] < 0) corner[v] = 3 * static_cast<std::int64_t>(f) + static_cast<std::int64_t>(i);
+    }
+  MeshDiagnosis::Count found;
+  for (std::size_t v = 0; v < facets.size(); ++v) {
+    if (corner[v] < 0) continue;
+    std::int32_t around = 0;
+    mesh.around(static_cast<std::int32_t>(corner[v] / 3), static_cast<int>(corner[v] % 3), [&](std::int32_t) { ++around; });
+    if (around != facets[v]) found.add(static_cast<std::int64_t>(v));
+  }
+  return found;
+}
+
 /// Edges that pierce a triangle they share no vertex with.
 inline MeshDiagnosis::Count self_intersections(const Mesh& mesh, const Tree& tree) {
   MeshDiagnosis::Count found;

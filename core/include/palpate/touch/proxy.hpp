@@ -54,11 +54,11 @@ class Proxy {
     sliding_ = facet() != Mesh::none && slip.slid > slip.least;
     const Vector3<> spring = position() - tip;
     if (!shaded.isZero()) {
-      answer(tip, facet(), position(), spring.dot(shaded) * shaded);
+      answer(tip, facet(), position(), spring.dot(shaded) * shaded, true);
     } else if (radius_ > 0.0) {
-      answer(tip, seat_.facet, seat_.centre, seat_.rest - tip);
+      answer(tip, seat_.facet, seat_.centre, seat_.rest - tip, false);
     } else {
-      answer(tip, place_.facet, place_.point, spring.dot(place_.normal) * place_.normal);
+      answer(tip, place_.facet, place_.point, spring.dot(place_.normal) * place_.normal, false);
     }
     return contact_;
   }
@@ -240,7 +240,7 @@ class Proxy {
   }
 
   /// The force at a proxy `at` with the tip `pressed` [m] under it along the normal.
-  void answer(const Vector3<>& tip, std::int32_t facet, const Vector3<>& at, const Vector3<>& pressed) noexcept {
+  void answer(const Vector3<>& tip, std::int32_t facet, const Vector3<>& at, const Vector3<>& pressed, bool shaded) noexcept {
     contact_.position = at;
     contact_.triangle = facet;
     contact_.touching = facet != Mesh::none;
@@ -267,7 +267,11 @@ class Proxy {
     contact_.depth = depth;
     contact_.stiffness = local.stiffness;
     contact_.force = push * contact_.normal + tangential * (at - tip - pressed);
-    if (s.field == Field::continuous) contact_.force -= 0.5 * depth * depth * local.slope;
+    if (s.field == Field::continuous) {
+      const Vector3<> slope =
+          shaded && !local.slope.isZero() ? field_->shading().slope_below(*mesh_, facet, on, depth - radius_, local.slope) : local.slope;
+      contact_.force -= 0.5 * depth * depth * slope;
+    }
   }
 
   const Mesh* mesh_;

@@ -58,6 +58,29 @@ class Shading {
     return (b[0] * n[0] + b[1] * n[1] + b[2] * n[2]).normalized();
   }
 
+  /// The slope over space of what has the slope `along` over facet `f`, seen from `deep` [m] under its point `x`: there the foot moves
+  /// faster than the tip, as the normals lean together. To first order foot = tip + deep normal(foot).
+  [[nodiscard]] Vector3<> slope_below(const Mesh& mesh, std::int32_t f, const Vector3<>& x, double deep,
+                                      const Vector3<>& along) const noexcept {
+    const Facet& facet = mesh.facet(f);
+    const Vector3<> b = barycentric(facet, x);
+    const auto& n = normals_[static_cast<std::size_t>(f)];
+    const Vector3<> sum = b[0] * n[0] + b[1] * n[1] + b[2] * n[2];
+    const double length = sum.norm();
+    const Vector3<> e1 = facet.corner[1] - facet.corner[0], e2 = facet.corner[2] - facet.corner[0];
+    const Vector3<> u = e1.normalized(), v = facet.normal.cross(u);
+    // Along u and v the weights of corners 1 and 2 change by the columns of the inverse of (e1, e2).
+    const double e1u = e1.dot(u), e2u = e2.dot(u), e2v = e2.dot(v);
+    const Vector3<> by1 = (n[1] - n[0]) / length, by2 = (n[2] - n[0]) / length;
+    const Vector3<> turn_u = by1 / e1u, turn_v = (by2 - e2u / e1u * by1) / e2v;
+    Eigen::Matrix2d foot;  // of the tip's way, per the foot's
+    foot << 1.0 - deep * u.dot(turn_u), -deep * u.dot(turn_v), -deep * v.dot(turn_u), 1.0 - deep * v.dot(turn_v);
+    const double determinant = foot.determinant();
+    if (!(determinant > 0.05)) return along;  // past where the normals meet
+    const Eigen::Vector2d slope = foot.inverse().transpose() * Eigen::Vector2d(along.dot(u), along.dot(v));
+    return slope[0] * u + slope[1] * v;
+  }
+
  private:
   [[nodiscard]] bool smooth(const Mesh& mesh, std::int32_t f, std::int32_t across) const noexcept {
     return across >= 0 && smooth(mesh.facet(f).normal, mesh.facet(across / 3).normal);

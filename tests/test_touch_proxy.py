@@ -217,7 +217,7 @@ def test_shading_is_an_angle(angle: float | str) -> None:
 
 @pytest.mark.parametrize("shading", [0.0, 0.5])
 def test_a_curved_mesh_gives_no_energy(shading: float) -> None:
-    """Round closed paths on one stiffness: at facets' edges the proxy drops to less energy, never to more; shaded, it keeps it."""
+    """Round closed paths on one stiffness: at edges the proxy drops to less energy, never to more; shaded, keeps it."""
     mesh = Mesh(*ball(22))
     angle = np.linspace(0.0, 2 * np.pi, 60_001)
     out = np.stack([np.cos(angle) + 0.2 * np.sin(2 * angle), np.sin(angle), 0.4 * np.sin(2 * angle)], axis=1)

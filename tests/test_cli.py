@@ -132,6 +132,16 @@ def test_identify_makes_a_recording_and_reads_it(tmp_path: Path) -> None:
     assert mass["value"] == pytest.approx(0.060, rel=0.05)
 
 
+@pytest.mark.parametrize("command", ["run", "certify", "zwidth", "workspace", "performance", "sweep"])
+def test_help_tells_where_files_go(command: str) -> None:
+    """Nothing in angle brackets is used: the help's renderer takes it for a tag and leaves it out."""
+    code, said = palpate(command, "--help")
+    assert code == 0
+    words = " ".join(said.replace("│", " ").split())
+    assert "results/ and in it the" in words
+    assert "name" in words.partition("results/ and in it the")[2]
+
+
 def test_help_answers_without_the_numerical_packages() -> None:
     """`palpate --help` loads neither numpy nor python-control, so it answers at once."""
     code = (

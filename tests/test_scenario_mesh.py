@@ -69,6 +69,33 @@ def test_a_flat_mesh_is_a_wall() -> None:
     assert on_mesh["object_force"][-1, 2] < -0.5
 
 
+def test_shading_reaches_the_loop() -> None:
+    """On the shaded top of a ball the normal in the loop is radial, as on a true ball; unshaded it is a facet's."""
+    radius, off = 0.04, 5.4e-3
+    ball = {"shape": "organ", "size": ["80 mm"] * 3, "bump": 0.0, "divisions": 3}
+    angle = {}
+    for shading in ("0 deg", "30 deg"):
+        scenario = tables({"shading": shading, "tangential": "1 N/mm", "static_friction": 1.0}, ball)
+        scenario["object"]["position"] = [f"{-off} m", "0 m", f"{radius - np.sqrt(radius**2 - off**2) - 1e-4} m"]
+        trace = simulate(scenario)
+        on = trace["touching"][:, 0] > 0.0
+        centre = trace["tip"][0] + np.array([-off, 0.0, -np.sqrt(radius**2 - off**2) - 1e-4])
+        radial = trace["proxy"][on] - centre
+        radial /= np.linalg.norm(radial, axis=1)[:, None]
+        angle[shading] = np.degrees(np.arccos(np.clip(np.sum(radial * trace["normal"][on], axis=1), -1.0, 1.0))).max()
+    assert angle["30 deg"] < 1.0
+    assert angle["0 deg"] > 2.0
+
+
+@pytest.mark.parametrize("deep", [0.0, 3.0])
+def test_a_run_that_begins_inside_says_so(deep: float) -> None:
+    """A tip that starts under the surface, as after a slip in position or unit, is told of in the verdict."""
+    scenario = tables()
+    scenario["object"]["position"] = ["3 mm", "2 mm", f"{deep} mm"]
+    verdict = simulate(scenario).summary()["verdict"]
+    assert ("began 3 mm deep in the mesh" in verdict) == (deep > 0.0), verdict
+
+
 def test_what_is_recorded_fits_together() -> None:
     """Force = stiffness x depth along the normal; the tip lies that deep under the proxy; apart, all is zero."""
     trace = simulate(tables({"stiffness": ["0.8 N/mm", "1.2 N/mm"], "pattern": "checkerboard", "width": "10 mm"}))
@@ -132,6 +159,8 @@ def test_the_way_to_text_and_back() -> None:
         ({"stiffness": []}, None, "at least one value"),
         ({"width": "5 mm"}, None, "belongs to a pattern"),
         ({"dynamic_friction": 0.3}, None, "must not exceed static_friction"),
+        ({"shading": 30}, None, "30 has no unit, and an angle is needed"),
+        ({"shading": "90 deg"}, None, "object.surface.shading: 90 deg; it must be at most 85 deg"),
         ({"field": "smooth"}, None, "is not one of discrete, continuous"),
         ({"tangental": "1 N/mm"}, None, "did you mean tangential?"),
         ({}, {"shape": "box", "edge": "80 mm"}, "divisions is missing"),

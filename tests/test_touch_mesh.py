@@ -74,6 +74,9 @@ def test_files_are_read_in_the_stated_unit(kind: str, tmp_path: Path) -> None:
     trimesh.Trimesh(vertices, triangles, process=False).export(path)
     mesh = palpate.Mesh.load(path, unit="mm")
     assert mesh.diagnose().volume == pytest.approx(24e-6, rel=1e-6)
+    assert mesh.size == pytest.approx((0.02, 0.03, 0.04), rel=1e-6)
+    assert "20 × 30 × 40 mm" in repr(mesh)
+    assert "20 × 30 × 40 mm" in str(mesh.diagnose())
     assert len(mesh.vertices) == 8
     assert mesh.closed
 
@@ -85,6 +88,14 @@ def test_bad_files_are_refused_with_their_name(tmp_path: Path) -> None:
         (tmp_path / name).write_text("this is not a mesh\n")
         with pytest.raises(MeshError, match=name.replace(".", r"\.")):
             Mesh.load(tmp_path / name, unit="mm")
+    (tmp_path / "not-finite.obj").write_text("v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(MeshError, match=r"not-finite\.obj: vertices must be finite"):
+        Mesh.load(tmp_path / "not-finite.obj", unit="mm")
+    (tmp_path / "part.step").write_text("ISO-10303-21;\n")
+    with pytest.raises(MeshError, match="STL, OBJ, PLY, OFF and GLB are read"):
+        Mesh.load(tmp_path / "part.step", unit="mm")
+    with pytest.raises(MeshError, match="a folder"):
+        Mesh.load(tmp_path, unit="mm")
     path = tmp_path / "box.off"
     trimesh.Trimesh(*box((1.0, 1.0, 1.0), 1)).export(path)
     for unit in ("furlongs per fortnight", "N", ""):

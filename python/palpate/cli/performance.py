@@ -18,7 +18,7 @@ def performance(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+        typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
 ) -> None:
     """Tell what a hand feels of a loop: impedance, stiffness, rate-hardness, force bandwidth, and whether it buzzes.
@@ -41,8 +41,17 @@ def performance(
     for one in found.along:
         where = ", ".join(f"{part:.3g}" for part in one.direction)
         output.print(
-            f"  along ({where}): {one.static_stiffness:.4g} N/m felt at rest, as wished to within 23 % up to "
-            f"{one.transparent_to:.3g} Hz; "
+            f"  along ({where}): "
+            + (
+                "gives way to no force at rest (an integrator); "
+                if math.isinf(one.static_stiffness)
+                else f"{one.static_stiffness:.4g} N/m felt at rest, "
+            )
+            + (
+                f"as wished to within 23 % up to {one.transparent_to:.3g} Hz; "
+                if one.transparent_to
+                else "nowhere as wished to within 23 %; "
+            )
             + ("" if math.isnan(one.rate_hardness) else f"rate-hardness {one.rate_hardness:.4g} N/m; ")
             + f"force bandwidth {one.bandwidth:.3g} Hz",
             markup=False,

@@ -19,7 +19,7 @@ def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+        typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
 ) -> None:
     """Run a scenario: writes trace.h5, summary.json and report.html, and prints the verdict.

@@ -18,7 +18,7 @@ def certify(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+        typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
 ) -> None:
     """Judge a scenario's loop: the claim, what it holds for, its margins, or a counter-example that runs.
@@ -55,7 +55,7 @@ def zwidth(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; results/<name of the scenario> if not given."),
+        typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
     points: Annotated[int, typer.Option(min=0, help="Points of the boundary to find by simulation.")] = 7,
 ) -> None:
@@ -94,7 +94,11 @@ def workspace(
     subject: Annotated[str, typer.Argument(help="Scenario file (TOML), or a device: its name or file.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; results/<name of scenario or device> if not given."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="Folder to write to; if not given, results/ and in it the name of the scenario or device.",
+        ),
     ] = None,
     poses: Annotated[int, typer.Option(min=50, max=100_000, help="About how many poses to judge.")] = 2000,
 ) -> None:

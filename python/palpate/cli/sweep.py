@@ -28,7 +28,9 @@ def sweep(
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="HDF5 file; results/<scenario>-sweep.h5 if not given."),
+        typer.Option(
+            "--out", "-o", help="HDF5 file; if not given, results/ and in it the scenario's name with -sweep.h5."
+        ),
     ] = None,
     engine: Annotated[str, typer.Option(help="threads (this machine's cores) or dask.")] = "threads",
     scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,

@@ -19,6 +19,7 @@ __all__ = ["summarize"]
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 GROWS = 1.02  # a swing that is this much larger in each quarter of the run than in the one before is unstable
+DEEP = 1e-4  # m under the surface of a mesh, that a run should not begin with: more than a few encoder counts
 
 
 def summarize(trace: Trace) -> dict[str, Any]:
@@ -96,6 +97,8 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
             f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
             f"{found.step_at_crossing:.3g} N"
         )
+    if trace["depth"][0, 0] > DEEP:
+        summary["verdict"] += f"; it began {trace['depth'][0, 0] * 1e3:.3g} mm deep in the mesh"
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary

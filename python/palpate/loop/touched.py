@@ -122,5 +122,6 @@ def _surface(choice: SurfaceChoice, own: Mesh, period: float) -> Surface:
         viscous=choice.viscous,
         damping=choice.damping,
         field=choice.field,
+        shading=choice.shading,
         period=period,
     )

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Pla
 from palpate.units import parse, parse_vector, write
 
 __all__ = [
+    "Angle",
     "Angle3",
     "Damping3",
     "Duration",
@@ -122,6 +123,7 @@ Length = Annotated[float, *_scalar("m"), AfterValidator(_positive)]
 Number = Annotated[float, *_scalar(""), AfterValidator(_not_negative)]
 Fraction = Annotated[float, *_scalar(""), AfterValidator(_fraction)]
 
+Angle = Annotated[float, *_scalar("rad"), AfterValidator(_not_negative)]
 Angle3 = Annotated[_Axes, *_axes("rad")]
 Size3 = Annotated[_Axes, *_axes("m"), AfterValidator(_all_positive)]
 Force3 = Annotated[_Axes, *_axes("N")]

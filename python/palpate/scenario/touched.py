@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, PlainSerializer, ValidationInfo, field_validator, model_validator
 
 from palpate.scenario.fields import (
+    Angle,
     Angle3,
     Flag,
     Fraction,
@@ -20,6 +22,7 @@ from palpate.scenario.fields import (
     Size3,
     Whole,
 )
+from palpate.touch.surface import SHADED_MOST
 from palpate.units import parse, write
 
 __all__ = ["MeshChoice", "SurfaceChoice"]
@@ -106,6 +109,7 @@ class SurfaceChoice(Section):
         static_friction, dynamic_friction: coefficients; dynamic as static if not given.
         viscous: drag on the sliding proxy, N*s/m.
         field: "discrete" (each polygon its own stiffness) or "continuous" (spread, and derived from a potential).
+        shading: edges that turn by less, rad, are not felt; 0: every facet is.
     """
 
     stiffness: Annotated[tuple[float, ...], BeforeValidator(_values), PlainSerializer(_values_text)]
@@ -117,6 +121,7 @@ class SurfaceChoice(Section):
     dynamic_friction: Number | None = None
     viscous: OneDamping = 0.0
     field: Literal["discrete", "continuous"] = "discrete"
+    shading: Angle = 0.0
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -127,6 +132,8 @@ class SurfaceChoice(Section):
             raise ValueError('width is missing: how wide is a field of the pattern? For example width = "10 mm"')
         if not laid and self.width is not None:
             raise ValueError("width: belongs to a pattern of stripes or a checkerboard")
+        if self.shading > SHADED_MOST:
+            raise ValueError(f"shading: {math.degrees(self.shading):g} deg; it must be at most 85 deg")
         if self.dynamic_friction is not None and self.dynamic_friction > self.static_friction:
             raise ValueError(
                 f"dynamic_friction: {self.dynamic_friction:g} must not exceed static_friction "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Diagnosis"]
+__all__ = ["Diagnosis", "lengths"]
 
 
 @dataclass(frozen=True)
@@ -15,6 +15,8 @@ class Diagnosis:
     vertices: int
     parts: int
     """Pieces that share no edge."""
+    size: tuple[float, float, float]
+    """Edges of the box around it along x, y and z, m."""
     volume: float
     """Enclosed, m^3; of no meaning if the mesh is open."""
     open_edges: int
@@ -42,6 +44,7 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [f"{self.triangles} triangles, {self.vertices} vertices, {self.parts} part{'s'[: self.parts != 1]}"]
+        lines.append(f"{lengths(self.size)} along x, y and z")
         named = (
             (self.open_edges, "open edges (a border)"),
             (self.non_manifold_edges, "edges with more than two triangles"),
@@ -56,3 +59,9 @@ class Diagnosis:
             lines.append(f"closed, {self.volume:.6g} m^3")
         lines += [f"mended: {what}" for what in self.mended]
         return "\n".join(lines)
+
+
+def lengths(size: tuple[float, float, float]) -> str:
+    """Return lengths, m, as people write them: in mm, those of large things in m."""
+    scale, unit = (1.0, "m") if max(size) >= 1.0 else (1e3, "mm")
+    return " × ".join(f"{length * scale:.4g}" for length in size) + f" {unit}"

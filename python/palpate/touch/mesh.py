@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import PalpateError
-from palpate.touch.diagnosis import Diagnosis
+from palpate.touch.diagnosis import Diagnosis, lengths
 from palpate.units import quantity
 
 __all__ = ["Mesh", "MeshError"]
@@ -63,14 +63,20 @@ class Mesh:
         """
         scale = quantity(f"1 {unit}", "m", "unit", error=MeshError)
         vertices, triangles = _read(Path(path))
-        vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
         try:
+            vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
             return cls(vertices * scale, triangles, open=open, mend=mend)
         except MeshError as problem:
             raise MeshError(f"{path}: {problem}") from None
 
     def __repr__(self) -> str:
-        return f"<Mesh: {len(self.triangles)} triangles, {self.extent:.4g} m across{', open' * (not self.closed)}>"
+        return f"<Mesh: {len(self.triangles)} triangles, {lengths(self.size)}{', open' * (not self.closed)}>"
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Edges of the box around it along x, y and z, m."""
+        x, y, z = np.ptp(self.vertices[self.triangles].reshape(-1, 3), axis=0).tolist()
+        return x, y, z
 
     @property
     def extent(self) -> float:
@@ -89,6 +95,7 @@ class Mesh:
             triangles=len(self.triangles),
             vertices=len(self.vertices),
             parts=int(d["parts"]),
+            size=self.size,
             volume=float(d["volume"]),
             open_edges=d["open"][0],
             non_manifold_edges=d["non_manifold"][0],
@@ -135,7 +142,7 @@ class Mesh:
             ("duplicate", "that were there before", "drop them, or leave mend=True"),
             ("non_manifold", "on edges that more than two share", "split the surface there"),
             ("mixed_winding", "that turn the other way than a neighbour", "leave mend=True (a Moebius band stays so)"),
-            ("open", "at a border", "close the surface, or say open=True if it is open on purpose"),
+            ("open", "at a border", "close the surface, or declare it open (open=True; in a scenario open = true)"),
         ):
             count, first = d[name]
             if count:
@@ -180,6 +187,8 @@ def _weld(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.in
 
 
 def _read(path: Path) -> tuple[Any, Any]:
+    if path.is_dir():
+        raise MeshError(f"{path}: a folder; give the mesh's file in it")
     if not path.is_file():
         raise MeshError(f"{path}: there is no such file")
     import trimesh
@@ -205,6 +214,8 @@ def _read_with_meshio(path: Path) -> tuple[Any, Any]:
         import meshio
     except ImportError:
         raise MeshError(f"{path}: STL, OBJ, PLY, OFF and GLB are read; for others, pip install meshio") from None
+    if path.suffix.lower() not in meshio.extension_to_filetypes:
+        raise MeshError(f"{path}: STL, OBJ, PLY, OFF and GLB are read, and what meshio knows; this is none of them")
     whole = meshio.read(path)
     cells = [block.data for block in whole.cells if block.type == "triangle"]
     return whole.points, np.concatenate(cells) if cells else np.empty((0, 3), dtype=int)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,9 @@ from palpate.errors import PalpateError
 from palpate.touch.mesh import Mesh
 from palpate.units import quantity
 
-__all__ = ["Surface", "SurfaceError"]
+__all__ = ["SHADED_MOST", "Surface", "SurfaceError"]
+
+SHADED_MOST: Final = math.radians(85.0)  # edges that turn by more are edges
 
 
 class SurfaceError(PalpateError):
@@ -81,7 +83,7 @@ def number(value: float | str, name: str, unit: str) -> float:
 
 def _angle(value: float | str) -> float:
     found = float(quantity(value, "rad", "shading", error=SurfaceError)) if isinstance(value, str) else float(value)
-    if not 0.0 <= found <= math.radians(85.0):
+    if not 0.0 <= found <= SHADED_MOST:
         raise SurfaceError(f"shading must be an angle from 0 to 85 deg; it is {math.degrees(found):g} deg")
     return found
 
@@ -94,9 +96,10 @@ def _coefficient(value: float, name: str) -> float:
 
 
 def _list(value: ArrayLike | str, name: str, unit: str, mesh: Mesh) -> NDArray[np.float64]:
-    numbers = np.atleast_1d(
-        np.asarray(quantity(value, unit, name, error=SurfaceError) if isinstance(value, str) else value, dtype=float)
-    )
+    entries: Any = [value] if isinstance(value, str) else value
+    if isinstance(entries, (list, tuple)):
+        entries = [quantity(e, unit, name, error=SurfaceError) if isinstance(e, str) else e for e in entries]
+    numbers = np.atleast_1d(np.asarray(entries, dtype=float))
     allowed = (1, len(mesh.triangles), len(mesh.vertices))
     if numbers.ndim != 1 or len(numbers) not in allowed:
         raise SurfaceError(

@@ -88,14 +88,14 @@ def buzz_figure(p: Performance) -> Figure:
     floor = 1e-5 * float(b.threshold.min())
     panel.loglog(b.frequency, 1e6 * np.maximum(b.amplitude, floor), color=COLOURS[0], label="ripple of the tip")
     panel.loglog(b.frequency, 1e6 * b.threshold, color=INK, linestyle=(0, (4, 3)), label="least that is felt")
-    panel.axvline(b.worst, color=FAINT, linewidth=0.8)
+    panel.axvline(b.worst, color=FAINT, linewidth=0.8, label="felt most")
     ticks = [f for f in (20, 50, 100, 200, 500, 1000, 2000, 5000) if f <= b.frequency[-1] * 1.01]
     panel.set_xticks(ticks, labels=[str(f) for f in ticks])
     panel.minorticks_off()
     panel.set_xlabel("frequency [Hz]")
     panel.set_ylabel("amplitude [µm]")
     handles, labels = panel.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 

@@ -122,7 +122,17 @@ def zwidth_figure(z: ZWidth) -> Figure:
             color=INK,
             label="simulated",
         )
-    panel.plot([z.here[0]], [z.here[1] / 1e3], "x", markersize=8, color=COLOURS[1], label="the scenario's object")
+    panel.plot(
+        [z.here[0]],
+        [z.here[1] / 1e3],
+        "x",
+        markersize=9,
+        markeredgewidth=2.0,
+        color=COLOURS[1],
+        clip_on=False,  # it often lies on an axis
+        zorder=5,
+        label="the scenario's object",
+    )
     panel.set_xlabel("damping B [N·s/m]")
     panel.set_ylabel("stiffness K [N/mm]")
     panel.set_xlim(left=0)

@@ -106,8 +106,8 @@ def _comparison(page: Page, found: dict[Run, tuple[Slide, bool]]) -> list[Check]
         "On the discrete field each step from soft to stiff puts (k₂ − k₁) d²/2 into the loop, felt as a "
         "click; the continuous field generates nothing on the cube where there is no friction. With friction the tip "
         "lags behind its proxy, whose stiffness counts: the field then gives or takes a little, and friction takes far "
-        "more. On the organ the continuous field's steps are larger than on the cube: there the normal turns by the "
-        "angle between two facets, whatever the stiffness does. The lead–lag's error is the hand's: its spring bears a "
+        "more. On the organ the continuous field is shaded as well, or the normal would turn by the angle between two "
+        "facets, whatever the stiffness does. The lead–lag's error is the hand's: its spring bears a "
         "part of the press, and without an integrator it takes seconds to make up for that. Large errors of the LQG "
         "are on 0.2 N/mm, where it still sinks in when the run ends."
     )

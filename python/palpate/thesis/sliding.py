@@ -98,7 +98,7 @@ def slide_scenario(
         ground: what is slid over.
         controller: designed for 1 N/mm, as for table 5.1: one design for every stiffness.
         tangential: stiffness between tip and proxy along the surface, N/mm; 0: none, and no friction.
-        field: of the surface.
+        field: of the surface; on the organ the continuous one is shaded, so that the normal is continuous too.
         led_by: what moves the tip along the surface; forces alone need a tangential stiffness.
         options: of the controller.
     """
@@ -151,6 +151,7 @@ def slide_scenario(
                 "static_friction": friction,
                 **({"viscous": f"{drag:g} N*s/m"} if drag else {}),
                 "field": field,
+                **({"shading": "30 deg"} if field == "continuous" and ground.mesh["shape"] == "organ" else {}),
             },
         },
         "controller": {

@@ -176,7 +176,7 @@ def test_the_loop_meets_what_the_proxy_meets() -> None:
 
 
 def test_shading_takes_the_facets_out_of_an_organ() -> None:
-    """Where normal and stiffness both turn smoothly, the steps are a tenth of the discrete field's at most (1/60 seen)."""
+    """With a smooth normal and a smooth stiffness, steps are at most a tenth of the discrete field's (1/60 seen)."""
     tables = tomllib.loads((SCENARIOS / "slide-organ.toml").read_text("utf-8"))
     largest = {}
     for field, shading in (("discrete", "0 deg"), ("continuous", "0 deg"), ("continuous", "30 deg")):

@@ -141,6 +141,20 @@ def test_shapes_of_tips_and_paths_are_checked() -> None:
         Proxy(proxy.mesh, radius=-1.0)
 
 
+def test_what_is_no_mesh_surface_or_tip_is_refused() -> None:
+    mesh = Mesh(*box((1.0, 1.0, 1.0), 2))
+    with pytest.raises(PalpateError, match=r"Mesh\.load"):
+        Proxy("liver.stl")  # type: ignore[arg-type]
+    with pytest.raises(SurfaceError, match="Surface"):
+        Proxy(mesh, 400.0)  # type: ignore[arg-type]
+    with pytest.raises(SurfaceError, match="field"):
+        Surface(field="smooth")  # type: ignore[arg-type]
+    with pytest.raises(SurfaceError, match="static_friction"):
+        Surface(static_friction=-1.0)
+    with pytest.raises(PalpateError, match="without units"):
+        Proxy(mesh).step(["0 mm", "0 mm", "1 mm"])  # type: ignore[list-item]
+
+
 def test_the_stopwatch_counts_every_tick() -> None:
     """A measured median lies between nothing and a millisecond, and no tick is lost on the way."""
     found = time_steps(Mesh(*ball(12)), orbit(500), passes=2)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import PoseError
 from palpate.touch.contact import Contact, Contacts
-from palpate.touch.mesh import Mesh
-from palpate.touch.surface import Surface, number
+from palpate.touch.mesh import Mesh, MeshError
+from palpate.touch.surface import Surface, SurfaceError, number
 
 __all__ = ["Proxy"]
 
@@ -22,6 +22,10 @@ class Proxy:
     """
 
     def __init__(self, mesh: Mesh, surface: Surface | None = None, radius: float | str = 0.0) -> None:
+        if not isinstance(mesh, Mesh):
+            raise MeshError(f"a proxy touches a palpate.Mesh, not {mesh!r}; Mesh.load(path, unit=...) reads a file")
+        if surface is not None and not isinstance(surface, Surface):
+            raise SurfaceError(f"surface must be a palpate.Surface, such as Surface(stiffness={surface!r})")
         size = number(radius, "radius", "m")
         self.mesh = mesh
         self.surface = Surface() if surface is None else surface
@@ -30,14 +34,14 @@ class Proxy:
 
     def step(self, tip: ArrayLike) -> Contact:
         """Go one tick with the tip at `tip` (3,), m."""
-        point = np.ascontiguousarray(tip, dtype=float)
+        point = _numbers(tip, "a tip is three numbers in m")
         if point.shape != (3,):
             raise PoseError(f"a tip is three numbers in m; this has shape {point.shape}")
         return self.follow(point[None, :])[0]
 
     def follow(self, path: ArrayLike) -> Contacts:
         """Go one tick for each row of `path` (n, 3), m, and return all contacts; the loop is the core's."""
-        points = np.ascontiguousarray(path, dtype=float)
+        points = _numbers(path, "a path is (n, 3) numbers in m")
         if points.ndim != 2 or points.shape[1] != 3:
             raise PoseError(f"a path is (n, 3) numbers in m; this has shape {points.shape}")
         rows, triangle = self.core.follow(points)
@@ -69,3 +73,10 @@ class Proxy:
     def sliding(self) -> bool:
         """Whether the proxy slid in the last tick."""
         return bool(self.core.sliding)
+
+
+def _numbers(value: ArrayLike, what: str) -> NDArray[np.float64]:
+    try:
+        return np.ascontiguousarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise PoseError(f"{what}, without units; this is {value!r}") from None

@@ -51,6 +51,13 @@ class Surface:
     shading: float | str = 0.0
     period: float | str = "1 ms"
 
+    def __post_init__(self) -> None:
+        if self.field not in ("discrete", "continuous"):
+            raise SurfaceError(f'field must be "discrete" or "continuous", not {self.field!r}')
+        for name in ("static_friction", "dynamic_friction"):
+            if (value := getattr(self, name)) is not None:
+                _coefficient(value, name)
+
     def core_for(self, mesh: Mesh) -> Any:
         """Return the core's surface for `mesh`. Raises SurfaceError."""
         core = _core.TouchSurface()
@@ -67,8 +74,6 @@ class Surface:
         core.period = number(self.period, "period", "s")
         if core.period <= 0.0:
             raise SurfaceError("period must be positive")
-        if self.field not in ("discrete", "continuous"):
-            raise SurfaceError(f'field must be "discrete" or "continuous", not {self.field!r}')
         core.field = getattr(_core.Field, self.field)
         return core
 

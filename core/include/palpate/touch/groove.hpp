@@ -59,7 +59,7 @@ class Groove {
     const Facet& facet = mesh_->facet(b.facet);
     if (b.feature == Feature::inside) return facet.height(x) * facet.normal;
     const auto i = static_cast<std::size_t>(index_of(b.feature));
-    const Vector3<> out = x - facet.corner[i];
+    Vector3<> out = x - facet.corner[i];
     if (is_corner(b.feature)) return out;
     const Vector3<> e = facet.corner[(i + 1) % 3] - facet.corner[i];
     return out - out.dot(e) / e.squaredNorm() * e;

@@ -54,9 +54,11 @@ class Surface:
     def __post_init__(self) -> None:
         if self.field not in ("discrete", "continuous"):
             raise SurfaceError(f'field must be "discrete" or "continuous", not {self.field!r}')
-        for name in ("static_friction", "dynamic_friction"):
-            if (value := getattr(self, name)) is not None:
-                _coefficient(value, name)
+        static = _coefficient(self.static_friction, "static_friction")
+        if self.dynamic_friction is not None and _coefficient(self.dynamic_friction, "dynamic_friction") > static:
+            raise SurfaceError(
+                f"dynamic_friction {self.dynamic_friction} must not exceed static_friction {self.static_friction}"
+            )
 
     def core_for(self, mesh: Mesh) -> Any:
         """Return the core's surface for `mesh`. Raises SurfaceError."""
@@ -64,11 +66,8 @@ class Surface:
         core.stiffness = _list(self.stiffness, "stiffness", "N/m", mesh).tolist()
         core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
         core.tangential = -1.0 if self.tangential is None else number(self.tangential, "tangential", "N/m")
-        core.static_friction = _coefficient(self.static_friction, "static_friction")
-        dynamic = self.static_friction if self.dynamic_friction is None else self.dynamic_friction
-        core.dynamic_friction = _coefficient(dynamic, "dynamic_friction")
-        if core.dynamic_friction > core.static_friction:
-            raise SurfaceError(f"dynamic_friction {dynamic} must not exceed static_friction {self.static_friction}")
+        core.static_friction = float(self.static_friction)
+        core.dynamic_friction = core.static_friction if self.dynamic_friction is None else float(self.dynamic_friction)
         core.viscous = number(self.viscous, "viscous", "N*s/m")
         core.shading = _angle(self.shading)
         core.period = number(self.period, "period", "s")

@@ -11,15 +11,28 @@
 
 namespace palpate {
 
+/// The vector in the plane of the unit vectors `m` and `n` that goes `along_m` and `along_n` along them; they must not be parallel.
+[[nodiscard]] inline Vector3<> spanned(const Vector3<>& m, const Vector3<>& n, double along_m, double along_n) noexcept {
+  const double cosine = m.dot(n), sine2 = 1.0 - cosine * cosine;
+  return (along_m - cosine * along_n) / sine2 * m + (along_n - cosine * along_m) / sine2 * n;
+}
+
+/// Whether unit vectors are nearer to each other, or to each other's opposite, than `least` [rad].
+[[nodiscard]] inline bool nearly_parallel(const Vector3<>& m, const Vector3<>& n, double least) noexcept {
+  const double cosine = m.dot(n);
+  return !(1.0 - cosine * cosine > least * least);
+}
+
 /// The curve on which a sphere's centre moves that touches two features at once: planes, lines or points, each taken as endless; how far
 /// that holds, a feature's margin tells.
 class Groove {
  public:
-  /// A face, an edge or a corner of a facet, and the side of the face that is touched.
+  static constexpr double parallel = 1e-7;  // rad: normals that differ less leave no line between them
+
+  /// A face, an edge or a corner of a facet.
   struct Bank {
     std::int32_t facet = Mesh::none;
     Feature feature = Feature::inside;
-    double side = 1.0;
   };
 
   Groove(const Mesh& mesh, double radius, const Bank& one, const Bank& two) noexcept
@@ -34,9 +47,8 @@ class Groove {
       const double in_one = radius_ - distance_one, in_two = radius_ - distance_two;
       if (std::fmax(std::fabs(in_one), std::fabs(in_two)) <= enough) return true;
       const Vector3<> m = out_one / distance_one, n = out_two / distance_two;
-      const double cosine = m.dot(n), sine2 = 1.0 - cosine * cosine;
-      if (!(sine2 > 1e-14) || !(distance_one > 0.0) || !(distance_two > 0.0)) return false;
-      x += (in_one - cosine * in_two) / sine2 * m + (in_two - cosine * in_one) / sine2 * n;
+      if (!(distance_one > 0.0) || !(distance_two > 0.0) || nearly_parallel(m, n, parallel)) return false;
+      x += spanned(m, n, in_one, in_two);
     }
     return false;
   }
@@ -44,8 +56,7 @@ class Groove {
   /// Curvature [1/m] of the curve at `x`, where it runs along the unit vector `line`: a vector towards its centre.
   [[nodiscard]] Vector3<> curvature(const Vector3<>& x, const Vector3<>& line) const noexcept {
     const Vector3<> m = away(one_, x).normalized(), n = away(two_, x).normalized();
-    const double cosine = m.dot(n), sine2 = 1.0 - cosine * cosine, bend_one = bend(one_, line), bend_two = bend(two_, line);
-    return -((bend_one - cosine * bend_two) / sine2) * m - ((bend_two - cosine * bend_one) / sine2) * n;
+    return -spanned(m, n, bend(one_, line), bend(two_, line));
   }
 
   [[nodiscard]] bool straight(const Vector3<>& line) const noexcept { return bend(one_, line) == 0.0 && bend(two_, line) == 0.0; }
@@ -93,12 +104,10 @@ class Groove {
       return least;
     }
     double least = std::numeric_limits<double>::infinity();
-    const std::int32_t v = facet.vertex[i];
-    mesh_->around(b.facet, static_cast<int>(i), [&](std::int32_t f) {
+    mesh_->around(b.facet, static_cast<int>(i), [&](std::int32_t f, int corner) {
       const Facet& other = mesh_->facet(f);
-      for (std::size_t k = 0; k < 3; ++k) {
-        if (other.vertex[k] == v) continue;
-        const Vector3<> e = other.corner[k] - facet.corner[i];
+      for (const int k : {(corner + 1) % 3, (corner + 2) % 3}) {
+        const Vector3<> e = other.corner[static_cast<std::size_t>(k)] - facet.corner[i];
         least = std::fmin(least, -e.dot(x - facet.corner[i]) / e.norm());
       }
     });

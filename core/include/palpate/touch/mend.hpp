@@ -148,7 +148,7 @@ inline MeshDiagnosis::Count pinched_vertices(const Mesh& mesh) {
   for (std::size_t v = 0; v < facets.size(); ++v) {
     if (corner[v] < 0) continue;
     std::int32_t around = 0;
-    mesh.around(static_cast<std::int32_t>(corner[v] / 3), static_cast<int>(corner[v] % 3), [&](std::int32_t) { ++around; });
+    mesh.around(static_cast<std::int32_t>(corner[v] / 3), static_cast<int>(corner[v] % 3), [&](std::int32_t, int) { ++around; });
     if (around != facets[v]) found.add(static_cast<std::int64_t>(v));
   }
   return found;

@@ -113,20 +113,21 @@ class Mesh {
   /// nearest point (Baerentzen & Aanaes 2005).
   [[nodiscard]] const Vector3<>& vertex_normal(std::int32_t v) const noexcept { return vertex_normals_[static_cast<std::size_t>(v)]; }
 
-  /// Shows `look(facet)` every facet around corner `k` of facet `f`, that one included.
+  /// Shows `look(facet, corner)` every facet around corner `k` of facet `f`, that one first, and which of its corners that is.
   template <class Look>
   void around(std::int32_t f, int k, Look look) const noexcept {
     const std::int32_t start = 3 * f + k;
     std::int32_t h = start;
     do {  // anticlockwise; if that ends at a border, the rest clockwise from the start
-      look(h / 3);
+      look(h / 3, static_cast<int>(h % 3));
       h = facet(h / 3).neighbour[static_cast<std::size_t>((h % 3 + 2) % 3)];
     } while (h >= 0 && h != start);
     if (h >= 0) return;
     h = facet(f).neighbour[static_cast<std::size_t>(k)];
     while (h >= 0) {
-      look(h / 3);
-      h = facet(h / 3).neighbour[static_cast<std::size_t>((h % 3 + 1) % 3)];
+      const int corner = static_cast<int>(h % 3 + 1) % 3;
+      look(h / 3, corner);
+      h = facet(h / 3).neighbour[static_cast<std::size_t>(corner)];
     }
   }
 

@@ -213,11 +213,7 @@ class Proxy {
         const std::int32_t h = here.neighbour[static_cast<std::size_t>(i)];
         look(h / 3, edge(h % 3));
       } else {
-        const std::int32_t v = here.vertex[static_cast<std::size_t>(i)];
-        mesh_->around(place_.facet, i, [&](std::int32_t f) {
-          const Triangle& t = mesh_->facet(f).vertex;
-          look(f, corner(t[0] == v ? 0 : (t[1] == v ? 1 : 2)));
-        });
+        mesh_->around(place_.facet, i, [&](std::int32_t f, int k) { look(f, corner(k)); });
       }
     }
     return {place_.side * mesh_->facet(place_.facet).normal, shaded};

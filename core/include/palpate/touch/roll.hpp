@@ -108,10 +108,9 @@ class Roll {
 
  private:
   static constexpr int most_carries = 64;
-  static constexpr double still = 1e-7;     // of radius and depth: what slides less in a tick holds
-  static constexpr double most_way = 0.3;   // of the radius, in one move round two contacts
-  static constexpr double parallel = 1e-7;  // rad: normals that differ less leave no line between them
-  static constexpr double probe = 1e-6;     // of the radius: looked ahead
+  static constexpr double still = 1e-7;    // of radius and depth: what slides less in a tick holds
+  static constexpr double most_way = 0.3;  // of the radius, in one move round two contacts
+  static constexpr double probe = 1e-6;    // of the radius: looked ahead
 
   /// The point nearest to the tip that the supports' planes allow, and the supports that press there.
   struct Goal {
@@ -162,7 +161,7 @@ class Roll {
         if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would pull
         Vector3<> line = m.cross(n);
         const double sine = line.norm();
-        if (sine < parallel) continue;
+        if (sine < Groove::parallel) continue;
         line /= sine;
         const Vector3<> way = pull.dot(line) * line;
         if (allowed(way, i, j)) return {seat.centre + way, 2, p > q ? i : j, p > q ? j : i};
@@ -215,7 +214,7 @@ class Roll {
       if (seat.support(i).facet == facet) goal.two = i;
     const Vector3<> line = seat.support(goal.one).normal.cross(seat.support(goal.two).normal);
     const double sine2 = line.squaredNorm();
-    if (!(sine2 > parallel * parallel)) return false;
+    if (!(sine2 > Groove::parallel * Groove::parallel)) return false;
     goal.point = seat.centre + (goal.point - seat.centre).dot(line) / sine2 * line;
     return true;
   }
@@ -327,9 +326,8 @@ class Roll {
         if (!nearer_neighbour(one, x, two.facet) && !nearer_neighbour(two, x, one.facet)) return true;
         continue;
       }
-      const double cosine = one.normal.dot(two.normal), sine2 = 1.0 - cosine * cosine;
-      if (!(sine2 > parallel * parallel)) return false;
-      x += (in_one - cosine * in_two) / sine2 * one.normal + (in_two - cosine * in_one) / sine2 * two.normal;
+      if (nearly_parallel(one.normal, two.normal, Groove::parallel)) return false;
+      x += spanned(one.normal, two.normal, in_one, in_two);
     }
     return false;
   }
@@ -351,7 +349,7 @@ class Roll {
       const std::int32_t across = mesh_->facet(s.facet).neighbour[static_cast<std::size_t>(index_of(s.at.feature))];
       if (across >= 0) look(across / 3);
     } else {
-      mesh_->around(s.facet, index_of(s.at.feature), look);
+      mesh_->around(s.facet, index_of(s.at.feature), [&](std::int32_t f, int) { look(f); });
     }
     if (nearest == Mesh::none) return false;
     s.facet = nearest;

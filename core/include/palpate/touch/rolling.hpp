@@ -76,19 +76,7 @@ class Rolling {
     const double length = lag.norm(), left = cone(at.facet, at.foot).rest(length, std::fabs(depth), slip.slid, slip.sliding());
     if (!(length - left > small)) return false;
     const Vector3<> way = (1.0 - left / length) * lag;
-    double part = 1.0;
-    int out = -1;
-    for (int i = 0; i < 3; ++i) {
-      const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-      const Vector3<> inward = facet.normal.cross(facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
-      const double rate = inward.dot(way);
-      if (rate >= 0.0) continue;
-      const double distance = std::fmax(inward.dot(at.foot - a), 0.0);
-      if (distance < -rate * part) {
-        part = distance / -rate;
-        out = i;
-      }
-    }
+    const auto [out, part] = first_exit(facet, at.foot, way, [](int) { return false; });
     if (out >= 0 && !(part * (length - left) > small)) {
       at.feature = edge(out);
       return true;
@@ -210,23 +198,11 @@ class Rolling {
         over_edge = i;
       }
     };
-    const std::int32_t start = 3 * at.facet + k;
-    std::int32_t h = start;
-    do {
-      const auto c = static_cast<std::size_t>(h % 3);
-      look(h / 3, h % 3, 1.0);
-      const std::int32_t next = mesh_->facet(h / 3).neighbour[(c + 2) % 3];
-      if (next < 0) look(h / 3, (h % 3 + 2) % 3, -1.0);
-      h = next;
-    } while (h >= 0 && h != start);
-    if (h < 0) {
-      h = mesh_->facet(start / 3).neighbour[static_cast<std::size_t>(k)];
-      while (h >= 0) {
-        const int c = (h % 3 + 1) % 3;
-        look(h / 3, c, 1.0);
-        h = mesh_->facet(h / 3).neighbour[static_cast<std::size_t>(c)];
-      }
-    }
+    mesh_->around(at.facet, k, [&](std::int32_t f, int c) {
+      look(f, c, 1.0);
+      const int last = (c + 2) % 3;
+      if (mesh_->facet(f).neighbour[static_cast<std::size_t>(last)] < 0) look(f, last, -1.0);
+    });
     if (!(radius_ * turned > small)) {
       if (over == Mesh::none) return false;
       at.facet = over;

@@ -47,7 +47,7 @@ class Shading {
       return h >= 0 && alike(h / 3);
     }
     bool all = true;
-    mesh.around(f, i, [&](std::int32_t g) { all = all && alike(g); });
+    mesh.around(f, i, [&](std::int32_t g, int) { all = all && alike(g); });
     return all;
   }
 

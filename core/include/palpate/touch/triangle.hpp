@@ -62,6 +62,27 @@ struct NearestPoint {
   return {x - facet.height(x) * facet.normal, Feature::inside};
 }
 
+/// Where a way over a facet, in its plane, leaves it.
+struct Exit {
+  int edge = -1;      ///< -1: it stays
+  double part = 1.0;  ///< of the way
+};
+
+/// The first edge that the way from `x` crosses outwards; `on(i)` says that `x` lies on edge i, whatever rounding makes of it.
+template <class On>
+[[nodiscard]] Exit first_exit(const Facet& facet, const Vector3<>& x, const Vector3<>& way, On on) noexcept {
+  Exit exit;
+  for (int i = 0; i < 3; ++i) {
+    const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
+    const Vector3<> inward = facet.normal.cross(facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
+    const double rate = inward.dot(way);
+    if (rate >= 0.0) continue;
+    const double distance = on(i) ? 0.0 : std::fmax(inward.dot(x - a), 0.0);
+    if (distance < -rate * exit.part) exit = {i, distance / -rate};
+  }
+  return exit;
+}
+
 /// Weights of the corners at the point `x` of a facet's plane; clamped to the facet.
 [[nodiscard]] inline Vector3<> barycentric(const Facet& facet, const Vector3<>& x) noexcept {
   const Vector3<> e1 = facet.corner[1] - facet.corner[0], e2 = facet.corner[2] - facet.corner[0], d = x - facet.corner[0];

@@ -169,20 +169,9 @@ class Walk {
     if (!(lag - left > 1e-15 * (lag + std::fabs(height)))) return true;
     slip.before = true;
     const Vector3<> way = (1.0 - left / lag) * pull;
-    double part = 1.0;
-    int out = -1;
-    for (int i = 0; i < 3; ++i) {
-      const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-      const Vector3<> inward = facet.normal.cross(facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
-      const double rate = inward.dot(way);
-      if (rate >= 0.0) continue;
-      const bool on_it = place.feature == edge(i) || place.feature == corner(i) || place.feature == corner((i + 1) % 3);
-      const double distance = on_it ? 0.0 : std::fmax(inward.dot(place.point - a), 0.0);
-      if (distance + rate < 0.0 && distance < -rate * part) {
-        part = distance / -rate;
-        out = i;
-      }
-    }
+    const auto [out, part] = first_exit(facet, place.point, way, [&place](int i) {
+      return place.feature == edge(i) || place.feature == corner(i) || place.feature == corner((i + 1) % 3);
+    });
     if (out < 0) {
       place.point += way;
       place.point -= facet.height(place.point) * facet.normal;
@@ -281,26 +270,14 @@ class Walk {
     const Vector3<> d = tip - place.point;
     Best best{d.norm()};
     bool open = false;
-    // Once round, anticlockwise; if that ends at a border, the rest clockwise from the start.
-    const std::int32_t start = 3 * place.facet + k;
-    std::int32_t h = start;
-    do {
-      const Facet& facet = mesh_->facet(h / 3);
-      const int c = h % 3;
-      const std::int32_t next = facet.neighbour[static_cast<std::size_t>((c + 2) % 3)];
-      look(best, facet, h / 3, c, tip, d);
-      if (next < 0) look_along(best, facet, h / 3, (c + 2) % 3, d, -1.0);
-      h = next;
-    } while (h >= 0 && h != start);
-    if (h < 0) {
+    mesh_->around(place.facet, k, [&](std::int32_t f, int c) {
+      const Facet& facet = mesh_->facet(f);
+      look(best, facet, f, c, tip, d);
+      const int last = (c + 2) % 3;
+      if (facet.neighbour[static_cast<std::size_t>(last)] >= 0) return;
       open = true;
-      h = mesh_->facet(start / 3).neighbour[static_cast<std::size_t>(k)];
-      while (h >= 0) {
-        const int c = (h % 3 + 1) % 3;
-        look(best, mesh_->facet(h / 3), h / 3, c, tip, d);
-        h = mesh_->facet(h / 3).neighbour[static_cast<std::size_t>(c)];
-      }
-    }
+      look_along(best, facet, f, last, d, -1.0);
+    });
     if (best.facet == Mesh::none) {  // the corner itself is nearest
       if (open || place.side * mesh_->vertex_normal(vertex).dot(d) >= 0.0) return leave(place, tip);
       const double depth = d.norm();

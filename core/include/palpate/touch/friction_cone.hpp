@@ -27,7 +27,7 @@ struct FrictionCone {
 /// How far a proxy has slid in one tick. It counts as sliding only from a length on that rounding cannot make: which friction holds
 /// must not be chosen by the last bits.
 struct Slip {
-  bool before = false;  // it slid in the last tick, or has left the cone in this one
+  bool before = false;  // it slid in the last tick
   double slid = 0.0;    // in this tick, m
   double least = 0.0;   // m
 

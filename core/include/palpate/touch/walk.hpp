@@ -68,6 +68,7 @@ class Walk {
   /// not enough (the next call goes on).
   template <class Cone>
   bool follow(Place& place, const Vector3<>& tip, const Cone& cone, Slip& slip) const noexcept {
+    slip.least = still * (tip - place.point).norm();
     bool done = false;
     for (int step = 0; step < most_steps && !done; ++step) {
       if (!place.touching()) {
@@ -94,6 +95,7 @@ class Walk {
   }
 
  private:
+  static constexpr double still = 1e-9;  // of the tip's distance: a shorter way is no sliding
   static constexpr double snap = 1e-12;  // of an edge's length: nearer to its end is at its end
 
   /// Goes straight from the place to the tip, past the facets around it; stops at the first facet in the way. True if it arrives.
@@ -167,7 +169,6 @@ class Walk {
     const FrictionCone friction = cone(place.facet, place.point);
     const double left = friction.rest(lag, std::fabs(height), slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + std::fabs(height)))) return true;
-    slip.before = true;
     const Vector3<> way = (1.0 - left / lag) * pull;
     const auto [out, part] = first_exit(facet, place.point, way, [&place](int i) {
       return place.feature == edge(i) || place.feature == corner(i) || place.feature == corner((i + 1) % 3);
@@ -247,7 +248,6 @@ class Walk {
     if (depth > 0.0) place.normal = down / -depth;
     const double left = cone(place.facet, place.point).rest(lag, depth, slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + depth))) return true;
-    slip.before = true;
     const double way = std::copysign(lag - left, pull);
     const double from = (place.point - a).dot(e) / length, to = from + way;
     if (to > snap * length && to < (1.0 - snap) * length) {
@@ -311,7 +311,6 @@ class Walk {
     const double lag = pull.norm();
     const double left = cone(place.facet, place.point).rest(lag, std::fabs(height), slip.slid, slip.sliding());
     if (!(lag - left > 1e-15 * (lag + std::fabs(height)))) return true;
-    slip.before = true;
     const Vector3<> way = (1.0 - left / lag) * pull;
     const int i = (c + 1) % 3;
     const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];

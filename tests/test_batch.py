@@ -52,6 +52,13 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "object": {"kind": "spring", "stiffness": "1 N/mm"},
         "controller": {"kind": "lqg", "stiffness": "1 N/mm"},
     },
+    "late ticks": {
+        "device": {"name": "phantom-premium-1.5a-rotors", "delay": 1},
+        "start": {"pose": POSE},
+        "servo": {"topology": "impedance_display", "jitter": "0.7 ms"},
+        "operator": {**ARM, **PUSH},
+        "object": {"kind": "wall", "normal": [0, 0, 1], "stiffness": "1 N/mm", "damping": "0.5 N*s/m"},
+    },
     "slider": {
         "device": {"name": "slider", "delay": 1},
         "servo": {"topology": "impedance_display"},

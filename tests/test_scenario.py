@@ -136,7 +136,7 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
         ('name = "phantom-premium-1.5a"', "", "cube.toml, line 3: device.name is missing"),
         ('force = ["0 N", "0 N", "-2 N"]', "",
          'cube.toml, line 12: reference.force is missing; write for example force = ["0 N", "0 N", "-2 N"]'),
-        ("[run]", "[run]\nseed = 1", 'cube.toml, line 19: unknown key "seed" in [run]; there are'),
+        ("[run]", "[run]\ncolour = 1", 'cube.toml, line 19: unknown key "colour" in [run]; there are'),
         ("[run]", "[run]\nsubsteps = 0", "cube.toml, line 19: run.substeps: 0; it must be between 1 and 10000"),
         ("[run]", "[run]\nsubsteps = 2.0", "cube.toml, line 19: run.substeps: 2.0 is not a whole number"),
         ("[run]", "[run\n", "cube.toml, line 18: not valid TOML"),

@@ -54,6 +54,9 @@ def test_how_late_a_tick_may_come() -> None:
     assert late == pytest.approx(2e-3, rel=1e-9)
     assert field_damping(lipschitz=50.0, longest_period=late) == pytest.approx(0.05, rel=1e-9)
     assert "2 ms after the one before" in " ".join(certificate.method)
+    damped = certify(slider(object={"kind": "spring", "stiffness": "50 N/m", "damping": "0.01 N*s/m"}))
+    late = damped.margin["longest_time_between_ticks_s"]  # the servo's difference over T_max, divided by T
+    assert field_damping(lipschitz=50.0, longest_period=late, virtual_damping=0.01 * late / 1e-3) == pytest.approx(0.05)
 
 
 def test_a_controller_that_is_unstable_by_itself() -> None:

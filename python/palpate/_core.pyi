@@ -577,6 +577,21 @@ class PremiumSetup:
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
 
+    @property
+    def jitter(self) -> float: ...
+
+    @jitter.setter
+    def jitter(self, arg: float, /) -> None: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+    def lateness(self, ticks: int) -> NDArray[numpy.float64]:
+        """How late each tick comes, 0 to `ticks`, s."""
+
     def touch(self, surface: TouchedSurface) -> None:
         """Puts a mesh in the anchor's place."""
 
@@ -791,6 +806,21 @@ class SliderSetup:
 
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
+
+    @property
+    def jitter(self) -> float: ...
+
+    @jitter.setter
+    def jitter(self, arg: float, /) -> None: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+    def lateness(self, ticks: int) -> NDArray[numpy.float64]:
+        """How late each tick comes, 0 to `ticks`, s."""
 
     def touch(self, surface: TouchedSurface) -> None:
         """Puts a mesh in the anchor's place."""

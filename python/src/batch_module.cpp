@@ -52,6 +52,8 @@ struct Columns {
         {"start", joints([](Setup& s) -> auto& { return s.start; })},
         {"start_speed", joints([](Setup& s) -> auto& { return s.start_speed; })},
         {"delay", {1, [](Setup& s, const double* x) { s.delay = static_cast<int>(*x); }}},
+        {"jitter", one([](Setup& s) -> auto& { return s.jitter; })},
+        {"seed", {1, [](Setup& s, const double* x) { s.seed = static_cast<std::uint64_t>(*x); }}},
         {"hand_mass", one([](Setup& s) -> auto& { return s.hand.mass; })},
         {"hand_damping", one([](Setup& s) -> auto& { return s.hand.damping; })},
         {"hand_stiffness", one([](Setup& s) -> auto& { return s.hand.stiffness; })},

@@ -161,6 +161,17 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("substeps", &Setup::substeps)
       .def_rw("record_every", &Setup::record_every)
       .def_rw("speed_limit", &Setup::speed_limit)
+      .def_rw("jitter", &Setup::jitter)
+      .def_rw("seed", &Setup::seed)
+      .def(
+          "lateness",
+          [](const Setup& self, int ticks) {
+            palpate::Clock<double> clock(self.period, self.jitter, self.seed);
+            auto [out, data] = new_array(ticks + 1);
+            for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.late();
+            return out;
+          },
+          "ticks"_a, "How late each tick comes, 0 to `ticks`, s.")
       .def(
           "touch", [](Setup& s, const TouchedSurface& t) { s.touched = t.touched(); }, "surface"_a, nb::keep_alive<1, 2>(),
           "Puts a mesh in the anchor's place.")

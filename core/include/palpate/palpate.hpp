@@ -14,6 +14,7 @@
 #include "palpate/device/motion.hpp"
 #include "palpate/device/premium.hpp"
 #include "palpate/device/slider.hpp"
+#include "palpate/loop/clock.hpp"
 #include "palpate/loop/linear_plant.hpp"
 #include "palpate/loop/servo.hpp"
 #include "palpate/loop/simulation.hpp"

@@ -127,7 +127,7 @@ class Experiment:
         if self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
         return Trace.of(
-            self.scenario.period * every * np.arange(len(rows)),
+            self._times(len(rows)),
             values,
             units={"angle": "m", "velocity": "m/s", "torque": "N"} if device.mechanism == "slider" else None,
             unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
@@ -137,6 +137,14 @@ class Experiment:
                 "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
             },
         )
+
+    def _times(self, rows: int) -> Array:
+        """Return when the recorded ticks came, s."""
+        every = self.scenario.run.record_every
+        time = self.scenario.period * every * np.arange(rows)
+        if self.scenario.servo.jitter > 0.0 and rows:
+            time = time + np.asarray(self.setup.lateness((rows - 1) * every))[::every]
+        return np.asarray(time, dtype=float)
 
     def _tip(self, q: Array) -> Array:
         """Tip positions as the servo computes them, before the encoders' rounding."""
@@ -158,6 +166,7 @@ def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, contro
     setup = device.setup()
     setup.start = start
     setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
+    setup.jitter, setup.seed = scenario.servo.jitter, scenario.run.seed
     setup.hold = hold
     setup.frozen_kinematics = scenario.device.kinematics == "linear"
     setup.delay = scenario.device.delay

@@ -37,6 +37,7 @@ from palpate.scenario.fields import (
     Position3,
     Section,
     Stiffness3,
+    Time,
     Whole,
 )
 from palpate.scenario.signal import Signal
@@ -153,10 +154,13 @@ class Servo(Section):
         period: s; None in the file means the device's usual one, and is replaced by it.
         topology: "force_tracking" (the controller brings the force on the object to the reference) or
             "impedance_display" (the operator pushes the tip, the device answers with the object's force).
+        jitter: s, less than a period: each tick comes late by a random time up to this, uniformly and by itself; the
+            loop does not know. The nonlinear device only.
         gravity_hold: a constant tip force balances gravity at the start pose.
     """
 
     period: Duration | None = None
+    jitter: Time = 0.0
     topology: Literal["force_tracking", "impedance_display"] = "force_tracking"
     gravity_hold: Flag = True
 
@@ -340,11 +344,13 @@ class Run(Section):
         duration: s.
         substeps: integration steps of the device's motion in one servo period.
         record_every: servo periods between recorded samples.
+        seed: of what is random, 0 to 2^53: how late each tick comes.
     """
 
     duration: Duration = 1.0
     substeps: Whole = 2
     record_every: Whole = 1
+    seed: Whole = 0
 
     @field_validator("substeps", "record_every")
     @classmethod
@@ -352,6 +358,13 @@ class Run(Section):
         if not 1 <= value <= 10_000:
             raise ValueError(f"{value}; it must be between 1 and 10000")
         return value
+
+    @field_validator("seed")
+    @classmethod
+    def _exact(cls, seed: int) -> int:
+        if not 0 <= seed <= 2**53:
+            raise ValueError(f"{seed}; it must be between 0 and 2^53")
+        return seed
 
 
 class Scenario(Section):
@@ -380,6 +393,16 @@ class Scenario(Section):
             raise ValueError(
                 'device.model: "experimental" is the identified model of the phantom-premium-1.5a; '
                 'use "nonlinear" or "linear"'
+            )
+        if self.servo.jitter >= self.period:
+            raise ValueError(
+                f"servo.jitter: a tick may come late by less than a servo period ({write(self.period, 's')}), "
+                f"not by {write(self.servo.jitter, 's')}"
+            )
+        if self.servo.jitter > 0.0 and self.device.model != "nonlinear":
+            raise ValueError(
+                f'servo.jitter: a sampled model knows no time between ticks; write device.model = "nonlinear", '
+                f'not "{self.device.model}"'
             )
         ticks = self.run.duration / self.period
         if ticks < 1.0:

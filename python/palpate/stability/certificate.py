@@ -16,7 +16,7 @@ from palpate.design.margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.stability.counter_example import CounterExample, growing, worst_hand
-from palpate.stability.passivity import passive_damping, quantised_stiffness
+from palpate.stability.passivity import field_damping, passive_damping, quantised_stiffness
 from palpate.stability.roads import lyapunov, precise_tables
 from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
 
@@ -300,14 +300,21 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
     k = float(np.linalg.eigvalsh(loop.stiffness).max()) * share
     b = float(np.linalg.eigvalsh(loop.damping).max()) * share
     needed = passive_damping(stiffness=k, virtual_damping=b, period=s.period, delay=s.device.delay)
+    if late := s.servo.jitter:
+        longest = s.period + late  # and a difference over it, divided by the period, damps so much the more
+        needed = field_damping(
+            lipschitz=k, longest_period=longest, delay=s.device.delay, virtual_damping=b * longest / s.period
+        )
     passive: bool | None = loop.damping_felt >= needed
     several = loop.directions.shape[1] > 1  # the stiffest direction against the least damped one: enough, not exact
     exactly, most, least = ("", " at most", " at least") if several else (", exactly", "", "")
+    if late:
+        exactly, most = f" with ticks up to {1e3 * late:.4g} ms late", " at most"
     remark = (
         f"Passivity{exactly}: the object needs{most} {needed:.4g} N s/m of the device's own damping at the tip and "
         f"there is{least} {loop.damping_felt:.4g} N s/m."
     )
-    if several and not passive:
+    if (several or late) and not passive:
         passive = None
     if s.device.encoder:
         device = s.load_device()
@@ -328,7 +335,9 @@ def _longest_period(s: Scenario, loop: ScenarioLoop) -> float:
     """Return the T_max (s) up to which ``field_damping`` is covered by the damping that is felt."""
     share = max(s.controller.gain or (1.0,))
     k, b = (share * float(np.linalg.eigvalsh(m).max()) for m in (loop.stiffness, loop.damping))
-    return (loop.damping_felt - b) / (k * (0.5 + s.device.delay)) if k > 0 else float("inf")
+    # The servo divides its differences by the period, however long they took: b grows with T_max.
+    needed = k * (0.5 + s.device.delay) + b / s.period
+    return loop.damping_felt / needed if needed > 0 else float("inf")
 
 
 def _start(s: Scenario) -> Array:
@@ -343,6 +352,9 @@ def _assumptions(s: Scenario) -> tuple[str, ...]:
     said = [
         f"{device.name} at {rate:g} Hz, {delay or 'no'} sample{'' if delay == 1 else 's'} of delay, every tick on time."
     ]
+    if s.servo.jitter > 0.0:
+        late = f"up to {1e3 * s.servo.jitter:.4g} ms"
+        said.append(f"Only the run, and what is said of passivity, has the scenario's late ticks ({late}).")
     o = s.operator
     if o.kind == "arm":
         grip = "rigidly" if o.tissue_stiffness is None else f"through fingertip tissue of {o.tissue_stiffness:g} N/m"

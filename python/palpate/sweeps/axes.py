@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.errors import PalpateError
 from palpate.units import parse, parse_any, write
 
-__all__ = ["COLUMNS", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
+__all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "operator.tissue_stiffness": ("tissue_stiffness", "N/m"),
     "operator.tissue_damping": ("tissue_damping", "N*s/m"),
     "device.delay": ("delay", ""),
+    "servo.jitter": ("jitter", "s"),
+    "run.seed": ("seed", ""),
 }
 _RANGE = re.compile(r"\s*(.+?)\s*\.\.\s*(.+?)\s*:\s*(\d+)\s*(log)?\s*")
 _PATH = re.compile(r"[a-z]+\.[A-Za-z_]+(\.[xyz])?")

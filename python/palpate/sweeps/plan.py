@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.loop.simulate import Experiment, prepare
 from palpate.scenario import Scenario
-from palpate.sweeps.axes import COLUMNS, Axis, SweepError, with_value
+from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
 from palpate.sweeps.outcomes import name_rows
 
 __all__ = ["Plan"]
@@ -33,7 +33,8 @@ class Plan:
         axes: what varies; the last one fastest.
         random: key of COLUMNS to its two limits, SI: drawn uniformly, anew for each cell.
         draws: cells for each combination of the axes.
-        seed: of the draws; a cell's own generator is spawned from it by the cell's number.
+        seed: of the draws, whose generator is spawned from it for each cell, and of late ticks: `run.seed` of a cell
+            is its number plus 10^8 times this seed, unless run.seed is varied.
     """
 
     tables: Mapping[str, Any]
@@ -129,6 +130,7 @@ class Plan:
                 _put(columns, experiment, axis.path, np.asarray(axis.values, dtype=float)[indices[axis.path][here]])
             for path, values in drawn.items():
                 _put(columns, experiment, path, values[here])
+            columns.setdefault("seed", self._seeds(cells[here])[:, None].astype(float))
             rows = _core.run_cells(
                 experiment.setup, experiment.reference, experiment.operator, columns, len(here), threads
             )
@@ -136,6 +138,24 @@ class Plan:
                 whole = out.setdefault(name, np.empty((len(cells), *values.shape[1:])))
                 whole[here] = values
         return out
+
+    def scenario(self, cell: int) -> Scenario:
+        """Return the scenario of one cell, by its number: run alone it finds what the cell found."""
+        tables: Mapping[str, Any] = self.tables
+        for axis, index in zip(self.axes, np.unravel_index(cell, self.shape), strict=False):
+            tables = with_value(tables, axis, int(index))
+        one = np.array([cell])
+        own = {path: float(values[0]) for path, values in self._draw(one).items()}
+        if "run.seed" not in {axis.path for axis in self.axes} | set(own):
+            own["run.seed"] = float(self._seeds(one)[0])
+        for path, value in own.items():
+            unit = COLUMNS[".".join(path.split(".")[:2])][1]
+            tables = with_value(tables, Axis(path, unit, (value,)), 0)
+        return Scenario.from_dict(tables)
+
+    def _seeds(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return what names the late ticks of each cell."""
+        return np.asarray(self.seed * LARGEST + cells, dtype=np.int64)
 
     def _draw(self, cells: NDArray[np.int64]) -> dict[str, Array]:
         """Return the random values of each cell, by path: a generator for each cell, spawned from the seed."""

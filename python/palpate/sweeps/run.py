@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
-from palpate.sweeps.axes import Axis, SweepError, axes_of, limits_of
+from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, limits_of
 from palpate.sweeps.outcomes import Outcomes
 from palpate.sweeps.plan import Plan
 from palpate.sweeps.store import FileStore, MemoryStore, read
@@ -24,6 +24,7 @@ __all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+MOST_SEEDS = 2**53 // LARGEST  # a cell's own seed travels as a double
 IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
 
 
@@ -61,6 +62,10 @@ class Sweep:
                 return np.asarray(axis.values, dtype=float)
         raise SweepError(f"{path} was not varied; {', '.join(axis.path for axis in self.axes)} were")
 
+    def scenario(self, *index: int) -> Scenario:
+        """Return the scenario of one cell: `palpate.simulate` of it finds what the cell found."""
+        return self.plan.scenario(int(np.ravel_multi_index(index, self.shape)))
+
     def __getitem__(self, name: str) -> Array:
         return self.outcomes[name]
 
@@ -94,7 +99,7 @@ def sweep(
             numbers in SI. "object.stiffness.z" is one spatial axis.
         random: path to a range, "0.05 kg..0.3 kg", drawn uniformly for each cell by itself.
         draws: cells for each combination.
-        seed: of the draws.
+        seed: of the draws, and of how late the ticks of each cell come (servo.jitter).
         out: HDF5 file; made, or gone on with if the same sweep was begun in it. None: results stay in memory.
         executor: runs chunks elsewhere; none: this machine's cores.
         workers: threads here, or workers of the executor (chunks are kept ready for each); all cores if not given.
@@ -145,6 +150,8 @@ def plan_of(
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
     if draws < 1:
         raise SweepError(f"draws: {draws}; at least one cell for each combination is needed")
+    if not 0 <= seed < MOST_SEEDS:
+        raise SweepError(f"seed: {seed}; from 0 to {MOST_SEEDS - 1:,}")
     limits = {path: limits_of(path, text) for path, text in (random or {}).items()}
     axes = axes_of(over)
     if twice := limits.keys() & {axis.path for axis in axes}:

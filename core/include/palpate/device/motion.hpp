@@ -55,18 +55,20 @@ class Motion {
   [[nodiscard]] const Mechanism& mechanism() const { return mechanism_; }
   [[nodiscard]] const Friction<dof, Scalar>& friction() const { return friction_; }
 
-  /// Moves `state` on by `period` [s] in `substeps` equal steps, under motor torques [N*m] held constant and the
-  /// operator's force.
-  void advance(State& state, const Torque& torque, const ForceSegment<Scalar>& force, double period, int substeps) const noexcept {
+  /// Moves `state` on by `period` [s], one for all or each loop's own, in `substeps` equal steps, under motor torques [N*m] held
+  /// constant and the operator's force.
+  template <class Time>
+  void advance(State& state, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period, int substeps) const noexcept {
     Posture at = mechanism_.posture(state.q);
     advance(state, at, torque, force, period, substeps);
   }
 
   /// The same for whoever keeps the posture `at` of `state` too: it moves with it.
-  void advance(State& state, PostureOf<Mechanism, Scalar>& at, const Torque& torque, const ForceSegment<Scalar>& force, double period,
+  template <class Time>
+  void advance(State& state, PostureOf<Mechanism, Scalar>& at, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period,
                int substeps) const noexcept {
     const bool pushed = acts(force.begin) || acts(force.end);
-    const double step = period / substeps;
+    const Time step = period / static_cast<double>(substeps);
     for (int i = 0; i < substeps; ++i) {
       const Push push{torque, force.at(static_cast<double>(i) / substeps), (force.end - force.begin) / period};
       if (dry_) {
@@ -150,15 +152,15 @@ class Motion {
 
   /// Joint accelerations [rad/s^2] without dry friction, nobody's mass at the tip; `pushed`: under the operator's force.
   template <bool pushed>
-  [[nodiscard, gnu::always_inline]] Torque free_acceleration(const Posture& at, const Torque& qd, const Push& push, double t) const {
+  [[nodiscard, gnu::always_inline]] Torque free_acceleration(const Posture& at, const Torque& qd, const Push& push, const Scalar& t) const {
     Torque net = push.torque - friction_.viscous.cwiseProduct(qd);
     if constexpr (pushed) net += mechanism_.torque(at, push.at(t));
     return mechanism_.acceleration(at, qd, net);
   }
 
   /// The common case, where a second of servo ticks is a second of these: Runge-Kutta written out for q' = v, v' = a(q, v, t).
-  template <bool pushed>
-  void advance_freely(State& s, const Posture& at, const Push& push, double h) const {
+  template <bool pushed, class Time>
+  void advance_freely(State& s, const Posture& at, const Push& push, const Time& h) const {
     const Torque v1 = s.qd;
     const Torque a1 = free_acceleration<pushed>(at, v1, push, 0.0);
     const Torque v2 = v1 + 0.5 * h * a1;
@@ -310,7 +312,7 @@ class Motion {
     return ends;
   }
 
-  void advance_with_sticking(State& state, const Push& push, double step) const {
+  void advance_with_sticking(State& state, const Push& push, const Scalar& step) const {
     constexpr int most_events = 4 * dof;  // bounds the tick: the rest of the substep then keeps the last modes
     constexpr int bisections = 40;
     const Scalar end = step;

@@ -39,10 +39,11 @@ class Watch {
   void lost(const Where& which, int tick) noexcept { unstable_ = choose(which, Scalar(tick), unstable_); }
 
   template <class Plant, class Servo>
-  void see(int k, const Where& alive, const Plant& plant, const Servo& servo, const Vector& /*force*/) noexcept {
+  void see(int k, const Where& alive, const Plant& plant, const Servo& servo, const Vector& /*force*/,
+           const Clock<Scalar>& clock) noexcept {
     const auto& tick = servo.last();
     const Vector tip = mechanism_.forward(plant.posture());
-    const Vector bend = tip - 2.0 * last_ + before_;
+    const Vector bend = clock.jitters() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
     const Scalar swing = choose(alive, bend.squaredNorm(), Scalar(0.0));
     before_ = last_;
     last_ = tip;
@@ -92,9 +93,18 @@ class Watch {
   }
 
  private:
+  /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
+  Vector bend_to(const Vector& tip, const Clock<Scalar>& clock) noexcept {
+    const Scalar share = clock.period() / clock.past();
+    const Vector bend = share * (tip - last_) - share_before_ * (last_ - before_);
+    share_before_ = share;
+    return bend;
+  }
+
   Mechanism mechanism_;
   Vector start_;
   int ticks_;
+  Scalar share_before_ = 1.0;
   Vector before_, last_;
   Vector lowest_, highest_, steady_;
   Scalar unstable_ = -1.0, early_ = 0.0, late_ = 0.0, object_force_ = 0.0, command_ = 0.0, touching_ = 0.0, saturated_ = 0.0;
@@ -136,7 +146,11 @@ SimulationSetup<Mechanism, Pack<lanes>> side_by_side(const SimulationSetup<Mecha
   out.anchor.kind = first.anchor.kind;
   out.hand.tissue = first.hand.tissue;
   // Each loop's own.
-  for (std::size_t i = 0; i < lanes; ++i) out.delay[i] = cells[i]->delay;
+  for (std::size_t i = 0; i < lanes; ++i) {
+    out.delay[i] = cells[i]->delay;
+    out.seed[i] = cells[i]->seed;
+  }
+  out.jitter = one([](const Setup& s) { return s.jitter; });
   out.anchor.point = three([](const Setup& s) -> const Vector3<>& { return s.anchor.point; });
   out.anchor.normal = three([](const Setup& s) -> const Vector3<>& { return s.anchor.normal; });
   out.stiffness = three([](const Setup& s) -> const Vector3<>& { return s.stiffness; });
@@ -169,7 +183,7 @@ SimulationSetup<Mechanism, Pack<lanes>> side_by_side(const SimulationSetup<Mecha
 template <class Mechanism>
 bool alike(const SimulationSetup<Mechanism>& a, const SimulationSetup<Mechanism>& b) {
   return a.friction.dry() == b.friction.dry() && a.hand.empty() == b.hand.empty() && a.hand.tissue == b.hand.tissue &&
-         (a.hand.mass > 0.0) == (b.hand.mass > 0.0);
+         (a.hand.mass > 0.0) == (b.hand.mass > 0.0) && (a.jitter > 0.0) == (b.jitter > 0.0);
 }
 
 /// Runs `count` <= lanes loops side by side, samples 0 to `ticks`: alike, moving (neither held nor linear).

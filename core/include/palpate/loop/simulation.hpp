@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <type_traits>
@@ -9,6 +10,7 @@
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/drive.hpp"
 #include "palpate/device/motion.hpp"
+#include "palpate/loop/clock.hpp"
 #include "palpate/loop/linear_plant.hpp"
 #include "palpate/loop/servo.hpp"
 #include "palpate/touch/anchor.hpp"
@@ -28,6 +30,9 @@ struct SimulationSetup : ServoSetup<Mechanism, Scalar> {
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
+
+  Scalar jitter = 0.0;  ///< s, less than a period: ticks come late by up to this (not with a sampled plant)
+  Seed<Scalar> seed{};  ///< of what is random: how late each tick comes
 
   Joints<dof, Scalar> start_speed = Joints<dof, Scalar>::Constant(0.0);  ///< rad/s
   int substeps = 2;                                                      ///< of the motion in one period
@@ -59,8 +64,7 @@ template <class Mechanism, class Scalar = double>
 class MovingPlant {
  public:
   static constexpr int dof = Mechanism::dof;
-  explicit MovingPlant(const SimulationSetup<Mechanism, Scalar>& s)
-      : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps), period_(s.period) {
+  explicit MovingPlant(const SimulationSetup<Mechanism, Scalar>& s) : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps) {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
@@ -70,8 +74,9 @@ class MovingPlant {
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
-  void advance(const Joints<dof, Scalar>& torque, const ForceSegment<Scalar>& force) noexcept {
-    motion_.advance(state_, at_, torque, force, period_, substeps_);
+  void advance(const Joints<dof, Scalar>& torque, const ForceSegment<Scalar>& force, const Clock<Scalar>& clock) noexcept {
+    if (clock.jitters()) return motion_.advance(state_, at_, torque, force, clock.ahead(), substeps_);
+    motion_.advance(state_, at_, torque, force, clock.period(), substeps_);
   }
   /// Puts the chosen loops back where they started, at rest.
   void rest(const Condition<Scalar>& which, const SimulationSetup<Mechanism, Scalar>& s) noexcept {
@@ -89,7 +94,6 @@ class MovingPlant {
   MotionState<dof, Scalar> state_;
   PostureOf<Mechanism, Scalar> at_;
   int substeps_;
-  double period_;
 };
 
 template <class Mechanism>
@@ -106,7 +110,7 @@ class SampledPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
-  void advance(const Joints<dof>& torque, const ForceSegment<>& force) noexcept {
+  void advance(const Joints<dof>& torque, const ForceSegment<>& force, const Clock<double>& /*clock*/) noexcept {
     plant_.advance(torque + kinematics_.jacobian(angles_).transpose() * force.begin);
     const Joints<dof> angles = plant_.angles();
     speeds_ = (angles - angles_) * per_period_;
@@ -130,7 +134,7 @@ class HeldPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
-  void advance(const Joints<dof>& /*torque*/, const ForceSegment<>& /*force*/) noexcept {}
+  void advance(const Joints<dof>& /*torque*/, const ForceSegment<>& /*force*/, const Clock<double>& /*clock*/) noexcept {}
 
  private:
   Joints<dof> angles_;
@@ -155,7 +159,8 @@ class Recorder {
   void lost(bool /*which*/, int tick) noexcept { outcome_.unstable_tick = tick; }
 
   template <class Plant>
-  void see(int /*tick*/, bool /*alive*/, const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force) noexcept {
+  void see(int /*tick*/, bool /*alive*/, const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force,
+           const Clock<double>& /*clock*/) noexcept {
     const auto& tick = servo.last();
     if (until_next_ == 0) {
       double* row = rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_;
@@ -199,6 +204,23 @@ Vector3<Scalar> force_at(const double* table, int tick) {
   return {Scalar(row[0]), Scalar(row[1]), Scalar(row[2])};
 }
 
+/// Force at `late` [s] after a sample, less than a period: linear from there to the next; after the last (`ticks`) it stays.
+template <class Scalar>
+Vector3<Scalar> force_after(const double* table, int tick, int ticks, const Scalar& late, double period) {
+  const Vector3<Scalar> here = force_at<Scalar>(table, std::min(tick, ticks));
+  const Vector3<Scalar> next = force_at<Scalar>(table, std::min(tick + 1, ticks));
+  return here + (late / period) * (next - here);
+}
+
+/// The operator's force [N] from one tick to the next: between two late ones a straight line, though it may bend at a sample.
+template <class Scalar>
+ForceSegment<Scalar> force_during(const double* table, int tick, int ticks, const Clock<Scalar>& clock) {
+  if (clock.jitters())
+    return {force_after<Scalar>(table, tick, ticks, clock.late(), clock.period()),
+            force_after<Scalar>(table, tick + 1, ticks, clock.next_late(), clock.period())};
+  return {force_at<Scalar>(table, tick), force_at<Scalar>(table, std::min(tick + 1, ticks))};
+}
+
 /// The servo's tick at a plant, which may know its posture.
 template <class Servo, class Plant, class Vector>
 [[gnu::always_inline]] inline const auto& tick_of(Servo& servo, const Plant& plant, const Vector& reference) noexcept {
@@ -215,8 +237,9 @@ void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int tick
          Watch& watch) noexcept {
   using Angles = Joints<Mechanism::dof, Scalar>;
   Servo<Mechanism, Scalar> servo(setup);
+  Clock<Scalar> clock(setup.period, setup.jitter, setup.seed);
   Condition<Scalar> alive = true;
-  for (int k = 0;; ++k) {
+  for (int k = 0;; ++k, clock.tick()) {
     const Condition<Scalar> lost = alive & !calm<Scalar>(plant, setup.speed_limit);
     if (any(lost)) [[unlikely]] {
       watch.lost(lost, k);
@@ -228,18 +251,16 @@ void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int tick
     }
     const Vector3<Scalar> wanted = force_at<Scalar>(reference, k);
     const auto& tick = tick_of(servo, plant, wanted);
-    ForceSegment<Scalar> force;
-    force.begin = force_at<Scalar>(operator_force, k);
-    watch.see(k, alive, plant, servo, force.begin);
+    const ForceSegment<Scalar> force = force_during<Scalar>(operator_force, k, ticks, clock);
+    watch.see(k, alive, plant, servo, force.begin, clock);
     if (k == ticks) return;
-    force.end = force_at<Scalar>(operator_force, k + 1);
     if constexpr (!std::is_same_v<Scalar, double>) {
       if (!all(alive)) {
-        plant.advance(choose_each(alive, tick.torque, Angles(Angles::Constant(0.0))), force);
+        plant.advance(choose_each(alive, tick.torque, Angles(Angles::Constant(0.0))), force, clock);
         continue;
       }
     }
-    plant.advance(tick.torque, force);
+    plant.advance(tick.torque, force, clock);
   }
 }
 
@@ -247,7 +268,7 @@ void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int tick
 
 /// Runs `ticks` servo periods, samples 0 to `ticks` included.
 /// @param reference       force reference at each sample, (ticks + 1) x 3 row by row, N
-/// @param operator_force  voluntary force at each sample, (ticks + 1) x 3, N; linear in time between samples
+/// @param operator_force  voluntary force at each sample, (ticks + 1) x 3, N; linear in time between samples, and between late ticks
 /// @param rows            room for ticks / record_every + 1 rows of row_width(setup)
 template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,

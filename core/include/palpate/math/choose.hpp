@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <cstdint>
 
 namespace palpate {
 
@@ -40,6 +41,14 @@ struct WholeOf {
 };
 template <class Scalar>
 using Whole = typename WholeOf<Scalar>::Type;
+
+/// What names a sequence of random numbers, for each loop its own: the same seed, the same numbers.
+template <class Scalar>
+struct SeedOf {
+  using Type = std::uint64_t;
+};
+template <class Scalar>
+using Seed = typename SeedOf<Scalar>::Type;
 
 /// As std::min and std::max: the first, unless the second is smaller or larger.
 template <class Scalar>

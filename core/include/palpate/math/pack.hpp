@@ -99,6 +99,11 @@ struct WholeOf<Pack<lanes>> {
 };
 
 template <int lanes>
+struct SeedOf<Pack<lanes>> {
+  using Type = std::array<std::uint64_t, lanes>;
+};
+
+template <int lanes>
 [[gnu::always_inline]] inline bool any(const Mask<lanes>& mask) {
 #if defined(__AVX512F__)
   if constexpr (lanes == 8) return _mm512_test_epi64_mask(__m512i(mask.bits), __m512i(mask.bits)) != 0;

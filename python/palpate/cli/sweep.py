@@ -42,8 +42,8 @@ def sweep(
     Writes one HDF5 file, laid out at the start and filled as cells are done. Stopped or killed, the same command goes
     on where it was. The file does not depend on the number of workers, threads or vector lanes.
 
-    Keys are those of the scenario, as object.stiffness, object.damping, operator.mass, device.delay, servo.jitter; .x, .y
-    or .z after one means that axis alone. A range has both ends; " log" after its count spaces it by equal ratios.
+    Keys are those of the scenario, as object.stiffness, object.damping, operator.mass, device.delay, servo.jitter; .x,
+    .y or .z after one means that axis alone. A range has both ends; " log" after its count spaces it by equal ratios.
 
     Example: palpate sweep scenarios/slider-wall-stable.toml --over "object.stiffness=50 N/m..150 N/m:50"
     --over "object.damping=0 N*s/m..0.2 N*s/m:20"

@@ -1,28 +1,43 @@
 // A tick of a body takes no memory: this program's own allocation functions count every call.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <palpate/body/compliance.hpp>
 #include <palpate/body/patch.hpp>
+#include <palpate/body/touched.hpp>
+#include <palpate/device/catalogue.hpp>
+#include <palpate/device/premium.hpp>
+#include <palpate/loop/servo.hpp>
 
 #include "allocations.hpp"
 
 namespace {
 
+/// A flat square of nodes, 1 mm apart, that gives way like a half-space.
+struct Square {
+  static constexpr int side = 21;
+  static constexpr double width = 1e-3;
+  palpate::BodyNodes nodes;
+  palpate::Compliance body;
+
+  Square() {
+    std::vector<palpate::Vector3<>> points;
+    for (int i = 0; i < side * side; ++i) points.emplace_back(width * (i % side - 10), width * (i / side - 10), 0.0);
+    const std::size_t n = points.size();
+    std::vector<float> full(9 * n * n, 0.0F);
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t j = 0; j < n; ++j)
+        for (std::size_t a = 0; a < 3; ++a)
+          full[(3 * i + a) * 3 * n + 3 * j + a] = static_cast<float>(1e-5 / ((points[i] - points[j]).norm() + 0.3 * width));
+    nodes =
+        palpate::BodyNodes(points, std::vector<palpate::Vector3<>>(n, palpate::Vector3<>::UnitZ()), std::vector<double>(n, width * width));
+    body = palpate::Compliance(nodes, full.data());
+  }
+};
+
 TEST(BodyNoAllocation, InATickOfASlidingTip) {
-  const int side = 21;
-  const double width = 1e-3;
-  std::vector<palpate::Vector3<>> points;
-  for (int i = 0; i < side * side; ++i) points.emplace_back(width * (i % side - 10), width * (i / side - 10), 0.0);
-  const std::size_t n = points.size();
-  std::vector<float> full(9 * n * n, 0.0F);
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = 0; j < n; ++j)
-      for (std::size_t a = 0; a < 3; ++a)
-        full[(3 * i + a) * 3 * n + 3 * j + a] = static_cast<float>(1e-5 / ((points[i] - points[j]).norm() + 0.3 * width));
-  const palpate::BodyNodes nodes(points, std::vector<palpate::Vector3<>>(n, palpate::Vector3<>::UnitZ()),
-                                 std::vector<double>(n, width * width));
-  palpate::Compliance body(nodes, full.data());
-  palpate::BodyContact<palpate::Compliance> contact(nodes, body);
+  Square square;
+  palpate::BodyContact<palpate::Compliance> contact(square.nodes, square.body);
   palpate::BodyTip tip;
   for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
     tip.kind = kind;
@@ -41,6 +56,35 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
     EXPECT_GT(pressed, 1000);
     EXPECT_LT(pressed, 2900);
     EXPECT_GT(most, 15);
+  }
+}
+
+// The arm swings its tip over the body, in and out of it, with either tip.
+TEST(BodyNoAllocation, InAServoTickOnABody) {
+  using palpate::Premium, palpate::Joints, palpate::Vector3;
+  const Square square;
+  const palpate::LoopBodyOf<palpate::Compliance> body(square.nodes, square.body);
+  const Premium arm(palpate::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
+    palpate::ServoSetup<Premium> setup{.mechanism = arm};
+    setup.start = pose;
+    setup.body.body = &body;
+    setup.body.tip = kind;
+    setup.body.radius = 4e-3;
+    setup.body.turn = Eigen::AngleAxisd(0.1, Vector3<>::UnitX()).toRotationMatrix();
+    const double top = kind == palpate::BodyTip::Kind::sphere ? 4e-3 : 0.0;
+    setup.body.origin = arm.forward(pose) - setup.body.turn * Vector3<>(0.0, 0.0, top - 1e-3);
+    palpate::Servo<Premium> servo(setup);
+    int touching = 0;
+    const long before = allocations;
+    for (int k = 0; k < 3000; ++k) {
+      const Joints<3> q = pose + 0.02 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+      touching += servo.tick(q, Vector3<>::Zero()).touching ? 1 : 0;
+    }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(touching, 500);
+    EXPECT_LT(touching, 2800);
   }
 }
 

@@ -2,13 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <palpate/body/compliance.hpp>
 #include <palpate/body/patch.hpp>
+#include <palpate/body/touched.hpp>
 #include <random>
 
 namespace {
 
 using palpate::Unilateral;
+using palpate::Vector3;
 
 Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -179,6 +182,50 @@ TEST(BodyNodes, OnTheFarSideAreNotUnderTheTip) {
   EXPECT_EQ(found, 1);
   tip.centre.x() = std::nan("");
   nodes.under(tip, [&](std::int32_t, double) { FAIL(); });
+}
+
+// A sphere that goes round a ball, out of contact and in again on the way, is pushed outward everywhere, and as hard on the far side as
+// where it began: the direction that it faces follows it. The ball lies turned and away from the origin.
+TEST(BodyTouch, ASphereGoesRoundABall) {
+  const int n = 1000;
+  std::vector<Vector3<>> points, normals;
+  for (int i = 0; i < n; ++i) {  // Fibonacci's lattice
+    const double z = 1.0 - (2.0 * i + 1.0) / n, r = std::sqrt(1.0 - z * z), turn = 2.399963229728653 * i;
+    normals.emplace_back(r * std::cos(turn), r * std::sin(turn), z);
+    points.push_back(0.015 * normals.back());
+  }
+  std::vector<float> full(9 * static_cast<std::size_t>(n) * static_cast<std::size_t>(n), 0.0F);
+  for (std::size_t k = 0; k < 3 * static_cast<std::size_t>(n); ++k) full[k * 3 * static_cast<std::size_t>(n) + k] = 1e-3F;
+  const palpate::BodyNodes nodes(points, normals, std::vector<double>(points.size(), 4.0 * 3.14159 * 2.25e-4 / n));
+  const palpate::LoopBodyOf<palpate::Compliance> body(nodes, palpate::Compliance(nodes, full.data()));
+  palpate::TouchedBody touched;
+  touched.body = &body;
+  touched.origin = {0.3, -0.2, 0.1};
+  touched.turn = Eigen::AngleAxisd(1.1, Vector3<>(1.0, 2.0, -0.5).normalized()).toRotationMatrix();
+  touched.radius = 8e-3;
+  palpate::BodyTouch touch(touched);
+  double first = 0.0;
+  int apart = 0;
+  for (int k = 0; k < 4000; ++k) {
+    const double angle = 2e-3 * k;
+    const Vector3<> way = touched.turn * Vector3<>(std::sin(angle), 0.2, std::cos(angle)).normalized();
+    const double lift = k % 500 < 100 ? 2e-3 : -1e-3;
+    const Vector3<> force = touch.step(touched.origin + (0.023 + lift) * way);
+    if (lift > 0.0) {
+      EXPECT_FALSE(touch.answer().touching);
+      ++apart;
+      continue;
+    }
+    ASSERT_TRUE(touch.answer().touching && touch.answer().solved);
+    EXPECT_LT(force.normalized().dot(way), -0.995);
+    EXPECT_LT(touch.deflection().normalized().dot(way), -0.98);
+    if (first == 0.0) first = force.norm();
+    EXPECT_NEAR(force.norm(), first, 0.25 * first);
+  }
+  EXPECT_EQ(apart, 800);
+  // a loop begins with the body at rest, whatever an earlier one left behind
+  const palpate::BodyTouch again(touched);
+  EXPECT_EQ(again.answer().nodes, 0);
 }
 
 }  // namespace

@@ -8,7 +8,17 @@ import numpy
 from numpy.typing import NDArray
 
 
-class ElasticBody:
+class BodyInLoop:
+    """A body of any kind, as a servo loop takes it."""
+
+class TouchedBody:
+    """
+    A body, where it lies in the device's frame, and the tip that meets it.
+    """
+
+    def __init__(self, body: BodyInLoop, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
+
+class ElasticBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -26,7 +36,7 @@ class ElasticBody:
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
-class ModalBody:
+class ModalBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -44,7 +54,7 @@ class ModalBody:
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
-class RelaxingBody:
+class RelaxingBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instant: float, creep: float, period: float) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -595,6 +605,9 @@ class PremiumSetup:
     def touch(self, surface: TouchedSurface) -> None:
         """Puts a mesh in the anchor's place."""
 
+    def touch_body(self, body: TouchedBody) -> None:
+        """Puts a body that yields in the anchor's place."""
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -824,6 +837,9 @@ class SliderSetup:
 
     def touch(self, surface: TouchedSurface) -> None:
         """Puts a mesh in the anchor's place."""
+
+    def touch_body(self, body: TouchedBody) -> None:
+        """Puts a body that yields in the anchor's place."""
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """

@@ -76,7 +76,8 @@ nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows
   using Setup = palpate::SimulationSetup<Mechanism>;
   if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
     throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
-  if (base.held || base.linear || base.touched) throw nb::value_error("a batch runs the nonlinear device, free to move, at an anchor");
+  if (base.held || base.linear || base.touched || base.body)
+    throw nb::value_error("a batch runs the nonlinear device, free to move, at an anchor");
   struct Own {
     const double* data;
     int width;

@@ -9,7 +9,10 @@
 #include <palpate/body/modal.hpp>
 #include <palpate/body/patch.hpp>
 #include <palpate/body/relaxing.hpp>
+#include <palpate/body/touched.hpp>
 #include <vector>
+
+#include "body_in_loop.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -42,7 +45,7 @@ std::vector<double> numbers(const Numbers& a) {
 
 /// A body of some kind with its nodes and the contact of one tip.
 template <class Kind>
-struct BodyCore {
+struct BodyCore : BodyInLoop {
   palpate::BodyNodes nodes;
   Kind body;
   palpate::BodyContact<Kind> contact;
@@ -50,6 +53,10 @@ struct BodyCore {
   template <class Make>
   BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, Make make)
       : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body) {}
+
+  [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override {
+    return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body);
+  }
 
   static palpate::BodyNodes fitting(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
     const std::size_t n = at.shape(0);
@@ -65,8 +72,8 @@ palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& cent
 
 /// What all kinds share.
 template <class Kind>
-nb::class_<BodyCore<Kind>> bind_kind(nb::module_& m, const char* name) {
-  return nb::class_<BodyCore<Kind>>(m, name)
+nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* name) {
+  return nb::class_<BodyCore<Kind>, BodyInLoop>(m, name)
       .def(
           "follow",
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
@@ -135,6 +142,10 @@ nb::class_<BodyCore<Kind>> bind_kind(nb::module_& m, const char* name) {
 
 void bind_body(nb::module_& m) {
   using palpate::Compliance, palpate::Modal, palpate::Relaxing;
+  nb::class_<BodyInLoop>(m, "BodyInLoop", "A body of any kind, as a servo loop takes it.");
+  nb::class_<TouchedBody>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
+      .def(nb::init<const BodyInLoop&, const palpate::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a, "turn"_a,
+           "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
   bind_kind<Compliance>(m, "ElasticBody")
       .def(
           "__init__",

@@ -9,6 +9,7 @@
 #include <tuple>
 #include <vector>
 
+#include "body_in_loop.hpp"
 #include "touch_mesh.hpp"
 
 namespace nb = nanobind;
@@ -175,6 +176,9 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "touch", [](Setup& s, const TouchedSurface& t) { s.touched = t.touched(); }, "surface"_a, nb::keep_alive<1, 2>(),
           "Puts a mesh in the anchor's place.")
+      .def(
+          "touch_body", [](Setup& s, const TouchedBody& t) { s.body = t.placed; }, "body"_a, nb::keep_alive<1, 2>(),
+          "Puts a body that yields in the anchor's place.")
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {

@@ -5,6 +5,7 @@
 #include "palpate/body/modal.hpp"
 #include "palpate/body/patch.hpp"
 #include "palpate/body/relaxing.hpp"
+#include "palpate/body/touched.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/catalogue.hpp"

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from palpate.bodies.errors import BodyError
 from palpate.files import write_whole
 
-__all__ = ["Contents", "read", "write"]
+__all__ = ["VERSION", "Contents", "read", "write"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
-_VERSION: Final = 1
+VERSION: Final = 1
 _UNITS: Final = {"points": "m", "areas": "m^2", "compliance": "m/N", "normals": "1", "frequencies": "rad/s"}
 
 
@@ -46,7 +46,7 @@ def write(contents: Contents, path: str | Path) -> Path:
     def fill(part: Path) -> None:
         with h5py.File(part, "w") as store:
             store.attrs["format"] = _FORMAT
-            store.attrs["version"] = _VERSION
+            store.attrs["version"] = VERSION
             store.attrs["record"] = json.dumps(contents.record)
             for field in fields(contents):
                 if field.name != "record":
@@ -66,10 +66,10 @@ def read(path: str | Path) -> Contents:
         with h5py.File(file, "r") as store:
             if store.attrs.get("format") != _FORMAT:
                 raise BodyError(f"{file}: an HDF5 file, but not a body; palpate body build makes one")
-            if store.attrs.get("version") != _VERSION:
+            if store.attrs.get("version") != VERSION:
                 raise BodyError(
                     f"{file}: written in version {store.attrs.get('version')} of the format; "
-                    f"this palpate reads version {_VERSION}: build it again"
+                    f"this palpate reads version {VERSION}: build it again"
                 )
             record = json.loads(store.attrs["record"])
             arrays = {f.name: np.asarray(store[f.name]) for f in fields(Contents) if f.name != "record"}

@@ -35,6 +35,10 @@ def run(
         from palpate.scenario import Scenario
 
         loaded = Scenario.from_file(scenario)
+        if loaded.object.kind == "body":
+            from palpate.loop.body import scenario_body
+
+            scenario_body(loaded, lambda text, share: tell(f"making the body: {text}", 0.2 * share))
         tell("running", 0.2)
         trace = simulate(loaded)
         tell("drawing", 0.6)

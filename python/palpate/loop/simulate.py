@@ -16,6 +16,7 @@ from palpate.analysis.linearize import hold_force
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.errors import ScenarioError
+from palpate.loop.body import touched_body
 from palpate.loop.plant import sampled_plant
 from palpate.loop.touched import touched_mesh
 from palpate.loop.trace import Trace
@@ -24,6 +25,9 @@ from palpate.scenario import Scenario
 __all__ = ["Experiment", "prepare", "simulate"]
 
 Array = NDArray[np.float64]
+# What the core adds to a row: columns of each channel.
+MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
+BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1}
 BEYOND = 1e100  # in any unit: its square is still a number
 
 
@@ -90,7 +94,10 @@ class Experiment:
         return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
 
     def run(self) -> tuple[Array, int]:
-        """Return the core's rows (n, 3 dof + 11, on a mesh 9 more), and the tick at which the loop diverged or -1."""
+        """Return the core's rows and the tick at which the loop diverged or -1.
+
+        A row has 3 dof + 11 numbers, on a mesh 9 and on a body 6 more.
+        """
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
         return np.asarray(rows)[:count], unstable_tick
 
@@ -112,7 +119,7 @@ class Experiment:
             "angle": q,
             "velocity": qd,
             "tip": tip,
-            "deflection": self._deflection(tip) if met.shape[1] == 0 else -met[:, 6:7] * met[:, 3:6],
+            "deflection": self._deflection(tip),
             "object_force": object_force,
             "command_force": command,
             "torque": torque,
@@ -122,8 +129,11 @@ class Experiment:
             "saturated": saturated,
         }
         if met.shape[1]:
-            contact = np.split(met, [3, 6, 7, 8], axis=1)
-            values |= dict(zip(("proxy", "normal", "depth", "surface_stiffness", "triangle"), contact, strict=True))
+            added = BODY if self.scenario.object.kind == "body" else MESH
+            contact = np.split(met, np.cumsum([*added.values()])[:-1], axis=1)
+            values |= dict(zip(added, contact, strict=True))
+        if "proxy" in values:
+            values["deflection"] = -values["depth"] * values["normal"]
         if self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
         return Trace.of(
@@ -218,6 +228,8 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
     if touched.mesh is not None:
         mesh, surface = touched_mesh(touched, np.array(anchor.point), scenario.period)
         setup.touch(_core.TouchedSurface(mesh.core, surface.core_for(mesh), touched.mesh.radius))
+    if touched.body is not None:
+        setup.touch_body(touched_body(scenario, np.array(anchor.point)))
     if touched.stiffness is not None:
         setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
     difference = _core.Difference

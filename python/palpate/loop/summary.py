@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.loop.palpation import FEW, palpation
 from palpate.loop.response import step_response
 from palpate.loop.sliding import slide
 
@@ -19,7 +20,7 @@ __all__ = ["summarize"]
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 GROWS = 1.02  # a swing that is this much larger in each quarter of the run than in the one before is unstable
-DEEP = 1e-4  # m under the surface of a mesh, that a run should not begin with: more than a few encoder counts
+DEEP = 1e-4  # m under the surface of a mesh or body, that a run should not begin with: more than a few encoder counts
 
 
 def summarize(trace: Trace) -> dict[str, Any]:
@@ -41,6 +42,8 @@ def summarize(trace: Trace) -> dict[str, Any]:
     }
     if "proxy" in trace:
         return _on_mesh(summary, trace)
+    if "pressed_nodes" in trace:
+        return _on_body(summary, trace)
     if trace.stable and "deflection" in trace and len(trace) > 1:
         start = 0.0 if scenario is None else _step_time(scenario)
         expected = expected_deflection(scenario)
@@ -99,6 +102,40 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
         )
     if trace["depth"][0, 0] > DEEP:
         summary["verdict"] += f"; it began {trace['depth'][0, 0] * 1e3:.3g} mm deep in the mesh"
+    if summary["saturated_fraction"]:
+        summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
+    return summary
+
+
+def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
+    """Return the summary of a run on a body: what palpating it shows, in place of a step response per axis."""
+    found = palpation(trace)
+    summary["palpation"] = None if found is None else found.as_dict()
+    if not trace.stable:
+        summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
+        return summary
+    if found is None:
+        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s, but the tip never touched the body"
+        return summary
+    deep = step_response(trace.time, np.linalg.norm(trace["deflection"], axis=1))
+    growth = deep.swing_growth or 0.0
+    if growth > GROWS and deep.settling_time is None and not found.settled:
+        summary["stable"] = False
+        summary["verdict"] = (
+            f"unstable: the swing of the deflection grows, by {(growth - 1.0) * 100.0:.3g} % in a quarter of the run"
+        )
+        return summary
+    rest = "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
+    summary["verdict"] = (
+        f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {summary['peak_object_force_N']:.3g} N, "
+        f"{rest} at the end"
+    )
+    if found.nodes < FEW:
+        summary["verdict"] += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
+    if found.unsolved:
+        summary["verdict"] += f"; in {found.unsolved} samples more nodes lay under the tip than are looked at"
+    if trace["touching"][0, 0] and np.linalg.norm(trace["deflection"][0]) > DEEP:
+        summary["verdict"] += f"; it began {np.linalg.norm(trace['deflection'][0]) * 1e3:.3g} mm deep in the body"
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary

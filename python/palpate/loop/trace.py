@@ -37,6 +37,9 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "normal": ("", "unit normal of the mesh there, outward; zero where apart"),
     "depth": ("m", "of the tip under the proxy, along the normal"),
     "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
+    "stored_energy": ("J", "that pressing has stored in the body"),
+    "pressed_nodes": ("", "number of the body's nodes that the tip presses"),
+    "solved": ("", "1; 0: more nodes lay under the tip than are looked at"),
     "triangle": ("", "number of the touched triangle, -1 where apart"),
 }
 _FORMAT: Final = "palpate-trace-1"
@@ -142,7 +145,8 @@ class Trace:
         Per axis: steady tip deflection, the deflection that the reference force should reach (force over stiffness)
         and the error against it, overshoot, 5 % settling time, growth of a swing; over all: peak command, torque and
         object force. "stable" is false also where the run went to its end with a swing that grows.
-        On a mesh "sliding" takes the axes' place: see `palpate.loop.sliding.Slide`.
+        On a mesh "sliding" takes the axes' place, see `palpate.loop.sliding.Slide`; on a body "palpation", see
+        `palpate.loop.palpation.Palpation`.
         Where the loop diverged there is no steady state, and only the peaks are given.
         """
         from palpate.loop.summary import summarize

@@ -8,6 +8,7 @@ from typing import Any
 from palpate.loop.trace import Trace
 from palpate.report import figures
 from palpate.report.html import Page
+from palpate.report.palpation import palpation_section
 from palpate.report.sliding import sliding_section
 
 __all__ = ["run_page"]
@@ -33,8 +34,10 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     _axes(page, found["axes"])
     if found.get("sliding") is not None:
         sliding_section(page, trace, found["sliding"])
+    if found.get("palpation") is not None:
+        palpation_section(page, trace, found["palpation"])
     page.section("In time")
-    if "deflection" in trace and "proxy" not in trace and len(trace) > 1:
+    if "deflection" in trace and not ({"proxy", "pressed_nodes"} & trace.channels.keys()) and len(trace) > 1:
         page.figure(figures.deflection(trace), "How far the tip has pushed the object in.")
     if len(trace) > 1:
         page.figure(figures.forces(trace), "Forces at the tip.")

@@ -27,6 +27,7 @@ __all__ = [
     "OneMass",
     "OneStiffness",
     "Position3",
+    "Pressure",
     "Section",
     "Size3",
     "Stiffness3",
@@ -120,6 +121,7 @@ OneDamping = Annotated[float, *_scalar("N*s/m"), AfterValidator(_not_negative)]
 
 OneLength = Annotated[float, *_scalar("m"), AfterValidator(_not_negative)]
 Length = Annotated[float, *_scalar("m"), AfterValidator(_positive)]
+Pressure = Annotated[float, *_scalar("Pa"), AfterValidator(_positive)]
 Number = Annotated[float, *_scalar(""), AfterValidator(_not_negative)]
 Fraction = Annotated[float, *_scalar(""), AfterValidator(_fraction)]
 

@@ -23,7 +23,8 @@ from pydantic import (
     model_validator,
 )
 
-from palpate.errors import PoseError
+from palpate.errors import PoseError, ScenarioError
+from palpate.scenario.body import BodyChoice
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
     Damping3,
@@ -215,16 +216,18 @@ class Object(Section):
     """[object]: what the tip touches.
 
     Attributes:
-        kind: "none", "spring" (held from all sides, anchored where the tip starts), "wall" (one-sided) or "mesh".
+        kind: "none", "spring" (held from all sides, anchored where the tip starts), "wall" (one-sided), "mesh" or
+            "body" (that yields).
         stiffness: N/m per axis. A wall has one: the first.
         damping: N*s/m per axis.
         coupling: how the damper's speed is sampled, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
-        position: of the anchor, of a point of the wall's surface or of the mesh's origin, from the start tip, m.
+        position: of the anchor, of a point of the wall's surface or of the mesh's or body's origin, from the start
+            tip, m.
         normal: out of the wall, unit length once read.
-        mesh, surface: of a mesh, which has no stiffness or damping of its own.
+        mesh, surface: of a mesh; body: of a body. Neither has stiffness or damping here.
     """
 
-    kind: Literal["none", "spring", "wall", "mesh"] = "spring"
+    kind: Literal["none", "spring", "wall", "mesh", "body"] = "spring"
     stiffness: Stiffness3 | None = None
     damping: Damping3 = (0.0, 0.0, 0.0)
     coupling: Literal["backward", "bilinear"] = "backward"
@@ -232,6 +235,7 @@ class Object(Section):
     normal: Number3 | None = None
     mesh: MeshChoice | None = None
     surface: SurfaceChoice | None = None
+    body: BodyChoice | None = None
 
     @field_validator("normal")
     @classmethod
@@ -250,8 +254,8 @@ class Object(Section):
             stray = sorted(self.model_fields_set - {"kind"})
             if stray:
                 raise ValueError(f'{stray[0]} has no meaning for kind = "none"')
-        elif self.kind == "mesh":
-            self._check_mesh()
+        elif self.kind in ("mesh", "body"):
+            self._check_tables()
         elif self.stiffness is None:
             raise ValueError('stiffness is missing; write for example stiffness = "3.5 N/mm"')
         if self.kind == "wall" and self.normal is None:
@@ -260,20 +264,28 @@ class Object(Section):
             raise ValueError('normal belongs to kind = "wall"')
         if self.kind == "wall" and self.stiffness is not None and len({*self.stiffness}) > 1:
             raise ValueError("a wall has one stiffness, along its normal")
-        if self.kind != "mesh":
-            for key in ("mesh", "surface"):
-                if getattr(self, key) is not None:
-                    raise ValueError(f'{key} belongs to kind = "mesh"')
+        for key, kind in (("mesh", "mesh"), ("surface", "mesh"), ("body", "body")):
+            if self.kind != kind and getattr(self, key) is not None:
+                raise ValueError(f'{key} belongs to kind = "{kind}"')
         return self
 
-    def _check_mesh(self) -> None:
-        for key, example in (("mesh", 'shape = "box"'), ("surface", 'stiffness = "1 N/mm"')):
+    def _check_tables(self) -> None:
+        """Refuse a mesh or a body without its tables, or with what is another kind's."""
+        tables = {
+            "mesh": {"mesh": 'shape = "box"', "surface": 'stiffness = "1 N/mm"'},
+            "body": {"body": 'shape = "phantom" and radius = "8 mm"'},
+        }[self.kind]
+        for key, example in tables.items():
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing; write a table [object.{key}] with for example {example}")
-        stray = sorted(self.model_fields_set - {"kind", "position", "mesh", "surface"})
+        stray = sorted(self.model_fields_set - {"kind", "position", *tables})
         if stray:
-            where = " (a mesh has its own in [object.surface])" if stray[0] in ("stiffness", "damping") else ""
-            raise ValueError(f'{stray[0]} has no meaning for kind = "mesh"{where}')
+            whose = {
+                "mesh": "a mesh has its own in [object.surface]",
+                "body": "a body's follows from what it is made of",
+            }
+            where = f" ({whose[self.kind]})" if stray[0] in ("stiffness", "damping") else ""
+            raise ValueError(f'{stray[0]} has no meaning for kind = "{self.kind}"{where}')
 
 
 class Controller(Section):
@@ -381,6 +393,7 @@ class Scenario(Section):
     controller: Controller = Field(default_factory=Controller)
     run: Run = Field(default_factory=Run)
     _source: str = PrivateAttr("")
+    _text: str | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -469,6 +482,14 @@ class Scenario(Section):
         """Servo period, s."""
         assert self.servo.period is not None  # filled in by validation
         return self.servo.period
+
+    def mistake(self, field: str, sentence: str) -> ScenarioError:
+        """Return the error for a mistake in `field`, such as "object.body.file", with the line where it stands."""
+        from palpate.scenario.reader import find_line
+
+        line = None if self._text is None else find_line(self._text, field.split("."))
+        place = "" if line is None else f"{self._source or 'scenario'}, line {line}: "
+        return ScenarioError(f"{place}{field}: {sentence}")
 
     def load_device(self) -> Device:
         """Return the device that [device] names."""

@@ -19,7 +19,7 @@ __all__ = ["find_line", "read_file", "read_tables", "read_text"]
 _LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
 _HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
-_FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing)")
+_FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing| has no meaning)")
 _UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
 
 
@@ -58,7 +58,9 @@ def read_text(text: str, name: str = "scenario", base: str | Path | None = None)
         line = f", line {where[1]}" if where and where[1] else ""
         reason = str(problem).split(" (at ")[0]
         raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
-    return _validate(tables, name, text, base)
+    scenario = _validate(tables, name, text, base)
+    scenario._text = text
+    return scenario
 
 
 def read_tables(tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
@@ -189,7 +191,9 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
     if message.startswith("must "):
         shown = f'"{value}"' if isinstance(value, str) else repr(value)
         message = f"{shown} {message}"
-    return field, f"{dotted} {message}" if message.startswith("is missing") else f"{dotted}: {message}"
+    return field, f"{dotted} {message}" if message.startswith(
+        ("is missing", "has no meaning")
+    ) else f"{dotted}: {message}"
 
 
 def _keys_of(field: Sequence[str | int]) -> list[str]:

@@ -114,6 +114,11 @@ def scenario_loop(
             "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
             "polygon"
         )
+    if scenario.object.kind == "body":
+        raise StabilityError(
+            "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
+            "palpate.stability.contact_stability(trace)"
+        )
     if scenario.operator.kind == "hold" and arm is None:
         raise StabilityError(
             'operator.kind: "hold" keeps the tip still, so nothing can oscillate; give another operator'

@@ -75,36 +75,33 @@ class BodyNodes {
   /// such as one on the far side of a thin body, is not under it.
   template <class Take>
   void under(const BodyTip& tip, Take take) const noexcept {
-    const double reach = tip.radius + (tip.kind == BodyTip::Kind::flat ? 0.5 * widest_ : 0.0);
-    std::int32_t from[3], to[3];
-    for (int a = 0; a < 3; ++a) {
-      const double first = (tip.centre[a] - reach - low_[a]) / cell_, last = (tip.centre[a] + reach - low_[a]) / cell_;
-      if (!(last >= 0.0) || !(first < count_[a])) return;
-      from[a] = static_cast<std::int32_t>(std::max(first, 0.0));
-      to[a] = static_cast<std::int32_t>(std::min(last, count_[a] - 1.0));
-    }
-    for (std::int32_t x = from[0]; x <= to[0]; ++x)
-      for (std::int32_t y = from[1]; y <= to[1]; ++y)
-        for (std::int32_t z = from[2]; z <= to[2]; ++z) {
-          const std::size_t c = (static_cast<std::size_t>(x) * static_cast<std::size_t>(count_[1]) + static_cast<std::size_t>(y)) *
-                                    static_cast<std::size_t>(count_[2]) +
-                                static_cast<std::size_t>(z);
-          for (std::int32_t k = begin_[c]; k < begin_[c + 1]; ++k) {
-            const std::int32_t node = list_[static_cast<std::size_t>(k)];
-            const Vector3<> away = point(node) - tip.centre;
-            const Vector3<>& n = normal(node);
-            const double facing = n.dot(tip.outward);
-            if (facing < least_facing) continue;
-            if (tip.kind == BodyTip::Kind::sphere) {
-              const double height = away.dot(n), square = tip.radius * tip.radius - away.squaredNorm() + height * height;
-              if (square > 0.0) take(node, height + std::sqrt(square));
-            } else {
-              const double height = away.dot(tip.outward);
-              const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
-              if (part(tip, node, distance) > least_part) take(node, height / facing);
-            }
-          }
-        }
+    visit(tip.centre, tip.radius + (tip.kind == BodyTip::Kind::flat ? 0.5 * widest_ : 0.0), [&](std::int32_t node) {
+      const Vector3<> away = point(node) - tip.centre;
+      const Vector3<>& n = normal(node);
+      const double facing = n.dot(tip.outward);
+      if (facing < least_facing) return;
+      if (tip.kind == BodyTip::Kind::sphere) {
+        const double height = away.dot(n), square = tip.radius * tip.radius - away.squaredNorm() + height * height;
+        if (square > 0.0) take(node, height + std::sqrt(square));
+      } else {
+        const double height = away.dot(tip.outward);
+        const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
+        if (part(tip, node, distance) > least_part) take(node, height / facing);
+      }
+    });
+  }
+
+  /// The node nearest to `place` [m], looked for up to about `reach` [m] away; -1 if there is none.
+  [[nodiscard]] std::int32_t nearest(const Vector3<>& place, double reach) const noexcept {
+    std::int32_t found = -1;
+    double least = 0.0;
+    visit(place, reach, [&](std::int32_t node) {
+      const double square = (point(node) - place).squaredNorm();
+      if (found >= 0 && square >= least) return;
+      found = node;
+      least = square;
+    });
+    return found;
   }
 
   /// A node under the tip in full.
@@ -137,6 +134,26 @@ class BodyNodes {
   }
 
  private:
+  /// Calls `take(node)` for each node in the cells that a box reaches: `reach` [m] around `place`.
+  template <class Take>
+  void visit(const Vector3<>& place, double reach, Take take) const noexcept {
+    std::int32_t from[3], to[3];
+    for (int a = 0; a < 3; ++a) {
+      const double first = (place[a] - reach - low_[a]) / cell_, last = (place[a] + reach - low_[a]) / cell_;
+      if (!(last >= 0.0) || !(first < count_[a])) return;
+      from[a] = static_cast<std::int32_t>(std::max(first, 0.0));
+      to[a] = static_cast<std::int32_t>(std::min(last, count_[a] - 1.0));
+    }
+    for (std::int32_t x = from[0]; x <= to[0]; ++x)
+      for (std::int32_t y = from[1]; y <= to[1]; ++y)
+        for (std::int32_t z = from[2]; z <= to[2]; ++z) {
+          const std::size_t c = (static_cast<std::size_t>(x) * static_cast<std::size_t>(count_[1]) + static_cast<std::size_t>(y)) *
+                                    static_cast<std::size_t>(count_[2]) +
+                                static_cast<std::size_t>(z);
+          for (std::int32_t k = begin_[c]; k < begin_[c + 1]; ++k) take(list_[static_cast<std::size_t>(k)]);
+        }
+  }
+
   /// Where the edge of a flat end crosses the patch of a node at `distance` from its axis: 0 outside, 1 and more inside. A pressed patch
   /// reaches past its node: the edge counts an eighth of a patch farther in, so that coarse and fine meshes feel alike.
   [[nodiscard]] double part(const BodyTip& tip, std::int32_t node, double distance) const noexcept {

@@ -49,7 +49,7 @@ class BodyContact {
   }
 
   void reset() noexcept {
-    count_ = 0;
+    count_ = answered_ = 0;
     answer_ = {};
     kind_->reset();
   }

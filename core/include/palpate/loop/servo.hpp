@@ -6,6 +6,7 @@
 #include <utility>
 #include <variant>
 
+#include "palpate/body/touched.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
 #include "palpate/device/drive.hpp"
@@ -110,6 +111,7 @@ struct ServoSetup {
   Vector3<Scalar> damping = Vector3<Scalar>::Constant(0.0);    ///< N*s/m
   CouplingDifference difference = CouplingDifference::backward;
   TouchedMesh touched{};  ///< instead of the anchor, if there is one; for one loop alone
+  TouchedBody body{};     ///< instead of both, if there is one; for one loop alone
 
   BasicStateSpace<Scalar> controller{};                            ///< reference less object force unless given
   Vector3<Scalar> hold = Vector3<Scalar>::Constant(0.0);           ///< constant tip force added to every command, N
@@ -145,6 +147,7 @@ class Servo {
         anchor_(s.anchor),
         coupling_(s.stiffness, s.damping, s.difference, s.period),
         proxy_(proxy_on(s.touched)),
+        touch_(touch_on(s.body)),
         controller_(s.controller),
         drive_(s.limits, s.period),
         hold_(s.hold),
@@ -175,11 +178,18 @@ class Servo {
     return proxy_ ? &proxy_->contact() : nullptr;
   }
 
+  /// The body that the tip touches, as it is at this tick; null without one.
+  [[nodiscard]] const BodyTouch* body() const noexcept
+    requires std::is_same_v<Scalar, double>
+  {
+    return touch_ ? &*touch_ : nullptr;
+  }
+
  private:
   /// The tick, once it is known where the tip is.
   [[gnu::always_inline]] const Tick& act(const Vector& reference) noexcept {
     tick_.tip = kinematics_.tip();
-    const Vector force = on_mesh() ? touch_mesh() : touch_anchor();
+    const Vector force = on_body() ? touch_body() : on_mesh() ? touch_mesh() : touch_anchor();
     tick_.object_force = force;
     const Vector wanted = controller_.output(reference, force);
     tick_.command = drive_.limit_force(wanted + hold_) - hold_;
@@ -197,18 +207,31 @@ class Servo {
     return tick_;
   }
 
-  static constexpr bool meshes = std::is_same_v<Scalar, double>;  // a proxy walks by branches: no two lanes alike
-  using PossibleProxy = std::conditional_t<meshes, std::optional<Proxy>, std::monostate>;
+  static constexpr bool alone = std::is_same_v<Scalar, double>;  // meshes and bodies go by branches: no two lanes alike
+  using PossibleProxy = std::conditional_t<alone, std::optional<Proxy>, std::monostate>;
+  using PossibleBody = std::conditional_t<alone, std::optional<BodyTouch>, std::monostate>;
 
   static PossibleProxy proxy_on(const TouchedMesh& t) {
-    if constexpr (meshes) {
+    if constexpr (alone) {
       if (t) return std::optional<Proxy>(std::in_place, *t.mesh, *t.tree, *t.surface, t.radius);
     }
     return {};
   }
 
+  static PossibleBody touch_on(const TouchedBody& t) {
+    if constexpr (alone) {
+      if (t) return std::optional<BodyTouch>(std::in_place, t);
+    }
+    return {};
+  }
+
+  [[nodiscard]] bool on_body() const noexcept {
+    if constexpr (alone) return touch_.has_value();
+    return false;
+  }
+
   [[nodiscard]] bool on_mesh() const noexcept {
-    if constexpr (meshes) return proxy_.has_value();
+    if constexpr (alone) return proxy_.has_value();
     return false;
   }
 
@@ -225,11 +248,22 @@ class Servo {
   }
 
   Vector touch_mesh() noexcept {
-    if constexpr (meshes) {
+    if constexpr (alone) {
       if (proxy_) {
         const Contact& contact = proxy_->step(tick_.tip);
         tick_.touching = contact.touching;
         return -contact.force;
+      }
+    }
+    return Vector::Constant(0.0);
+  }
+
+  Vector touch_body() noexcept {
+    if constexpr (alone) {
+      if (touch_) {
+        const Vector force = touch_->step(tick_.tip);
+        tick_.touching = touch_->answer().touching;
+        return force;
       }
     }
     return Vector::Constant(0.0);
@@ -246,6 +280,7 @@ class Servo {
   BasicAnchor<Scalar> anchor_;
   BasicVirtualCoupling<Scalar> coupling_;
   PossibleProxy proxy_;
+  PossibleBody touch_;
   BasicStateSpace<Scalar> controller_;
   Drive<dof, Scalar> drive_;
   Vector hold_ = Vector::Constant(0.0);

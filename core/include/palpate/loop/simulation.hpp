@@ -42,7 +42,8 @@ struct SimulationSetup : ServoSetup<Mechanism, Scalar> {
 
 /// What a run leaves behind. A recorded row holds, at one sample:
 /// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated;
-/// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle.
+/// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle;
+/// on a body the deflection of the pressed patch (3), the energy stored, the number of pressed nodes, whether the contact was solved.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< the tick at which the loop diverged; -1: never. Nothing is recorded from it on.
@@ -51,11 +52,12 @@ struct SimulationOutcome {
 template <int dof>
 constexpr int record_width = 3 * dof + 11;  ///< of a row without a mesh
 constexpr int contact_width = 9;            ///< what a mesh adds to it
+constexpr int body_width = 6;               ///< what a body adds to it
 
 /// Numbers in a recorded row.
 template <class Mechanism>
 [[nodiscard]] constexpr int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
-  return record_width<Mechanism::dof> + (setup.touched ? contact_width : 0);
+  return record_width<Mechanism::dof> + (setup.body ? body_width : setup.touched ? contact_width : 0);
 }
 
 namespace detail {
@@ -149,6 +151,14 @@ inline void write_contact(double* row, const Contact& contact) noexcept {
   row[8] = contact.triangle;
 }
 
+inline void write_body(double* row, const BodyTouch& touch) noexcept {
+  const BodyAnswer& answer = touch.answer();
+  Eigen::Map<Vector3<>>{row} = touch.deflection();
+  row[3] = answer.energy;
+  row[4] = answer.nodes;
+  row[5] = answer.solved ? 1.0 : 0.0;
+}
+
 /// Writes one loop's rows.
 template <class Mechanism>
 class Recorder {
@@ -172,7 +182,10 @@ class Recorder {
       Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(force);
       row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
       row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
-      if (const Contact* contact = servo.contact()) write_contact(row + record_width<dof>, *contact);
+      if (const BodyTouch* touch = servo.body())
+        write_body(row + record_width<dof>, *touch);
+      else if (const Contact* contact = servo.contact())
+        write_contact(row + record_width<dof>, *contact);
       until_next_ = every_;
     }
     --until_next_;

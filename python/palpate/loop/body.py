@@ -1,0 +1,164 @@
+"""From a scenario's [object.body] to the body in the device's frame: read from its file, or made and kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from palpate import _core
+from palpate.errors import PalpateError
+
+if TYPE_CHECKING:
+    from palpate.bodies import Body
+    from palpate.loop.trace import Trace
+    from palpate.scenario import Scenario
+    from palpate.scenario.body import BodyChoice
+
+__all__ = ["Pressed", "kept_at", "pressed_at", "scenario_body", "touched_body"]
+
+Array = NDArray[np.float64]
+Tell = Callable[[str, float], None]
+
+
+class Pressed(NamedTuple):
+    """A body at one sample of a run, in its own frame."""
+
+    body: Body
+    tip: Array  # its centre (3,), m
+    displacement: Array  # of the nodes (n, 3), m
+    pressure: Array  # of the tip on each node's patch (n,), Pa
+
+
+def pressed_at(trace: Trace, row: int) -> Pressed:
+    """Return the body of a trace's scenario as it was at sample `row`: the tip's way to there is played to it again.
+
+    Bodies that remember need every tick recorded; others only the sample itself.
+    """
+    from palpate.scenario import Scenario
+
+    scenario = Scenario.from_dict(trace.scenario)
+    choice = scenario.object.body
+    assert choice is not None
+    body = scenario_body(scenario)
+    anchor = trace["tip"][0] + np.array(scenario.object.position)
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    way = (trace["tip"][: row + 1] - anchor) @ turn + origin_of(choice, body)
+    body.core.reset()
+    body.follow(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
+    nodes, forces = body.core.pressed()
+    pressure = np.zeros(len(body.nodes))
+    pressure[nodes] = forces / body.contents.areas[nodes]
+    return Pressed(body, way[-1], body.displacement(), pressure)
+
+
+def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
+    """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
+
+    Raises:
+        ScenarioError: the body cannot be read or made, or it cannot be of the kind that is asked for.
+    """
+    choice = scenario.object.body
+    assert choice is not None
+    body = scenario_body(scenario)
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    at = origin - turn @ origin_of(choice, body)
+    return _core.TouchedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+
+
+def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
+    """Return the body that a scenario names, in its own frame and of the kind asked for; `tell` hears of its making.
+
+    A body that is made on the spot is kept (`kept_at`) and read from there the next time.
+
+    Raises:
+        ScenarioError: as `touched_body`.
+    """
+    choice = scenario.object.body
+    assert choice is not None
+    try:
+        path = Path(choice.file) if choice.file is not None else kept_at(choice)
+        if choice.file is None and not path.is_file():
+            _make(choice, path, tell)
+        return _of_kind(_state(path), choice.kind, tuple(sorted(choice.options.items())), scenario.period)
+    except PalpateError as problem:
+        field = "object.body" if choice.file is None else "object.body.file"
+        raise scenario.mistake(field, str(problem)) from None
+
+
+def origin_of(choice: BodyChoice, body: Body) -> Array:
+    """Return the point of a body, in its own frame (3,), m, that lies at the object's position."""
+    if choice.origin is not None:
+        return np.array(choice.origin)
+    if choice.shape == "file":
+        return np.zeros(3)
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    return np.array([*(low + high)[:2] / 2.0, high[2]])
+
+
+def kept_at(choice: BodyChoice) -> Path:
+    """Return where a body made on the spot is kept: a name for each recipe, in the user's cache (XDG_CACHE_HOME)."""
+    from palpate.bodies.store import VERSION
+
+    recipe = json.dumps({"version": VERSION, "shape": choice.shape, **_recipe(choice)}, sort_keys=True)
+    name = f"{choice.shape}-{hashlib.sha256(recipe.encode()).hexdigest()[:16]}.h5"
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "palpate" / "bodies" / name
+
+
+def _recipe(choice: BodyChoice) -> dict[str, Any]:
+    keys = ("young", "poisson", "spacing", "modes", "size", "contrast", "depth", "diameter", "skin", "skin_young")
+    given = {key: getattr(choice, key) for key in keys}
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def _make(choice: BodyChoice, path: Path, tell: Tell | None) -> None:
+    from palpate import bodies
+
+    recipe = _recipe(choice)
+    if choice.shape == "phantom":
+        bodies.phantom(**recipe, output=path, progress=tell)
+        return
+    size, spacing = recipe.pop("size"), recipe.pop("spacing")
+    top = size[2] - 1e-6
+    bodies.build(
+        bodies.block(size, spacing),
+        **recipe,
+        fixed=bodies.beyond("z", "<", 1e-6),
+        touch=bodies.beyond("z", ">", top),
+        output=path,
+        progress=tell,
+    )
+
+
+def _state(path: Path) -> tuple[str, int, int]:
+    """Return what changes when a file does."""
+    try:
+        found = path.stat()
+    except OSError:
+        return str(path), 0, 0  # reading it says what is wrong
+    return str(path), found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=2)
+def _read(state: tuple[str, int, int]) -> Body:
+    from palpate.bodies import load
+
+    return load(state[0])
+
+
+@lru_cache(maxsize=4)
+def _of_kind(state: tuple[str, int, int], kind: str, options: tuple[tuple[str, float], ...], period: float) -> Body:
+    body = _read(state)
+    if kind == "compliance":
+        return body
+    made: Body = getattr(body, kind)(period, **dict(options))
+    return made

@@ -1,0 +1,105 @@
+"""What a press into a body shows: how deep and how hard, the stiffness felt, and where the energy went."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.loop.sliding import LAST
+
+if TYPE_CHECKING:
+    from palpate.loop.trace import Trace
+
+__all__ = ["Palpation", "palpation"]
+
+Array = NDArray[np.float64]
+FEW = 4  # nodes under the tip: fewer carry no force to believe
+
+
+@dataclass(frozen=True)
+class Palpation:
+    """A tip's way in and over a body, from its first touch to the end of the run. m, N, J.
+
+    Attributes:
+        touches: how often contact began.
+        deepest: largest deflection of the pressed patch.
+        stiffness: force over deflection there, N/m.
+        nodes: pressed there.
+        path: length of the tip's way in contact.
+        work: of the tip on the body, its force taken as linear between samples.
+        stored: in the body at the end.
+        lost: work less what is stored: what the body took for good (viscous kinds), or, below zero, gave. Without
+            inertia and viscosity it is what adding up finite steps misses.
+        held: `work` less what it is when each force is held until the next sample, as motors hold it: what sampling
+            adds to a loop that shows the body's force as it is. None if not every tick was recorded.
+        final_deflection: mean over the last 0.1 s.
+        final_force: size of the object force, mean over the last 0.1 s.
+        final_swing: peak-to-peak swing of the object force over the last 0.1 s, largest of the axes.
+        touching_at_end: whether contact held over the last 0.1 s.
+        unsolved: samples at which more nodes lay under the tip than are looked at.
+    """
+
+    touches: int
+    deepest: float
+    stiffness: float
+    nodes: int
+    path: float
+    work: float
+    stored: float
+    lost: float
+    held: float | None
+    final_deflection: float
+    final_force: float
+    final_swing: float
+    touching_at_end: bool
+    unsolved: int
+
+    @property
+    def settled(self) -> bool:
+        """Whether the tip rests in the body at the end: in contact, its force steady to 1 % (or 1 mN)."""
+        return self.touching_at_end and self.final_swing <= max(1e-3, 0.01 * self.final_force)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON holds, each number's unit at the end of its name."""
+        units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
+        units |= dict.fromkeys(("final_force", "final_swing"), "N")
+        units |= dict.fromkeys(("work", "stored", "lost", "held"), "J")
+        named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
+        return {**named, "settled": self.settled}
+
+
+def palpation(trace: Trace) -> Palpation | None:
+    """Return what a trace on a body shows; None if there is no body, or it was touched in fewer than two samples."""
+    if "pressed_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
+        return None
+    first = max(int(np.argmax(trace["touching"][:, 0] > 0.0)) - 1, 0)  # the sample before, where nothing is stored
+    names = ("touching", "tip", "object_force", "deflection", "stored_energy", "pressed_nodes", "solved")
+    touching, tip, force, deflection, stored, nodes, solved = (trace[name][first:] for name in names)
+    time, on = trace.time[first:], touching[:, 0] > 0.0
+    deep = np.linalg.norm(deflection, axis=1)
+    size = np.linalg.norm(force, axis=1)
+    at = int(np.argmax(deep))
+    move = np.diff(tip, axis=0)
+    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * move))
+    kept = float(stored[-1, 0] - stored[0, 0])
+    every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
+    last = time >= time[-1] - LAST
+    return Palpation(
+        touches=int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1])),
+        deepest=float(deep[at]),
+        stiffness=float(size[at] / deep[at]) if deep[at] > 0.0 else 0.0,
+        nodes=int(nodes[at, 0]),
+        path=float(np.sum(np.linalg.norm(move, axis=1)[on[1:] & on[:-1]])),
+        work=work,
+        stored=kept,
+        lost=work - kept,
+        held=work - float(np.sum(force[:-1] * move)) if every_tick else None,
+        final_deflection=float(np.mean(deep[last])),
+        final_force=float(np.mean(size[last])),
+        final_swing=float(np.max(np.ptp(force[last], axis=0))),
+        touching_at_end=bool(on[last].all()),
+        unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
+    )

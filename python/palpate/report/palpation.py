@@ -1,0 +1,123 @@
+"""A press into a body in pictures: the deformed body, force against deflection, energy, and the numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.report.figures import thin
+from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from palpate.loop.body import Pressed
+    from palpate.loop.trace import Trace
+    from palpate.report.html import Page
+
+__all__ = ["body_energy", "deformed", "force_and_deflection", "palpation_section", "palpation_table"]
+
+Array = NDArray[np.float64]
+# what: (key in summary["palpation"], unit, factor)
+_NUMBERS: Final = (
+    ("deepest deflection", "deepest_m", "mm", 1e3),
+    ("force over deflection there", "stiffness_N_per_m", "N/m", 1.0),
+    ("nodes pressed there", "nodes", "", 1.0),
+    ("way of the tip in contact", "path_m", "mm", 1e3),
+    ("touches", "touches", "", 1.0),
+    ("deflection at the end", "final_deflection_m", "mm", 1e3),
+    ("force at the end", "final_force_N", "N", 1.0),
+    ("swing of the force at the end", "final_swing_N", "mN", 1e3),
+    ("work of the tip on the body", "work_J", "mJ", 1e3),
+    ("stored in the body at the end", "stored_J", "mJ", 1e3),
+    ("lost in the body", "lost_J", "mJ", 1e3),
+    ("added by holding the force from sample to sample", "held_J", "mJ", 1e3),
+)
+
+
+def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
+    """Write what a press into a body shows on the page of a run; `found` is `trace.summary()["palpation"]`."""
+    from palpate.loop.body import pressed_at
+
+    deepest = int(np.argmax(np.linalg.norm(trace["deflection"], axis=1)))
+    page.section("The body")
+    page.figure(
+        deformed(pressed_at(trace, deepest)),
+        f"The body's surface at t = {trace.time[deepest]:.3g} s, where it is pressed deepest, in its own frame: how "
+        "far it has moved, and the pressure of the tip on it.",
+    )
+    page.figure(force_and_deflection(trace), "Force of the tip on the body, and how far the pressed patch has moved.")
+    page.figure(body_energy(trace), "Work of the tip on the body, and what pressing has stored in it.")
+    palpation_table(page, found)
+
+
+def palpation_table(page: Page, found: dict[str, Any]) -> None:
+    """Write the numbers of a press as a table."""
+    rows = [
+        (name, None if found[key] is None else f"{found[key] * factor:.4g}", unit)
+        for name, key, unit, factor in _NUMBERS
+    ]
+    page.table(["what", "found", "unit"], rows, "The press in numbers, from the first touch to the end of the run.")
+
+
+def deformed(pressed: Pressed) -> Figure:
+    """Return the touchable surface as it is pressed, in 3D: coloured by its displacement, and by the tip's pressure."""
+    body = pressed.body
+    figure, rows = new_figure(1, 2, width=9.6, height=3.9, sharex=False)
+    triangles = np.searchsorted(body.contents.nodes, body.triangles[body.contents.touchable])
+    x = 1e3 * (body.nodes + pressed.displacement)
+    shades = (
+        (1e3 * np.linalg.norm(pressed.displacement, axis=1), "displacement [mm]", "cividis"),
+        (1e-3 * pressed.pressure, "pressure [kPa]", "magma_r"),
+    )
+    for flat, (values, label, colours) in zip(rows[0], shades, strict=True):
+        place = flat.get_subplotspec()
+        flat.remove()
+        solid: Any = figure.add_subplot(place, projection="3d", computed_zorder=False)
+        shade = solid.plot_trisurf(
+            *x.T, triangles=triangles, cmap=colours, linewidth=0.15, edgecolor=FAINT, antialiased=True,
+            rasterized=len(triangles) > 2000,
+        )  # fmt: skip
+        shade.set_array(values[triangles].mean(axis=1))
+        shade.set_clim(0.0, max(float(values[triangles].mean(axis=1).max()), 1e-12))
+        span = np.ptp(x, axis=0)
+        solid.set_box_aspect(np.maximum(span, 0.22 * span.max()), zoom=1.0)
+        solid.view_init(elev=30, azim=-58)
+        for name in "xyz":
+            axis = getattr(solid, f"{name}axis")
+            axis.set_label_text(f"{name} [mm]")
+            axis.labelpad = 2 if name == "z" else 8
+            axis.pane.set_visible(False)
+        solid.locator_params(nbins=4)
+        figure.colorbar(shade, ax=solid, shrink=0.6, pad=0.02, location="bottom", aspect=30, label=label)
+    return figure
+
+
+def force_and_deflection(trace: Trace) -> Figure:
+    """Return force and deflection against time, and against each other."""
+    size, deep = np.linalg.norm(trace["object_force"], axis=1), 1e3 * np.linalg.norm(trace["deflection"], axis=1)
+    figure, rows = new_figure(1, 3, height=2.6, sharex=False)
+    force, deflection, both = rows[0]
+    force.plot(*thin(trace.time, size), color=COLOURS[0])
+    force.set(xlabel="time [s]", ylabel="force [N]")
+    deflection.plot(*thin(trace.time, deep), color=COLOURS[1])
+    deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
+    both.plot(deep, size, color=INK, linewidth=1.1)
+    both.set(xlabel="deflection [mm]", ylabel="force [N]")
+    return figure
+
+
+def body_energy(trace: Trace) -> Figure:
+    """Return work on the body and energy stored in it against time, mJ; between them lies what it lost."""
+    force, tip = trace["object_force"], trace["tip"]
+    work = np.concatenate([[0.0], np.cumsum(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1))])
+    figure, rows = new_figure(1, 1, height=2.3)
+    panel = rows[0][0]
+    panel.plot(*thin(trace.time, 1e3 * work), color=COLOURS[2], label="work of the tip", linewidth=2.4)
+    panel.plot(*thin(trace.time, 1e3 * trace["stored_energy"][:, 0]), color=INK, label="stored", linestyle=(0, (4, 3)))
+    panel.set(xlabel="time [s]", ylabel="energy [mJ]")
+    panel.legend(loc="best")
+    panel.set_title("", **TITLE)
+    return figure

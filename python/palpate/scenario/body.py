@@ -1,0 +1,132 @@
+"""[object.body]: which body that yields the tip touches, of which kind, where, and with what tip."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Field, PlainSerializer, ValidationInfo, field_validator, model_validator
+
+from palpate.scenario.fields import Angle3, Length, Number, OneLength, Position3, Pressure, Section, Size3, Whole
+from palpate.units import parse, write
+
+__all__ = ["KINDS", "BodyChoice"]
+
+# kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`.
+KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
+    "compliance": {},
+    "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
+    "relaxing": {"instant": ("", True), "creep": ("s", True)},
+}
+# shape: its keys, and an example of those that it needs
+_SHAPES: Final[dict[str, dict[str, str]]] = {
+    "file": {"file": '"liver.h5"'},
+    "block": {"size": '["100 mm", "100 mm", "50 mm"]', "young": '"10 kPa"', "spacing": '"5 mm"', "poisson": "",
+              "modes": ""},
+    "phantom": dict.fromkeys(("young", "spacing", "poisson", "modes", "contrast", "depth", "diameter", "skin",
+                              "skin_young"), ""),
+}  # fmt: skip
+
+
+def _options_text(options: Mapping[str, float]) -> dict[str, Any]:
+    units = {key: unit for known in KINDS.values() for key, (unit, _) in known.items()}
+    return {key: write(value, units[key]) if units[key] else value for key, value in options.items()}
+
+
+class BodyChoice(Section):
+    """[object.body]: a file, or a body made on the spot; placed by [object] position, its `origin` there.
+
+    Attributes:
+        shape: "file"; "block", bonded below and touched on its top; or "phantom", that of `palpate.bodies.phantom`.
+        file: of `palpate body build` (.h5; relative to the scenario's file, absolute once read).
+        size: of the block along x, y, z, m.
+        young: Young's modulus, Pa; poisson: Poisson's ratio, below 0.5.
+        spacing: of the cells, m.
+        modes: how many vibration modes to find, for the kind "modal".
+        contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.bodies.phantom`.
+        kind: how the body answers, one of `KINDS`; options: of the kind, any other key of the table, in SI.
+        origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a
+            block or phantom if not given, else its own origin.
+        turn: about x, then y, then z of the device, round that point, rad.
+        tip: "sphere", or "flat": the end of a rod whose axis is the body's own z; radius: of the tip, m.
+    """
+
+    shape: Literal["file", "block", "phantom"] = "file"
+    file: str | None = None
+    size: Size3 | None = None
+    young: Pressure | None = None
+    poisson: Number | None = None
+    spacing: Length | None = None
+    modes: Whole | None = None
+    contrast: Number | None = None
+    depth: Length | None = None
+    diameter: Length | None = None
+    skin: OneLength | None = None
+    skin_young: Pressure | None = None
+    kind: str = "compliance"
+    origin: Position3 | None = None
+    turn: Angle3 = (0.0, 0.0, 0.0)
+    tip: Literal["sphere", "flat"] = "sphere"
+    radius: Length
+    options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sort(cls, table: Any) -> Any:
+        """Gather the options of the kind under `options`, in SI."""
+        if not isinstance(table, Mapping) or table.get("kind", "compliance") not in KINDS:
+            return table
+        known = KINDS[table.get("kind", "compliance")]
+        loose = {key: value for key, value in table.items() if key in known}
+        nested = table.get("options", {})
+        if not isinstance(nested, Mapping):
+            raise ValueError("options must be a table")
+        given = {**nested, **loose}
+        options = {}
+        for key, value in given.items():
+            if key not in known:
+                raise ValueError(f'unknown key "{key}"; {table.get("kind", "compliance")} takes {", ".join(known)}')
+            try:
+                options[key] = parse(value, known[key][0])
+            except ValueError as problem:
+                raise ValueError(f"{key}: {problem}") from None
+        return {**{key: value for key, value in table.items() if key not in known}, "options": options}
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in KINDS:
+            close = difflib.get_close_matches(kind, KINDS, 1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise ValueError(f'"{kind}" is not one of {", ".join(KINDS)}{hint}')
+        return kind
+
+    @field_validator("file")
+    @classmethod
+    def _resolve(cls, file: str | None, info: ValidationInfo) -> str | None:
+        base = (info.context or {}).get("base")
+        if file is None:
+            return None
+        path = Path(file) if base is None else (Path(base) / file).resolve()
+        if not path.is_file():
+            raise ValueError(f"{path}: there is no such file; palpate body build or palpate body phantom makes one")
+        return str(path)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        mine = _SHAPES[self.shape]
+        for key, example in mine.items():
+            if example and getattr(self, key) is None:
+                raise ValueError(f"{key} is missing; write for example {key} = {example}")
+        for key in sorted({key for keys in _SHAPES.values() for key in keys} - set(mine)):
+            if getattr(self, key) is not None:
+                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"')
+        for key, (unit, needed) in KINDS[self.kind].items():
+            if needed and key not in self.options:
+                example = f'"20 {unit}"' if unit else "2.0"
+                raise ValueError(f"{key} is missing: {self.kind} needs it, for example {key} = {example}")
+            if self.options.get(key, 0.0) < 0.0:
+                raise ValueError(f"{key}: {self.options[key]:g} must not be negative")
+        return self

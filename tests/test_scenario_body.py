@@ -1,0 +1,209 @@
+"""A body in a scenario: what is read, what is refused, and that the loop on it obeys the laws of simpler objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import bodies, simulate
+from palpate.bodies.store import Contents, write
+from palpate.errors import ScenarioError
+from palpate.loop.body import kept_at, scenario_body
+from palpate.scenario import Scenario
+from palpate.stability import StabilityError, certify
+from scipy.spatial.transform import Rotation
+
+POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40 x 40 x 20 mm of 10 kPa, bonded below, touched on its top, with vibration modes."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    volume = bodies.block((0.04, 0.04, 0.02), (0.005, 0.005, 0.01))
+    bodies.build(volume, young=10e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, modes=10, output=path)
+    return path
+
+
+def tables(body: dict[str, Any], **other: Any) -> dict[str, Any]:
+    """A press of 0.3 N along -z by a hand-held arm; `body` is [object.body], and tables lie over it."""
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.3 N"]},
+        "operator": HAND,
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.5 mm"], "body": body},
+        "run": {"duration": "0.25 s"},
+        **other,
+    }
+
+
+def on(block: Path, **options: Any) -> dict[str, Any]:
+    middle = ["20 mm", "20 mm", "20 mm"]
+    return {"file": str(block), "origin": middle, "radius": "8 mm", "tip": "flat", **options}
+
+
+def refusal(text: str, base: Path | None = None) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        simulate(Scenario.from_text(text, "press.toml", base))
+    return str(caught.value)
+
+
+def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
+    """The same run on a wall of the same stiffness: equal to rounding, tick by tick."""
+    one = Contents(
+        points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
+        triangles=np.array([[0, 1, 2]]),
+        touchable=np.array([True]),
+        nodes=np.array([0]),
+        normals=np.array([[0.0, 0.0, 1.0]]),
+        areas=np.array([1e-6]),
+        compliance=np.diag([1.0 / 1024.0] * 3).astype(np.float32),
+        frequencies=np.empty(0),
+        shapes=np.empty((3, 0), dtype=np.float32),
+        record={"source": "one node"},
+    )
+    path = write(one, tmp_path / "one.h5")
+    on_body = simulate(tables({"file": str(path), "radius": "20 mm", "tip": "flat"}))
+    wall = {"kind": "wall", "stiffness": "1024 N/m", "position": ["0 mm", "0 mm", "-0.5 mm"], "normal": [0, 0, 1]}
+    on_wall = simulate({**tables({}), "object": wall})
+    assert np.array_equal(on_body["touching"], on_wall["touching"])
+    for channel in ("tip", "deflection", "object_force", "command_force"):
+        np.testing.assert_allclose(on_body[channel], on_wall[channel], atol=1e-9)
+    assert on_body["object_force"][-1, 2] < -0.1
+    np.testing.assert_allclose(on_body["stored_energy"][:, 0], 512.0 * on_body["deflection"][:, 2] ** 2, atol=1e-9)
+    assert set(on_body["pressed_nodes"][:, 0]) == {0.0, 1.0}
+    assert "only 1 nodes carry" in on_body.summary()["verdict"]
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [("compliance", {}), ("modal", {"by_stiffness": "1 ms"}), ("relaxing", {"instant": 2.0, "creep": "50 ms"})],
+)
+def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
+    """The tip's way played to the body by itself, in the body's own turned frame, gives the loop's forces back."""
+    chosen = on(block, kind=kind, turn=["5 deg", "-10 deg", "40 deg"], **options) | {"tip": tip}
+    scenario = Scenario.from_dict(tables(chosen))
+    trace = simulate(scenario)
+    turn = Rotation.from_euler("xyz", [5.0, -10.0, 40.0], degrees=True).as_matrix()
+    anchor = trace["tip"][0] + [0.0, 0.0, -0.5e-3]
+    path = (trace["tip"] - anchor) @ turn + [0.02, 0.02, 0.02]
+    body = scenario_body(scenario)
+    body.core.reset()
+    felt = body.follow(path, 8e-3, outward=[0, 0, 1], tip=tip)  # type: ignore[arg-type]
+    assert felt.nodes.max() >= 3
+    np.testing.assert_allclose(trace["object_force"], -felt.force @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(trace["deflection"], felt.deflection @ turn.T, atol=1e-12)
+    np.testing.assert_array_equal(trace["pressed_nodes"][:, 0], felt.nodes)
+
+
+def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
+    """Bit for bit, though the body has a state that a run leaves behind; and through the scenario's own text."""
+    scenario = Scenario.from_dict(tables(on(block, kind="relaxing", instant=3.0, creep="20 ms")))
+    first, second = simulate(scenario), simulate(Scenario.from_dict(scenario.to_dict()))
+    assert scenario.to_dict() == Scenario.from_dict(scenario.to_dict()).to_dict()
+    for channel in first.channels:
+        assert np.array_equal(first[channel], second[channel]), channel
+
+
+def test_energy_is_accounted_for(block: Path) -> None:
+    """Elastic: the tip's work is what the body stores. A standard linear solid keeps some of it; none is made."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.1 s", "0 N", "0 N", "-0.4 N"], ["0.2 s", "0 N", "0 N", "0.3 N"]]
+    out = {"reference": {"shape": "table", "table": table}}
+    found = {}
+    for kind, options in {"compliance": {}, "relaxing": {"instant": 3.0, "creep": "20 ms"}}.items():
+        trace = simulate(tables(on(block, kind=kind, **options), **out))
+        found[kind] = trace.summary()["palpation"]
+        assert not trace["touching"][-1, 0]
+        assert trace["touching"].any()
+        assert found[kind]["stored_J"] == 0.0
+    most = float(trace["stored_energy"].max())
+    assert most > 1e-5
+    assert abs(found["compliance"]["lost_J"]) < 1e-3 * most
+    assert found["relaxing"]["lost_J"] > 0.05 * most
+
+
+def test_the_summary_says_how_the_press_ended(block: Path) -> None:
+    summary = simulate(tables(on(block), run={"duration": "0.8 s"})).summary()
+    pressed = summary["palpation"]
+    assert summary["stable"]
+    assert summary["verdict"].startswith("stable: presses the body in by")
+    assert pressed["settled"]
+    assert pressed["touches"] == 1
+    assert pressed["held_J"] >= 0.0
+    assert pressed["stiffness_N_per_m"] == pytest.approx(pressed["final_force_N"] / pressed["final_deflection_m"], 0.02)
+    deep = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "2 mm"], "body": on(block)}}
+    assert "it began 2 mm deep in the body" in simulate(deep).summary()["verdict"]
+    far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
+    assert "never touched the body" in simulate(far).summary()["verdict"]
+
+
+def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second run reads what the first one made; another recipe has another name; half a file is not read."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    made = {"shape": "block", "size": ["30 mm", "30 mm", "10 mm"], "young": "5 kPa", "spacing": "10 mm"}
+    scenario = Scenario.from_dict(tables({**made, "radius": "10 mm", "tip": "flat"}))
+    first = simulate(scenario)
+    assert scenario.object.body is not None
+    path = kept_at(scenario.object.body)
+    assert path.parent == tmp_path / "palpate" / "bodies"
+    begun = path.stat().st_mtime_ns
+    again = simulate(scenario)
+    assert path.stat().st_mtime_ns == begun
+    assert np.array_equal(first["tip"], again["tip"])
+    stiffer = Scenario.from_dict(tables({**made, "young": "6 kPa", "radius": "10 mm"})).object.body
+    assert stiffer is not None
+    assert kept_at(stiffer) != path
+    # the middle of its top lies at the object's position
+    felt = first["touching"][:, 0] > 0.0
+    assert first["tip"][felt][0, 2] == pytest.approx(first["tip"][0, 2] - 0.5e-3, abs=2e-5)
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(ScenarioError, match="build it again"):
+        simulate(scenario)
+
+
+HEAD = """
+[device]
+name = "phantom-premium-1.5a"
+[start]
+pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+[reference]
+force = ["0 N", "0 N", "-1 N"]
+[object]
+kind = "body"
+"""
+
+
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        ('stiffness = "1 N/m"\n[object.body]\nshape = "phantom"\nradius = "8 mm"', "line 10: object.stiffness has no"),
+        ("", "object.body is missing; write a table [object.body]"),
+        ('[object.body]\nfile = "no.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
+        ('[object.body]\nfile = "other.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
+        ('[object.body]\nshape = "block"\nradius = "8 mm"', "line 10: object.body.size is missing"),
+        ('[object.body]\nfile = "block.h5"', "line 10: object.body.radius is missing"),
+        ('[object.body]\nfile = "block.h5"\nradius = "0 mm"', "line 12: object.body.radius: \"0 mm\" must be positive"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "modall"', "line 13: object.body.kind: \"modall\""),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "relaxing"', "instant is missing: relaxing needs"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\ncreep = "2 s"', 'line 13: unknown key "creep"'),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nyoung = "2 kPa"', "line 13: object.body.young has no mea"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "relaxing"\ninstant = 0.5\ncreep = "1 s"',
+         "at least as stiff as at last"),
+        ('[object.body]\nshape = "phantom"\ndepth = "1 m"\nradius = "8 mm"', "object.body: the nodule lies between"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_with_its_line(block: Path, lines: str, sentence: str) -> None:
+    (block.parent / "other.h5").write_bytes(b"not a body")
+    found = refusal(HEAD + lines, block.parent)
+    assert sentence in found, found
+
+
+def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:
+    with pytest.raises(StabilityError, match="as stiff as it is pressed"):
+        certify(tables(on(block)))

@@ -1,14 +1,13 @@
 #pragma once
 
 /// Loops side by side in the lanes of this machine's vector registers, chosen when the program runs.
-#include <palpate/loop/simulation.hpp>
+#include <palpate/loop/batch.hpp>
 
 namespace palpate::batch {
 
 /// As simulate_side_by_side, compiled for one width: 2 lanes run everywhere, 4 need AVX2, 8 need AVX-512 (F, DQ, VL).
 template <class Mechanism, int lanes>
-void run_lanes(const SimulationSetup<Mechanism>* const* cells, int count, int ticks, const double* reference, const double* operator_force,
-               double* rows);
+void run_lanes(const Queue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force);
 
 /// The widest that this machine and this build have.
 int most_lanes();

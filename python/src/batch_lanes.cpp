@@ -7,19 +7,16 @@
 namespace palpate::batch {
 
 template <class Mechanism, int lanes>
-void run_lanes(const SimulationSetup<Mechanism>* const* cells, int count, int ticks, const double* reference, const double* operator_force,
-               double* rows);
+void run_lanes(const Queue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force);
 
 template <>
-void run_lanes<Premium, PALPATE_LANES>(const SimulationSetup<Premium>* const* cells, int count, int ticks, const double* reference,
-                                       const double* operator_force, double* rows) {
-  simulate_side_by_side<Premium, PALPATE_LANES>(cells, count, ticks, reference, operator_force, rows);
+void run_lanes<Premium, PALPATE_LANES>(const Queue<Premium>& queue, int ticks, const double* reference, const double* operator_force) {
+  simulate_side_by_side<Premium, PALPATE_LANES>(queue, ticks, reference, operator_force);
 }
 
 template <>
-void run_lanes<Slider, PALPATE_LANES>(const SimulationSetup<Slider>* const* cells, int count, int ticks, const double* reference,
-                                      const double* operator_force, double* rows) {
-  simulate_side_by_side<Slider, PALPATE_LANES>(cells, count, ticks, reference, operator_force, rows);
+void run_lanes<Slider, PALPATE_LANES>(const Queue<Slider>& queue, int ticks, const double* reference, const double* operator_force) {
+  simulate_side_by_side<Slider, PALPATE_LANES>(queue, ticks, reference, operator_force);
 }
 
 }  // namespace palpate::batch

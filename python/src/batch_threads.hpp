@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <optional>
 #include <palpate/loop/batch.hpp>
 #include <thread>
 #include <vector>
@@ -10,7 +11,7 @@
 namespace palpate::batch {
 
 template <class Mechanism>
-using RunLanes = void (*)(const SimulationSetup<Mechanism>* const*, int, int, const double*, const double*, double*);
+using RunLanes = void (*)(const Queue<Mechanism>&, int, const double*, const double*);
 
 template <class Mechanism>
 RunLanes<Mechanism> lanes_of(int lanes) {
@@ -22,35 +23,67 @@ RunLanes<Mechanism> lanes_of(int lanes) {
   return run_lanes<Mechanism, 2>;
 }
 
+/// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
+template <class Mechanism, class Cell>
+class Cells {
+ public:
+  Cells(const SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken, double* rows)
+      : setup_(base), cell_(cell), count_(count), taken_(taken), rows_(rows) {}
+
+  /// Loops for lanes to begin with; whether there are any.
+  bool begin() {
+    shape_.reset();
+    return look();
+  }
+
+  Queue<Mechanism> queue() {
+    return {[](void* self) { return static_cast<Cells*>(self)->next(); }, this};
+  }
+
+ private:
+  /// Takes a cell if none is at hand.
+  bool look() {
+    if (!at_hand_) {
+      at_ = taken_.fetch_add(1);
+      if (at_ >= count_) return false;
+      cell_(at_, setup_);
+      at_hand_ = true;
+    }
+    return true;
+  }
+
+  const Beginning<Mechanism>* next() {
+    if (!look()) return nullptr;
+    const Shape shape(setup_);
+    if (shape_ && shape != *shape_) return nullptr;  // it waits until the lanes are empty
+    shape_ = shape;
+    at_hand_ = false;
+    return &beginning_.emplace(setup_, rows_ + at_ * outcome_width<Mechanism::dof>);
+  }
+
+  SimulationSetup<Mechanism> setup_;
+  const Cell& cell_;
+  std::ptrdiff_t count_;
+  std::atomic<std::ptrdiff_t>& taken_;
+  double* rows_;
+  std::ptrdiff_t at_ = 0;
+  bool at_hand_ = false;
+  std::optional<Shape> shape_;
+  std::optional<Beginning<Mechanism>> beginning_;
+};
+
 template <class Mechanism, class Cell>
 void run_cells(const SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
                const double* operator_force, double* rows, int threads, int lanes) {
-  constexpr int width = outcome_width<Mechanism::dof>;
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
   const RunLanes<Mechanism> run = lanes_of<Mechanism>(wide);
-  constexpr std::ptrdiff_t share = 64;  // cells that a thread takes at a time
-  std::atomic<std::ptrdiff_t> next = 0;
+  std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
-    std::vector<SimulationSetup<Mechanism>> setups(static_cast<std::size_t>(wide), base);
-    std::vector<const SimulationSetup<Mechanism>*> pack;
-    for (const auto& s : setups) pack.push_back(&s);
-    for (std::ptrdiff_t from = next.fetch_add(share); from < count; from = next.fetch_add(share)) {
-      const std::ptrdiff_t to = std::min(from + share, count);
-      for (std::ptrdiff_t i = from; i < to;) {
-        int together = 0;
-        while (together < wide && i + together < to) {
-          SimulationSetup<Mechanism>& setup = setups[static_cast<std::size_t>(together)];
-          cell(i + together, setup);
-          if (together > 0 && !alike(setups[0], setup)) break;
-          ++together;
-        }
-        run(pack.data(), together, ticks, reference, operator_force, rows + i * width);
-        i += together;
-      }
-    }
+    Cells<Mechanism, Cell> cells(base, cell, count, taken, rows);
+    while (cells.begin()) run(cells.queue(), ticks, reference, operator_force);
   };
-  const auto most = static_cast<int>((count + share - 1) / share);
+  const auto most = static_cast<int>((count + wide - 1) / wide);
   std::vector<std::thread> others;
   for (int i = 1; i < std::min(threads, most); ++i) others.emplace_back(work);
   work();

@@ -33,7 +33,7 @@ class BasicStateSpace {
     take_memory();
   }
 
-  /// The same controller with another scalar.
+  /// The same controller for several loops side by side.
   template <class Other>
   [[nodiscard]] BasicStateSpace<Other> cast() const {
     BasicStateSpace<Other> out;
@@ -42,6 +42,11 @@ class BasicStateSpace {
     out.cd_ = cd_;
     out.take_memory();
     return out;
+  }
+
+  /// Puts one loop's state into a lane; the controller is the same for all.
+  void put(int lane, const BasicStateSpace<double>& one) {
+    for (std::size_t i = 0; i < xv_.size(); ++i) xv_[i].set(lane, one.xv_[i]);
   }
 
   [[nodiscard]] int order() const { return order_; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -28,7 +29,21 @@ class BasicVirtualCoupling {
     return stiffness_.cwiseProduct(deflection) + damping_.cwiseProduct(rate_);
   }
 
+  /// Puts one loop's coupling into a lane; all lanes have the same rule and period.
+  void put(int lane, const BasicVirtualCoupling<double>& one) {
+    using palpate::put;
+    put(stiffness_, lane, one.stiffness_);
+    put(damping_, lane, one.damping_);
+    difference_ = one.difference_;
+    per_period_ = one.per_period_;
+    put(previous_, lane, one.previous_);
+    put(rate_, lane, one.rate_);
+  }
+
  private:
+  template <class>
+  friend class BasicVirtualCoupling;
+
   Vector3<Scalar> stiffness_ = Vector3<Scalar>::Constant(0.0);
   Vector3<Scalar> damping_ = Vector3<Scalar>::Constant(0.0);
   Difference difference_ = Difference::backward;

@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <type_traits>
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -22,6 +22,9 @@ struct Encoder {
     for (int i = 0; i < dof; ++i) out = out && !any(step[i] > Scalar(0.0));
     return out;
   }
+
+  /// Puts one loop's encoders into a lane.
+  void put(int lane, const Encoder<dof>& one) { palpate::put(step, lane, one.step); }
 
   [[nodiscard]] Joints<dof, Scalar> read(const Joints<dof, Scalar>& q) const noexcept {
     Joints<dof, Scalar> counted = q;
@@ -41,6 +44,15 @@ struct DriveLimits {
   Scalar continuous_force = none;                                         ///< at the tip, N: what the motors stand for ever
   Scalar thermal_time = 1.0;                                              ///< s: time constant of the windings' heating
   Joints<dof, Scalar> peak_torque = Joints<dof, Scalar>::Constant(none);  ///< N*m
+
+  /// Puts one loop's limits into a lane.
+  void put(int lane, const DriveLimits<dof>& one) {
+    using palpate::put;
+    put(peak_force, lane, one.peak_force);
+    put(continuous_force, lane, one.continuous_force);
+    put(thermal_time, lane, one.thermal_time);
+    put(peak_torque, lane, one.peak_torque);
+  }
 };
 
 /// Motors: a peak, a continuous rating behind a first-order winding temperature, and torque limits, in this order.
@@ -96,7 +108,22 @@ class Drive {
   /// Heat of the windings: 1 is what the continuous force keeps up.
   [[nodiscard]] const Scalar& heat() const { return heat_; }
 
+  /// Puts one loop's drive into a lane.
+  void put(int lane, const Drive<dof>& one) {
+    using palpate::put;
+    limits_.put(lane, one.limits_);
+    put(heats_, lane, one.heats_);
+    any_heats_ = any_heats_ || one.any_heats_;
+    limits_force_ = limits_force_ || one.limits_force_;
+    limits_torque_ = limits_torque_ || one.limits_torque_;
+    put(warming_, lane, one.warming_);
+    put(heat_, lane, one.heat_);
+  }
+
  private:
+  template <int, class>
+  friend class Drive;
+
   static Scalar exponential(const Scalar& x) {
     using std::exp;
     return exp(x);
@@ -111,47 +138,74 @@ class Drive {
   Scalar heat_ = 0.0;
 };
 
-/// A transport delay of whole servo periods: the same for a value, or (Periods a list of them) each lane's own.
-template <class Value, class Periods = int, int longest = 65>
+/// A transport delay of whole servo periods.
+template <class Value, int longest = 65>
 class Delay {
  public:
   Delay() = default;
   /// `periods` in [0, longest - 1]; `initial` is what comes out before the first value arrives.
-  Delay(const Periods& periods, const Value& initial) : periods_(periods) {
-    line_.fill(initial);
-    if constexpr (!std::is_same_v<Periods, int>) {
-      for (int& p : periods_) longest_ = std::max(longest_, p = std::clamp(p, 0, longest - 1));
-      for (const int p : periods_) alike_ = alike_ && p == longest_;
-    } else {
-      longest_ = std::clamp(periods, 0, longest - 1);
-    }
-  }
+  Delay(int periods, const Value& initial) : periods_(std::clamp(periods, 0, longest - 1)), initial_(initial) { line_.fill(initial); }
 
   /// Puts `value` in, takes out what went in `periods` calls ago.
   Value pass(const Value& value) noexcept {
-    const int newest = position_;
-    line_[static_cast<std::size_t>(newest)] = value;
-    position_ = position_ < longest_ ? position_ + 1 : 0;  // the oldest is the next to be overwritten
-    if constexpr (!std::is_same_v<Periods, int>) {
-      if (!alike_) {
-        Value out = value;
-        for (std::size_t lane = 0; lane < periods_.size(); ++lane) {
-          const int age = newest - periods_[lane];
-          const Value& then = line_[static_cast<std::size_t>(age >= 0 ? age : age + longest_ + 1)];
-          for (Eigen::Index i = 0; i < out.size(); ++i) out[i].set(static_cast<int>(lane), then[i][static_cast<int>(lane)]);
-        }
-        return out;
-      }
-    }
+    line_[static_cast<std::size_t>(position_)] = value;
+    position_ = position_ < periods_ ? position_ + 1 : 0;  // the oldest is the next to be overwritten
     return line_[static_cast<std::size_t>(position_)];
   }
 
+  [[nodiscard]] int periods() const { return periods_; }
+  [[nodiscard]] const Value& initial() const { return initial_; }
+
  private:
-  Periods periods_{};
-  int longest_ = 0;
+  int periods_ = 0;
+  int position_ = 0;
+  Value initial_{};
+  std::array<Value, longest> line_{};
+};
+
+/// Delays side by side, each lane its own: a ring of everything that went in, read at each lane's age.
+template <class Value, int lanes, int longest = 65>
+class Delays {
+ public:
+  /// Puts one loop's delay, at its beginning, into a lane.
+  template <class One>
+  void put(int lane, const Delay<One, longest>& one) {
+    periods_[static_cast<std::size_t>(lane)] = one.periods();
+    for (Value& value : line_) palpate::put(value, lane, one.initial());
+    alike_ = std::all_of(periods_.begin(), periods_.end(), [this](int p) { return p == periods_[0]; });
+  }
+
+  Value pass(const Value& value) noexcept {
+    if (alike_ && periods_[0] == 0) return value;
+    const int newest = position_;
+    line_[static_cast<std::size_t>(newest)] = value;
+    position_ = position_ < longest - 1 ? position_ + 1 : 0;
+    if (alike_) return line_[static_cast<std::size_t>(place(newest - periods_[0]))];
+    Value out = value;
+    for (int lane = 0; lane < lanes; ++lane) {
+      const Value& then = line_[static_cast<std::size_t>(place(newest - periods_[static_cast<std::size_t>(lane)]))];
+      for (Eigen::Index i = 0; i < out.size(); ++i) out[i].set(lane, then[i][lane]);
+    }
+    return out;
+  }
+
+ private:
+  static int place(int at) { return at < 0 ? at + longest : at; }
+
+  std::array<int, lanes> periods_{};
   bool alike_ = true;
   int position_ = 0;
   std::array<Value, longest> line_{};
+};
+
+/// The delay of one loop, or of several side by side.
+template <class Value, class Scalar>
+struct DelayOf {
+  using Type = Delay<Value>;
+};
+template <class Value, int lanes>
+struct DelayOf<Value, Pack<lanes>> {
+  using Type = Delays<Value, lanes>;
 };
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -22,6 +23,15 @@ struct Friction {
       if (any(breakaway[i] > Scalar(0.0))) return true;
     }
     return false;
+  }
+
+  /// Puts one loop's friction into a lane.
+  void put(int lane, const Friction<dof>& one) {
+    using palpate::put;
+    put(viscous, lane, one.viscous);
+    put(coulomb, lane, one.coulomb);
+    put(breakaway, lane, one.breakaway);
+    put(stribeck_speed, lane, one.stribeck_speed);
   }
 
   /// Size of the sliding dry friction of one joint [N*m].

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -20,6 +21,18 @@ struct BasicHand {
   /// Nothing but a force: the tip carries no extra mass, damper or spring.
   [[nodiscard]] bool empty() const {
     return all(mass == Scalar(0.0)) && all(damping == Scalar(0.0)) && all(stiffness == Scalar(0.0)) && !tissue;
+  }
+
+  /// Puts one loop's hand into a lane, which holds the device as the others do: with tissue or without.
+  void put(int lane, const BasicHand<double>& one) {
+    using palpate::put;
+    put(mass, lane, one.mass);
+    put(damping, lane, one.damping);
+    put(stiffness, lane, one.stiffness);
+    tissue = one.tissue;
+    put(tissue_stiffness, lane, one.tissue_stiffness);
+    put(tissue_damping, lane, one.tissue_damping);
+    put(rest, lane, one.rest);
   }
 };
 using Hand = BasicHand<double>;

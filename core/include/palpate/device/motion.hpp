@@ -26,6 +26,15 @@ struct MotionState {
   Joints<dof, Scalar> qd = Joints<dof, Scalar>::Constant(0.0);     ///< rad/s
   Vector3<Scalar> hand = Vector3<Scalar>::Constant(0.0);           ///< m
   Vector3<Scalar> hand_velocity = Vector3<Scalar>::Constant(0.0);  ///< m/s
+
+  /// Puts one loop's state into a lane.
+  void put(int lane, const MotionState<dof>& one) {
+    using palpate::put;
+    put(q, lane, one.q);
+    put(qd, lane, one.qd);
+    put(hand, lane, one.hand);
+    put(hand_velocity, lane, one.hand_velocity);
+  }
 };
 
 /// The continuous physics between two samples: a mechanism with friction, held by a hand, under constant motor torques.
@@ -54,6 +63,16 @@ class Motion {
 
   [[nodiscard]] const Mechanism& mechanism() const { return mechanism_; }
   [[nodiscard]] const Friction<dof, Scalar>& friction() const { return friction_; }
+
+  /// Puts one loop's physics into a lane; all lanes have the same mechanism, and all or none a hand, its mass, dry friction.
+  void put(int lane, const Motion<Mechanism>& one) {
+    mechanism_ = one.mechanism_;
+    friction_.put(lane, one.friction_);
+    hand_.put(lane, one.hand_);
+    dry_ = one.dry_;
+    loaded_ = one.loaded_;
+    heavy_ = one.heavy_;
+  }
 
   /// Moves `state` on by `period` [s], one for all or each loop's own, in `substeps` equal steps, under motor torques [N*m] held
   /// constant and the operator's force.
@@ -105,6 +124,9 @@ class Motion {
   }
 
  private:
+  template <class, class>
+  friend class Motion;
+
   using Posture = PostureOf<Mechanism, Scalar>;
   using Where = Condition<Scalar>;
   using Matrix = Eigen::Matrix<Scalar, dof, dof>;

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
 
+#include "palpate/loop/clock.hpp"
+#include "palpate/loop/servo.hpp"
 #include "palpate/loop/simulation.hpp"
 #include "palpate/math/pack.hpp"
 
@@ -16,10 +19,41 @@ namespace palpate {
 template <int dof>
 constexpr int outcome_width = 11 + 2 * dof;
 
+/// One loop at its first tick, and where its outcome goes: a row of outcome_width<dof>.
+template <class Mechanism>
+struct Beginning {
+  Servo<Mechanism> servo;
+  detail::MovingPlant<Mechanism> plant;
+  Clock<double> clock;
+  double speed_limit;
+  double* row;
+
+  Beginning(const SimulationSetup<Mechanism>& s, double* row)
+      : servo(s), plant(s), clock(s.period, s.jitter, s.seed), speed_limit(s.speed_limit), row(row) {}
+};
+
+/// What decides the shape of a loop's computation: loops of one base setup that agree in this can run side by side.
+struct Shape {
+  bool dry, held, tissue, heavy, jitters;
+
+  template <class Mechanism>
+  explicit Shape(const SimulationSetup<Mechanism>& s)
+      : dry(s.friction.dry()), held(!s.hand.empty()), tissue(s.hand.tissue), heavy(s.hand.mass > 0.0), jitters(s.jitter > 0.0) {}
+  bool operator==(const Shape&) const = default;
+};
+
+/// Where lanes get their loops from: `next(owner)` is the next one, of the same shape as those before; null when there is none. It stays
+/// what it is until the next call, and after a null the last one does.
+template <class Mechanism>
+struct Queue {
+  const Beginning<Mechanism>* (*next)(void* owner) = nullptr;
+  void* owner = nullptr;
+};
+
 namespace detail {
 
-/// Watches loops side by side. A swing is the largest second difference of the tip's position over a fifth of the run: the second
-/// fifth is early, the last is late. Ripple is half the tip's range along the axis of the largest, over the last fifth.
+/// Watches loops side by side, each at its own tick. A swing is the largest second difference of the tip's position over a fifth of the
+/// run: the second fifth is early, the last is late. Ripple is half the tip's range along the axis of the largest, over the last fifth.
 template <class Mechanism, int lanes>
 class Watch {
  public:
@@ -28,67 +62,56 @@ class Watch {
   using Where = Mask<lanes>;
   using Vector = Vector3<Scalar>;
 
-  Watch(const SimulationSetup<Mechanism, Scalar>& s, int ticks)
-      : mechanism_(s.mechanism), start_(s.mechanism.forward(s.start)), ticks_(ticks) {
-    lowest_.setConstant(1e300);
-    highest_.setConstant(-1e300);
-    steady_.setConstant(0.0);
-    before_ = last_ = start_;
+  explicit Watch(int ticks) : ticks_(ticks) {}
+
+  /// Starts anew in one lane, with the tip at `tip` [m].
+  void put(int lane, const Vector3<>& tip) noexcept {
+    using palpate::put;
+    for (Vector* v : {&start_, &before_, &last_}) put(*v, lane, tip);
+    for (Vector* v : {&lowest_, &highest_, &steady_}) put(*v, lane, Vector3<>(Vector3<>::Zero()));
+    for (Scalar* x : {&early_, &late_, &object_force_, &command_, &touching_, &saturated_}) x->set(lane, 0.0);
+    share_before_.set(lane, 1.0);
   }
 
-  void lost(const Where& which, int tick) noexcept { unstable_ = choose(which, Scalar(tick), unstable_); }
-
+  /// The tick `k` of each lane.
   template <class Plant, class Servo>
-  void see(int k, const Where& alive, const Plant& plant, const Servo& servo, const Vector& /*force*/,
-           const Clock<Scalar>& clock) noexcept {
+  [[gnu::always_inline]] void see(const Scalar& k, const Plant& plant, const Servo& servo, const Clock<Scalar>& clock) noexcept {
     const auto& tick = servo.last();
-    const Vector tip = mechanism_.forward(plant.posture());
+    const Vector tip = plant.tip();
     const Vector bend = clock.jitters() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
-    const Scalar swing = choose(alive, bend.squaredNorm(), Scalar(0.0));
+    const Scalar swing = bend.squaredNorm();
     before_ = last_;
     last_ = tip;
-    if (k > ticks_ / 5 && k <= 2 * (ticks_ / 5)) early_ = greater(early_, swing);
-    object_force_ = greater(object_force_, choose(alive, tick.object_force.squaredNorm(), Scalar(0.0)));
-    command_ = greater(command_, choose(alive, tick.command.squaredNorm(), Scalar(0.0)));
-    touching_ += choose(alive & tick.touching, Scalar(1.0), Scalar(0.0));
-    saturated_ += choose(alive & tick.saturated, Scalar(1.0), Scalar(0.0));
-    if (k > ticks_ - ticks_ / 5) {
-      late_ = greater(late_, swing);
-      for (int i = 0; i < 3; ++i) {
-        lowest_[i] = lesser(lowest_[i], tip[i]);
-        highest_[i] = greater(highest_[i], tip[i]);
-        steady_[i] += tip[i] - start_[i];
-      }
-    }
-    if (k == ticks_) {
-      q_ = plant.angles();
-      qd_ = plant.speeds();
-    }
+    const double fifth = ticks_ / 5;
+    early_ = choose((k > Scalar(fifth)) & (k <= Scalar(2.0 * fifth)) & (early_ < swing), swing, early_);
+    object_force_ = greater(object_force_, tick.object_force.squaredNorm());
+    command_ = greater(command_, tick.command.squaredNorm());
+    touching_ += choose(tick.touching, Scalar(1.0), Scalar(0.0));
+    saturated_ += choose(tick.saturated, Scalar(1.0), Scalar(0.0));
+    const Where ending = k > Scalar(ticks_ - fifth);
+    if (any(ending)) see_ending(ending, k, plant, tip, swing);
   }
 
-  /// Writes rows of outcome_width<dof> for the first `count` lanes.
-  void write(double* rows, int count) const {
+  /// Writes one lane's row of outcome_width<dof>; `unstable` is the tick at which it diverged, -1 if it did not.
+  void write(int lane, double unstable, double* row) const noexcept {
     const double fifth = ticks_ / 5 > 0 ? ticks_ / 5 : 1;
-    for (int lane = 0; lane < count; ++lane) {
-      double* row = rows + static_cast<std::ptrdiff_t>(lane) * outcome_width<dof>;
-      const bool ended = unstable_[lane] < 0.0;
-      const double unknown = std::numeric_limits<double>::quiet_NaN();
-      const double samples = ended ? ticks_ + 1.0 : std::max(unstable_[lane], 1.0);
-      double ripple = 0.0;
-      for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (highest_[i][lane] - lowest_[i][lane]));
-      row[0] = unstable_[lane];
-      row[1] = std::sqrt(early_[lane]);
-      row[2] = ended ? std::sqrt(late_[lane]) : unknown;
-      row[3] = ended ? ripple : unknown;
-      for (int i = 0; i < 3; ++i) row[4 + i] = ended ? steady_[i][lane] / fifth : unknown;
-      row[7] = std::sqrt(object_force_[lane]);
-      row[8] = std::sqrt(command_[lane]);
-      row[9] = touching_[lane] / samples;
-      row[10] = saturated_[lane] / samples;
-      for (int i = 0; i < dof; ++i) {
-        row[11 + i] = ended ? q_[i][lane] : unknown;
-        row[11 + dof + i] = ended ? qd_[i][lane] : unknown;
-      }
+    const bool ended = unstable < 0.0;
+    const double unknown = std::numeric_limits<double>::quiet_NaN();
+    const double samples = ended ? ticks_ + 1.0 : std::max(unstable, 1.0);
+    double ripple = 0.0;
+    for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (highest_[i][lane] - lowest_[i][lane]));
+    row[0] = unstable;
+    row[1] = std::sqrt(early_[lane]);
+    row[2] = ended ? std::sqrt(late_[lane]) : unknown;
+    row[3] = ended ? ripple : unknown;
+    for (int i = 0; i < 3; ++i) row[4 + i] = ended ? steady_[i][lane] / fifth : unknown;
+    row[7] = std::sqrt(object_force_[lane]);
+    row[8] = std::sqrt(command_[lane]);
+    row[9] = touching_[lane] / samples;
+    row[10] = saturated_[lane] / samples;
+    for (int i = 0; i < dof; ++i) {
+      row[11 + i] = ended ? q_[i][lane] : unknown;
+      row[11 + dof + i] = ended ? qd_[i][lane] : unknown;
     }
   }
 
@@ -101,103 +124,169 @@ class Watch {
     return bend;
   }
 
-  Mechanism mechanism_;
-  Vector start_;
+  /// The last fifth.
+  template <class Plant>
+  void see_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& swing) noexcept {
+    const Where first = ending & (k <= Scalar(ticks_ - ticks_ / 5 + 1.0));
+    late_ = choose(ending & (late_ < swing), swing, late_);
+    for (int i = 0; i < 3; ++i) {
+      lowest_[i] = choose(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
+      highest_[i] = choose(first | (ending & (highest_[i] < tip[i])), tip[i], highest_[i]);
+      steady_[i] = choose(ending, steady_[i] + (tip[i] - start_[i]), steady_[i]);
+    }
+    const Where last = k == Scalar(ticks_);
+    q_ = choose_each(last, plant.angles(), q_);
+    qd_ = choose_each(last, plant.speeds(), qd_);
+  }
+
   int ticks_;
-  Scalar share_before_ = 1.0;
-  Vector before_, last_;
+  Vector start_, before_, last_;
   Vector lowest_, highest_, steady_;
-  Scalar unstable_ = -1.0, early_ = 0.0, late_ = 0.0, object_force_ = 0.0, command_ = 0.0, touching_ = 0.0, saturated_ = 0.0;
-  Joints<dof, Scalar> q_ = Joints<dof, Scalar>::Constant(0.0), qd_ = Joints<dof, Scalar>::Constant(0.0);
+  Scalar share_before_, early_, late_, object_force_, command_, touching_, saturated_;
+  Joints<dof, Scalar> q_, qd_;
 };
 
-template <int lanes, class Setup, class Field>
-Pack<lanes> lane_by_lane(const Setup* const* cells, const Field& field) {
-  Pack<lanes> out;
-  for (int i = 0; i < lanes; ++i) out.set(i, field(*cells[i]));
-  return out;
-}
+/// Forces at every sample, for loops that need not be at the same one.
+template <int lanes>
+class ForceTable {
+ public:
+  using Vector = Vector3<Pack<lanes>>;
 
-template <int lanes, int size, class Setup, class Field>
-Eigen::Matrix<Pack<lanes>, size, 1> rows_by_lane(const Setup* const* cells, const Field& field) {
-  Eigen::Matrix<Pack<lanes>, size, 1> out;
-  for (int i = 0; i < size; ++i) out[i] = lane_by_lane<lanes>(cells, [&](const Setup& s) { return field(s)[i]; });
-  return out;
-}
+  /// @param table  (ticks + 1) x 3, row by row, N
+  ForceTable(const double* table, int ticks)
+      : table_(table), ticks_(ticks), silent_(std::all_of(table, table + 3 * (ticks + 1), [](double f) { return f == 0.0; })) {}
 
-/// The setups of `lanes` loops as one.
-template <class Mechanism, int lanes>
-SimulationSetup<Mechanism, Pack<lanes>> side_by_side(const SimulationSetup<Mechanism>* const* cells) {
-  using Setup = SimulationSetup<Mechanism>;
-  constexpr int dof = Mechanism::dof;
-  const Setup& first = *cells[0];
-  SimulationSetup<Mechanism, Pack<lanes>> out;
-  const auto one = [&](const auto& field) { return lane_by_lane<lanes>(cells, field); };
-  const auto three = [&](const auto& field) { return rows_by_lane<lanes, 3>(cells, field); };
-  const auto joints = [&](const auto& field) { return rows_by_lane<lanes, dof>(cells, field); };
-  // Shared by all: what decides the shape of the computation.
-  out.mechanism = first.mechanism;
-  out.frozen_kinematics = first.frozen_kinematics;
-  out.difference = first.difference;
-  out.controller = first.controller.template cast<Pack<lanes>>();
-  out.period = first.period;
-  out.substeps = first.substeps;
-  out.speed_limit = first.speed_limit;
-  out.anchor.kind = first.anchor.kind;
-  out.hand.tissue = first.hand.tissue;
-  // Each loop's own.
-  for (std::size_t i = 0; i < lanes; ++i) {
-    out.delay[i] = cells[i]->delay;
-    out.seed[i] = cells[i]->seed;
+  /// Force at each lane's tick `k`, the last one's after it; `together`: all are at the same.
+  [[nodiscard]] Vector at(const Pack<lanes>& k, bool together) const noexcept {
+    Vector out = Vector::Constant(0.0);
+    if (silent_) return out;
+    if (together) {
+      const double* row = row_of(k[0]);
+      for (int i = 0; i < 3; ++i) out[i] = row[i];
+    } else {
+      for (int lane = 0; lane < lanes; ++lane) {
+        const double* row = row_of(k[lane]);
+        for (int i = 0; i < 3; ++i) out[i].set(lane, row[i]);
+      }
+    }
+    return out;
   }
-  out.jitter = one([](const Setup& s) { return s.jitter; });
-  out.anchor.point = three([](const Setup& s) -> const Vector3<>& { return s.anchor.point; });
-  out.anchor.normal = three([](const Setup& s) -> const Vector3<>& { return s.anchor.normal; });
-  out.stiffness = three([](const Setup& s) -> const Vector3<>& { return s.stiffness; });
-  out.damping = three([](const Setup& s) -> const Vector3<>& { return s.damping; });
-  out.hold = three([](const Setup& s) -> const Vector3<>& { return s.hold; });
-  out.start = joints([](const Setup& s) -> const Joints<dof>& { return s.start; });
-  out.start_speed = joints([](const Setup& s) -> const Joints<dof>& { return s.start_speed; });
-  out.encoder.step = joints([](const Setup& s) -> const Joints<dof>& { return s.encoder.step; });
-  out.limits.peak_force = one([](const Setup& s) { return s.limits.peak_force; });
-  out.limits.continuous_force = one([](const Setup& s) { return s.limits.continuous_force; });
-  out.limits.thermal_time = one([](const Setup& s) { return s.limits.thermal_time; });
-  out.limits.peak_torque = joints([](const Setup& s) -> const Joints<dof>& { return s.limits.peak_torque; });
-  out.friction.viscous = joints([](const Setup& s) -> const Joints<dof>& { return s.friction.viscous; });
-  out.friction.coulomb = joints([](const Setup& s) -> const Joints<dof>& { return s.friction.coulomb; });
-  out.friction.breakaway = joints([](const Setup& s) -> const Joints<dof>& { return s.friction.breakaway; });
-  out.friction.stribeck_speed = joints([](const Setup& s) -> const Joints<dof>& { return s.friction.stribeck_speed; });
-  out.hand.mass = one([](const Setup& s) { return s.hand.mass; });
-  out.hand.damping = one([](const Setup& s) { return s.hand.damping; });
-  out.hand.stiffness = one([](const Setup& s) { return s.hand.stiffness; });
-  out.hand.tissue_stiffness = one([](const Setup& s) { return s.hand.tissue_stiffness; });
-  out.hand.tissue_damping = one([](const Setup& s) { return s.hand.tissue_damping; });
-  out.hand.rest = three([](const Setup& s) -> const Vector3<>& { return s.hand.rest; });
-  return out;
-}
+
+  /// From each lane's tick to the next, as a single loop has it.
+  [[nodiscard]] ForceSegment<Pack<lanes>> during(const Pack<lanes>& k, bool together, const Clock<Pack<lanes>>& clock) const noexcept {
+    ForceSegment<Pack<lanes>> out{at(k, together), at(k + 1.0, together)};
+    if (silent_ || !clock.jitters()) return out;
+    const Vector after = at(k + 2.0, together);
+    const Vector begin = out.begin;
+    out.begin = begin + (clock.late() / clock.period()) * (out.end - begin);
+    out.end = out.end + (clock.next_late() / clock.period()) * (after - out.end);
+    return out;
+  }
+
+ private:
+  [[nodiscard]] const double* row_of(double tick) const noexcept { return table_ + 3 * std::min(static_cast<int>(tick), ticks_); }
+
+  const double* table_;
+  int ticks_;
+  bool silent_;
+};
+
+/// Loops in the lanes of a pack. Each lane is at its own tick: one whose loop has ended or diverged takes the next.
+template <class Mechanism, int lanes>
+class SideBySide {
+ public:
+  using Scalar = Pack<lanes>;
+  using Where = Mask<lanes>;
+
+  SideBySide(const Queue<Mechanism>& queue, const Beginning<Mechanism>& first, int ticks)
+      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), watch_(ticks) {
+    begin(0, first);
+    rows_[0] = first.row;
+    running_ = 1;
+    for (int lane = 1; lane < lanes; ++lane) refill(lane);
+  }
+
+  /// Runs until the queue and every lane are empty.
+  void run(const double* reference, const double* operator_force) noexcept {
+    const ForceTable<lanes> wanted(reference, ticks_);
+    const ForceTable<lanes> push(operator_force, ticks_);
+    for (;; tick_ += 1.0, clock_.tick()) {
+      leave();
+      if (running_ == 0) return;
+      const auto& tick = servo_.tick(plant_.angles(), plant_.posture(), wanted.at(tick_, together_));
+      watch_.see(tick_, plant_, servo_, clock_);
+      plant_.advance(tick.torque, push.during(tick_, together_, clock_), clock_);
+    }
+  }
+
+ private:
+  /// Lanes whose loop has ended, or diverged, give their outcome and take the next.
+  void leave() noexcept {
+    for (Where left;;) {
+      const Where over = tick_ > Scalar(ticks_);
+      const Where lost = !(over | calm(plant_, fastest_));
+      left = over | lost;
+      if (!any(left)) [[likely]]
+        return;
+      bool again = false;
+      for (int lane = 0; lane < lanes; ++lane) {
+        if (!left[lane]) continue;
+        if (double*& row = rows_[static_cast<std::size_t>(lane)]; row != nullptr) {
+          watch_.write(lane, lost[lane] ? tick_[lane] : -1.0, row);
+          row = nullptr;
+          --running_;
+        }
+        refill(lane);
+        again = again || rows_[static_cast<std::size_t>(lane)] != nullptr;
+      }
+      together_ = all(tick_ == Scalar(tick_[0]));
+      if (!again) return;
+    }
+  }
+
+  /// Puts the next loop into a lane; when there is none, the last one once more, for nobody.
+  void refill(int lane) noexcept {
+    if (queue_.next != nullptr) {
+      if (const Beginning<Mechanism>* next = queue_.next(queue_.owner)) {
+        last_ = next;
+        rows_[static_cast<std::size_t>(lane)] = next->row;
+        ++running_;
+      } else {
+        queue_.next = nullptr;
+      }
+    }
+    begin(lane, *last_);
+  }
+
+  void begin(int lane, const Beginning<Mechanism>& one) noexcept {
+    servo_.put(lane, one.servo);
+    plant_.put(lane, one.plant);
+    clock_.put(lane, one.clock);
+    watch_.put(lane, one.plant.tip());
+    tick_.set(lane, 0.0);
+  }
+
+  Queue<Mechanism> queue_;
+  const Beginning<Mechanism>* last_;
+  int ticks_;
+  double fastest_;
+  Servo<Mechanism, Scalar> servo_;
+  MovingPlant<Mechanism, Scalar> plant_;
+  Clock<Scalar> clock_;
+  Watch<Mechanism, lanes> watch_;
+  Scalar tick_ = 0.0;
+  bool together_ = true;
+  int running_ = 0;
+  std::array<double*, lanes> rows_{};
+};
 
 }  // namespace detail
 
-/// Whether two loops can run side by side, so that what each finds does not depend on the other: the same shape of computation.
-/// What `side_by_side` shares must be the same too; cells of one base setup are.
-template <class Mechanism>
-bool alike(const SimulationSetup<Mechanism>& a, const SimulationSetup<Mechanism>& b) {
-  return a.friction.dry() == b.friction.dry() && a.hand.empty() == b.hand.empty() && a.hand.tissue == b.hand.tissue &&
-         (a.hand.mass > 0.0) == (b.hand.mass > 0.0) && (a.jitter > 0.0) == (b.jitter > 0.0);
-}
-
-/// Runs `count` <= lanes loops side by side, samples 0 to `ticks`: alike, moving (neither held nor linear).
-/// @param rows  room for `count` rows of outcome_width<dof>
+/// Runs loops of a queue side by side, samples 0 to `ticks`, until it has no more: alike in shape, moving (neither held nor linear).
 template <class Mechanism, int lanes>
-void simulate_side_by_side(const SimulationSetup<Mechanism>* const* cells, int count, int ticks, const double* reference,
-                           const double* operator_force, double* rows) {
-  const SimulationSetup<Mechanism>* all[lanes];
-  for (int i = 0; i < lanes; ++i) all[i] = cells[i < count ? i : 0];
-  const SimulationSetup<Mechanism, Pack<lanes>> setup = detail::side_by_side<Mechanism, lanes>(all);
-  detail::MovingPlant<Mechanism, Pack<lanes>> plant(setup);
-  detail::Watch<Mechanism, lanes> watch(setup, ticks);
-  detail::run(setup, plant, ticks, reference, operator_force, watch);
-  watch.write(rows, count);
+void simulate_side_by_side(const Queue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force) {
+  if (const Beginning<Mechanism>* first = queue.next(queue.owner))
+    detail::SideBySide<Mechanism, lanes>(queue, *first, ticks).run(reference, operator_force);
 }
 
 }  // namespace palpate

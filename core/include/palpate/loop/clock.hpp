@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/pack.hpp"
 
 namespace palpate {
 
@@ -31,9 +32,10 @@ namespace detail {
 template <class Scalar>
 class Clock {
  public:
+  Clock() = default;
   /// @param jitter  s, at least 0 and less than a period
-  Clock(double period, const Scalar& jitter, const Seed<Scalar>& seed)
-      : period_(period), jitter_(jitter), seed_(seed), jitters_(any(jitter > Scalar(0.0))), next_(drawn(0)) {
+  Clock(double period, double jitter, std::uint64_t seed) : period_(period), jitter_(jitter), seed_(seed), jitters_(jitter > 0.0) {
+    draw();
     tick();
   }
 
@@ -42,7 +44,20 @@ class Clock {
     if (!jitters_) return;
     past_ = period_ + (next_ - late_);
     late_ = next_;
-    next_ = drawn(++index_);
+    draw();
+  }
+
+  /// Puts one loop's clock into a lane: all lanes have the same period, and jitter or do not.
+  void put(int lane, const Clock<double>& one) {
+    using palpate::put;
+    period_ = one.period_;
+    put(jitter_, lane, one.jitter_);
+    put(seed_, lane, one.seed_);
+    jitters_ = one.jitters_;
+    put(index_, lane, one.index_);
+    put(late_, lane, one.late_);
+    put(next_, lane, one.next_);
+    put(past_, lane, one.past_);
   }
 
   [[nodiscard]] bool jitters() const noexcept { return jitters_; }
@@ -57,25 +72,28 @@ class Clock {
   [[nodiscard]] Scalar ahead() const noexcept { return period_ + (next_ - late_); }
 
  private:
-  [[nodiscard]] Scalar drawn(int index) const noexcept {
-    if (!jitters_) return 0.0;
+  template <class>
+  friend class Clock;
+
+  /// How late the tick after will be.
+  void draw() noexcept {
     if constexpr (std::is_same_v<Scalar, double>) {
-      return jitter_ * random_number(seed_, index);
+      next_ = jitter_ * random_number(seed_, index_++);
     } else {
-      Scalar out;
-      for (std::size_t lane = 0; lane < seed_.size(); ++lane) out.set(static_cast<int>(lane), random_number(seed_[lane], index));
-      return jitter_ * out;
+      Scalar number;
+      for (std::size_t i = 0; i < seed_.size(); ++i) number.set(static_cast<int>(i), random_number(seed_[i], index_[i]++));
+      next_ = jitter_ * number;
     }
   }
 
-  double period_;
-  Scalar jitter_;
-  Seed<Scalar> seed_;
-  bool jitters_;
-  int index_ = 0;
+  double period_ = 0.0;
+  Scalar jitter_ = 0.0;
+  Seed<Scalar> seed_{};
+  bool jitters_ = false;
+  Whole<Scalar> index_{};  // of the next number to draw
   Scalar late_ = 0.0;
-  Scalar next_;
-  Scalar past_ = period_;
+  Scalar next_ = 0.0;
+  Scalar past_ = 0.0;
 };
 
 }  // namespace palpate

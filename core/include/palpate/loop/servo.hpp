@@ -47,6 +47,17 @@ class Kinematics {
     }
   }
 
+  /// Puts one loop's kinematics into a lane; all lanes have the same mechanism, and frozen kinematics or not.
+  void put(int lane, const Kinematics<Mechanism>& one) {
+    using palpate::put;
+    mechanism_ = one.mechanism_;
+    frozen_ = one.frozen_;
+    put(pose_, lane, one.pose_);
+    put(pose_tip_, lane, one.pose_tip_);
+    put(jacobian_, lane, one.jacobian_);
+    put(torque_turn_, lane, one.torque_turn_);
+  }
+
   /// Takes the angles `q` [rad] of one tick.
   void look(const Angles& q) noexcept {
     if (frozen_) {
@@ -74,6 +85,9 @@ class Kinematics {
   }
 
  private:
+  template <class, class>
+  friend class Kinematics;
+
   Mechanism mechanism_;
   bool frozen_ = false;
   Angles pose_ = Angles::Constant(0.0);
@@ -96,27 +110,27 @@ struct TouchedMesh {
 };
 
 /// What a servo loop is made of. Plain data; a Servo builds from it all that its tick needs.
-template <class Mechanism, class Scalar = double>
+template <class Mechanism>
 struct ServoSetup {
   static constexpr int dof = Mechanism::dof;
 
   Mechanism mechanism{};
   bool frozen_kinematics = false;  ///< linearise tip and torque at the start pose
-  Encoder<dof, Scalar> encoder{};
-  DriveLimits<dof, Scalar> limits{};
-  Whole<Scalar> delay{};  ///< servo periods between computing a torque and its being applied, at most 64
+  Encoder<dof> encoder{};
+  DriveLimits<dof> limits{};
+  int delay = 0;  ///< servo periods between computing a torque and its being applied, at most 64
 
-  BasicAnchor<Scalar> anchor{};
-  Vector3<Scalar> stiffness = Vector3<Scalar>::Constant(0.0);  ///< N/m
-  Vector3<Scalar> damping = Vector3<Scalar>::Constant(0.0);    ///< N*s/m
+  Anchor anchor{};
+  Vector3<> stiffness = Vector3<>::Zero();  ///< N/m
+  Vector3<> damping = Vector3<>::Zero();    ///< N*s/m
   CouplingDifference difference = CouplingDifference::backward;
   TouchedMesh touched{};  ///< instead of the anchor, if there is one; for one loop alone
   TouchedBody body{};     ///< instead of both, if there is one; for one loop alone
 
-  BasicStateSpace<Scalar> controller{};                            ///< reference less object force unless given
-  Vector3<Scalar> hold = Vector3<Scalar>::Constant(0.0);           ///< constant tip force added to every command, N
-  Joints<dof, Scalar> start = Joints<dof, Scalar>::Constant(0.0);  ///< pose at the first tick, rad
-  double period = 1e-3;                                            ///< s
+  StateSpace controller{};                  ///< reference less object force unless given
+  Vector3<> hold = Vector3<>::Zero();       ///< constant tip force added to every command, N
+  Joints<dof> start = Joints<dof>::Zero();  ///< pose at the first tick, rad
+  double period = 1e-3;                     ///< s
 };
 
 /// One tick of the servo loop, the same in simulation and in real time: angles in, torques out. It takes no memory, no
@@ -140,9 +154,9 @@ class Servo {
     Condition<Scalar> saturated = false;
   };
 
-  explicit Servo(const ServoSetup<Mechanism, Scalar>& s)
-      : kinematics_(s.frozen_kinematics ? Kinematics<Mechanism, Scalar>(s.mechanism, s.start, s.hold)
-                                        : Kinematics<Mechanism, Scalar>(s.mechanism)),
+  Servo() = default;
+  explicit Servo(const ServoSetup<Mechanism>& s)
+      : kinematics_(s.frozen_kinematics ? Kinematics<Mechanism>(s.mechanism, s.start, s.hold) : Kinematics<Mechanism>(s.mechanism)),
         encoder_(s.encoder),
         anchor_(s.anchor),
         coupling_(s.stiffness, s.damping, s.difference, s.period),
@@ -153,6 +167,24 @@ class Servo {
         hold_(s.hold),
         delay_(s.delay, torque_at_rest(s.start)),
         reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {}
+
+  /// The same loop as `one`, for several side by side: each lane is to be put in.
+  template <class One>
+  explicit Servo(const Servo<Mechanism, One>& one) : controller_(one.controller_.template cast<Scalar>()), reads_exactly_(true) {}
+
+  /// Puts one loop, at its beginning, into a lane: of the same mechanism, kinematics, controller, kind of surface and period.
+  void put(int lane, const Servo<Mechanism>& one) {
+    using palpate::put;
+    kinematics_.put(lane, one.kinematics_);
+    encoder_.put(lane, one.encoder_);
+    anchor_.put(lane, one.anchor_);
+    coupling_.put(lane, one.coupling_);
+    controller_.put(lane, one.controller_);
+    drive_.put(lane, one.drive_);
+    put(hold_, lane, one.hold_);
+    delay_.put(lane, one.delay_);
+    reads_exactly_ = reads_exactly_ && one.reads_exactly_;
+  }
 
   /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
   /// impedance display).
@@ -186,6 +218,9 @@ class Servo {
   }
 
  private:
+  template <class, class>
+  friend class Servo;
+
   /// The tick, once it is known where the tip is.
   [[gnu::always_inline]] const Tick& act(const Vector& reference) noexcept {
     tick_.tip = kinematics_.tip();
@@ -284,7 +319,7 @@ class Servo {
   BasicStateSpace<Scalar> controller_;
   Drive<dof, Scalar> drive_;
   Vector hold_ = Vector::Constant(0.0);
-  Delay<Angles, Whole<Scalar>> delay_;
+  typename DelayOf<Angles, Scalar>::Type delay_;
   bool reads_exactly_ = false;
   Tick tick_;
 };

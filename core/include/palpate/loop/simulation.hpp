@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 #include "palpate/control/state_space.hpp"
@@ -19,25 +20,25 @@ namespace palpate {
 
 /// A whole experiment in virtual time: what to build and how to run it. Plain data; every run builds afresh from it, so the same
 /// setup gives the same trace, bit for bit.
-template <class Mechanism, class Scalar = double>
-struct SimulationSetup : ServoSetup<Mechanism, Scalar> {
+template <class Mechanism>
+struct SimulationSetup : ServoSetup<Mechanism> {
   static constexpr int dof = Mechanism::dof;
 
-  Friction<dof, Scalar> friction;
-  BasicHand<Scalar> hand;
+  Friction<dof> friction;
+  Hand hand;
 
   bool held = false;    ///< the operator holds the tip where it starts: nothing moves
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
 
-  Scalar jitter = 0.0;  ///< s, less than a period: ticks come late by up to this (not with a sampled plant)
-  Seed<Scalar> seed{};  ///< of what is random: how late each tick comes
+  double jitter = 0.0;     ///< s, less than a period: ticks come late by up to this (not with a sampled plant)
+  std::uint64_t seed = 0;  ///< of what is random: how late each tick comes
 
-  Joints<dof, Scalar> start_speed = Joints<dof, Scalar>::Constant(0.0);  ///< rad/s
-  int substeps = 2;                                                      ///< of the motion in one period
-  int record_every = 1;                                                  ///< periods between recorded rows
-  double speed_limit = 1e3;                                              ///< rad/s: past it (or not finite) the loop counts as diverged
+  Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
+  int substeps = 2;                               ///< of the motion in one period
+  int record_every = 1;                           ///< periods between recorded rows
+  double speed_limit = 1e3;                       ///< rad/s: past it (or not finite) the loop counts as diverged
 };
 
 /// What a run leaves behind. A recorded row holds, at one sample:
@@ -66,13 +67,15 @@ template <class Mechanism, class Scalar = double>
 class MovingPlant {
  public:
   static constexpr int dof = Mechanism::dof;
-  explicit MovingPlant(const SimulationSetup<Mechanism, Scalar>& s) : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps) {
+  MovingPlant() = default;
+  explicit MovingPlant(const SimulationSetup<Mechanism>& s) : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps) {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
     at_ = s.mechanism.posture(s.start);
   }
   [[nodiscard]] const PostureOf<Mechanism, Scalar>& posture() const { return at_; }
+  [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(at_); }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
@@ -80,22 +83,22 @@ class MovingPlant {
     if (clock.jitters()) return motion_.advance(state_, at_, torque, force, clock.ahead(), substeps_);
     motion_.advance(state_, at_, torque, force, clock.period(), substeps_);
   }
-  /// Puts the chosen loops back where they started, at rest.
-  void rest(const Condition<Scalar>& which, const SimulationSetup<Mechanism, Scalar>& s) noexcept {
-    const Joints<dof, Scalar> still = Joints<dof, Scalar>::Constant(0.0);
-    const Vector3<Scalar> none = Vector3<Scalar>::Constant(0.0);
-    state_.q = choose_each(which, s.start, state_.q);
-    state_.qd = choose_each(which, still, state_.qd);
-    state_.hand = choose_each(which, s.mechanism.forward(s.start), state_.hand);
-    state_.hand_velocity = choose_each(which, none, state_.hand_velocity);
-    at_ = s.mechanism.posture(state_.q);
+  /// Puts one loop's plant into a lane: of the same mechanism and number of substeps.
+  void put(int lane, const MovingPlant<Mechanism>& one) {
+    motion_.put(lane, one.motion_);
+    state_.put(lane, one.state_);
+    at_ = motion_.mechanism().posture(state_.q);
+    substeps_ = one.substeps_;
   }
 
  private:
+  template <class, class>
+  friend class MovingPlant;
+
   Motion<Mechanism, Scalar> motion_;
   MotionState<dof, Scalar> state_;
   PostureOf<Mechanism, Scalar> at_;
-  int substeps_;
+  int substeps_ = 1;
 };
 
 template <class Mechanism>
@@ -166,11 +169,10 @@ class Recorder {
   static constexpr int dof = Mechanism::dof;
   Recorder(const SimulationSetup<Mechanism>& s, double* rows) : every_(s.record_every), width_(row_width(s)), rows_(rows) {}
 
-  void lost(bool /*which*/, int tick) noexcept { outcome_.unstable_tick = tick; }
+  void lost(int tick) noexcept { outcome_.unstable_tick = tick; }
 
   template <class Plant>
-  void see(int /*tick*/, bool /*alive*/, const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force,
-           const Clock<double>& /*clock*/) noexcept {
+  void see(const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force) noexcept {
     const auto& tick = servo.last();
     if (until_next_ == 0) {
       double* row = rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_;
@@ -202,36 +204,33 @@ class Recorder {
 };
 
 /// Whether a plant moves no faster than `fastest` and is somewhere; a NaN is not.
-template <class Scalar, class Plant>
-[[gnu::always_inline]] inline Condition<Scalar> calm(const Plant& plant, const Scalar& fastest) {
+template <class Plant>
+[[gnu::always_inline]] inline auto calm(const Plant& plant, double fastest) {
   using std::abs;
+  using Scalar = std::decay_t<decltype(plant.speeds()[0])>;
   Condition<Scalar> out = true;
-  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < fastest) & finite(plant.angles()[i]);
+  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & finite(plant.angles()[i]);
   return out;
 }
 
-/// Three numbers of a table of forces, for every loop alike.
-template <class Scalar>
-Vector3<Scalar> force_at(const double* table, int tick) {
-  const double* row = table + 3 * static_cast<std::ptrdiff_t>(tick);
-  return {Scalar(row[0]), Scalar(row[1]), Scalar(row[2])};
+/// Three numbers of a table of forces.
+inline Vector3<> force_at(const double* table, int tick) noexcept {
+  return Eigen::Map<const Vector3<>>{table + 3 * static_cast<std::ptrdiff_t>(tick)};
 }
 
 /// Force at `late` [s] after a sample, less than a period: linear from there to the next; after the last (`ticks`) it stays.
-template <class Scalar>
-Vector3<Scalar> force_after(const double* table, int tick, int ticks, const Scalar& late, double period) {
-  const Vector3<Scalar> here = force_at<Scalar>(table, std::min(tick, ticks));
-  const Vector3<Scalar> next = force_at<Scalar>(table, std::min(tick + 1, ticks));
+inline Vector3<> force_after(const double* table, int tick, int ticks, double late, double period) noexcept {
+  const Vector3<> here = force_at(table, std::min(tick, ticks));
+  const Vector3<> next = force_at(table, std::min(tick + 1, ticks));
   return here + (late / period) * (next - here);
 }
 
 /// The operator's force [N] from one tick to the next: between two late ones a straight line, though it may bend at a sample.
-template <class Scalar>
-ForceSegment<Scalar> force_during(const double* table, int tick, int ticks, const Clock<Scalar>& clock) {
+inline ForceSegment<> force_during(const double* table, int tick, int ticks, const Clock<double>& clock) noexcept {
   if (clock.jitters())
-    return {force_after<Scalar>(table, tick, ticks, clock.late(), clock.period()),
-            force_after<Scalar>(table, tick + 1, ticks, clock.next_late(), clock.period())};
-  return {force_at<Scalar>(table, tick), force_at<Scalar>(table, std::min(tick + 1, ticks))};
+    return {force_after(table, tick, ticks, clock.late(), clock.period()),
+            force_after(table, tick + 1, ticks, clock.next_late(), clock.period())};
+  return {force_at(table, tick), force_at(table, std::min(tick + 1, ticks))};
 }
 
 /// The servo's tick at a plant, which may know its posture.
@@ -243,36 +242,18 @@ template <class Servo, class Plant, class Vector>
     return servo.tick(plant.angles(), reference);
 }
 
-/// The loop itself, for one (double) or several side by side (Pack): samples 0 to `ticks`, each shown to `watch`. Loops that diverge are
-/// told to `watch` and left out from then on; when none is left it ends.
-template <class Mechanism, class Scalar, class Plant, class Watch>
-void run(const SimulationSetup<Mechanism, Scalar>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
+/// The loop itself: samples 0 to `ticks`, each shown to `watch`, until it diverges.
+template <class Mechanism, class Plant, class Watch>
+void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
          Watch& watch) noexcept {
-  using Angles = Joints<Mechanism::dof, Scalar>;
-  Servo<Mechanism, Scalar> servo(setup);
-  Clock<Scalar> clock(setup.period, setup.jitter, setup.seed);
-  Condition<Scalar> alive = true;
+  Servo<Mechanism> servo(setup);
+  Clock<double> clock(setup.period, setup.jitter, setup.seed);
   for (int k = 0;; ++k, clock.tick()) {
-    const Condition<Scalar> lost = alive & !calm<Scalar>(plant, setup.speed_limit);
-    if (any(lost)) [[unlikely]] {
-      watch.lost(lost, k);
-      alive = alive & !lost;
-      if (!any(alive)) return;
-    }
-    if constexpr (!std::is_same_v<Scalar, double>) {
-      if (!all(alive)) plant.rest(!alive, setup);
-    }
-    const Vector3<Scalar> wanted = force_at<Scalar>(reference, k);
-    const auto& tick = tick_of(servo, plant, wanted);
-    const ForceSegment<Scalar> force = force_during<Scalar>(operator_force, k, ticks, clock);
-    watch.see(k, alive, plant, servo, force.begin, clock);
+    if (!calm(plant, setup.speed_limit)) return watch.lost(k);
+    const auto& tick = tick_of(servo, plant, force_at(reference, k));
+    const ForceSegment<> force = force_during(operator_force, k, ticks, clock);
+    watch.see(plant, servo, force.begin);
     if (k == ticks) return;
-    if constexpr (!std::is_same_v<Scalar, double>) {
-      if (!all(alive)) {
-        plant.advance(choose_each(alive, tick.torque, Angles(Angles::Constant(0.0))), force, clock);
-        continue;
-      }
-    }
     plant.advance(tick.torque, force, clock);
   }
 }

@@ -129,6 +129,25 @@ template <int lanes>
   return Pack<lanes>(mask.bits ? yes.v : no.v);
 }
 
+/// Puts one loop's number, condition or vector into a lane.
+template <int lanes>
+[[gnu::always_inline]] inline void put(Pack<lanes>& pack, int lane, double one) {
+  pack.set(lane, one);
+}
+template <int lanes>
+[[gnu::always_inline]] inline void put(Mask<lanes>& mask, int lane, bool one) {
+  mask.set(lane, one);
+}
+template <class Value, std::size_t lanes>
+[[gnu::always_inline]] inline void put(std::array<Value, lanes>& each, int lane, const Value& one) {
+  each[static_cast<std::size_t>(lane)] = one;
+}
+template <int lanes, int rows, int columns>
+[[gnu::always_inline]] inline void put(Eigen::Matrix<Pack<lanes>, rows, columns>& packs, int lane,
+                                       const Eigen::Matrix<double, rows, columns>& one) {
+  for (int i = 0; i < rows * columns; ++i) packs.data()[i].set(lane, one.data()[i]);
+}
+
 /// `function` of each lane by itself: for what is rare.
 template <int lanes, class Function>
 Pack<lanes> each(const Pack<lanes>& x, const Function& function) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -25,6 +26,14 @@ struct BasicAnchor {
     Condition<Scalar> touching = false;
     Vector3<Scalar> deflection = Vector3<Scalar>::Constant(0.0);
   };
+
+  /// Puts one loop's surface, of the same kind, into a lane.
+  void put(int lane, const BasicAnchor<double>& one) {
+    using palpate::put;
+    kind = one.kind;
+    put(point, lane, one.point);
+    put(normal, lane, one.normal);
+  }
 
   [[nodiscard]] Contact contact(const Vector3<Scalar>& tip) const noexcept {
     if (kind == Kind::none) return {};

@@ -1,0 +1,77 @@
+#include "palpate/loop/batch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <vector>
+
+#include "states.hpp"
+
+namespace {
+
+using palpate::Beginning;
+using palpate::Queue;
+using palpate::SimulationSetup;
+using palpate::Slider;
+using palpate::Vector3;
+
+constexpr int ticks = 400;
+constexpr int width = palpate::outcome_width<1>;
+
+/// A slider at a spring, with its own delay, heat of the drive and late ticks; every third is far past its critical stiffness.
+SimulationSetup<Slider> cell(int i) {
+  SimulationSetup<Slider> s;
+  s.mechanism = Slider(0.06);
+  s.friction.viscous[0] = 0.05;
+  s.friction.coulomb[0] = s.friction.breakaway[0] = 1e-3;
+  s.anchor.kind = palpate::AnchorKind::point;
+  s.anchor.point = Vector3<>(1e-3, 0.0, 0.0);
+  s.stiffness = Vector3<>(i % 3 == 1 ? 5e4 + 1e3 * i : 20.0 + i, 0.0, 0.0);
+  s.damping = Vector3<>(0.01, 0.0, 0.0);
+  s.delay = i % 4;
+  s.limits.continuous_force = i % 3 == 1 ? 1e300 : 0.01 + 1e-3 * i;
+  s.limits.thermal_time = 0.05;
+  s.jitter = 0.8e-3;
+  s.seed = static_cast<std::uint64_t>(i);
+  return s;
+}
+
+struct Cells {
+  int count;
+  std::vector<double> rows;
+  int taken = 0;
+  std::optional<Beginning<Slider>> at_hand;
+
+  static const Beginning<Slider>* next(void* self) {
+    auto& cells = *static_cast<Cells*>(self);
+    if (cells.taken == cells.count) return nullptr;
+    const int i = cells.taken++;
+    return &cells.at_hand.emplace(cell(i), cells.rows.data() + static_cast<std::ptrdiff_t>(width) * i);
+  }
+};
+
+// Law: a loop in a lane is the loop alone, bit for bit, whichever loops the lane had before and whoever sits beside it.
+TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
+  const std::vector<double> nothing(3 * (ticks + 1), 0.0);
+  for (const int count : {1, 3, 23}) {
+    Cells cells{count, std::vector<double>(static_cast<std::size_t>(width * count)), 0, {}};
+    palpate::simulate_side_by_side<Slider, 4>({&Cells::next, &cells}, ticks, nothing.data(), nothing.data());
+    int lost = 0;
+    for (int i = 0; i < count; ++i) {
+      std::vector<double> trace(static_cast<std::size_t>(palpate::record_width<1>) * (ticks + 1));
+      const auto alone = palpate::simulate(cell(i), ticks, nothing.data(), nothing.data(), trace.data());
+      const double* row = cells.rows.data() + static_cast<std::ptrdiff_t>(width) * i;
+      EXPECT_EQ(row[0], alone.unstable_tick) << i;
+      if (alone.unstable_tick >= 0) {
+        ++lost;
+        continue;
+      }
+      const double* last = trace.data() + static_cast<std::ptrdiff_t>(palpate::record_width<1>) * ticks;
+      EXPECT_EQ(row[11], last[0]) << i;
+      EXPECT_EQ(row[12], last[1]) << i;
+    }
+    EXPECT_EQ(lost, (count + 1) / 3);
+  }
+}
+
+}  // namespace

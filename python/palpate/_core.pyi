@@ -72,6 +72,26 @@ class RelaxingBody(BodyInLoop):
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
+class Solid:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
+
+    def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
+        """Energy, J, and inner forces on the free points, N."""
+
+    def tangent(self, way: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Change of the inner forces along `way`, N, where it was evaluated last; single precision.
+        """
+
+    def relax(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, most: int = 60) -> int:
+        """
+        Newton's steps to rest under a load, N; how many, or -1 if it did not come to rest.
+        """
+
+    def displacement(self) -> NDArray[numpy.float64]: ...
+
+    def reset(self) -> None: ...
+
 class Field(enum.Enum):
     discrete = 0
 

@@ -202,6 +202,7 @@ void bind_loop(nb::module_& m, const char* name) {
 
 void bind_batch(nb::module_& m);
 void bind_body(nb::module_& m);
+void bind_solid(nb::module_& m);
 void bind_touch(nb::module_& m);
 
 NB_MODULE(_core, m) {
@@ -209,6 +210,7 @@ NB_MODULE(_core, m) {
   m.doc() = "palpate's core: device dynamics and the servo loop.";
 
   bind_body(m);
+  bind_solid(m);
   bind_touch(m);
 
   nb::class_<palpate::Hand>(m, "Hand")

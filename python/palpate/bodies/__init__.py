@@ -6,18 +6,22 @@ from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.phantom import phantom
 from palpate.bodies.places import Place, ball, beyond, box, on_surface, place
+from palpate.bodies.solid import Law, Solid, Strain
 from palpate.bodies.volume import Volume, block, fill, read_volume
 
 __all__ = [
     "Body",
     "BodyError",
     "BodyWarning",
+    "Law",
     "Material",
     "Place",
     "Press",
     "Presses",
     "Region",
     "Skin",
+    "Solid",
+    "Strain",
     "Volume",
     "ball",
     "beyond",

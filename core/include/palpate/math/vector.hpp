@@ -8,6 +8,18 @@ namespace palpate {
 template <class Scalar = double>
 using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
 
+template <class Scalar = double>
+using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+
+/// The matrix whose product with a vector w is v x w.
+template <class Scalar>
+Matrix3<Scalar> cross_matrix(const Vector3<Scalar>& v) {
+  const Scalar o(0.0);
+  Matrix3<Scalar> m;
+  m << o, -v.z(), v.y(), v.z(), o, -v.x(), -v.y(), v.x(), o;
+  return m;
+}
+
 /// One number for each joint: angles [rad], speeds [rad/s], torques [N*m] (metres and newtons for a sliding joint).
 template <int dof, class Scalar = double>
 using Joints = Eigen::Matrix<Scalar, dof, 1>;

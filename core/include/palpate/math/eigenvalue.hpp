@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cmath>
+
+#include "palpate/math/choose.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate {
+
+/// The largest eigenvalue of a symmetric matrix, from above: Newton's steps on its polynomial, down from a bound beyond which that is
+/// convex.
+template <class Scalar>
+Scalar largest_eigenvalue(const Matrix3<Scalar>& a) noexcept {
+  using std::sqrt;
+  const Scalar mean = (a(0, 0) + a(1, 1) + a(2, 2)) * Scalar(1.0 / 3.0);
+  Matrix3<Scalar> b = a;
+  for (int i = 0; i < 3; ++i) b(i, i) -= mean;
+  // x^3 - 3 q x - d with x the eigenvalue less the mean.
+  const Scalar q = b.squaredNorm() * Scalar(1.0 / 6.0), d = b.col(0).dot(b.col(1).cross(b.col(2)));
+  Scalar x = Scalar(2.0) * sqrt(q) + Scalar(1e-300);
+  for (int i = 0; i < 40; ++i) {
+    const Scalar slope = Scalar(3.0) * (x * x - q);
+    const Scalar step = ((x * x - Scalar(3.0) * q) * x - d) / choose(slope > Scalar(0.0), slope, Scalar(1.0));
+    if (!any(step > Scalar(1e-10) * x)) break;
+    x = choose(step > Scalar(0.0), x - step, x);
+  }
+  return mean + x;
+}
+
+}  // namespace palpate

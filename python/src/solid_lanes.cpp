@@ -1,0 +1,77 @@
+/// Compiled once for each width of vector registers, as batch_lanes.cpp is and for the same reasons.
+#include <algorithm>
+#include <palpate/body/corotational.hpp>
+#include <palpate/body/neo_hookean.hpp>
+
+#include "solid.hpp"
+
+namespace palpate::solid {
+
+namespace {
+
+template <template <class> class Material>
+class SolidOf final : public AnySolid {
+ public:
+  explicit SolidOf(const SolidMesh& mesh)
+      : solid_(mesh), free_(static_cast<std::size_t>(solid_.free_nodes())), at_(3 * solid_.nodes()), load_(solid_.unknowns()) {}
+
+  double evaluate(const double* displacement, double* forces) override {
+    gather(displacement, at_);
+    solid_.move_to(at_.data());
+    scatter(solid_.gradient(), free_, forces);
+    return solid_.energy();
+  }
+
+  void tangent(const double* way, double* forces) override {
+    std::vector<double> free(solid_.unknowns());
+    gather(way, free);
+    const std::vector<float> x(free.begin(), free.end());
+    std::vector<float> y(x.size());
+    solid_.tangent().multiply(x.data(), y.data());
+    std::copy(y.begin(), y.end(), free.begin());
+    scatter(free.data(), free_, forces);
+  }
+
+  int relax(const double* load, double tolerance, int most) override {
+    gather(load, load_);
+    double size = 0.0;
+    for (const double f : load_) size += f * f;
+    for (int k = 0; k <= most; ++k) {
+      double left = 0.0;
+      for (std::size_t i = 0; i < load_.size(); ++i) left += (load_[i] - solid_.gradient()[i]) * (load_[i] - solid_.gradient()[i]);
+      if (left <= tolerance * tolerance * size) return k;
+      if (k < most) solid_.step(load_.data(), 1e-4F, 300);
+    }
+    return -1;
+  }
+
+  void displacement(double* to) const override { scatter(solid_.displacement(), solid_.nodes(), to); }
+  void reset() override { solid_.reset(); }
+
+ private:
+  /// From points to the first nodes, as many as `to` has.
+  void gather(const double* from, std::vector<double>& to) const {
+    for (std::size_t i = 0; 3 * i < to.size(); ++i)
+      for (std::size_t a = 0; a < 3; ++a) to[3 * i + a] = from[3 * point(i) + a];
+  }
+  /// From the first `nodes` nodes to their points.
+  void scatter(const double* from, std::size_t nodes, double* to) const {
+    for (std::size_t i = 0; i < nodes; ++i)
+      for (std::size_t a = 0; a < 3; ++a) to[3 * point(i) + a] = from[3 * i + a];
+  }
+  [[nodiscard]] std::size_t point(std::size_t node) const { return static_cast<std::size_t>(solid_.point_of(static_cast<int>(node))); }
+
+  Solid<Material, PALPATE_LANES> solid_;
+  std::size_t free_;
+  std::vector<double> at_, load_;
+};
+
+}  // namespace
+
+template <>
+std::unique_ptr<AnySolid> make<PALPATE_LANES>(bool corotational, const SolidMesh& mesh) {
+  if (corotational) return std::make_unique<SolidOf<Corotational>>(mesh);
+  return std::make_unique<SolidOf<NeoHookean>>(mesh);
+}
+
+}  // namespace palpate::solid

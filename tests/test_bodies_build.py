@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from palpate import bodies
 from palpate.bodies import BodyError, BodyWarning, Volume, block
-from palpate.bodies.condense import check_memory, condense, digest
+from palpate.bodies.condense import Condensation, check_memory
 from palpate.bodies.elements import Elements
 from palpate.bodies.factor import Factor, installed
 from palpate.bodies.material import Material, Region, Skin
@@ -165,46 +168,57 @@ def test_a_truncated_or_foreign_file_is_refused(body: bodies.Body, tmp_path: Pat
         bodies.load(tmp_path / "none.h5")
 
 
-class _KilledError(Exception):
-    pass
+def test_a_killed_build_leaves_nothing_that_loads(tmp_path: Path) -> None:
+    """Killed in the longest stage, by the operating system: no file under the name, and the next build starts clean."""
+    code = (
+        "import os, signal, sys\nfrom palpate import bodies\n"
+        "def stop(text, part):\n    'condensing' in text and os.kill(os.getpid(), signal.SIGKILL)\n"
+        "bodies.build(bodies.block((0.03, 0.03, 0.02), 0.01), young=5e3, fixed='z < 0.1 mm', output=sys.argv[1], "
+        "progress=stop)"
+    )
+    file = tmp_path / "b.h5"
+    assert subprocess.run([sys.executable, "-c", code, str(file)], check=False).returncode == -signal.SIGKILL
+    assert list(tmp_path.iterdir()) == []
+    bodies.build(block((0.03, 0.03, 0.02), 0.01), young=5e3, fixed=BOTTOM, output=file)
+    assert bodies.load(file).record["young_Pa"] == 5000.0
+    assert list(tmp_path.iterdir()) == [file]
 
 
-def test_a_killed_build_goes_on_and_gives_the_same_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Killed after a few rows, with half a row written: no body file; the next build starts at the next whole row."""
-    monkeypatch.setattr("palpate.bodies.condense._COLUMNS", 12)
-    arguments = {"young": 5e3, "fixed": BOTTOM, "output": tmp_path / "b.h5"}
-    volume = block((0.03, 0.03, 0.02), 0.01)
-
-    def stop(_text: str, fraction: float) -> None:
-        if fraction > 0.4:
-            raise _KilledError
-
-    with pytest.raises(_KilledError):
-        bodies.build(volume, progress=stop, **arguments)
-    assert not (tmp_path / "b.h5").exists()
-    (rows,) = tmp_path.glob(".b.h5.*.rows")
-    with rows.open("ab") as file:
-        file.write(b"half a row")
-    seen: list[float] = []
-    resumed = bodies.build(volume, progress=lambda _text, fraction: seen.append(fraction), **arguments)
-    assert min(f for f in seen if f > 0) > 0.4
-    whole = bodies.build(volume, young=5e3, fixed=BOTTOM)
-    assert resumed.compliance == pytest.approx(whole.compliance, rel=1e-6)
-    assert [p.name for p in tmp_path.iterdir()] == ["b.h5"]
-
-
-def test_rows_of_another_body_are_not_taken_up(small: Elements) -> None:
-    other = Elements(small.volume, Material(6e3, 0.45), [BOTTOM])
-    assert digest(small) != digest(other)
-    assert digest(small) == digest(Elements(small.volume, Material(5e3, 0.45), [BOTTOM]))
+@pytest.mark.parametrize("kind", ["CHOLMOD", "SuperLU"])
+def test_the_schur_complement_is_what_columns_give(small: Elements, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """Two roads to the compliance: PARDISO's elimination of all that is inside, and columns solved one by one."""
+    if installed() != "PARDISO":
+        pytest.skip("pypardiso is not installed")
+    if kind == "CHOLMOD":
+        pytest.importorskip("sksparse.cholmod", exc_type=ImportError)
+    expected = Condensation(small).compliance()
+    monkeypatch.setattr("palpate.bodies.condense.installed", lambda: kind)
+    monkeypatch.setattr("palpate.bodies.factor.installed", lambda: kind)
+    assert np.abs(Condensation(small).compliance() - expected).max() < 1e-6 * expected.max()
 
 
 def test_memory_is_checked_before_anything_is_solved(small: Elements) -> None:
-    result, _ = check_memory(small, "1 GB")
-    factor = Factor(small.stiffness[small.free][:, small.free])
-    assert result == condense(small, factor).nbytes
-    with pytest.raises(BodyError, match=r"over the budget of 1e-05 GB: a coarser mesh"):
-        check_memory(small, "10 kB")
+    """The file's size is known; the factor's is told by PARDISO; what is refused is refused with a proposal."""
+    condensation = Condensation(small)
+    assert condensation.memory > 12 * (3 * len(small.touchable)) ** 2
+    assert f"condensing to {len(small.touchable)} vertices" in str(condensation)
+    check_memory(len(small.touchable), condensation.memory, "1 GB")
+    with pytest.raises(BodyError, match=r"over the budget of 0.01 MB.*coarser mesh, a smaller part to touch"):
+        check_memory(len(small.touchable), condensation.memory, "10 kB")
+
+
+def test_expected_memory_is_what_the_system_counts() -> None:
+    """Peak resident memory of a build of its own, 9,400 unknowns, against what was said beforehand."""
+    code = (
+        "import resource, sys\nfrom palpate import bodies\n"
+        "made = bodies.build(bodies.block((0.08, 0.08, 0.05), 0.01), young=5e3, fixed='z < 0.1 mm')\n"
+        "print(made.record['memory_bytes'], 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    if installed() != "PARDISO" or sys.platform != "linux":
+        pytest.skip("only PARDISO tells, and only Linux counts in KiB")
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    expected, peak = (float(word) for word in done.stdout.split())
+    assert 0.7 * peak < expected < 1.5 * peak
 
 
 @pytest.mark.parametrize(

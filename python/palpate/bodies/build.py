@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from palpate.bodies.body import Body
-from palpate.bodies.condense import check_memory, condense, digest
+from palpate.bodies.condense import Condensation, check_memory
 from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
-from palpate.bodies.factor import Factor
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
 from palpate.bodies.places import Place, place
@@ -64,15 +63,14 @@ def build(
         order: 2 for quadratic tetrahedra, 1 for linear ones (which lock as Poisson's ratio nears 0.5).
         modes: how many vibration modes to find too, for `Body.modal`.
         memory: budget that the build must keep, bytes or text.
-        output: file (.h5) to write the body to; a build that was killed is taken up again from what lies beside it.
-        progress: told what is done, and the fraction of it, 0 to 1.
+        output: file (.h5) to write the body to, whole or not at all.
+        progress: told what begins, how large it is and how long it will take, and the part of the stages done, 0 to 1.
 
     Raises:
         BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
         OutputError: the file cannot be written.
     """
-    begin = time.perf_counter()
-    tell = progress if progress is not None else (lambda _text, _fraction: None)
+    stages = _Stages(progress)
     material = Material(
         _number(young, "Pa", "young"),
         float(poisson),
@@ -85,26 +83,22 @@ def build(
         raise BodyError("nothing is fixed: the body would float away; fix a part of it, such as z < 1 mm")
     where = None if touch is None else place(touch)
     held = [place(text) for text in places]
-    tell("meshing", 0.0)
+    stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
-    meshed = time.perf_counter()
+    stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, held, where, order)
-    expected = check_memory(elements, memory)
-    tell(f"assembling; the compliance will take {expected[0] / 1e6:.3g} MB", 0.0)
-    stiffness = elements.stiffness[elements.free][:, elements.free]
-    tell(f"factorising {len(elements.free)} unknowns", 0.0)
-    factor = Factor(stiffness)
-    del stiffness
-    resume = None
-    if output is not None:
-        target = Path(output)
-        resume = target.with_name(f".{target.name}.{digest(elements)}.rows")
-        resume.parent.mkdir(parents=True, exist_ok=True)
-    compliance = condense(elements, factor, resume=resume, progress=progress)
+    check_memory(len(elements.touchable), elements.memory + 36.0 * len(elements.touchable) ** 2, memory)
+    elements.stiffness  # noqa: B018  # assembles
+    stages.begin("ordering", f"ordering {len(elements.free):,} unknowns")
+    condensation = Condensation(elements)
+    check_memory(len(elements.touchable), condensation.memory, memory)
+    stages.begin("condensing", str(condensation))
+    compliance = condensation.compliance()
     frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
     if modes:
-        tell(f"finding {modes} modes", 1.0)
-        frequencies, shapes = find_modes(elements, factor, modes)
+        stages.begin("modes", f"finding {modes} modes")
+        frequencies, shapes = find_modes(elements, modes)
+    seconds = stages.end()
     record = {
         "source": volume.source,
         "unit": unit,
@@ -121,18 +115,39 @@ def build(
         "nodes": len(elements.nodes),
         "unknowns": len(elements.free),
         "volume_m3": volume.size,
-        "factorisation": factor.kind,
-        "digest": digest(elements),
-        "seconds_meshing": round(meshed - begin, 3),
-        "seconds_solving": round(time.perf_counter() - meshed, 3),
+        "factorisation": condensation.kind,
+        "memory_bytes": condensation.memory,
+        "operations": condensation.operations,
+        "seconds": seconds,
         "versions": _versions(),
     }
     contents = _contents(elements, compliance, frequencies, shapes, record)
     if output is not None:
         write(contents, output)
-        assert resume is not None
-        resume.unlink(missing_ok=True)
     return Body(contents)
+
+
+class _Stages:
+    """Tells of each stage as it begins, and keeps how long each took, s."""
+
+    _NAMES = ("meshing", "assembling", "ordering", "condensing", "modes")
+
+    def __init__(self, progress: Callable[[str, float], None] | None) -> None:
+        self._tell = progress if progress is not None else (lambda _text, _fraction: None)
+        self._seconds: dict[str, float] = {}
+        self._name, self._start = "", time.perf_counter()
+
+    def begin(self, name: str, text: str) -> None:
+        self.end()
+        self._name = name
+        self._tell(text, self._NAMES.index(name) / len(self._NAMES))
+
+    def end(self) -> dict[str, float]:
+        now = time.perf_counter()
+        if self._name:
+            self._seconds[self._name] = round(now - self._start, 3)
+        self._name, self._start = "", now
+        return self._seconds
 
 
 def volume_of(

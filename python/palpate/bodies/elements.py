@@ -9,7 +9,7 @@ the displacement would grow without bound as the mesh is refined.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -165,6 +165,12 @@ class Elements:
         near, _ = Mesh(self.volume.points[used], faces.reshape(-1, 3), open=True, mend=False).nearest(points)
         return np.asarray(np.linalg.norm(points - near, axis=1))
 
+    @property
+    def memory(self) -> float:
+        """Bytes that assembling the stiffness takes, about: pairs of nodes in elements, and slopes at the points."""
+        nodes, points = (10, 14) if self.order == 2 else (4, 4)
+        return len(self.volume.tetrahedra) * 8.0 * (4.0 * nodes**2 + 3.0 * nodes * points)
+
     @cached_property
     def stiffness(self) -> sparse.csr_matrix:
         """Stiffness (3N, 3N), N/m, of isotropic linear elasticity: lambda tr(e) tr(e') + 2 mu e : e'."""
@@ -172,33 +178,44 @@ class Elements:
         lame = self.young * nu / ((1 + nu) * (1 - 2 * nu))
         shear = self.young / (2 * (1 + nu))
         slope = np.stack([np.broadcast_to(f[0].grad, (3, *self._basis.dx.shape)) for f in self._basis.basis])
-        parts = []
-        for cells in np.array_split(np.arange(len(lame)), max(1, len(lame) // 4000)):
+
+        def blocks(cells: slice) -> Array:
             g, w = slope[:, :, cells], self._basis.dx[cells]
-            volumetric = np.einsum("aieq,bjeq,eq->eaibj", g, g, w * lame[cells], optimize=True)
-            products = np.einsum("aieq,bjeq,eq->eaibj", g, g, w * shear[cells], optimize=True)
-            element = volumetric + products.transpose(0, 1, 4, 3, 2)
-            trace = np.einsum("eaibi->eab", products)
-            for i in range(3):
-                element[:, :, i, :, i] += trace
-            parts.append(element.reshape(len(cells), -1))
-        return self._assemble(np.concatenate(parts), 3)
+            products = np.einsum("aieq,bjeq,eq->eabij", g, g, w * shear[cells], optimize=True)
+            found = np.einsum("aieq,bjeq,eq->eabij", g, g, w * lame[cells], optimize=True)
+            found += products.swapaxes(3, 4)
+            found[..., range(3), range(3)] += np.einsum("eabii->eab", products)[..., None]
+            return np.asarray(found)
+
+        return self._assemble(blocks, 3)
 
     @cached_property
     def mass(self) -> sparse.csr_matrix:
         """Consistent mass (3N, 3N), kg."""
         value = np.stack([np.broadcast_to(np.asarray(f[0]), self._basis.dx.shape) for f in self._basis.basis])
-        local = self.material.density * np.einsum("aeq,beq,eq->eab", value, value, self._basis.dx, optimize=True)
-        return sparse.kron(self._assemble(local.reshape(len(local), -1), 1), sparse.eye(3), format="csr")
 
-    def _assemble(self, local: Array, axes: int) -> sparse.csr_matrix:
-        """Sum element matrices (elements, (nodes axes)^2) into one."""
-        dofs = self._basis.element_dofs.T  # elements x nodes
-        dofs = (dofs[:, :, None] * axes + np.arange(axes)).reshape(len(dofs), -1)
-        width, size = dofs.shape[1], len(self.nodes) * axes
-        kind = np.int32 if size < 2**31 else np.int64
-        rows, columns = np.repeat(dofs, width, axis=1).astype(kind), np.tile(dofs, (1, width)).astype(kind)
-        return sparse.coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+        def blocks(cells: slice) -> Array:
+            v, w = value[:, cells], self.material.density * self._basis.dx[cells]
+            return np.asarray(np.einsum("aeq,beq,eq->eab", v, v, w, optimize=True)[..., None, None])
+
+        return sparse.kron(self._assemble(blocks, 1), sparse.eye(3), format="csr")
+
+    def _assemble(self, blocks: Callable[[slice], Array], axes: int) -> sparse.csr_matrix:
+        """Sum element matrices; `blocks` returns those of some elements, (elements, nodes, nodes, axes, axes)."""
+        nodes = np.asarray(self._basis.element_dofs.T, dtype=np.int64)  # elements x nodes
+        size = len(self.nodes)
+        pairs, place = np.unique((nodes[:, :, None] * size + nodes[:, None, :]).ravel(), return_inverse=True)
+        place = place.reshape(len(nodes), -1)
+        total = np.zeros((axes * axes, len(pairs)))
+        many = 400_000 // nodes.shape[1] ** 2  # elements at a time, so that their matrices take little memory
+        for begin in range(0, len(nodes), many):
+            cells = slice(begin, begin + many)
+            to = place[cells].ravel()
+            for i, part in enumerate(blocks(cells).reshape(len(to), -1).T):
+                total[i] += np.bincount(to, part, len(pairs))
+        rows = np.searchsorted(pairs, size * np.arange(size + 1))
+        data = np.ascontiguousarray(total.T).reshape(-1, axes, axes)
+        return sparse.bsr_matrix((data, pairs % size, rows), shape=(axes * size, axes * size)).tocsr()
 
     def _check_held(self) -> None:
         if len(self.fixed) == 0:

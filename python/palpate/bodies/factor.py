@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from palpate.bodies.errors import BodyError
+from palpate.bodies.pardiso import Pardiso, PardisoError
 
-__all__ = ["Factor", "installed"]
+__all__ = ["NOT_DEFINITE", "Factor", "installed"]
 
 Array = NDArray[np.float64]
-_NOT_DEFINITE = "the stiffness is not positive definite: the body can move without straining; fix more of it"
+NOT_DEFINITE = "the stiffness is not positive definite: the body can move without straining; fix more of it"
 
 
 def installed() -> str:
@@ -41,17 +41,12 @@ class Factor:
 
 
 def _pardiso(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
-    from pypardiso import PyPardisoSolver
-    from pypardiso.pardiso_wrapper import PyPardisoError
-
-    solver: Any = PyPardisoSolver(mtype=2)
-    upper = sparse.triu(matrix, format="csr")
-    upper.sort_indices()
+    factor = Pardiso(matrix)
     try:
-        solver.factorize(upper)
-    except PyPardisoError as problem:
-        raise BodyError(f"{_NOT_DEFINITE} ({problem})") from problem
-    return lambda right: np.asarray(solver.solve(upper, np.asfortranarray(right)))
+        factor.factorise()
+    except PardisoError as problem:
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
+    return factor.solve
 
 
 def _cholmod(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
@@ -61,7 +56,7 @@ def _cholmod(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
         factor = cholesky(matrix.tocsc(), ordering_method="metis")
         return lambda right: np.asarray(factor(right))
     except CholmodError as problem:
-        raise BodyError(f"{_NOT_DEFINITE} ({problem})") from problem
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
 
 
 def _superlu(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
@@ -72,5 +67,5 @@ def _superlu(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
         )
     except RuntimeError as problem:
-        raise BodyError(f"{_NOT_DEFINITE} ({problem})") from problem
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
     return lambda right: np.asarray(factor.solve(right))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import errors, output, progress
+from palpate.cli.console import errors, output, progress, stages
 
 __all__ = ["build", "phantom", "show", "validate"]
 
@@ -44,12 +44,12 @@ def build(
 ) -> None:
     """Build a body from a mesh: fill it, solve how its surface yields, write that to a file.
 
-    Says first how large the result will be, and stops with a proposal if that is over the budget. A build that was
-    stopped goes on where it was when the same command is given again.
+    Says first how large the result will be and how long it will take, and stops with a proposal if that is over the
+    budget. The file appears whole or not at all.
 
     Example: palpate body build liver.stl --unit mm --young "5 kPa" --fixed "z < 2 mm" -o liver.h5
     """
-    with progress("starting") as tell, warnings.catch_warnings(record=True) as told:
+    with stages("starting") as tell, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         from palpate.bodies import BodyWarning
         from palpate.bodies import build as make
@@ -90,7 +90,7 @@ def phantom(
 
     Example: palpate body phantom --contrast 5 --depth "10 mm" -o phantom.h5
     """
-    with progress("starting") as tell:
+    with stages("starting") as tell:
         from palpate.bodies import BodyError
         from palpate.bodies import phantom as make
         from palpate.units import quantity
@@ -121,8 +121,8 @@ def _tell(record: object, nodes: int) -> None:
     assert isinstance(record, dict)
     output.print(
         f"[bold]{escape(str(record['source']))}[/]: {record['tetrahedra']} tetrahedra, {record['nodes']} nodes, "
-        f"{nodes} of them touchable; {36e-6 * nodes**2:.3g} MB, solved in {record['seconds_solving']:.3g} s "
-        f"by {record['factorisation']}",
+        f"{nodes} of them touchable; {36e-6 * nodes**2:.3g} MB, solved in "
+        f"{sum(s for stage, s in record['seconds'].items() if stage != 'meshing'):.3g} s by {record['factorisation']}",
         soft_wrap=True,
     )
 

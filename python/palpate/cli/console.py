@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-__all__ = ["errors", "output", "progress"]
+__all__ = ["errors", "output", "progress", "stages"]
 
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
@@ -21,3 +22,21 @@ def progress(text: str) -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task(text, total=1.0)
         yield lambda now, fraction: bar.update(task, description=now, completed=fraction)
+
+
+@contextmanager
+def stages(text: str) -> Iterator[Callable[[str, float], None]]:
+    """As `progress`, for few and long stages: each text stays on stderr, with the time that it took."""
+    now, begin = text, time.perf_counter()
+    with Progress(TextColumn("{task.description}"), BarColumn(30), TimeElapsedColumn(), console=errors) as bar:
+        task = bar.add_task(text, total=None)
+
+        def tell(next_text: str, _fraction: float) -> None:
+            nonlocal now, begin
+            done, (now, begin) = (now, begin), (next_text, time.perf_counter())
+            errors.print(f"  {done[0]} [dim]{begin - done[1]:.1f} s[/]", soft_wrap=True)
+            bar.reset(task, description=next_text, total=None)
+
+        yield tell
+        tell("", 1.0)
+        bar.remove_task(task)

@@ -14,7 +14,7 @@ SLIDER = Path(__file__).parent.parent / "scenarios" / "slider-wall-stable.toml"
 
 def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:
     """Golden: 60 g, 0.05 N·s/m, 1 ms: 100 N/m in nobody's hand, 9135 gripped rigidly, 1484 through fingertip tissue."""
-    page = zwidth_page(zwidth(Scenario.from_file(SLIDER), simulated=0)).html()
+    page = zwidth_page(zwidth(Scenario.from_file(SLIDER), simulated=False)).html()
     rows = page[page.index("nobody holds it</td>") :]
     found = []
     for who in ("nobody holds it", "a rigid grip", "through fingertip tissue"):

@@ -57,9 +57,9 @@ def zwidth(
         Path | None,
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
-    points: Annotated[int, typer.Option(min=0, help="Points of the boundary to find by simulation.")] = 7,
+    simulate: Annotated[bool, typer.Option(help="Find the boundary by running the loop as well.")] = True,
 ) -> None:
-    """Map every stiffness and damping that a scenario's loop bears: exact curve, passive region, simulated points.
+    """Map every stiffness and damping that a scenario's loop bears: exact curve, simulated boundary, passive region.
 
     Writes zwidth.html and zwidth.json.
 
@@ -70,7 +70,7 @@ def zwidth(
         from palpate.stability import zwidth as map_of
 
         loaded = Scenario.from_file(scenario)
-        found = map_of(loaded, simulated=points, progress=tell)
+        found = map_of(loaded, simulated=simulate, progress=tell)
         tell("drawing", 0.95)
         page = found.page()
         folder = out if out is not None else Path("results") / scenario.stem
@@ -83,9 +83,11 @@ def zwidth(
         output.print(f"  {name}: no wall of any size is stable", markup=False)
     if found.passive is not None:
         output.print(f"  passive in every hand: up to {found.passive[1].max():.5g} N/m", markup=False)
-    if found.simulated:
-        worst = max(abs(point.error) for point in found.simulated)
-        output.print(f"  simulated boundary within {100 * worst:.2g} % of the exact one", markup=False)
+    else:
+        output.print(f"  passive walls: none known; {found.not_passive}", markup=False, soft_wrap=True)
+    if found.simulated is not None:
+        off = f"at most {100 * found.simulated.furthest:.2g} % of the map off the exact curve"
+        output.print(f"  simulated boundary ({found.simulated.runs:,} runs): {off}", markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import control
@@ -58,6 +59,21 @@ class Boundary:
         """Return the (B, K) of the largest K on the curve."""
         k = int(np.argmax(self.stiffness))
         return float(self.damping[k]), float(self.stiffness[k])
+
+    @property
+    def pieces(self) -> list[tuple[int, int]]:
+        """Return (first, past the last) of the stretches of the curve without a jump."""
+        if len(self.damping) < 3:
+            return [(0, len(self.damping))]
+        wide, high = (float(np.ptp(values)) or 1.0 for values in (self.damping, self.stiffness))
+        jump = np.hypot(np.diff(self.damping) / wide, np.diff(self.stiffness) / high) > 0.05
+        ends = [0, *(np.flatnonzero(jump) + 1).tolist(), len(self.damping)]
+        return list(pairwise(ends))
+
+    def up_to(self, damping: float) -> Boundary:
+        """Return the part of the curve up to B = ``damping``, N s/m."""
+        kept = self.damping <= damping
+        return Boundary(self.damping[kept], self.stiffness[kept], self.angle[kept], self.inside)
 
 
 def _loop(device: Device, options: dict[str, Any]) -> WallLoop:

@@ -16,41 +16,39 @@ from numpy.typing import NDArray
 from palpate.scenario import Scenario
 from palpate.stability.boundary import Boundary, boundary, trace
 from palpate.stability.checks import StabilityError
-from palpate.stability.counter_example import growth
 from palpate.stability.loop import WallLoop, wall_loop
 from palpate.stability.passivity import passive_stiffness
 from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
+from palpate.stability.simulated import SimulatedBoundary, simulated_boundary
 from palpate.stability.tip import Arm, HeldTip
 
 if TYPE_CHECKING:
     from palpate.report.html import Page
 
-__all__ = ["SimulatedPoint", "ZWidth", "simulated_boundary", "wall_loops", "zwidth"]
+__all__ = ["Corner", "ZWidth", "wall_loops", "zwidth"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 HAND = Arm(0.15, 4.5, 560.0)
 TISSUE = (500.0, 0.5)  # N/m, N s/m
+MARGIN = 1.08  # of the map beyond the exact curve
+VANISHES = 0.02  # share of the map below which nothing is seen
+CLOSE = 100_000  # points of a curve of which a corner shows a few hundred
 
 
 @dataclass(frozen=True)
-class SimulatedPoint:
-    """Where the simulated loop begins to grow.
+class Corner:
+    """The map about no damping and no stiffness, where its whole would hide the object or the passive walls.
 
     Attributes:
-        damping: B, N s/m.
-        stiffness: K, N/m, by bisection.
-        exact: K of the exact boundary, N/m.
+        window: largest B, N s/m, and K, N/m, of the corner.
+        edge: the exact boundary of the scenario's own loop there.
+        simulated: the same, found by running the loop; None where it was not.
     """
 
-    damping: float
-    stiffness: float
-    exact: float
-
-    @property
-    def error(self) -> float:
-        """Simulated over exact, less one."""
-        return self.stiffness / self.exact - 1
+    window: tuple[float, float]
+    edge: Boundary
+    simulated: SimulatedBoundary | None
 
 
 @dataclass(frozen=True)
@@ -60,17 +58,21 @@ class ZWidth:
     Attributes:
         title: the scenario's.
         curves: exact boundaries by who holds the device; the first is the scenario's own operator.
-        passive: (B, K) of the edge of the passive walls, each (k,); None where passivity is not asked.
-        simulated: points of the scenario's own boundary, found by running it.
+        passive: (B, K) of the edge of the passive walls, each (k,); None where nothing is known of them.
+        not_passive: why `passive` is None; empty otherwise.
+        simulated: the scenario's own boundary, found by running it; None where it was not.
         here: (B, K) of the scenario's object.
+        corner: the map about its origin, where something would vanish at the scale of the whole.
         never: operators with whom no wall of any size is stable, as where the arm tips over along the surface.
     """
 
     title: str
     curves: Mapping[str, Boundary]
     passive: tuple[Array, Array] | None
-    simulated: tuple[SimulatedPoint, ...]
+    not_passive: str
+    simulated: SimulatedBoundary | None
     here: tuple[float, float]
+    corner: Corner | None = None
     never: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -84,10 +86,14 @@ class ZWidth:
             "passive": None
             if self.passive is None
             else {"damping_N_s_per_m": self.passive[0].tolist(), "stiffness_N_per_m": self.passive[1].tolist()},
-            "simulated": [
-                {"damping_N_s_per_m": p.damping, "stiffness_N_per_m": p.stiffness, "exact_N_per_m": p.exact}
-                for p in self.simulated
-            ],
+            "simulated": _numbers(self.simulated),
+            "corner": None
+            if self.corner is None
+            else {
+                "damping_N_s_per_m": self.corner.edge.damping.tolist(),
+                "stiffness_N_per_m": self.corner.edge.stiffness.tolist(),
+                "simulated": _numbers(self.corner.simulated),
+            },
             "never_stable": list(self.never),
             "object": {"damping_N_s_per_m": self.here[0], "stiffness_N_per_m": self.here[1]},
         }
@@ -103,20 +109,32 @@ class ZWidth:
         return zwidth_page(self)
 
 
+def _numbers(found: SimulatedBoundary | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "damping_N_s_per_m": found.damping.tolist(),
+        "stiffness_N_per_m": found.stiffness.tolist(),
+        "distance_from_exact": found.distance.tolist(),
+        "runs": found.runs,
+        "duration_s": found.duration,
+    }
+
+
 def zwidth(
     scenario: Scenario | Mapping[str, Any] | str | Path,
     *,
-    simulated: int = 7,
+    simulated: bool = True,
     progress: Progress | None = None,
 ) -> ZWidth:
-    """Return the Z-width of a scenario's loop: the exact boundary, the passive walls, and points found by running it.
+    """Return the Z-width of a scenario's loop: the exact boundary, the passive walls, and the boundary found by runs.
 
     The object of the scenario is replaced by spring and damper of every size, the same in all directions in which it is
     felt, damped by backward difference. An impedance display is also judged in other hands.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
-        simulated: points of the boundary to find by simulation.
+        simulated: whether to find the boundary by simulation as well.
         progress: called with a text and the share done.
 
     Raises:
@@ -132,7 +150,8 @@ def zwidth(
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')
     tell("exact boundary", 0.05)
-    curves = {_holder(s): _edge(own)}
+    edge = _edge(own)
+    curves = {_holder(s): edge}
     never = []
     for name, arm in _other_hands(s):
         try:
@@ -140,11 +159,34 @@ def zwidth(
         except StabilityError:
             never.append(name)
     tell("passive walls", 0.15)
-    passive = _passive(s, own, curves[_holder(s)])
-    points = simulated_boundary(s, curves[_holder(s)], simulated, lambda share: tell("simulating", 0.2 + 0.7 * share))
-    return ZWidth(
-        s.title, curves, passive, points, (float(own.damping.max()), float(own.stiffness.max())), tuple(never)
-    )
+    here = (float(own.damping.max()), float(own.stiffness.max()))
+    passive, reason = _passive(s, own, edge)
+    found, corner = None, None
+    if simulated:
+        whole = (MARGIN * float(edge.damping.max()), MARGIN * float(edge.stiffness.max()))
+        found = simulated_boundary(s, own, edge, whole, lambda share: tell("simulating", 0.2 + 0.4 * share))
+    window = _corner_window(edge, passive, here)
+    if window is not None:
+        near = _edge(own, CLOSE).up_to(1.1 * window[0])
+        again = None
+        if simulated:
+            again = simulated_boundary(s, own, near, window, lambda share: tell("simulating", 0.6 + 0.3 * share))
+        corner = Corner(window, near, again)
+    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never))
+
+
+def _corner_window(
+    edge: Boundary, passive: tuple[Array, Array] | None, here: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return the largest (B, K) of the corner that needs a picture of its own; None if the whole shows everything."""
+    wide, high = float(edge.damping.max()), float(edge.stiffness.max())
+    b, k = here if here[0] < VANISHES * wide and here[1] < VANISHES * high else (0.0, 0.0)
+    if passive is not None and (passive[0].max() < VANISHES * wide or passive[1].max() < VANISHES * high):
+        b, k = max(b, float(passive[0].max())), max(k, float(passive[1].max()))
+    if k <= 0:
+        return None
+    window = 2.5 * (b or wide * k / high), 2.5 * k
+    return window if window[0] < wide / 4 and window[1] < high / 4 else None
 
 
 def _holder(s: Scenario) -> str:
@@ -231,18 +273,18 @@ class _Coupled(WallLoop):
         return np.asarray(1 / ordered[:, self.index], dtype=complex)
 
 
-def _edge(loop: ScenarioLoop) -> Boundary:
+def _edge(loop: ScenarioLoop, points: int = 1000) -> Boundary:
     """Return the exact boundary of a scenario's loop, every direction with the same K and B."""
     r = loop.directions.shape[1]
     if r == 1:
-        return boundary(wall_loops(loop)[0], points=1000)
+        return boundary(wall_loops(loop)[0], points=points)
     parts: list[Boundary] = []
     scale: tuple[float, float] | None = None
-    for points in (100, 700):  # first to see how large the region is: one direction alone may cut it very steeply
+    for count in (100, points):  # first to see how large the region is: one direction alone may cut it very steeply
         parts = []
         for index in range(r):
             with suppress(StabilityError):
-                parts.append(trace(_Coupled.of(loop, index), points, 0.0, scale, alone=False))
+                parts.append(trace(_Coupled.of(loop, index), count, 0.0, scale, alone=False))
         if parts:
             scale = max(float(p.damping.max()) for p in parts), max(float(p.stiffness.max()) for p in parts)
     if not parts:
@@ -253,111 +295,19 @@ def _edge(loop: ScenarioLoop) -> Boundary:
     return Boundary(damping, stiffness, angle, parts[0].inside)
 
 
-def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[Array, Array] | None:
-    if s.servo.topology != "impedance_display" or s.controller.kind not in ("none", "gain"):
-        return None
-    if math.isnan(loop.damping_felt) or loop.damping_felt <= 0 or not loop.rests:
-        return None
+def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[tuple[Array, Array] | None, str]:
+    """Return (B, K) of the edge of the passive walls, or None and the reason."""
+    if s.servo.topology != "impedance_display":
+        return None, "the loop tracks a reference force: no hand holds it, so passivity says nothing of it"
+    if s.controller.kind not in ("none", "gain"):
+        return None, "a controller with a memory is in the loop: no closed form tells where it is passive"
+    if math.isnan(loop.damping_felt):
+        return None, "the model does not say how much damping the device has of its own"
+    if loop.damping_felt <= 0:
+        return None, "the device has no damping of its own, so no wall is passive"
+    if not loop.rests:
+        return None, "in nobody's hand the device tips over under gravity, so no wall is passive"
     share = max(s.controller.gain or (1.0,))
     b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.damping_felt / share), 25)
     k = passive_stiffness(damping=loop.damping_felt, period=s.period, virtual_damping=b * share, delay=s.device.delay)
-    return b, k / share
-
-
-def simulated_boundary(
-    s: Scenario, edge: Boundary, count: int, progress: Callable[[float], None] | None = None
-) -> tuple[SimulatedPoint, ...]:
-    """Return ``count`` points of the boundary as the full simulation finds them: by bisection on growth.
-
-    The object is held from both sides at the start tip; the device is as the scenario has it but without dry friction,
-    counts and limits, which bound every swing; the push is a millinewton, so that the motion is small at first.
-    """
-    if count < 1:
-        return ()
-    loop = scenario_loop(s)
-    experiment = _free_run(s)
-    if s.object.kind == "wall" and np.max(np.abs(loop.directions)) < 1 - 1e-9:
-        return ()  # an oblique surface has no spring along its normal alone
-    rising = np.flatnonzero(edge.stiffness > 0.05 * edge.stiffness.max())
-    rising = rising[np.linspace(0, len(rising) - 1, min(len(rising), 12 * count)).astype(int)]
-    walls = _Coupled.of(loop, 0).matrix(edge.stiffness[rising], edge.damping[rising])
-    # where a second swing hardly decays, no run of sane length tells the two apart
-    clear = np.array([_other(one) < 1 - 5e-4 for one in walls], dtype=bool)
-    chosen = rising[clear]
-    if len(chosen) > count:
-        chosen = chosen[np.linspace(0, len(chosen) - 1, count + 2).astype(int)[1:-1]]
-    points = []
-    for number, index in enumerate(chosen):
-        b, k = float(edge.damping[index]), float(edge.stiffness[index])
-        found = _bisect(experiment, loop, b, k, float(edge.angle[index]))
-        if found is not None:
-            points.append(SimulatedPoint(b, found, k))
-        if progress:
-            progress((number + 1) / count)
-    return tuple(points)
-
-
-def _free_run(s: Scenario) -> Any:
-    """Return a scenario made ready to run against a spring, without dry friction, counts and limits."""
-    from dataclasses import replace
-
-    from palpate.loop.simulate import prepare
-
-    tables = s.to_dict()
-    tables["device"] = {**tables["device"], "encoder": False, "saturation": False}
-    tables["run"] = {"duration": f"{2 * s.period:.9g} s", "substeps": max(4, s.run.substeps)}
-    experiment = prepare(tables)
-    device = experiment.device.with_friction(coulomb=0.0)
-    experiment.setup.friction = device.core_friction
-    return replace(experiment, device=device)
-
-
-def _bisect(experiment: Any, loop: ScenarioLoop, damping: float, exact: float, angle: float) -> float | None:
-    """Return the stiffness at which the simulated swing neither grows nor dies, near ``exact`` N/m; None if unclear."""
-    r = loop.directions.shape[1]
-    settle = 12 / max(1 - _other(_Coupled.of(loop, 0).matrix(exact, damping)), 1e-9)
-    cycles = 40 * 2 * math.pi / max(angle, 1e-9)
-    ticks = int(min(max(5 * settle, 5 * cycles, 500), 60_000))
-    force = np.zeros((ticks + 1, 3))
-    force[:5] = 1e-3 * loop.directions.sum(axis=1) / math.sqrt(r)
-    setup = experiment.setup
-    setup.anchor = _spring(experiment.device.forward(experiment.start))
-    tracking = not np.any(experiment.operator) and experiment.scenario.servo.topology == "force_tracking"
-    silent = np.zeros_like(force)
-    felt = np.abs(loop.directions).max(axis=1)
-    sharp = 3 if angle > 0.05 else 1  # differences that hide what is slower; a slow swing would sink into rounding
-
-    def grows(stiffness: float) -> bool:
-        setup.stiffness, setup.damping = stiffness * felt, damping * felt
-        rows, count, unstable = setup.run(*((force, silent) if tracking else (silent, force)))
-        if unstable >= 0:
-            return True
-        dof = experiment.device.dof
-        tip = experiment.device.forward(np.asarray(rows)[:count, :dof]) @ loop.directions
-        return bool(np.ptp(tip, axis=0).max() > 5e-4) or growth(tip, sharp) > 1  # half a millimetre from a millinewton
-
-    low, high = 0.9 * exact, 1.12 * exact
-    if grows(low) or not grows(high):
-        return None
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if grows(middle) else (middle, high)
-    return 0.5 * (low + high)
-
-
-def _other(matrix: Array) -> float:
-    """Return the largest modulus of the eigenvalues off the unit circle that swing a third as fast as the one on it."""
-    values = np.linalg.eigvals(matrix)
-    moduli = np.abs(values)
-    on = np.abs(moduli - 1) < 1e-6
-    fast = np.abs(values - 1) > np.abs(values[on] - 1).max(initial=0.0) / 3
-    return float(moduli[~on & fast].max(initial=0.0))
-
-
-def _spring(point: Array) -> Any:
-    from palpate import _core
-
-    anchor = _core.Anchor()
-    anchor.kind = _core.Anchor.Kind.point
-    anchor.point = point
-    return anchor
+    return (b, k / share), ""

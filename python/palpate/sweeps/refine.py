@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from palpate.sweeps.axes import COLUMNS, Axis, SweepError, axes_of
 from palpate.sweeps.outcomes import Outcomes
 from palpate.sweeps.plan import Plan
 
-__all__ = ["Refined", "refine"]
+__all__ = ["Refined", "follow", "refine"]
 
 Array = NDArray[np.float64]
 
@@ -83,46 +83,59 @@ def refine(
         raise SweepError(f"levels: {levels}; from 0 to 10")
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
-    step = 2**levels
-    fine = tuple(Axis(axis.path, axis.unit, _finer(axis, step)) for axis in axes)
+    fine = tuple(Axis(axis.path, axis.unit, _finer(axis, 2**levels)) for axis in axes)
     plan = Plan(scenario.to_dict(), fine, {}, 1, 0)
     plan.check()
-    shape = plan.shape
+
+    def look(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+        cells = np.ravel_multi_index((i, j), plan.shape)
+        return Outcomes(plan.run_cells(cells, threads or os.cpu_count() or 1)).growth
+
+    values = tuple(np.asarray(axis.values, dtype=float) for axis in fine)
+    return follow((axes[0].path, axes[1].path), (values[0], values[1]), levels, look)
+
+
+def follow(
+    paths: tuple[str, str],
+    values: tuple[Array, Array],
+    levels: int,
+    look: Callable[[NDArray[np.int64], NDArray[np.int64]], Array],
+) -> Refined:
+    """Return the map whose cells `look` runs: a coarse grid first, then only what lies at the boundary.
+
+    Every square whose corners differ, and those beside it, are halved, `levels` times.
+
+    Args:
+        paths: of the two axes.
+        values: of the two axes at their finest, SI, with a multiple of 2^levels steps each.
+        levels: how often steps are halved.
+        look: from the indices (k,) along both axes to the growth (k,) of these cells.
+    """
+    shape = (len(values[0]), len(values[1]))
     growth = np.full(shape, np.nan)
     ran = np.zeros(shape, dtype=bool)
     unstable = np.zeros(shape, dtype=bool)
 
-    def look(wanted: NDArray[np.bool_]) -> None:
-        new = wanted & ~ran
-        if not new.any():
-            return
-        cells = np.flatnonzero(new)
-        outcomes = Outcomes(plan.run_cells(cells, threads or os.cpu_count() or 1))
-        growth.ravel()[cells], unstable.ravel()[cells] = outcomes.growth, outcomes.unstable
-        ran.ravel()[cells] = True
+    def run(wanted: NDArray[np.bool_]) -> None:
+        i, j = np.nonzero(wanted & ~ran)
+        if len(i):
+            growth[i, j] = look(i, j)
+            unstable[i, j] = growth[i, j] > 1
+            ran[i, j] = True
 
-    coarse = np.zeros(shape, dtype=bool)
-    coarse[::step, ::step] = True
-    look(coarse)
-    while True:
-        # every square of this step whose corners differ gets its middle and the middles of its sides
+    step = 2**levels
+    wanted = np.zeros(shape, dtype=bool)
+    wanted[::step, ::step] = True
+    run(wanted)
+    while step > 1:
         half = step // 2
-        if half == 0:
-            break
-        mixed = _mixed(unstable[::step, ::step])
         wanted = np.zeros(shape, dtype=bool)
-        for i, j in np.argwhere(mixed):
+        for i, j in np.argwhere(_mixed(unstable[::step, ::step])):
             wanted[i * step : (i + 1) * step + 1 : half, j * step : (j + 1) * step + 1 : half] = True
         _take_over(unstable, ran, step)
-        look(wanted)
+        run(wanted)
         step = half
-    return Refined(
-        (axes[0].path, axes[1].path),
-        (np.asarray(fine[0].values, dtype=float), np.asarray(fine[1].values, dtype=float)),
-        unstable,
-        growth,
-        ran,
-    )
+    return Refined(paths, values, unstable, growth, ran)
 
 
 def _finer(axis: Axis, step: int) -> tuple[float, ...]:

@@ -45,7 +45,8 @@ def test_a_program_outside_the_tree_finds_the_installed_core(tmp_path: Path) -> 
     run(BIN / "cmake", "--install", tmp_path / "build")
     eigen = run(sys.executable, "-m", "cmeel", "cmake").strip()
     source = ROOT / "core" / "tests" / "consumer"
-    configured = configure(source, tmp_path / "consumer", f"-DCMAKE_PREFIX_PATH={tmp_path / 'prefix'};{eigen}")
+    options = (f"-DCMAKE_PREFIX_PATH={tmp_path / 'prefix'};{eigen}", "-DCMAKE_BUILD_TYPE=Debug")
+    configured = configure(source, tmp_path / "consumer", *options)
     assert configured.returncode == 0, configured.stderr
     run(BIN / "ninja", "-C", tmp_path / "consumer")
     words = run(tmp_path / "consumer" / "consumer").split()

@@ -14,8 +14,6 @@ using palpate::Premium;
 using palpate::Slider;
 using palpate::Vector3;
 
-const Premium arm(palpate::phantom_premium_1_5a());
-
 // Law: without friction and forces the energy stays.
 TEST(Motion, ConservesEnergyForTenSeconds) {
   const Motion<Premium> motion(arm, Friction<3>{}, Hand{});

@@ -8,8 +8,6 @@ using palpate::Dual;
 using palpate::Joints;
 using palpate::Premium;
 
-const Premium arm(palpate::phantom_premium_1_5a());
-
 template <class Scalar = Dual<3>>
 Joints<3, Scalar> variables(const Joints<3>& q) {
   Joints<3, Scalar> v;

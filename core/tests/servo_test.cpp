@@ -13,7 +13,6 @@ using palpate::Servo;
 using palpate::ServoSetup;
 using palpate::Vector3;
 
-const Premium arm(palpate::phantom_premium_1_5a());
 const Joints<3> pose(0.0, 2.2305, 3.2776);
 
 // Law: torque and tip force do the same work: tau = J^T (F_ref - F_object).

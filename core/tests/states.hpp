@@ -3,6 +3,8 @@
 #include <palpate/palpate.hpp>
 #include <random>
 
+inline const palpate::Premium arm(palpate::phantom_premium_1_5a());  ///< whose laws are checked
+
 /// Random states with a fixed seed, for tests of laws that must hold everywhere.
 class States {
  public:

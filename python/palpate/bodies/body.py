@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -105,6 +106,23 @@ class Body:
     def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody:
         """The contact of one tip, in C++."""
         return _core.ElasticBody(*self._arrays())
+
+    def stiffer(self, factor: float) -> Body:
+        """Return the same body of a material `factor` times as stiff everywhere: exact, for it is linear.
+
+        Raises:
+            BodyError: the factor is not positive and finite.
+        """
+        if not 0 < factor < np.inf:
+            raise BodyError(f"a body is a positive, finite number of times as stiff, not {factor:g}")
+        return Body(
+            replace(
+                self.contents,
+                compliance=(self.compliance / np.float32(factor)).astype(np.float32),
+                frequencies=self.contents.frequencies * np.sqrt(factor),
+                record={**self.record, "stiffer": factor * self.record.get("stiffer", 1.0)},
+            )
+        )
 
     def modal(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.

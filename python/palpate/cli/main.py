@@ -16,6 +16,7 @@ from palpate.cli.bench import bench
 from palpate.cli.console import errors
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
+from palpate.cli.palpation import palpation
 from palpate.cli.performance import performance
 from palpate.cli.reproduce import reproduce
 from palpate.cli.run import run
@@ -56,7 +57,20 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     return wrapped
 
 
-for function in (run, certify, zwidth, workspace, performance, sweep, merge, reproduce, identify, devices, bench):
+for function in (
+    run,
+    certify,
+    zwidth,
+    workspace,
+    performance,
+    palpation,
+    sweep,
+    merge,
+    reproduce,
+    identify,
+    devices,
+    bench,
+):
     app.command()(one_sentence(function))
 
 bodies = typer.Typer(no_args_is_help=True, help="Bodies that yield: build one from a mesh, or look at one.")

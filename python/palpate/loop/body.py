@@ -88,7 +88,8 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         path = Path(choice.file) if choice.file is not None else kept_at(choice)
         if choice.file is None and not path.is_file():
             _make(choice, path, tell)
-        return _of_kind(_state(path), choice.kind, tuple(sorted(choice.options.items())), scenario.period)
+        options = tuple(sorted(choice.options.items()))
+        return _of_kind(_state(path), choice.stiffer, choice.kind, options, scenario.period)
     except PalpateError as problem:
         field = "object.body" if choice.file is None else "object.body.file"
         raise scenario.mistake(field, str(problem)) from None
@@ -156,8 +157,10 @@ def _read(state: tuple[str, int, int]) -> Body:
 
 
 @lru_cache(maxsize=4)
-def _of_kind(state: tuple[str, int, int], kind: str, options: tuple[tuple[str, float], ...], period: float) -> Body:
-    body = _read(state)
+def _of_kind(
+    state: tuple[str, int, int], stiffer: float, kind: str, options: tuple[tuple[str, float], ...], period: float
+) -> Body:
+    body = _read(state) if stiffer == 1.0 else _read(state).stiffer(stiffer)
     if kind == "compliance":
         return body
     made: Body = getattr(body, kind)(period, **dict(options))

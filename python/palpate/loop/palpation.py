@@ -13,9 +13,11 @@ from palpate.loop.sliding import LAST
 if TYPE_CHECKING:
     from palpate.loop.trace import Trace
 
-__all__ = ["Palpation", "palpation"]
+__all__ = ["FEW", "JND", "Palpation", "felt_along", "palpation"]
 
 Array = NDArray[np.float64]
+JND = 0.23  # of stiffness: what a hand just notices (Jones & Hunter 1990)
+SWEEP = 10e-3  # m: a shorter way is a press, not a sweep
 FEW = 4  # nodes under the tip: fewer carry no force to believe
 
 
@@ -29,6 +31,7 @@ class Palpation:
         stiffness: force over deflection there, N/m.
         nodes: pressed there.
         path: length of the tip's way in contact.
+        felt_median, felt_most: of force over deflection along the way, N/m (`felt_along`); None for a way under 10 mm.
         work: of the tip on the body, its force taken as linear between samples.
         stored: in the body at the end.
         lost: work less what is stored: what the body took for good (viscous kinds), or, below zero, gave. Without
@@ -47,6 +50,8 @@ class Palpation:
     stiffness: float
     nodes: int
     path: float
+    felt_median: float | None
+    felt_most: float | None
     work: float
     stored: float
     lost: float
@@ -65,6 +70,7 @@ class Palpation:
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON holds, each number's unit at the end of its name."""
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
+        units |= dict.fromkeys(("felt_median", "felt_most"), "N_per_m")
         units |= dict.fromkeys(("final_force", "final_swing"), "N")
         units |= dict.fromkeys(("work", "stored", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
@@ -87,12 +93,16 @@ def palpation(trace: Trace) -> Palpation | None:
     kept = float(stored[-1, 0] - stored[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
+    way, felt = felt_along(trace)
+    swept = len(way) > 0 and way[-1] > SWEEP
     return Palpation(
         touches=int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1])),
         deepest=float(deep[at]),
         stiffness=float(size[at] / deep[at]) if deep[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
         path=float(np.sum(np.linalg.norm(move, axis=1)[on[1:] & on[:-1]])),
+        felt_median=float(np.median(felt)) if swept else None,
+        felt_most=float(np.max(felt)) if swept else None,
         work=work,
         stored=kept,
         lost=work - kept,
@@ -103,3 +113,25 @@ def palpation(trace: Trace) -> Palpation | None:
         touching_at_end=bool(on[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
     )
+
+
+def felt_along(trace: Trace) -> tuple[Array, Array]:
+    """Return the tip's way across its mean force (n,), m, and force over deflection there (n,), N/m.
+
+    Samples in which the tip moves across the force, pressing with at least half of the median force, one for each
+    tenth of a millimetre or more.
+    """
+    on = trace["touching"][:, 0] > 0.0
+    force, tip = trace["object_force"], trace["tip"]
+    size = np.linalg.norm(force, axis=1)
+    pressed = on & (size > 0.5 * np.median(size[on])) if on.any() else on
+    if not pressed.any():
+        return np.empty(0), np.empty(0)
+    mean = force[pressed].mean(axis=0)
+    down = mean / np.linalg.norm(mean)
+    move = np.diff(tip, axis=0, prepend=tip[:1])
+    across = np.cumsum(np.where(pressed, np.linalg.norm(move - np.outer(move @ down, down), axis=1), 0.0))
+    _, first = np.unique(np.floor(across / 1e-4), return_index=True)
+    kept = first[pressed[first]]
+    deflection = np.linalg.norm(trace["deflection"][kept], axis=1)
+    return across[kept], size[kept] / deflection

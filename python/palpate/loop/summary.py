@@ -20,6 +20,7 @@ __all__ = ["summarize"]
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 GROWS = 1.02  # a swing that is this much larger in each quarter of the run than in the one before is unstable
+MANY = 3  # touches in a quarter of a run, under constant forces: more is a bounce that does not end
 DEEP = 1e-4  # m under the surface of a mesh or body, that a run should not begin with: more than a few encoder counts
 
 
@@ -125,6 +126,15 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
             f"unstable: the swing of the deflection grows, by {(growth - 1.0) * 100.0:.3g} % in a quarter of the run"
         )
         return summary
+    if growth > 1.0 / GROWS and not found.settled and _rests(_scenario(trace), trace):
+        summary["stable"] = False
+        summary["verdict"] = f"unstable: the force swings by {found.final_swing:.3g} N and does not die out"
+        return summary
+    bounces = _bounces(trace)
+    if bounces > MANY and _rests(_scenario(trace), trace, 0.25):
+        summary["stable"] = False
+        summary["verdict"] = f"unstable: the tip bounces on the body, {bounces} times in the last quarter of the run"
+        return summary
     rest = "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
     summary["verdict"] = (
         f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {summary['peak_object_force_N']:.3g} N, "
@@ -139,6 +149,12 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary
+
+
+def _bounces(trace: Trace) -> int:
+    """Return how often contact begins in the last quarter of a run."""
+    on = trace["touching"][-(len(trace) // 4) :, 0] > 0.0
+    return int(np.count_nonzero(on[1:] & ~on[:-1]))
 
 
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:
@@ -156,14 +172,14 @@ def expected_deflection(scenario: Scenario | None) -> list[float | None]:
     ]
 
 
-def _rests(scenario: Scenario | None, trace: Trace) -> bool:
-    """Return whether the forces from outside are constant over the last half of the run."""
+def _rests(scenario: Scenario | None, trace: Trace, part: float = 0.5) -> bool:
+    """Return whether the forces from outside are constant over the last `part` of the run."""
     if scenario is None or not len(trace):
         return True
     signal = scenario.reference or scenario.operator
     if signal.force is None and signal.table is None:
         return True
-    middle = float(trace.time[-1]) / 2.0
+    middle = float(trace.time[-1]) * (1.0 - part)
     times = [signal.start + (signal.rise or 0.0), *([signal.stop] if signal.stop is not None else [])]
     times += [row[0] for row in signal.table or ()]
     return signal.shape != "sine" and not any(middle < time <= float(trace.time[-1]) for time in times)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.loop.palpation import JND, felt_along
 from palpate.report.figures import thin
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from palpate.loop.trace import Trace
     from palpate.report.html import Page
 
-__all__ = ["body_energy", "deformed", "force_and_deflection", "palpation_section", "palpation_table"]
+__all__ = ["body_energy", "deformed", "felt", "force_and_deflection", "palpation_section", "palpation_table"]
 
 Array = NDArray[np.float64]
 # what: (key in summary["palpation"], unit, factor)
@@ -49,6 +50,13 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
         "far it has moved, and the pressure of the tip on it.",
     )
     page.figure(force_and_deflection(trace), "Force of the tip on the body, and how far the pressed patch has moved.")
+    if found["felt_most_N_per_m"] is not None:
+        rise = found["felt_most_N_per_m"] / found["felt_median_N_per_m"] - 1.0
+        page.figure(
+            felt(trace),
+            f"Stiffness felt along the way: at most {100 * rise:.3g} % over its median, "
+            f"{'more' if rise > JND else 'less'} than the {100 * JND:g} % (band) that a hand just notices.",
+        )
     page.figure(body_energy(trace), "Work of the tip on the body, and what pressing has stored in it.")
     palpation_table(page, found)
 
@@ -106,6 +114,19 @@ def force_and_deflection(trace: Trace) -> Figure:
     deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
     both.plot(deep, size, color=INK, linewidth=1.1)
     both.set(xlabel="deflection [mm]", ylabel="force [N]")
+    return figure
+
+
+def felt(trace: Trace) -> Figure:
+    """Return force over deflection along the tip's way, and what a hand just notices above its median."""
+    way, stiffness = felt_along(trace)
+    figure, rows = new_figure(1, 1, height=2.6)
+    panel = rows[0][0]
+    median = float(np.median(stiffness))
+    panel.axhspan(median, (1.0 + JND) * median, color=FAINT, alpha=0.22, linewidth=0)
+    panel.plot(1e3 * way, stiffness, color=COLOURS[0])
+    panel.set(xlabel="way across the force [mm]", ylabel="force / deflection [N/m]")
+    panel.set_ylim(0.0, 1.1 * max(float(stiffness.max()), (1.0 + JND) * median))
     return figure
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, PlainSerializer, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
 from palpate.scenario.fields import Angle3, Length, Number, OneLength, Position3, Pressure, Section, Size3, Whole
 from palpate.units import parse, write
@@ -30,6 +30,12 @@ _SHAPES: Final[dict[str, dict[str, str]]] = {
 }  # fmt: skip
 
 
+def _more_than_none(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("must be positive")
+    return value
+
+
 def _options_text(options: Mapping[str, float]) -> dict[str, Any]:
     units = {key: unit for known in KINDS.values() for key, (unit, _) in known.items()}
     return {key: write(value, units[key]) if units[key] else value for key, value in options.items()}
@@ -50,6 +56,7 @@ class BodyChoice(Section):
         origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a
             block or phantom if not given, else its own origin.
         turn: about x, then y, then z of the device, round that point, rad.
+        stiffer: how many times as stiff as the file or the moduli say.
         tip: "sphere", or "flat": the end of a rod whose axis is the body's own z; radius: of the tip, m.
     """
 
@@ -70,6 +77,7 @@ class BodyChoice(Section):
     turn: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length
+    stiffer: Annotated[Number, AfterValidator(_more_than_none)] = 1.0
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")

@@ -3,6 +3,7 @@
 from palpate.stability.boundary import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
 from palpate.stability.certificate import Certificate, certify
 from palpate.stability.checks import StabilityError
+from palpate.stability.contact import ContactStability, contact_stability
 from palpate.stability.counter_example import CounterExample, worst_hand
 from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
 from palpate.stability.loop import WallLoop, wall_loop
@@ -45,6 +46,7 @@ __all__ = [
     "Arm",
     "Boundary",
     "Certificate",
+    "ContactStability",
     "CounterExample",
     "CouplingVerdict",
     "Critical",
@@ -67,6 +69,7 @@ __all__ = [
     "certify",
     "certify_coupling",
     "characteristic_polynomial",
+    "contact_stability",
     "coulomb_amplitude",
     "coupling_damping",
     "critical",

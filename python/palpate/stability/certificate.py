@@ -20,7 +20,7 @@ from palpate.stability.passivity import field_damping, passive_damping, quantise
 from palpate.stability.roads import lyapunov, precise_tables
 from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
 
-__all__ = ["Certificate", "certify"]
+__all__ = ["Certificate", "certify", "judge"]
 
 Array = NDArray[np.float64]
 Verdict = Literal["stable", "unstable", "cannot tell"]
@@ -101,7 +101,7 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
     """
     s = scenario if isinstance(scenario, Scenario) else _read(scenario)
     loop = scenario_loop(s)
-    radius, roads = _judge(loop)
+    radius, roads = judge(loop)
     if len(set(roads.values())) > 1 or abs(radius - 1) < 1e-12:
         return _cannot_tell(s, radius, roads)
     if radius >= 1:
@@ -113,7 +113,7 @@ def _read(scenario: Mapping[str, Any] | str | Path) -> Scenario:
     return Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
 
 
-def _judge(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
+def judge(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
     """Return the spectral radius, and whether each road finds the loop stable."""
     a = loop.matrix()
     radius = float(np.abs(np.linalg.eigvals(a)).max())
@@ -203,7 +203,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
             s.to_dict(),
         )
     if rests is not None:
-        there, roads_there = _judge(rests)
+        there, roads_there = judge(rests)
         margin["spectral_radius_where_it_rests"] = there
         if not all(roads_there.values()):
             return Certificate(

@@ -1,0 +1,162 @@
+"""Press, hold, release in part, press again and slide on a block of 2 to 100 kPa, to see every loop come to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Final
+
+from palpate.loop.body import scenario_body
+from palpate.loop.palpation import Palpation, palpation
+from palpate.loop.simulate import simulate
+from palpate.loop.trace import Trace
+from palpate.scenario import Scenario
+from palpate.stability import ContactStability, contact_stability
+
+__all__ = ["HAND", "LAWS", "POSE", "YOUNG", "Held", "press_all", "press_scenario"]
+
+YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
+POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
+PERIOD: Final = "1 ms"
+DEPTH: Final = 1e-3  # m that the press is for
+MOST: Final = 1.2  # N: the drive holds 1.4 N for long
+SLIDE: Final = 10e-3  # m
+HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
+# What the loop does with the body's force: [controller]; None: an impedance display that shows it as it is.
+LAWS: Final[dict[str, dict[str, Any] | None]] = {
+    "shown as it is": None,
+    "lead–lag": {"kind": "lead_lag", "stiffness": "0.2 N/mm"},
+    "LQG": {"kind": "lqg", "stiffness": "1 N/mm", "windup_time": "0.2 s"},
+}
+BLOCK: Final[dict[str, Any]] = {
+    "shape": "block",
+    "size": ["48 mm", "48 mm", "24 mm"],
+    "young": "10 kPa",
+    "spacing": "4 mm",
+    "radius": "8 mm",
+    "tip": "flat",
+}
+_BLOCK_YOUNG: Final = 10e3  # Pa
+
+
+@dataclass(frozen=True)
+class Held:
+    """One body under one law.
+
+    Attributes:
+        young: Pa.
+        law: of `LAWS`.
+        trace, found: the run, and what it shows.
+        contact: the loop about where the tip rests; None if it does not rest there.
+    """
+
+    young: float
+    law: str
+    trace: Trace
+    found: Palpation
+    contact: ContactStability | None
+
+    @property
+    def stable(self) -> bool:
+        """Whether the run stayed bounded and came to rest in contact, where its linear loop is stable by four roads."""
+        return self.trace.stable and self.found.settled and self.contact is not None and self.contact.stable
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON holds."""
+        contact = self.contact
+        return {
+            "law": self.law,
+            "young_Pa": self.young,
+            "stable": self.stable,
+            "contact_stiffness_N_per_m": None if contact is None else contact.stiffness,
+            "critical_stiffness_N_per_m": None if contact is None else plain(contact.critical_stiffness),
+            "spectral_radius": None if contact is None else contact.radius,
+            **self.found.as_dict(),
+        }
+
+
+def plain(value: float) -> float | None:
+    """Return a number as JSON holds it: None for what is not finite."""
+    return value if isfinite(value) else None
+
+
+def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return one run as its file would have it.
+
+    Args:
+        young: Young's modulus, Pa.
+        law: of `LAWS`.
+        stiffness: of the contact as the press expects it, N/m.
+        body: [object.body] of 10 kPa; the block if not given.
+    """
+    options = LAWS[law]
+    press = min(stiffness * DEPTH, MOST)
+    if options is None:  # the hand's own spring is pressed, too
+        press *= 1.0 + HAND["stiffness"] / stiffness
+    lead = HAND["stiffness"] * SLIDE
+    # time, part of the press, part of the slide
+    course = (
+        (0.0, 0, 0),
+        (0.3, 1, 0),
+        (0.7, 1, 0),
+        (0.9, 0.3, 0),
+        (1.1, 0.3, 0),
+        (1.3, 1, 0),
+        (1.5, 1, 0),
+        (1.9, 1, 1),
+    )
+    pressed = [[f"{t:g} s", *_force(0.0, part * press)] for t, part, _ in course]
+    led = [[f"{t:g} s", *_force(way * lead, part * press if options is None else 0.0)] for t, part, way in course]
+    hand = {
+        "kind": "arm",
+        "mass": f"{HAND['mass']:g} kg",
+        "damping": f"{HAND['damping']:g} N*s/m",
+        "stiffness": f"{HAND['stiffness']:g} N/m",
+        "shape": "table",
+        "table": led,
+    }
+    return {
+        "title": f"A body of {young / 1e3:g} kPa, {law}",
+        "device": {"name": "phantom-premium-1.5a", "saturation": True},
+        "start": {"pose": list(POSE)},
+        "servo": {"period": PERIOD, "topology": "impedance_display" if options is None else "force_tracking"},
+        **({} if options is None else {"reference": {"shape": "table", "table": pressed}}),
+        "operator": hand,
+        "object": {
+            "kind": "body",
+            "position": [f"{SLIDE / 2:g} m", "0 m", "-0.2 mm"],
+            "body": {**(BLOCK if body is None else body), "stiffer": young / _BLOCK_YOUNG},
+        },
+        "controller": {"kind": "none"} if options is None else dict(options),
+        "run": {"duration": "4 s"},
+    }
+
+
+def _force(x: float, z: float) -> list[str]:
+    return [f"{x:.6g} N", "0 N", f"{-z:.6g} N"]
+
+
+def press_all(
+    young: Sequence[float] = YOUNG,
+    laws: Sequence[str] = tuple(LAWS),
+    *,
+    body: dict[str, Any] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> list[Held]:
+    """Run every law on every body; `progress` is told what, and the share done."""
+    tell = progress if progress is not None else (lambda _text, _share: None)
+    tell("making the block", 0.0)
+    ten = scenario_body(Scenario.from_dict(press_scenario(_BLOCK_YOUNG, "shown as it is", 1.0, body)), tell)
+    low, high = ten.nodes.min(axis=0), ten.nodes.max(axis=0)
+    radius = 8e-3
+    stiffness = float(ten.press((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
+    runs = []
+    for number, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in young):
+        tell(f"{modulus / 1e3:g} kPa, {law}", number / (len(young) * len(laws)))
+        trace = simulate(press_scenario(modulus, law, stiffness * modulus / _BLOCK_YOUNG, body))
+        found = palpation(trace)
+        if found is None:
+            raise RuntimeError(f"the tip never touched the body of {modulus:g} Pa")
+        runs.append(Held(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
+    return runs

@@ -1,0 +1,160 @@
+"""A sweep over the palpation phantom: the stiffness felt along the way, and whether the nodule can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.loop.body import scenario_body
+from palpate.loop.palpation import JND
+from palpate.loop.simulate import simulate
+from palpate.loop.trace import Trace
+from palpate.palpation.stiffnesses import HAND, LAWS, PERIOD, POSE
+from palpate.scenario import Scenario
+
+__all__ = ["AWAY", "JND", "Felt", "Sweep", "felt", "sweep_phantom", "sweep_scenario"]
+
+Array = NDArray[np.float64]
+LENGTH: Final = 64e-3  # m
+SPEED: Final = 20e-3  # m/s
+FROM: Final = 1.0  # s until the way begins
+AWAY: Final = (20e-3, 28e-3)  # m from the middle: where the way counts as beside the nodule
+
+
+@dataclass(frozen=True)
+class Felt:
+    """The stiffness that the tip meets along a sweep, force over deflection.
+
+    Attributes:
+        place: of the tip along the way, m from its middle (n,).
+        stiffness: N/m (n,).
+        over: largest within the nodule's radius of the middle, N/m; beside: median 20 to 28 mm away, N/m.
+    """
+
+    place: Array
+    stiffness: Array
+    over: float
+    beside: float
+
+    @property
+    def contrast(self) -> float:
+        """How much stiffer the nodule feels than what lies beside it."""
+        return self.over / self.beside - 1.0
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The same sweep over a phantom with its nodule and without.
+
+    Attributes:
+        title: which phantom.
+        trace: over the nodule.
+        lump, plain: what is felt with and without it.
+    """
+
+    title: str
+    trace: Trace
+    lump: Felt
+    plain: Felt
+
+    @property
+    def contrast(self) -> float:
+        """How much stiffer the middle feels for the nodule: over the phantom without it at the same place."""
+        return self.lump.over / self.plain.over - 1.0
+
+    @property
+    def told(self) -> bool:
+        """Whether a hand can tell: the contrast exceeds the just-noticeable difference."""
+        return self.contrast > JND
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON holds."""
+        return {
+            "phantom": self.title,
+            "over_nodule_N_per_m": self.lump.over,
+            "beside_nodule_N_per_m": self.lump.beside,
+            "without_nodule_N_per_m": self.plain.over,
+            "contrast": self.contrast,
+            "contrast_along_sweep": self.lump.contrast,
+            "just_noticeable": JND,
+            "told": self.told,
+        }
+
+
+def sweep_phantom(
+    *,
+    contrast: float = 5.0,
+    depth: str = "5 mm",
+    spacing: str = "5 mm",
+    progress: Callable[[str, float], None] | None = None,
+) -> Sweep:
+    """Sweep over the phantom with a nodule `contrast` times as stiff, its top `depth` deep, and over one without.
+
+    Both are kept where scenarios keep bodies (`palpate.loop.body.kept_at`); `progress` hears of their making.
+
+    Raises:
+        ScenarioError: such a phantom cannot be made.
+    """
+    body = {"shape": "phantom", "depth": depth, "spacing": spacing, "radius": "8 mm", "tip": "flat"}
+    traces = []
+    for times in (contrast, 1.0):
+        scenario = Scenario.from_dict(sweep_scenario({**body, "contrast": times}))
+        scenario_body(scenario, progress)
+        traces.append(simulate(scenario))
+    lump, plain = (felt(trace) for trace in traces)
+    return Sweep(f"A nodule {contrast:g} times as stiff, {depth} deep", traces[0], lump, plain)
+
+
+def sweep_scenario(body: dict[str, Any], *, press: float = 0.6, law: str = "LQG", title: str = "") -> dict[str, Any]:
+    """Return a press of `press`, N, and a sweep along x over the middle of a body, as their file would have it.
+
+    Args:
+        body: [object.body]: a phantom or a file, its origin in the middle of its top.
+        press: along -z, held by the controller.
+        law: "lead–lag" or "LQG".
+        title: of the scenario.
+    """
+    end = FROM + LENGTH / SPEED
+    lead = HAND["stiffness"] * LENGTH
+    return {
+        "title": title or "A sweep over the phantom",
+        "device": {"name": "phantom-premium-1.5a", "saturation": True},
+        "start": {"pose": list(POSE)},
+        "servo": {"period": PERIOD, "topology": "force_tracking"},
+        "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-press:g} N"]},
+        "operator": {
+            "kind": "arm",
+            "mass": f"{HAND['mass']:g} kg",
+            "damping": f"{HAND['damping']:g} N*s/m",
+            "stiffness": f"{HAND['stiffness']:g} N/m",
+            "rest": [f"{-LENGTH / 2:g} m", "0 m", "0 m"],
+            "shape": "table",
+            "table": [
+                ["0 s", "0 N", "0 N", "0 N"],
+                [f"{FROM:g} s", "0 N", "0 N", "0 N"],
+                [f"{end:g} s", f"{lead:g} N", "0 N", "0 N"],
+            ],
+        },
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.2 mm"], "body": body},
+        "controller": dict(LAWS[law] or {"kind": "none"}),
+        "run": {"duration": f"{end + 0.6:g} s"},
+    }
+
+
+def felt(trace: Trace, nodule: float = 7.5e-3) -> Felt:
+    """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m."""
+    moving = (trace.time > FROM + 0.2) & (trace["touching"][:, 0] > 0.0)
+    place = trace["tip"][moving, 0] - trace["tip"][0, 0]
+    deflection = np.linalg.norm(trace["deflection"][moving], axis=1)
+    stiffness = np.linalg.norm(trace["object_force"][moving], axis=1) / deflection
+    away = (np.abs(place) > AWAY[0]) & (np.abs(place) < AWAY[1])
+    return Felt(
+        place,
+        stiffness,
+        over=float(stiffness[np.abs(place) < nodule].max()),
+        beside=float(np.median(stiffness[away])),
+    )

@@ -1,0 +1,144 @@
+"""Palpation in closed loop: the linear verdict on a contact, bodies soft to stiff, and a nodule found by a sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import bodies, simulate
+from palpate.bodies import BodyError
+from palpate.bodies.store import Contents, write
+from palpate.palpation import Sweep, felt, palpation_page, press_all, press_scenario, sweep_scenario
+from palpate.palpation.stiffnesses import LAWS
+from palpate.stability import StabilityError, certify, contact_stability
+
+YOUNG = 10e3  # Pa
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """[object.body] of 45 x 30 x 20 mm, bonded below."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    volume = bodies.block((0.045, 0.03, 0.02), (0.005, 0.005, 0.01))
+    bodies.build(volume, young=YOUNG, fixed="z < 0.001 mm", touch="z > 19.9 mm", output=path)
+    return {"file": str(path), "origin": ["22.5 mm", "15 mm", "20 mm"], "radius": "8 mm", "tip": "flat"}
+
+
+def test_a_body_is_as_many_times_as_stiff_as_its_material() -> None:
+    """Against a body built of the stiffer material; its vibrations are faster by the root."""
+    made = [
+        bodies.build(bodies.block((0.03, 0.03, 0.01), 0.01), young=e, fixed="z < 0.001 mm", order=1, modes=3)
+        for e in (2e3, 6e3)
+    ]
+    stiffer = made[0].stiffer(3.0)
+    np.testing.assert_allclose(stiffer.compliance, made[1].compliance, atol=2e-6 * np.abs(made[1].compliance).max())
+    np.testing.assert_allclose(stiffer.contents.frequencies, made[1].contents.frequencies, rtol=1e-6)
+    with pytest.raises(BodyError, match="positive, finite number of times"):
+        made[0].stiffer(0.0)
+
+
+def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> None:
+    """The margin that a certificate gives the same wall where the run comes to rest."""
+    one = Contents(
+        points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
+        triangles=np.array([[0, 1, 2]]),
+        touchable=np.array([True]),
+        nodes=np.array([0]),
+        normals=np.array([[0.0, 0.0, 1.0]]),
+        areas=np.array([1e-6]),
+        compliance=np.diag([1.0 / 512.0] * 3).astype(np.float32),
+        frequencies=np.empty(0),
+        shapes=np.empty((3, 0), dtype=np.float32),
+        record={"source": "one node"},
+    )
+    path = write(one, tmp_path / "one.h5")
+    tables = press_scenario(YOUNG, "lead–lag", 512.0, {"file": str(path), "radius": "20 mm", "tip": "flat"})
+    tables["device"]["saturation"] = False
+    judged = contact_stability(simulate(tables))
+    wall = {"kind": "wall", "stiffness": "512 N/m", "position": tables["object"]["position"], "normal": [0, 0, 1]}
+    margin = certify({**tables, "object": wall}).margin
+    assert judged.stiffness == pytest.approx(512.0, rel=1e-6)
+    assert judged.normal == pytest.approx([0, 0, 1], abs=1e-12)
+    assert judged.radius == pytest.approx(margin["spectral_radius_where_it_rests"], abs=1e-6)
+    assert judged.stiffer == pytest.approx(margin["object_stiffer_by_factor_where_it_rests"], rel=1e-4)
+    assert judged.stable
+
+
+@pytest.mark.parametrize("law", ["shown as it is", "LQG"])
+def test_loops_oscillate_where_the_linear_contact_says(block: dict[str, Any], law: str) -> None:
+    """The same light press on a body at 0.8 of the critical stiffness rests; at 1.3 it swings or bounces for ever."""
+
+    def press(stiffer: float) -> Any:
+        tables = press_scenario(YOUNG, law, 400.0, block)
+        tables["object"]["body"]["stiffer"] = stiffer
+        return simulate(tables)
+
+    factor = contact_stability(press(1.0)).stiffer
+    assert 5.0 < factor < 500.0
+    below, above = press(0.8 * factor), press(1.3 * factor)
+    assert below.summary()["palpation"]["settled"]
+    assert not above.summary()["palpation"]["settled"]
+    assert not above.summary()["stable"]
+
+
+def test_soft_and_stiff_bodies_come_to_rest_under_every_law(block: dict[str, Any]) -> None:
+    """2 and 100 kPa; the body gives no energy and keeps none, beyond what adding up finite steps misses."""
+    held = press_all((2e3, 100e3), body=block)
+    assert len(held) == 2 * len(LAWS)
+    for one in held:
+        assert one.stable, (one.law, one.young)
+        assert one.found.touches == 1
+        assert 0.3e-3 < one.found.final_deflection < 1.3e-3
+        assert abs(one.found.lost) < 1e-3 * one.found.work
+        assert one.contact is not None
+        assert one.contact.critical_stiffness > 3.0 * one.contact.stiffness
+    soft, stiff = held[0].contact, held[1].contact
+    assert soft is not None
+    assert stiff is not None
+    assert stiff.stiffness == pytest.approx(50.0 * soft.stiffness, rel=0.1)
+
+
+def test_a_contact_that_is_not_there_is_not_judged(block: dict[str, Any]) -> None:
+    trace = simulate(press_scenario(YOUNG, "LQG", 400.0, block))
+    with pytest.raises(StabilityError, match="apart from the body at t = 0 s"):
+        contact_stability(trace, 0)
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+    """Over slabs of 100 x 40 x 20 mm, one with a hard inclusion in its middle."""
+    found = []
+    for name, regions in (("lump", ["sphere 50 20 12 radius 7.5 mm = 400 kPa"]), ("plain", [])):
+        path = tmp_path_factory.mktemp("slab") / f"{name}.h5"
+        volume = bodies.block((0.1, 0.04, 0.02), (0.005, 0.01, 0.005))
+        bodies.build(
+            volume, young=YOUNG, fixed="z < 0.001 mm", touch="z > 19.9 mm", regions=regions, order=1, output=path
+        )
+        body = {"file": str(path), "origin": ["50 mm", "20 mm", "20 mm"], "radius": "8 mm", "tip": "flat"}
+        found.append(simulate(sweep_scenario(body)))
+    return Sweep("A slab", found[0], felt(found[0]), felt(found[1]))
+
+
+def test_a_sweep_finds_the_nodule_where_it_is(sweep: Sweep) -> None:
+    """Stiffest over the middle, alike on both sides, told by a hand; without it there is nothing to tell."""
+    assert sweep.told
+    assert abs(sweep.lump.place[np.argmax(sweep.lump.stiffness)]) < 7.5e-3
+    assert sweep.plain.contrast < 0.1
+    left, right = (np.interp(side * 15e-3, sweep.lump.place, sweep.lump.stiffness) for side in (-1, 1))
+    assert left == pytest.approx(right, rel=0.1)  # the mesh's diagonals all lean the same way
+    run = sweep.trace.summary()
+    assert run["stable"]
+    felt_along = run["palpation"]
+    assert felt_along["felt_most_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
+    assert felt_along["felt_most_N_per_m"] > 1.23 * felt_along["felt_median_N_per_m"]
+
+
+def test_the_page_says_what_was_found(block: dict[str, Any], sweep: Sweep, tmp_path: Path) -> None:
+    held = press_all((10e3,), ("LQG",), body=block)
+    html = palpation_page(held, sweep).write(tmp_path / "page.html").read_text("utf-8")
+    assert "1 of 1 loops, on bodies of 10 to 10 kPa, stay bounded" in html
+    assert "a hand can tell" in html
+    assert html.count("<figure") == 5
+    assert 0.0 < sweep.as_dict()["contrast"] < 10.0

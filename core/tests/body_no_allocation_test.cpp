@@ -10,6 +10,7 @@
 #include <palpate/loop/servo.hpp>
 
 #include "allocations.hpp"
+#include "lattice_cube.hpp"
 
 namespace {
 
@@ -86,6 +87,23 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     EXPECT_GT(touching, 500);
     EXPECT_LT(touching, 2800);
   }
+}
+
+TEST(BodyNoAllocation, InATickOfALattice) {
+  const Cube cube(4);
+  palpate::Lattice lattice = cube.lattice(1e-3, 1.0, 1e-3);
+  palpate::BodyContact<palpate::Lattice> contact(cube.nodes, lattice);
+  palpate::BodyTip tip;
+  tip.radius = 8e-3;
+  int pressed = 0;
+  const long before = allocations;
+  for (int k = 0; k < 1000; ++k) {
+    tip.centre = {10e-3 + 3e-3 * std::sin(0.01 * k), 10e-3, 28e-3 - 2e-3 * std::sin(0.05 * k)};
+    pressed += contact.step(tip).touching ? 1 : 0;
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GT(pressed, 100);
+  EXPECT_LT(pressed, 900);
 }
 
 }  // namespace

@@ -3,9 +3,12 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <memory>
 #include <palpate/body/compliance.hpp>
+#include <palpate/body/lattice.hpp>
 #include <palpate/body/modal.hpp>
 #include <palpate/body/patch.hpp>
 #include <palpate/body/relaxing.hpp>
@@ -22,6 +25,10 @@ namespace {
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Indices = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+template <int width>
+using IndexRows = nb::ndarray<const std::int32_t, nb::shape<-1, width>, nb::c_contig, nb::device::cpu>;
 
 std::vector<palpate::Vector3<>> points(const Points& a) {
   std::vector<palpate::Vector3<>> list(a.shape(0));
@@ -53,6 +60,8 @@ struct BodyCore : BodyInLoop {
   template <class Make>
   BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, Make make)
       : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body) {}
+
+  BodyCore(palpate::BodyNodes at, Kind&& kind) : nodes(std::move(at)), body(std::move(kind)), contact(nodes, body) {}
 
   [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override {
     return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body);
@@ -138,6 +147,94 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           "node"_a, "forces"_a, "Where a node is along its inward normal after each period, m, under forces held over them, N.");
 }
 
+template <int width>
+std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std::size_t below) {
+  std::vector<std::array<std::int32_t, width>> list(a.shape(0));
+  for (std::size_t r = 0; r < list.size(); ++r)
+    for (std::size_t c = 0; c < width; ++c) {
+      const std::int32_t i = a.data()[r * width + c];
+      if (i < 0 || static_cast<std::size_t>(i) >= below) throw nb::value_error("a network names a vertex that it does not have");
+      list[r][c] = i;
+    }
+  return list;
+}
+
+palpate::NetworkParts network_parts(const Points& places, const Numbers& masses, const Flags& held, const IndexRows<2>& springs,
+                                    const Numbers& stiffness, const IndexRows<4>& tetrahedra, const Numbers& pressure) {
+  const std::size_t count = places.shape(0);
+  if (masses.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
+    throw nb::value_error("the sizes of a network's arrays do not fit each other");
+  return {points(places),          numbers(masses),    {held.data(), held.data() + count},
+          rows<2>(springs, count), numbers(stiffness), rows<4>(tetrahedra, count),
+          numbers(pressure)};
+}
+
+palpate::NetworkPatches network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares, std::size_t nodes,
+                                        std::size_t below) {
+  palpate::NetworkPatches p{
+      {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
+  bool fit = p.begin.size() == nodes + 1 && p.shares.size() == p.vertices.size() && p.begin.front() == 0 &&
+             static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
+  for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
+  if (!fit) throw nb::value_error("the patches of a network do not fit its nodes and vertices");
+  return p;
+}
+
+/// (n, 3) numbers from n points.
+template <class At>
+auto new_points(std::size_t n, At at) {
+  auto [array, x] = new_array<double>({n, 3});
+  for (std::size_t i = 0; i < n; ++i) Eigen::Map<palpate::Vector3<>>(x + 3 * i) = at(i);
+  return array;
+}
+
+void bind_lattice(nb::module_& m) {
+  using palpate::Lattice;
+  bind_kind<Lattice>(m, "LatticeBody")
+      .def(
+          "__init__",
+          [](BodyCore<Lattice>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
+             const Numbers& masses, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
+             const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
+             double period, double alpha, double beta) {
+            if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
+              throw nb::value_error("the sizes of a body's arrays do not fit each other");
+            palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
+            Lattice lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
+                            network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
+            if (!lattice.definite()) throw nb::value_error("a network has positive masses and volumes");
+            new (self) BodyCore<Lattice>(std::move(nodes), std::move(lattice));
+          },
+          "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
+          "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a)
+      .def(
+          "displacement",
+          [](const BodyCore<Lattice>& self) {
+            return new_points(static_cast<std::size_t>(self.nodes.size()),
+                              [&](std::size_t i) { return self.body.displacement(static_cast<std::int32_t>(i)); });
+          },
+          "Of the nodes' patches (n, 3), m.")
+      .def(
+          "places",
+          [](const BodyCore<Lattice>& self) {
+            return new_points(self.body.places().size(), [&](std::size_t v) { return self.body.places()[v]; });
+          },
+          "Of the vertices (N, 3), m.")
+      .def(
+          "set",
+          [](BodyCore<Lattice>& self, const Points& places, const Points& speeds) {
+            if (places.shape(0) != self.body.places().size() || speeds.shape(0) != places.shape(0))
+              throw nb::value_error("as many places and speeds as the network has vertices are needed");
+            self.body.set(points(places).data(), points(speeds).data());
+          },
+          "places"_a, "speeds"_a, "Go on from here.")
+      .def_prop_ro(
+          "energy", [](const BodyCore<Lattice>& self) { return self.body.energy(); }, "Kinetic and stored, J.")
+      .def_prop_ro(
+          "held_back", [](const BodyCore<Lattice>& self) { return self.body.held_back(); },
+          "Periods that lost speed because they would have made energy.");
+}
+
 }  // namespace
 
 void bind_body(nb::module_& m) {
@@ -176,4 +273,5 @@ void bind_body(nb::module_& m) {
             });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a);
+  bind_lattice(m);
 }

@@ -3,6 +3,7 @@
 /// Everything of palpate's core: device, touch, body, control, loop.
 #include "palpate/body/compliance.hpp"
 #include "palpate/body/corotational.hpp"
+#include "palpate/body/lattice.hpp"
 #include "palpate/body/modal.hpp"
 #include "palpate/body/neo_hookean.hpp"
 #include "palpate/body/patch.hpp"

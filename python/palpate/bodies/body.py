@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.bodies.network import Network, network, patches
 from palpate.bodies.store import Contents, read, write
+from palpate.bodies.volume import Volume
 from palpate.errors import PoseError
 from palpate.touch.mesh import Mesh
 from palpate.units import quantity
@@ -48,6 +50,7 @@ class Body:
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
+        self.settles: float | None = None  # period of a body that `press` lets come to rest, s
 
     @classmethod
     def load(cls, path: str | Path) -> Body:
@@ -103,7 +106,18 @@ class Body:
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
 
     @cached_property
-    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody:
+    def volume(self) -> Volume:
+        """The mesh that it was made from."""
+        return Volume(self.contents.vertices, self.contents.tetrahedra, str(self.record["source"]))
+
+    @cached_property
+    def network(self) -> Network:
+        """The masses and springs of `lattice`; a few seconds for thousands of vertices."""
+        density = float(self.record["density_kg_per_m3"])
+        return network(self.volume, self.contents.young, float(self.record["poisson"]), density)
+
+    @cached_property
+    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody | _core.LatticeBody:
         """The contact of one tip, in C++."""
         return _core.ElasticBody(*self._arrays())
 
@@ -163,6 +177,51 @@ class Body:
         )
         return viscous
 
+    def lattice(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
+        """Return the same body as masses, springs and dampers on its mesh, for ticks of `period`, s or text.
+
+        See `palpate.bodies.network` for what its springs are and how near they come; right for large turns, and stable
+        at any period. Damping as in `modal`, `by_stiffness` that of shear; half a period's is added to it (see
+        docs/bodies.md).
+
+        Raises:
+            BodyError: a number is impossible, or the network would take more than 4 GB.
+        """
+        tick = _positive(period, "s", "period")
+        if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
+            raise BodyError("damping is not negative and finite")
+        size = 4 * len(self.nodes) * len(self.contents.vertices)
+        if size > 4e9:
+            raise BodyError(f"the lattice would take {size / 1e9:.3g} GB: take a coarser mesh, or touch less of it")
+        springy = Body(self.contents)
+        springy.network = self.network
+        springy.settles = tick
+        net, (nodes, normals, areas, _), (begin, vertices, shares) = self.network, self._arrays(), self._patches()
+        springy.core = _core.LatticeBody(
+            nodes,
+            normals,
+            areas,
+            net.places,
+            net.masses,
+            np.ascontiguousarray(self.contents.held),
+            np.ascontiguousarray(net.springs, dtype=np.int32),
+            net.stiffness,
+            np.ascontiguousarray(net.tetrahedra, dtype=np.int32),
+            net.pressure,
+            begin,
+            vertices,
+            shares,
+            tick,
+            by_mass,
+            by_stiffness,
+        )
+        return springy
+
+    def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
+        on_surface = np.unique(self.volume.surface)
+        triangles = on_surface[self.triangles[self.contents.touchable]]
+        return patches(self.volume.points, triangles, on_surface[self.contents.nodes])
+
     def _arrays(self) -> tuple[Array, Array, Array, NDArray[np.float32]]:
         nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)
@@ -195,6 +254,8 @@ class Body:
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
         felt = self.follow(centre[None], size, outward=normal, tip=tip)
+        if self.settles is not None:
+            felt = self._settle(centre, size, normal, tip, self.settles)
         if deep > 0 and felt.nodes[0] < 4:
             warnings.warn(
                 f"the tip presses {felt.nodes[0]} nodes, too few for a force to believe: take a finer mesh, "
@@ -203,6 +264,17 @@ class Body:
                 stacklevel=2,
             )
         return Press(felt.force[0], self.displacement())
+
+    def _settle(self, centre: Array, size: float, normal: Array, tip: Shape, period: float) -> Presses:
+        """Hold the tip until the force stays within a thousandth for 50 ms; warn if it does not in 5 s."""
+        hold = np.tile(centre, (int(np.ceil(0.05 / period)), 1))
+        for _ in range(100):
+            felt = self.follow(hold, size, outward=normal, tip=tip)
+            if np.abs(np.ptp(felt.force, axis=0)).max() <= 1e-3 * np.linalg.norm(felt.force[-1]):
+                break
+        else:
+            warnings.warn("the body did not come to rest in 5 s: give it damping", BodyWarning, stacklevel=3)
+        return Presses(felt.force[-1:], felt.deflection[-1:], felt.energy[-1:], felt.nodes[-1:])
 
     def follow(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: Shape = "sphere"
@@ -229,7 +301,12 @@ class Body:
         return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64))
 
     def displacement(self) -> Array:
-        """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long."""
+        """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long.
+
+        Of a lattice: where it is now.
+        """
+        if isinstance(self.core, _core.LatticeBody):
+            return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()
         total = np.zeros(3 * len(self.nodes))
         for node, force in zip(nodes, forces, strict=True):

@@ -191,6 +191,10 @@ def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any
         compliance=compliance,
         frequencies=frequencies,
         shapes=shapes,
+        vertices=elements.volume.points,
+        tetrahedra=elements.volume.tetrahedra,
+        young=elements.young.mean(axis=1),
+        held=elements.held[: len(elements.volume.points)],
         record=record,
     )
 

@@ -20,8 +20,16 @@ __all__ = ["VERSION", "Contents", "read", "write"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
-VERSION: Final = 1
-_UNITS: Final = {"points": "m", "areas": "m^2", "compliance": "m/N", "normals": "1", "frequencies": "rad/s"}
+VERSION: Final = 2
+_UNITS: Final = {
+    "points": "m",
+    "areas": "m^2",
+    "compliance": "m/N",
+    "normals": "1",
+    "frequencies": "rad/s",
+    "vertices": "m",
+    "young": "Pa",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +45,10 @@ class Contents:
     compliance: NDArray[np.float32]  # (3n, 3n), m/N, row 3 x node + axis
     frequencies: Array  # of the vibration modes (m,), rad/s; none if it was built without
     shapes: NDArray[np.float32]  # of the modes at the nodes (3n, m), 1/sqrt(kg), row 3 x node + axis
+    vertices: Array  # of the volume's mesh (v, 3), m, at rest; those on its surface, in their order, are `points`
+    tetrahedra: Indices  # of that mesh (t, 4)
+    young: Array  # Young's modulus of each tetrahedron (t,), Pa, its mean
+    held: NDArray[np.bool_]  # which vertices (v,) are fixed
     record: Mapping[str, Any]  # how it was made
 
 
@@ -95,10 +107,16 @@ def _check(c: Contents, file: Path) -> None:
         and c.compliance.dtype == np.float32
         and c.shapes.shape == (3 * n, len(c.frequencies))
         and c.shapes.dtype == np.float32
+        and c.tetrahedra.shape == (len(c.young), 4)
+        and c.vertices.shape == (len(c.held), 3)
     )
     if not sizes or n == 0:
         raise BodyError(f"{file}: the sizes of its arrays do not fit each other; build it again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
-    finite = all(np.isfinite(a).all() for a in (c.points, c.normals, c.areas, c.compliance, c.frequencies, c.shapes))
-    if not finite or indices.min() < 0 or indices.max() >= s or not (np.diag(c.compliance) > 0).all():
+    numbers = (c.points, c.normals, c.areas, c.compliance, c.frequencies, c.shapes, c.vertices, c.young)
+    finite = all(np.isfinite(a).all() for a in numbers)
+    there = (
+        indices.min() >= 0 and indices.max() < s and c.tetrahedra.min() >= 0 and c.tetrahedra.max() < len(c.vertices)
+    )
+    if not finite or not there or not (np.diag(c.compliance) > 0).all():
         raise BodyError(f"{file}: it holds numbers that no body has (not finite, or no stiffness); build it again")

@@ -18,6 +18,7 @@ __all__ = ["KINDS", "BodyChoice"]
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "compliance": {},
     "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
+    "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
     "relaxing": {"instant": ("", True), "creep": ("s", True)},
 }
 # shape: its keys, and an example of those that it needs

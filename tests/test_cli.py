@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from palpate import Trace
 from palpate.cli.main import app
-from palpate.files import write_folder
+from palpate.errors import OutputError
+from palpate.files import write_folder, write_whole
 from typer.testing import CliRunner
 
 SCENARIO = """
@@ -105,6 +106,18 @@ def test_a_folder_keeps_its_old_files_when_a_new_one_fails(tmp_path: Path) -> No
         write_folder(tmp_path / "out", {"a": lambda path: path.write_text("new"), "b": fail})
     assert [(tmp_path / "out" / name).read_text() for name in "ab"] == ["old", "old"]
     assert [file.name for file in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_full_disk_is_told_by_the_name_that_was_asked_for(tmp_path: Path) -> None:
+    """Not by that of the temporary folder; and of HDF5's long line the reason alone."""
+
+    def full(path: Path) -> None:
+        raise OSError("Unable to create file (errno = 28, error message = 'No space left on device', buf = 0x5)")
+
+    with pytest.raises(OutputError) as told:
+        write_folder(tmp_path / "out", {"trace.h5": lambda path: write_whole(path, full)})
+    assert str(told.value) == f"{tmp_path / 'out' / 'trace.h5'}: cannot be written: No space left on device"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_devices_lists_the_catalogue_and_shows_sources() -> None:

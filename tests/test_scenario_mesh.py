@@ -153,7 +153,11 @@ def test_the_way_to_text_and_back() -> None:
     [
         ({"stiffness": ["1 N/mm", "2 N/mm"]}, None, "pattern is missing"),
         ({"stiffness": ["1 N/mm", "2 N/mm"], "pattern": "stripes"}, None, "width is missing"),
-        ({"stiffness": ["1 N/mm", "2 N/mm"], "pattern": "listed"}, None, "stiffness must be one value, one per tri"),
+        (
+            {"stiffness": ["1 N/mm", "2 N/mm"], "pattern": "listed"},
+            None,
+            "object.surface.stiffness: must be one value, one per tri",
+        ),
         ({"stiffness": "1 N"}, None, "object.surface.stiffness"),
         ({"stiffness": "-1 N/mm"}, None, "must not be negative"),
         ({"stiffness": []}, None, "at least one value"),
@@ -174,6 +178,42 @@ def test_the_way_to_text_and_back() -> None:
 def test_mistakes_are_told(surface: dict[str, Any], mesh: dict[str, Any] | None, said: str) -> None:
     """Each mistake is one sentence that names the field or what is missing."""
     assert said in refusal(tables(surface, mesh))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "content", "said"),
+    [
+        ("none.obj", "mm", None, r"line 13: object\.mesh\.file: .*none\.obj: there is no such file"),
+        ("flat.obj", "mm", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", r"line 13: object\.mesh\.file: .*has an area"),
+        ("nan.obj", "mm", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", r"line 13: object\.mesh\.file: .*vertex 2"),
+        ("any.obj", "kg", "", r'line 14: object\.mesh\.unit: "kg" is no unit of length'),
+    ],
+)
+def test_a_meshs_mistakes_name_the_scenarios_line(
+    tmp_path: Path, name: str, unit: str, content: str | None, said: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content, "utf-8")
+    text = f"""[device]
+name = "phantom-premium-1.5a"
+[start]
+pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+[servo]
+topology = "impedance_display"
+[operator]
+kind = "force"
+force = "0 N"
+[object]
+kind = "mesh"
+[object.mesh]
+file = "{name}"
+unit = "{unit}"
+[object.surface]
+stiffness = "1 N/mm"
+"""
+    (tmp_path / "s.toml").write_text(text, "utf-8")
+    with pytest.raises(ScenarioError, match=said):
+        simulate(tmp_path / "s.toml")
 
 
 def test_keys_that_belong_elsewhere() -> None:

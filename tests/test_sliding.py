@@ -168,7 +168,7 @@ def test_the_loop_meets_what_the_proxy_meets() -> None:
     scenario = Scenario.from_dict(slide_scenario(GROUNDS["organ, small steps"], field="continuous"))
     trace = simulate(scenario)
     origin = trace["tip"][0] + np.array(scenario.object.position)
-    mesh, surface = touched_mesh(scenario.object, origin, scenario.period)
+    mesh, surface = touched_mesh(scenario, origin)
     contacts = Proxy(mesh, surface).follow(trace["tip"])
     assert np.array_equal(contacts.triangle, trace["triangle"][:, 0].astype(int))
     np.testing.assert_allclose(-contacts.force, trace["object_force"], atol=1e-8)

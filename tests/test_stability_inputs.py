@@ -7,9 +7,18 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from palpate import devices
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
-from palpate.stability import MeasuredResponse, StabilityError, certify, field_damping, hold, positive_real_margin
+from palpate.stability import (
+    MeasuredResponse,
+    StabilityError,
+    certify,
+    field_damping,
+    hold,
+    positive_real_margin,
+    routh,
+)
 from palpate.stability.tip import Tip
 
 ARM = {"name": "phantom-premium-1.5a-rotors"}
@@ -114,3 +123,23 @@ def test_a_measured_response_that_cannot_tell(frequencies: Any, noise: float, sa
     assert not verdict.known
     assert np.isnan(verdict.critical_stiffness)
     assert any(part in verdict.sentence for part in says.split("|")), verdict.sentence
+
+
+def test_what_is_no_number_or_too_long_is_told() -> None:
+    frequencies, response = np.linspace(2, 499, 50), np.ones(50) * 1e-3
+    with pytest.raises(StabilityError, match="numbers in Hz"):
+        MeasuredResponse("low", response, 1e-3)  # type: ignore[arg-type]
+    with pytest.raises(StabilityError, match="one for each frequency, 50"):
+        MeasuredResponse(frequencies, response + 0j, 1e-3, np.array([1e-5, 1e-5]))
+    with pytest.raises(StabilityError, match="the most is 1000"):
+        hold(Tip.of_mass(0.06, 0.05), 1e-3, 1e6)
+    with pytest.raises(StabilityError, match=r"Tip\.at_pose"):
+        hold(devices.load("slider"), 1e-3)  # type: ignore[arg-type]
+    with pytest.raises(StabilityError, match="must be numbers"):
+        routh("abc")  # type: ignore[arg-type]
+    bare = 1 / (
+        0.06 * (2j * np.pi * frequencies) ** 2 + 0.5 * 2j * np.pi * frequencies
+    )  # without a hold none is too stiff
+    verdict = MeasuredResponse(frequencies, bare, 1e-3).critical_stiffness()
+    assert not verdict.known
+    assert "the hold and the delay of the loop" in str(verdict)

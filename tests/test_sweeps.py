@@ -202,6 +202,22 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         sweep(SLIDER, {"object.stifness": ["1 N/mm"]})
     with pytest.raises(ScenarioError, match="must not be negative"):
         sweep(SLIDER, {"object.damping": [1.0, -1.0]})
+    for text in ("50 N/m..150 N/m", "50 N/m...150 N/m:3", "50 N/m..150 N/m:-3", "50 N/m..150 N/m:2.5"):
+        with pytest.raises(SweepError, match="is no range; write both ends"):
+            sweep(SLIDER, {"object.stiffness": text})
+    with pytest.raises(SweepError, match="the most is"):
+        sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:99999999999"})
+    with pytest.raises(SweepError, match="no meshes and bodies"):
+        sweep(SLIDER, {"object.surface.stiffness": ["1 N/mm"]})
+    with pytest.raises(SweepError, match="no range to draw from"):
+        sweep(SLIDER, OVER, random={"operator.mass": "0.1 kg..0.2 kg:5"})
+    with pytest.raises(SweepError, match="the first number goes from 1"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "shard.h5", shard=(3, 2))
+    assert not (tmp_path / "shard.h5").exists()
+    with pytest.raises(OutputError, match="is a folder"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path)
+    with pytest.raises(SweepError, match=r"none\.h5: there is no such file"):
+        merge([tmp_path / "none.h5"], tmp_path / "all.h5")
     with pytest.raises(SweepError, match="a stiffness is needed"):
         sweep(SLIDER, {"object.stiffness": ["3 kg"]})
     with pytest.raises(SweepError, match="cannot be drawn at random"):
@@ -223,6 +239,23 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5")
     with pytest.raises(OutputError):
         sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5" / "c.h5")
+
+
+def test_the_command_line_says_what_it_needs(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(palpate.stability.counter_example.to_toml(SLIDER), "utf-8")
+    asked = ["sweep", str(path), "--over=object.stiffness=1 N/m,2 N/m", "--out", str(tmp_path / "out.h5")]
+    for more, says in (
+        (["--over=object.stiffness=3 N/m"], "object.stiffness is given twice"),
+        (["--scheduler=tcp://127.0.0.1:9"], "--scheduler is for --engine dask"),
+        (["--engine=dask"], "needs the scheduler's address"),
+        (["--engine=spark"], "choose threads, or dask"),
+        (["--shard=second"], "write it as 2/8"),
+    ):
+        done = CliRunner().invoke(app, [*asked, *more])
+        assert done.exit_code == 2
+        assert says in " ".join(done.output.split())
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_ranges_and_lists() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -55,7 +56,10 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
         part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
         try:
             for name, write in writers.items():
-                write(part / name)
+                try:
+                    write(part / name)
+                except OutputError as problem:  # it knows the temporary folder only
+                    raise OutputError(str(problem).replace(str(part), str(target))) from problem
             target.mkdir(exist_ok=True)
             for name in writers:
                 os.replace(part / name, target / name)
@@ -70,7 +74,10 @@ def _told(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        raise OutputError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
+        # HDF5 tells the reason somewhere within a long line
+        told = re.search(r"error message = '([^']+)'", str(problem))
+        reason = problem.strerror or (told[1] if told else str(problem))
+        raise OutputError(f"{target}: cannot be written: {reason}") from problem
 
 
 def _umask() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -63,12 +64,14 @@ def sweep(
                 if scheduler is None:
                     raise SweepError("--engine dask needs the scheduler's address: --scheduler tcp://host:8786")
                 executor, threads = stack.enter_context(dask_executor(scheduler))
-            elif engine != "threads" or scheduler is not None:
+            elif engine != "threads":
                 raise SweepError(f"--engine {engine}: choose threads, or dask with --scheduler ADDRESS")
+            elif scheduler is not None:
+                raise SweepError("--scheduler is for --engine dask: add that, or leave the address out")
             found = run(
                 scenario,
-                dict(_pair(text) for text in over),
-                random=dict(_pair(text) for text in random or ()),
+                _pairs(over),
+                random=_pairs(random or ()),
                 draws=draws,
                 seed=seed,
                 out=path,
@@ -96,6 +99,17 @@ def merge(
     from palpate.sweeps import merge as together
 
     output.print(f"  {together(parts, out)}", style="dim", markup=False, soft_wrap=True)
+
+
+def _pairs(texts: Iterable[str]) -> dict[str, str]:
+    from palpate.sweeps import SweepError
+
+    out: dict[str, str] = {}
+    for key, values in map(_pair, texts):
+        if key in out:
+            raise SweepError(f"{key} is given twice")
+        out[key] = values
+    return out
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -226,7 +226,7 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
         anchor.normal = np.array(touched.normal)
     setup.anchor = anchor
     if touched.mesh is not None:
-        mesh, surface = touched_mesh(touched, np.array(anchor.point), scenario.period)
+        mesh, surface = touched_mesh(scenario, np.array(anchor.point))
         setup.touch(_core.TouchedSurface(mesh.core, surface.core_for(mesh), touched.mesh.radius))
     if touched.body is not None:
         setup.touch_body(touched_body(scenario, np.array(anchor.point)))

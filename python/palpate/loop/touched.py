@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from palpate.errors import PalpateError, ScenarioError
-from palpate.scenario.model import Object
+from palpate.errors import PalpateError
+from palpate.scenario.model import Scenario
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
 from palpate.touch import Mesh, Surface
 
@@ -19,25 +19,32 @@ Array = NDArray[np.float64]
 Triangles = NDArray[np.int64]
 
 
-def touched_mesh(touched: Object, origin: Array, period: float) -> tuple[Mesh, Surface]:
-    """Return the mesh of an object of kind "mesh", its origin at `origin` (3,), m, and its surface.
+def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
+    """Return the mesh of a scenario's object of kind "mesh", its origin at `origin` (3,), m, and its surface.
 
     Raises:
         ScenarioError: the file cannot be read, or mesh and surface do not fit each other.
     """
+    touched = scenario.object
     assert touched.mesh is not None
     assert touched.surface is not None
     try:
         own = _mesh(touched.mesh)
     except PalpateError as problem:
-        raise ScenarioError(f"object.mesh: {problem}") from None
+        field, _, reason = str(problem).partition(": ")
+        if field == "unit":
+            raise scenario.mistake("object.mesh.unit", reason) from None
+        raise scenario.mistake(
+            f"object.mesh.{'shape' if touched.mesh.file is None else 'file'}", str(problem)
+        ) from None
     turn = Rotation.from_euler("xyz", touched.mesh.turn).as_matrix()
     mesh = Mesh(own.vertices @ turn.T + origin, own.triangles, open=touched.mesh.open, mend=False)
-    surface = _surface(touched.surface, own, period)
+    surface = _surface(touched.surface, own, scenario.period)
     try:
         surface.core_for(mesh)
     except PalpateError as problem:
-        raise ScenarioError(f"object.surface.{problem}") from None
+        field, _, reason = str(problem).partition(" ")
+        raise scenario.mistake(f"object.surface.{field}", reason) from None
     return mesh, surface
 
 

@@ -154,7 +154,7 @@ def _surface_of(trace: Trace) -> tuple[Mesh, Array]:
 
     scenario = Scenario.from_dict(trace.scenario)
     origin = trace["tip"][0] + np.array(scenario.object.position)
-    mesh, surface = touched_mesh(scenario.object, origin, scenario.period)
+    mesh, surface = touched_mesh(scenario, origin)
     values = np.asarray(surface.stiffness, dtype=float)
     if len(values) == len(mesh.vertices) != len(mesh.triangles):
         values = values[mesh.triangles].mean(axis=1)

@@ -34,6 +34,9 @@ class MeasuredVerdict:
     frequency: float
     sentence: str
 
+    def __str__(self) -> str:
+        return self.sentence
+
 
 @dataclass(frozen=True)
 class MeasuredResponse:
@@ -56,8 +59,11 @@ class MeasuredResponse:
     deviation: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency", np.asarray(self.frequency, dtype=float))
-        object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
+        try:
+            object.__setattr__(self, "frequency", np.asarray(self.frequency, dtype=float))
+            object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
+        except (TypeError, ValueError):
+            raise StabilityError("frequency must be numbers in Hz, response complex numbers in m/N") from None
         positive(self.period, "period", "s")
         f, g = self.frequency, self.response
         if f.ndim != 1 or f.shape != g.shape or len(f) == 0:
@@ -71,7 +77,10 @@ class MeasuredResponse:
                 f"frequencies must increase from above 0 to at most half the sampling rate, {0.5 / self.period:g} Hz"
             )
         if self.deviation is not None:
-            object.__setattr__(self, "deviation", np.broadcast_to(np.asarray(self.deviation, float), f.shape))
+            given = np.asarray(self.deviation, dtype=float)
+            if given.shape not in ((), f.shape):
+                raise StabilityError(f"deviation must be one number or one for each frequency, {len(f)}, in m/N")
+            object.__setattr__(self, "deviation", np.broadcast_to(given, f.shape))
             if np.any(self.deviation < 0) or not np.all(np.isfinite(self.deviation)):
                 raise StabilityError("deviation must be finite and not negative, in m/N")
 
@@ -113,7 +122,8 @@ class MeasuredResponse:
                     f"{0.5 / self.period:g} Hz"
                 )
             return _unknown(
-                f"no stiffness puts an oscillation between {f[0]:g} Hz and {f[-1]:g} Hz; measure lower frequencies"
+                f"no stiffness puts an oscillation between {f[0]:g} Hz and {f[-1]:g} Hz; measure lower frequencies, "
+                "and see that the response has the hold and the delay of the loop in it"
             )
         candidates = [(max(at[i], at[i + 1]), int(i)) for i in places]
         i = min(candidates)[1]

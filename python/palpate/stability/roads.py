@@ -249,7 +249,10 @@ def _bilinear(d: int) -> Array:
 
 
 def _checked(coefficients: ArrayLike, who: str) -> Array:
-    p = np.array(coefficients, dtype=float)
+    try:
+        p = np.array(coefficients, dtype=float)
+    except (TypeError, ValueError):
+        raise StabilityError(f"{who}: the coefficients must be numbers, highest power first") from None
     if p.ndim == 0 or p.shape[-1] < 2:
         raise StabilityError(f"{who}: give the coefficients of a polynomial of degree 1 or more, highest power first")
     if not np.all(np.isfinite(p)):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Arm", "HeldTip", "Tip", "hold"]
 
 Array = NDArray[np.float64]
+LONGEST = 1000  # samples of delay
 
 
 @dataclass(frozen=True)
@@ -280,10 +281,13 @@ def hold(device: Tip | control.StateSpace, period: float, delay: float = 0.0) ->
     """
     t = positive(period, "period", "s (a rate of zero has none)")
     n = not_negative(delay, "delay", "samples (a negative one would look ahead)")
+    if n > LONGEST:
+        raise StabilityError(f"delay: {n:g} samples; the most is {LONGEST}, and no loop bears as many")
     system = device.state_space if isinstance(device, Tip) else device
     if not isinstance(system, control.StateSpace):
         raise StabilityError(
-            f"the device must be a Tip or a continuous control.StateSpace, not {type(device).__name__}"
+            f"the device must be a Tip or a continuous control.StateSpace, not {type(device).__name__}; of an arm, "
+            "Tip.at_pose(arm, pose, along=(0, 0, 1)) is one"
         )
     if system.isdtime(strict=True) or (system.ninputs, system.noutputs) != (1, 1):
         raise StabilityError(

@@ -30,8 +30,9 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "servo.jitter": ("jitter", "s"),
     "run.seed": ("seed", ""),
 }
-_RANGE = re.compile(r"\s*(.+?)\s*\.\.\s*(.+?)\s*:\s*(\d+)\s*(log)?\s*")
+_RANGE = re.compile(r"\s*(.+?)\s*(?<!\.)\.\.(?!\.)\s*([^:]+?)\s*:\s*(\d+)\s*(log)?\s*")
 _PATH = re.compile(r"[a-z]+\.[A-Za-z_]+(\.[xyz])?")
+_MESHES = ("object.mesh", "object.surface", "object.body")
 LARGEST = 100_000_000  # cells
 
 
@@ -100,8 +101,8 @@ def limits_of(path: str, text: Any) -> tuple[float, float]:
     """
     unit = _unit(path)
     parts = str(text).split("..")
-    if len(parts) != 2:
-        raise SweepError(f'{path}: "{text}" is no range; write it as "0.05 kg..0.3 kg"')
+    if len(parts) != 2 or ":" in text or parts[1].startswith("."):
+        raise SweepError(f'{path}: "{text}" is no range to draw from; write its two ends, as in "0.05 kg..0.3 kg"')
     try:
         low, high = parse(parts[0], unit), parse(parts[1], unit)
     except ValueError as problem:
@@ -135,6 +136,8 @@ def _unit(path: str) -> str:
 
 
 def _axis(path: str, values: Any) -> Axis:
+    if path.startswith(_MESHES):
+        raise SweepError(f"{path}: a sweep runs springs and walls, no meshes and bodies")
     if not _PATH.fullmatch(path):
         raise SweepError(
             f'"{path}" is no key of a scenario; write table.key, as in object.stiffness, and .x, .y or .z for one axis'
@@ -145,6 +148,11 @@ def _axis(path: str, values: Any) -> Axis:
             low, unit = _quantity(match[1], unit)
             high, _ = _quantity(match[2], unit)
             return Axis(path, unit, _spread(low, high, int(match[3]), match[4] is not None))
+        if isinstance(values, str) and ".." in values:
+            raise ValueError(
+                f'"{values}" is no range; write both ends with their units and how many values, "100 N/m..5 N/mm:50", '
+                'and " log" after it for equal ratios'
+            )
         listed = values.split(",") if isinstance(values, str) else list(np.asarray(values, dtype=object).ravel())
         read = [_value(value, unit) for value in listed]
     except ValueError as problem:
@@ -160,6 +168,8 @@ def _axis(path: str, values: Any) -> Axis:
 def _spread(low: float, high: float, count: int, logarithmic: bool) -> tuple[float, ...]:
     if count < 1:
         raise ValueError("a range needs a count of at least 1")
+    if count > LARGEST:
+        raise ValueError(f"{count:,} values; the most is {LARGEST:,}")
     if not logarithmic:
         return tuple(float(x) for x in np.linspace(low, high, count))
     if low <= 0 or high <= 0:

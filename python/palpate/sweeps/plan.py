@@ -172,10 +172,10 @@ class Plan:
 def _check(tables: Mapping[str, Any]) -> Experiment:
     experiment = prepare(tables)
     scenario = experiment.scenario
-    if scenario.device.model != "nonlinear" or scenario.operator.kind == "hold":
-        raise SweepError(
-            'a sweep runs the nonlinear device, free to move: device.model = "nonlinear", operator not "hold"'
-        )
+    if scenario.device.model != "nonlinear":
+        raise SweepError(f'device.model: a sweep runs the "nonlinear" device, not its "{scenario.device.model}" model')
+    if scenario.operator.kind == "hold":
+        raise SweepError('operator.kind: a sweep runs a device that is free to move; "hold" keeps the tip still')
     if scenario.object.kind not in ("none", "spring", "wall"):
         raise SweepError(f'object.kind: a sweep runs springs and walls, not "{scenario.object.kind}"')
     return experiment

@@ -113,6 +113,7 @@ def sweep(
     """
     plan = plan_of(scenario, over, random=random, draws=draws, seed=seed)
     plan.check()
+    _share([], shard)  # refused before a file is made
     store: FileStore | MemoryStore = MemoryStore(plan) if out is None else FileStore(out, plan)
     try:
         todo = _share(store.missing(), shard)

@@ -69,6 +69,8 @@ class FileStore:
             OutputError: it cannot be written: no permission, a full disk.
         """
         self.path = Path(path)
+        if self.path.is_dir():
+            raise OutputError(f"{self.path} is a folder; give the name of a file, as in {self.path / 'sweep.h5'}")
         if not self.path.exists():
             write_whole(self.path, lambda part: _lay_out(part, plan))
         held = _plan_text(self.path)
@@ -166,10 +168,15 @@ def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
     """
     if not parts:
         raise SweepError("no files to put together")
-    texts = {_plan_text(Path(part)) for part in parts}
-    if len(texts) > 1 or None in texts:
-        raise SweepError("these files are not shards of one sweep")
-    plan = Plan.of_text(str(texts.pop()))
+    texts = [_plan_text(Path(part)) for part in parts]
+    for part, text in zip(parts, texts, strict=True):
+        if not Path(part).exists():
+            raise SweepError(f"{part}: there is no such file")
+        if text is None:
+            raise SweepError(f"{part} is not the file of a sweep")
+        if text != texts[0]:
+            raise SweepError(f"{part} is of another sweep than {parts[0]}")
+    plan = Plan.of_text(str(texts[0]))
     chunk = plan.chunk
 
     def write(target: Path) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.errors import PalpateError
 from palpate.touch.diagnosis import Diagnosis, lengths
-from palpate.units import quantity
+from palpate.units import parse
 
 __all__ = ["Mesh", "MeshError"]
 
@@ -61,7 +61,10 @@ class Mesh:
 
         Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or has no triangles.
         """
-        scale = quantity(f"1 {unit}", "m", "unit", error=MeshError)
+        try:
+            scale = parse(f"1 {unit}", "m")
+        except ValueError:
+            raise MeshError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
         vertices, triangles = _read(Path(path))
         try:
             vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))

@@ -32,29 +32,32 @@ struct Square {
           full[(3 * i + a) * 3 * n + 3 * j + a] = static_cast<float>(1e-5 / ((points[i] - points[j]).norm() + 0.3 * width));
     nodes =
         palpate::BodyNodes(points, std::vector<palpate::Vector3<>>(n, palpate::Vector3<>::UnitZ()), std::vector<double>(n, width * width));
-    body = palpate::Compliance(nodes, full.data());
+    body = palpate::Compliance(nodes, full.data(), true);
   }
 };
 
 TEST(BodyNoAllocation, InATickOfASlidingTip) {
   Square square;
-  palpate::BodyContact<palpate::Compliance> contact(square.nodes, square.body);
+  palpate::BodyContact<palpate::Compliance> contact(square.nodes, square.body), rough(square.nodes, square.body, {0.5, 0.4});
   palpate::BodyTip tip;
   for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
     tip.kind = kind;
     tip.radius = 4e-3;
     long pressed = 0;
+    double dragged = 0.0;
     int most = 0;
     const long before = allocations;
     for (int k = 0; k < 3000; ++k) {
       const double top = kind == palpate::BodyTip::Kind::sphere ? tip.radius : 0.0;
       tip.centre = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), top + 2e-3 * std::sin(0.05 * k)};
       const palpate::BodyAnswer& a = contact.step(tip);
+      dragged += rough.step(tip).friction.norm();
       pressed += a.touching ? 1 : 0;
       most = std::max(most, a.nodes);
     }
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(pressed, 1000);
+    EXPECT_GT(dragged, 0.0);
     EXPECT_LT(pressed, 2900);
     EXPECT_GT(most, 15);
   }

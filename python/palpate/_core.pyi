@@ -19,15 +19,23 @@ class TouchedBody:
     def __init__(self, body: BodyInLoop, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
 
 class ElasticBody(BodyInLoop):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Rows of force (3), deflection (3), energy, nodes, touching, solved."""
+        """
+        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+        """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """How long each step took, s, the clock's own time included."""
 
-    def pressed(self) -> tuple: ...
+    def pressed(self) -> tuple:
+        """
+        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        """
+
+    def dragged(self) -> NDArray[numpy.float64]:
+        """The forces of friction on the nodes of pressed(), N."""
 
     def reset(self) -> None: ...
 
@@ -40,12 +48,20 @@ class ModalBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Rows of force (3), deflection (3), energy, nodes, touching, solved."""
+        """
+        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+        """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """How long each step took, s, the clock's own time included."""
 
-    def pressed(self) -> tuple: ...
+    def pressed(self) -> tuple:
+        """
+        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        """
+
+    def dragged(self) -> NDArray[numpy.float64]:
+        """The forces of friction on the nodes of pressed(), N."""
 
     def reset(self) -> None: ...
 
@@ -55,15 +71,23 @@ class ModalBody(BodyInLoop):
         """
 
 class RelaxingBody(BodyInLoop):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instant: float, creep: float, period: float) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instant: float, creep: float, period: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Rows of force (3), deflection (3), energy, nodes, touching, solved."""
+        """
+        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+        """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """How long each step took, s, the clock's own time included."""
 
-    def pressed(self) -> tuple: ...
+    def pressed(self) -> tuple:
+        """
+        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        """
+
+    def dragged(self) -> NDArray[numpy.float64]:
+        """The forces of friction on the nodes of pressed(), N."""
 
     def reset(self) -> None: ...
 
@@ -76,12 +100,20 @@ class LatticeBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], masses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], springs: Annotated[NDArray[numpy.int32], dict(shape=(None, 2), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int32], dict(shape=(None, 4), order='C', device='cpu', writable=False)], pressure: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shares: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Rows of force (3), deflection (3), energy, nodes, touching, solved."""
+        """
+        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+        """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """How long each step took, s, the clock's own time included."""
 
-    def pressed(self) -> tuple: ...
+    def pressed(self) -> tuple:
+        """
+        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        """
+
+    def dragged(self) -> NDArray[numpy.float64]:
+        """The forces of friction on the nodes of pressed(), N."""
 
     def reset(self) -> None: ...
 

@@ -58,13 +58,14 @@ struct BodyCore : BodyInLoop {
   palpate::BodyContact<Kind> contact;
 
   template <class Make>
-  BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, Make make)
-      : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body) {}
+  BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, palpate::DryFriction friction,
+           Make make)
+      : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body, friction) {}
 
   BodyCore(palpate::BodyNodes at, Kind&& kind) : nodes(std::move(at)), body(std::move(kind)), contact(nodes, body) {}
 
   [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override {
-    return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body);
+    return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body, contact.friction());
   }
 
   static palpate::BodyNodes fitting(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
@@ -88,9 +89,9 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = new_array<double>({n, 10});
+            auto [rows, row] = new_array<double>({n, 14});
             const nb::gil_scoped_release unlocked;
-            for (std::size_t i = 0; i < n; ++i, row += 10) {
+            for (std::size_t i = 0; i < n; ++i, row += 14) {
               const palpate::BodyAnswer& a =
                   self.contact.step(tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
                                            Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i)));
@@ -100,10 +101,13 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
               row[7] = a.nodes;
               row[8] = a.touching ? 1.0 : 0.0;
               row[9] = a.solved ? 1.0 : 0.0;
+              Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
+              row[13] = a.sliding ? 1.0 : 0.0;
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "Rows of force (3), deflection (3), energy, nodes, touching, solved.")
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a,
+          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.")
       .def(
           "time",
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
@@ -121,17 +125,28 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             return seconds;
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a, "How long each step took, s, the clock's own time included.")
-      .def("pressed",
-           [](const BodyCore<Kind>& self) {
-             const auto n = static_cast<std::size_t>(self.contact.last().nodes);
-             auto [nodes, i] = new_array<std::int64_t>({n});
-             auto [forces, f] = new_array<double>({n});
-             for (std::size_t k = 0; k < n; ++k) {
-               i[k] = self.contact.pressed()[k];
-               f[k] = self.contact.forces()[k];
-             }
-             return nb::make_tuple(nodes, forces);
-           })
+      .def(
+          "pressed",
+          [](const BodyCore<Kind>& self) {
+            const auto n = static_cast<std::size_t>(self.contact.last().nodes);
+            auto [nodes, i] = new_array<std::int64_t>({n});
+            auto [forces, f] = new_array<double>({n});
+            for (std::size_t k = 0; k < n; ++k) {
+              i[k] = self.contact.pressed()[k];
+              f[k] = self.contact.forces()[k];
+            }
+            return nb::make_tuple(nodes, forces);
+          },
+          "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
+      .def(
+          "dragged",
+          [](const BodyCore<Kind>& self) {
+            const auto n = static_cast<std::size_t>(self.contact.last().nodes);
+            auto [forces, f] = new_array<double>({n, 3});
+            for (std::size_t k = 0; k < n; ++k) Eigen::Map<palpate::Vector3<>>(f + 3 * k) = self.contact.dragged(self.contact.pressed()[k]);
+            return forces;
+          },
+          "The forces of friction on the nodes of pressed(), N.")
       .def("reset", [](BodyCore<Kind>& self) { self.contact.reset(); })
       .def(
           "respond",
@@ -246,11 +261,13 @@ void bind_body(nb::module_& m) {
   bind_kind<Compliance>(m, "ElasticBody")
       .def(
           "__init__",
-          [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
-            new (self) BodyCore<Compliance>(at, normals, areas, compliance,
-                                            [&](const palpate::BodyNodes& nodes) { return Compliance(nodes, compliance.data()); });
+          [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+             double hold, double slide) {
+            new (self) BodyCore<Compliance>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
+              return Compliance(nodes, compliance.data(), hold > 0.0);
+            });
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a);
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_kind<Modal>(m, "ModalBody")
       .def(
           "__init__",
@@ -258,7 +275,7 @@ void bind_body(nb::module_& m) {
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of a body's modes do not fit each other");
-            new (self) BodyCore<Modal>(at, normals, areas, compliance, [&](const palpate::BodyNodes& nodes) {
+            new (self) BodyCore<Modal>(at, normals, areas, compliance, {}, [&](const palpate::BodyNodes& nodes) {
               return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta);
             });
           },
@@ -267,11 +284,12 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Relaxing>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             double instant, double creep, double period) {
-            new (self) BodyCore<Relaxing>(at, normals, areas, compliance, [&](const palpate::BodyNodes& nodes) {
-              return Relaxing(Compliance(nodes, compliance.data()), instant, creep, period);
+             double instant, double creep, double period, double hold, double slide) {
+            new (self) BodyCore<Relaxing>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
+              return Relaxing(Compliance(nodes, compliance.data(), hold > 0.0), instant, creep, period);
             });
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a);
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a, "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0);
   bind_lattice(m);
 }

@@ -43,6 +43,7 @@ class Presses(NamedTuple):
     deflection: Array  # of the pressed patch, weighted by its forces (m, 3), m
     energy: Array  # stored (m,), J
     nodes: Indices  # pressed (m,)
+    friction: Array  # the part of the force that drags along the surface (m, 3), N
 
 
 class Body:
@@ -138,6 +139,20 @@ class Body:
             )
         )
 
+    def rough(self, static_friction: float, dynamic_friction: float | None = None) -> Body:
+        """Return the same body with dry friction, node by node; `dynamic_friction` is as the static one if None.
+
+        A tip drags the surface along and slips under it from the edge of the contact inwards (Cattaneo 1938, Mindlin
+        1949). `static_friction` counts until all of the contact slides, `dynamic_friction` from then on, until all of
+        it holds again.
+
+        Raises:
+            BodyError: a coefficient is negative, or the dynamic one is above the static one.
+        """
+        rough = Body(self.contents)
+        rough.core = _core.ElasticBody(*self._arrays(), *_coefficients(static_friction, dynamic_friction))
+        return rough
+
     def modal(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
 
@@ -159,12 +174,20 @@ class Body:
         )
         return moving
 
-    def relaxing(self, period: float | str, *, instant: float, creep: float | str) -> Body:
+    def relaxing(
+        self,
+        period: float | str,
+        *,
+        instant: float,
+        creep: float | str,
+        static_friction: float = 0.0,
+        dynamic_friction: float | None = None,
+    ) -> Body:
         """Return the same body made of a standard linear solid, for ticks of `period`, s or text.
 
         Pressed in a step it is `instant` times as stiff as at last (at least 1), and it creeps there under a held force
         with the time `creep`, s or text; at a held depth the force relaxes with `creep / instant`. Poisson's ratio
-        stays.
+        stays. Friction is as in `rough`.
 
         Raises:
             BodyError: a number is impossible.
@@ -173,7 +196,11 @@ class Body:
             raise BodyError(f"at once, tissue is at least as stiff as at last: instant is 1 or more, not {instant:g}")
         viscous = Body(self.contents)
         viscous.core = _core.RelaxingBody(
-            *self._arrays(), instant, _positive(creep, "s", "creep"), _positive(period, "s", "period")
+            *self._arrays(),
+            instant,
+            _positive(creep, "s", "creep"),
+            _positive(period, "s", "period"),
+            *_coefficients(static_friction, dynamic_friction),
         )
         return viscous
 
@@ -236,8 +263,9 @@ class Body:
             tip: "sphere" or "flat".
 
         Returns:
-            The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. There is no friction, and
-            displacements are taken as small against the body and the tip. Fewer than four pressed nodes are warned of.
+            The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. A press from rest drags
+            nothing, so there is no friction in it. Displacements are taken as small against the body and the tip.
+            Fewer than four pressed nodes are warned of.
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -298,7 +326,7 @@ class Body:
         rows = self.core.follow(centres, axes, size, tip == "flat")
         if not rows[:, 9].all():
             raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
-        return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64))
+        return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
 
     def displacement(self) -> Array:
         """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long.
@@ -309,8 +337,8 @@ class Body:
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()
         total = np.zeros(3 * len(self.nodes))
-        for node, force in zip(nodes, forces, strict=True):
-            total -= force * (self.compliance[:, 3 * node : 3 * node + 3] @ self.normals[node])
+        for node, force, drag in zip(nodes, forces, self.core.dragged(), strict=True):
+            total += self.compliance[:, 3 * node : 3 * node + 3] @ (drag - force * self.normals[node])
         return total.reshape(-1, 3)
 
 
@@ -323,3 +351,12 @@ def _positive(value: float | str, unit: str, field: str) -> float:
     if not 0 < number < np.inf:
         raise BodyError(f"{field} is positive and finite, not {number:g}")
     return number
+
+
+def _coefficients(static: float, dynamic: float | None) -> tuple[float, float]:
+    after = static if dynamic is None else dynamic
+    if not 0.0 <= after <= static < np.inf:
+        raise BodyError(
+            f"coefficients of friction are 0 or more, the dynamic one at most the static one, not {static}, {after}"
+        )
+    return float(static), float(after)

@@ -162,6 +162,7 @@ def _of_kind(
 ) -> Body:
     body = _read(state) if stiffer == 1.0 else _read(state).stiffer(stiffer)
     if kind == "compliance":
-        return body
+        given = {"static_friction": 0.0, **dict(options)}
+        return body.rough(**given) if options else body
     made: Body = getattr(body, kind)(period, **dict(options))
     return made

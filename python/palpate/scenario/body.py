@@ -15,11 +15,12 @@ from palpate.units import parse, write
 __all__ = ["KINDS", "BodyChoice"]
 
 # kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`.
+_FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", False)}
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
-    "compliance": {},
+    "compliance": _FRICTION,
     "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
     "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
-    "relaxing": {"instant": ("", True), "creep": ("s", True)},
+    "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
 }
 # shape: its keys, and an example of those that it needs
 _SHAPES: Final[dict[str, dict[str, str]]] = {

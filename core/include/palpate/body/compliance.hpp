@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/body/nodes.hpp"
+#include "palpate/body/tangential.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -14,8 +15,10 @@ class Compliance {
  public:
   Compliance() = default;
 
-  /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric. Kept in single precision, along the normals: n^2.
-  Compliance(const BodyNodes& nodes, const float* full) : count_(static_cast<std::size_t>(nodes.size())), along_(count_ * count_) {
+  /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric. Kept in single precision, along the normals: n^2; if `tangential`, which
+  /// friction needs, 4 n^2 more.
+  Compliance(const BodyNodes& nodes, const float* full, bool tangential = false)
+      : count_(static_cast<std::size_t>(nodes.size())), along_(count_ * count_) {
     const std::size_t row = 3 * count_;
     for (std::size_t i = 0; i < count_; ++i) {
       const Vector3<>& ni = nodes.normal(static_cast<std::int32_t>(i));
@@ -30,11 +33,13 @@ class Compliance {
         along_[i * count_ + j] = along_[j * count_ + i] = static_cast<float>(sum);
       }
     }
+    if (tangential) across_ = Tangential(nodes, full);
   }
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
     return static_cast<double>(along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
   }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return across_(i, j); }
   [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}
@@ -42,6 +47,7 @@ class Compliance {
  private:
   std::size_t count_ = 0;
   std::vector<float> along_;  // n x n, m/N
+  Tangential across_;
 };
 
 }  // namespace palpate

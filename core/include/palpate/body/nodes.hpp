@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -36,7 +37,11 @@ class BodyNodes {
 
   /// Places [m], outward unit normals, and areas [m^2] of the patches, one of each per node.
   BodyNodes(std::vector<Vector3<>> points, std::vector<Vector3<>> normals, const std::vector<double>& areas)
-      : points_(std::move(points)), normals_(std::move(normals)), widths_(areas.size()) {
+      : points_(std::move(points)), normals_(std::move(normals)), across_(normals_.size()), widths_(areas.size()) {
+    for (std::size_t i = 0; i < normals_.size(); ++i) {
+      const Vector3<> one = normals_[i].unitOrthogonal();
+      across_[i] << one, normals_[i].cross(one);
+    }
     double total = 0.0;
     for (std::size_t i = 0; i < areas.size(); ++i) {
       widths_[i] = std::sqrt(areas[i]);
@@ -70,6 +75,9 @@ class BodyNodes {
   [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(points_.size()); }
   [[nodiscard]] const Vector3<>& point(std::int32_t i) const noexcept { return points_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] const Vector3<>& normal(std::int32_t i) const noexcept { return normals_[static_cast<std::size_t>(i)]; }
+
+  /// Two unit vectors, in columns, that span a node's tangent plane.
+  [[nodiscard]] const Eigen::Matrix<double, 3, 2>& across(std::int32_t i) const noexcept { return across_[static_cast<std::size_t>(i)]; }
 
   /// Calls `take(node, depth)` for each node that lies under the tip, in or before it. A node whose normal turns away from `tip.outward`,
   /// such as one on the far side of a thin body, is not under it.
@@ -174,7 +182,8 @@ class BodyNodes {
 
   std::vector<Vector3<>> points_;   // m
   std::vector<Vector3<>> normals_;  // unit, outward
-  std::vector<double> widths_;      // square roots of the patches' areas, m
+  std::vector<Eigen::Matrix<double, 3, 2>> across_;
+  std::vector<double> widths_;  // square roots of the patches' areas, m
   double widest_ = 0.0;
   Vector3<> low_ = Vector3<>::Zero();  // the grid's corner, m
   double cell_ = 1.0;                  // m

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "palpate/body/nodes.hpp"
+#include "palpate/body/partial_slip.hpp"
 #include "palpate/body/unilateral.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -16,10 +17,16 @@ struct BodyAnswer {
   bool touching = false;
   Vector3<> force = Vector3<>::Zero();       ///< of the body on the tip, N
   Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the pressed patch, weighted by its forces, m
+  Vector3<> friction = Vector3<>::Zero();    ///< the part of `force` that drags along the surface, N
   double energy = 0.0;                       ///< that pressing has stored, J (of the contact: f.g/2)
   int nodes = 0;                             ///< pressed
+  bool sliding = false;                      ///< the whole patch slides: dynamic friction
   bool solved = true;                        ///< false: the bound on moves was reached, or more nodes lie under the tip than are looked at
 };
+
+/// A body that can be dragged along its surface: it has a tangential compliance.
+template <class Kind>
+concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 
 /// A rigid tip on a linear body: which nodes lie under it, and the forces that keep them out of it.
 ///
@@ -29,28 +36,38 @@ struct BodyAnswer {
 ///   double at_rest(i)         where node i will be then without any force, m
 ///   void advance(nodes, forces, count)   one period with these forces
 ///   void reset()
+/// For friction also
+///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
+/// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
 /// Displacements are small: nodes move along their normals at rest. So the force is the slope of the stored energy by the tip's place,
-/// and no closed path of the tip gives work, whatever the mesh.
+/// and no closed path of the tip gives work, whatever the mesh. Friction takes from it (PartialSlip); what the normal forces move
+/// sideways and the tangential ones inwards is left out of both.
 template <class Kind>
 class BodyContact {
  public:
   static constexpr int capacity = Unilateral::capacity;
 
-  /// The nodes and the body outlive the contact.
-  BodyContact(const BodyNodes& nodes, Kind& kind) : nodes_(&nodes), kind_(&kind) {}
+  /// The nodes and the body outlive the contact. A kind that cannot be dragged has no friction.
+  BodyContact(const BodyNodes& nodes, Kind& kind, DryFriction friction = {}) : nodes_(&nodes), kind_(&kind) {
+    if (Draggable<Kind> && friction) slip_ = PartialSlip(friction, nodes.size());
+  }
 
   /// Goes on by one period with the tip where it is.
   const BodyAnswer& step(const BodyTip& tip) noexcept {
     find(tip);
     solve();
     answer();
-    kind_->advance(pressed_.data(), forces_.data(), answer_.nodes);
+    if constexpr (Draggable<Kind>)
+      if (slip_.on()) drag(tip);
+    advance();
     return answer_;
   }
 
   void reset() noexcept {
     count_ = answered_ = 0;
     answer_ = {};
+    slip_.reset();
+    placed_ = false;
     kind_->reset();
   }
 
@@ -59,6 +76,13 @@ class BodyContact {
   /// The pressed nodes of the last step and the forces on them along their inward normals [N], answer.nodes of each.
   [[nodiscard]] const std::int32_t* pressed() const noexcept { return pressed_.data(); }
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }
+
+  [[nodiscard]] const DryFriction& friction() const noexcept { return slip_.friction(); }
+
+  /// What the tip drags a pressed node of the last step with, N.
+  [[nodiscard]] Vector3<> dragged(std::int32_t node) const noexcept {
+    return slip_.on() ? Vector3<>(nodes_->across(node) * slip_.force(node)) : Vector3<>::Zero();
+  }
 
  private:
   using Near = BodyNodes::Near;
@@ -139,6 +163,7 @@ class BodyContact {
       if (f <= 0.0) continue;
       const Near& near = near_[static_cast<std::size_t>(a)];
       pressed_[static_cast<std::size_t>(answer_.nodes)] = near.node;
+      held_[static_cast<std::size_t>(answer_.nodes)] = a;
       forces_[static_cast<std::size_t>(answer_.nodes++)] = f;
       // Minus the slope of the stored energy, max f.(g - C f/2), by the tip's place.
       answer_.force -= f * near.slope;
@@ -151,6 +176,40 @@ class BodyContact {
     answer_.touching = answer_.nodes > 0;
     if (answer_.touching) answer_.deflection /= total;
     answered_ = answer_.nodes;
+  }
+
+  /// The tip has moved over the surface, and drags it along.
+  void drag(const BodyTip& tip) noexcept {
+    const Vector3<> way = placed_ ? Vector3<>(tip.centre - centre_) : Vector3<>::Zero();
+    centre_ = tip.centre;
+    placed_ = centre_.allFinite();
+    for (int c = 0; c < answer_.nodes; ++c) covers_[static_cast<std::size_t>(c)] = near(c).cover;
+    slip_.step(*nodes_, *kind_, pressed_.data(), forces_.data(), covers_.data(), answer_.nodes, way);
+    double total = 0.0;
+    Vector3<> along = Vector3<>::Zero();
+    for (int c = 0; c < answer_.nodes; ++c) {
+      const std::int32_t node = near(c).node;
+      const Eigen::Vector2d force = slip_.force(node), moved = slip_.moved(node);
+      along += forces_[static_cast<std::size_t>(c)] * (nodes_->across(node) * moved);
+      total += forces_[static_cast<std::size_t>(c)];
+      answer_.friction -= nodes_->across(node) * force;
+      if (near(c).cover < 1.0) answer_.friction -= slip_.by_cover(node) * near(c).cover_slope;
+      answer_.energy += 0.5 * force.dot(moved);
+      tangential_[static_cast<std::size_t>(c)] = force;
+    }
+    if (total > 0.0) answer_.deflection += along / total;
+    answer_.force += answer_.friction;
+    answer_.sliding = slip_.sliding();
+  }
+
+  void advance() noexcept {
+    if constexpr (requires { kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), 0); })
+      if (slip_.on()) return kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), answer_.nodes);
+    kind_->advance(pressed_.data(), forces_.data(), answer_.nodes);
+  }
+
+  [[nodiscard]] const Near& near(int pressed) const noexcept {
+    return near_[static_cast<std::size_t>(held_[static_cast<std::size_t>(pressed)])];
   }
 
   const BodyNodes* nodes_;
@@ -169,6 +228,12 @@ class BodyContact {
   std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
   std::array<std::int32_t, capacity> pressed_{};
   std::array<double, capacity> forces_{};
+  std::array<int, capacity> held_{};  // places of the pressed
+  PartialSlip slip_;
+  bool placed_ = false;                                 // the tip has been somewhere before
+  Vector3<> centre_ = Vector3<>::Zero();                // where it was, m
+  std::array<double, capacity> covers_{};               // of the pressed
+  std::array<Eigen::Vector2d, capacity> tangential_{};  // on the pressed, N
 };
 
 }  // namespace palpate

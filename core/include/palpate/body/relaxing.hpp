@@ -34,10 +34,21 @@ class Relaxing {
     return stays_ * sum;
   }
 
-  /// `nodes` rise.
-  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return share_ * elastic_.tangential(i, j); }
+
+  [[nodiscard]] Eigen::Vector2d tangential_at_rest(std::int32_t i) const noexcept {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.tangential(i, node_[k]) * across_[k];
+    return stays_ * sum;
+  }
+
+  /// `nodes` rise; `across` are forces in their tangent planes, or none.
+  void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* across, int count) noexcept {
     double most = 0.0;
-    for (std::size_t k = 0; k < count_; ++k) most = std::max(most, crept_[k] *= stays_);
+    for (std::size_t k = 0; k < count_; ++k) {
+      most = std::max(most, crept_[k] *= stays_);
+      across_[k] *= stays_;
+    }
     for (int c = 0; c < count; ++c) {
       const auto end = node_.begin() + static_cast<std::ptrdiff_t>(count_);
       const auto at = std::find(node_.begin(), end, nodes[c]);
@@ -49,18 +60,22 @@ class Relaxing {
           ++count_;
         node_[k] = nodes[c];
         crept_[k] = 0.0;
+        across_[k].setZero();
       }
       crept_[k] += gains_ * forces[c];
+      if (across != nullptr) across_[k] += gains_ * across[c];
       most = std::max(most, crept_[k]);
     }
     std::size_t kept = 0;
     for (std::size_t k = 0; k < count_; ++k) {
       if (!(crept_[k] > 1e-6 * most) || !(crept_[k] > least)) continue;
       node_[kept] = node_[k];
+      across_[kept] = across_[k];
       crept_[kept++] = crept_[k];
     }
     count_ = kept;
   }
+  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
 
   void reset() noexcept { count_ = 0; }
 
@@ -71,7 +86,8 @@ class Relaxing {
   double stays_ = 0.0, gains_ = 0.0, share_ = 1.0;
   std::size_t count_ = 0;
   std::array<std::int32_t, capacity> node_{};
-  std::array<double, capacity> crept_{};  // N
+  std::array<double, capacity> crept_{};            // N
+  std::array<Eigen::Vector2d, capacity> across_{};  // the same in the tangent plane, N
 };
 
 }  // namespace palpate

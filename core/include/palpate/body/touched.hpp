@@ -39,14 +39,19 @@ class LoopBody {
 template <class Kind>
 class LoopBodyOf final : public LoopBody {
  public:
-  LoopBodyOf(const BodyNodes& nodes, const Kind& kind) : nodes_(&nodes), kind_(kind), contact_(nodes, kind_) { contact_.reset(); }
+  LoopBodyOf(const BodyNodes& nodes, const Kind& kind, DryFriction friction = {})
+      : nodes_(&nodes), kind_(kind), contact_(nodes, kind_, friction) {
+    contact_.reset();
+  }
 
   const BodyAnswer& step(const BodyTip& tip) noexcept override { return contact_.step(tip); }
   [[nodiscard]] const BodyAnswer& last() const noexcept override { return contact_.last(); }
   [[nodiscard]] const std::int32_t* pressed() const noexcept override { return contact_.pressed(); }
   [[nodiscard]] const double* forces() const noexcept override { return contact_.forces(); }
   [[nodiscard]] const BodyNodes& nodes() const noexcept override { return *nodes_; }
-  [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override { return std::make_unique<LoopBodyOf>(*nodes_, kind_); }
+  [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override {
+    return std::make_unique<LoopBodyOf>(*nodes_, kind_, contact_.friction());
+  }
 
  private:
   const BodyNodes* nodes_;

@@ -1,0 +1,335 @@
+// A tip that drags a body's surface along: against Mindlin, Cattaneo, Coulomb, and the conservation of energy.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <numeric>
+#include <palpate/body/compliance.hpp>
+#include <palpate/body/patch.hpp>
+#include <palpate/body/relaxing.hpp>
+#include <random>
+#include <type_traits>
+
+namespace {
+
+using palpate::BodyAnswer, palpate::BodyContact, palpate::BodyNodes, palpate::BodyTip, palpate::DryFriction, palpate::Vector3;
+
+/// The top of an elastic half-space, z up, in square patches: Boussinesq's and Cerruti's point forces between patches, and their mean over
+/// a patch by itself (1 / r: 2.9730 / w; by symmetry x^2 / r^3: half of that). Nothing here comes from finite elements.
+struct HalfSpace {
+  double shear, poisson, width;  // Pa; m
+  std::vector<Vector3<>> points;
+  BodyNodes nodes;
+
+  HalfSpace(int side, double w, double g, double nu) : shear(g), poisson(nu), width(w) {
+    for (int i = 0; i < side; ++i)
+      for (int j = 0; j < side; ++j) points.emplace_back(w * (i - 0.5 * (side - 1)), w * (j - 0.5 * (side - 1)), 0.0);
+    nodes = BodyNodes(points, std::vector<Vector3<>>(points.size(), Vector3<>::UnitZ()), std::vector<double>(points.size(), w * w));
+  }
+  [[nodiscard]] const Vector3<>& at(std::int32_t i) const { return points[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
+    const double inverse = i == j ? 2.9730 / width : 1.0 / (at(i) - at(j)).norm();
+    return (1.0 - poisson) / (2.0 * M_PI * shear) * inverse;
+  }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const {
+    Eigen::Matrix3d c;
+    if (i == j) {
+      c = Eigen::Matrix3d::Identity() * ((1.0 - 0.5 * poisson) * 2.9730 / width);
+    } else {
+      const Vector3<> d = at(i) - at(j);
+      const double r = d.norm();
+      c = Eigen::Matrix3d::Identity() * ((1.0 - poisson) / r) + (poisson / (r * r * r)) * d * d.transpose();
+    }
+    return nodes.across(i).transpose() * c * nodes.across(j) / (2.0 * M_PI * shear);
+  }
+  [[nodiscard]] static double at_rest(std::int32_t) { return 0.0; }
+  static void advance(const std::int32_t*, const double*, int) {}
+  static void reset() {}
+};
+
+// Mindlin 1949: a flat end of radius a that sticks has the tangential stiffness 8 G a / (2 - nu).
+TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
+  for (const double poisson : {0.0, 0.3, 0.45}) {
+    HalfSpace space(41, 1e-3, 5e3, poisson);
+    BodyTip tip;
+    tip.kind = BodyTip::Kind::flat;
+    tip.radius = 5e-3;
+    for (const double aside : {0.0, 0.3e-3}) {
+      BodyContact<HalfSpace> contact(space.nodes, space, {50.0, 50.0});
+      tip.centre = {aside, 0.4 * aside, -1e-3};
+      contact.step(tip);
+      EXPECT_EQ(contact.last().friction.norm(), 0.0);
+      const double way = 1e-5;
+      tip.centre.x() += way;
+      for (int k = 0; k < 20; ++k) contact.step(tip);  // what the sweeps leave over is made up for
+      EXPECT_NEAR(-contact.last().friction.x(), 8.0 * 5e3 * tip.radius / (2.0 - poisson) * way, 0.04 * -contact.last().friction.x())
+          << poisson << " " << aside;
+    }
+  }
+}
+
+// Cattaneo 1938, Mindlin 1949: a sphere pressed by P and dragged; it slips from the edge inwards. The way that it can be dragged before all
+// of it slides is 3 mu P (2 - nu) / (16 G a).
+TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
+  const double shear = 5e3, poisson = 0.4, mu = 0.2;
+  HalfSpace space(21, 1.3e-3, shear, poisson);
+  BodyContact<HalfSpace> contact(space.nodes, space, {mu, mu});
+  BodyTip tip;
+  tip.radius = 60e-3;
+  const double depth = 0.5e-3;
+  tip.centre = {0.2e-3, 0.3e-3, tip.radius - depth};
+  const double normal = contact.step(tip).force.z(), a = std::sqrt(tip.radius * depth);
+  const double full = 3.0 * mu * normal * (2.0 - poisson) / (16.0 * shear * a);
+  const Vector3<> along(0.8, 0.6, 0.0);
+  const Vector3<> start = tip.centre;
+  for (int k = 1; k <= 130; ++k) {
+    const double way = full * k / 100.0;
+    tip.centre = start + way * along;
+    const double found = -contact.step(tip).friction.dot(along) / (mu * contact.last().force.z());
+    const double expected = way < full ? 1.0 - std::pow(1.0 - way / full, 1.5) : 1.0;
+    ASSERT_NEAR(found, expected, 0.03) << k;
+    ASSERT_TRUE((k > 90 && k < 110) || contact.last().sliding == (k >= 110)) << k;
+  }
+  // Mindlin & Deresiewicz 1953: going back, the same curve from there at twice the scale.
+  const Vector3<> turn = tip.centre;
+  for (int k = 1; k <= 220; ++k) {
+    const double way = full * k / 100.0;
+    tip.centre = turn - way * along;
+    const double found = -contact.step(tip).friction.dot(along) / (mu * contact.last().force.z());
+    ASSERT_NEAR(found, way < 2.0 * full ? 2.0 * std::pow(1.0 - way / (2.0 * full), 1.5) - 1.0 : -1.0, 0.04) << k;
+  }
+}
+
+// What the step's problem asks for, at every node: inside the cone it goes with the tip, on it the slip is along the force.
+TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
+  const double mu = 0.5;
+  HalfSpace space(21, 1e-3, 5e3, 0.45);
+  std::mt19937 random(12);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  palpate::PartialSlip slip({mu, mu}, space.nodes.size(), 1000);
+  std::vector<std::int32_t> pressed;
+  for (int i = 5; i < 15; ++i)
+    for (int j = 6; j < 13; ++j) pressed.push_back(21 * i + j);
+  const auto count = static_cast<int>(pressed.size());
+  std::vector<double> forces(pressed.size(), 1e-3), covers(pressed.size(), 1.0);
+  int held = 0, slid = 0;
+  for (int step = 0; step < 60; ++step) {
+    for (double& f : forces) f = std::max(1e-5, f + 3e-4 * uniform(random));
+    std::vector<Eigen::Vector2d> before;
+    before.reserve(pressed.size());
+    for (const std::int32_t i : pressed) before.push_back(slip.moved(i));
+    Vector3<> way(1e-4 * uniform(random), 1e-4 * uniform(random), 1e-4 * uniform(random));
+    if (step == 0) way.setZero();
+    slip.step(space.nodes, space, pressed.data(), forces.data(), covers.data(), count, way);
+    for (std::size_t c = 0; c < pressed.size(); ++c) {
+      Eigen::Vector2d moved = Eigen::Vector2d::Zero();  // by the forces, from scratch
+      for (const std::int32_t j : pressed) moved += space.tangential(pressed[c], j) * slip.force(j);
+      ASSERT_NEAR((moved - slip.moved(pressed[c])).norm(), 0.0, 1e-12);
+      const Eigen::Vector2d q = slip.force(pressed[c]);
+      ASSERT_LE(q.norm(), mu * forces[c] * (1.0 + 1e-9));
+      const Eigen::Vector2d lag = space.nodes.across(pressed[c]).transpose() * way - (moved - before[c]);
+      if (q.norm() < 0.999 * mu * forces[c]) {
+        ++held;
+        ASSERT_LE(lag.norm(), 2e-7);
+      } else {
+        ++slid;
+        ASSERT_GE(lag.dot(q), -1e-7 * q.norm());
+        // Along the force, as far as one step's forces tell: they have not turned within it.
+        ASSERT_LE(std::abs(lag.x() * q.y() - lag.y() * q.x()), 2e-2 * lag.norm() * q.norm() + 1e-7 * q.norm());
+      }
+    }
+  }
+  EXPECT_GT(held, 200);
+  EXPECT_GT(slid, 200);
+}
+
+// Without friction nothing changes, to the last bit; with it the normal forces do not.
+TEST(BodyContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
+  HalfSpace space(31, 1e-3, 5e3, 0.45);
+  BodyContact<HalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}), rough(space.nodes, space, {0.6, 0.4});
+  BodyTip tip;
+  tip.radius = 6e-3;
+  for (int k = 0; k < 2000; ++k) {
+    tip.centre = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), tip.radius - 5e-4 - 1e-3 * std::sin(0.05 * k)};
+    const BodyAnswer &a = plain.step(tip), &b = smooth.step(tip), &c = rough.step(tip);
+    ASSERT_EQ(a.force, b.force);
+    ASSERT_EQ(a.energy, b.energy);
+    ASSERT_EQ(a.deflection, b.deflection);
+    ASSERT_EQ(a.nodes, c.nodes);
+    ASSERT_EQ(a.force.z(), c.force.z());
+    ASSERT_LE(c.friction.norm(), 0.6 * c.force.z() * (1.0 + 1e-9));
+  }
+}
+
+// Held still, the force stays as it is; pushed on, it breaks away at the static coefficient and goes on with the dynamic one.
+TEST(BodyContact, HoldsBreaksAwayAndSlides) {
+  HalfSpace space(31, 1e-3, 5e3, 0.45);
+  BodyContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
+  BodyTip tip;
+  tip.radius = 10e-3;
+  tip.centre = {-3e-3, 0.2e-3, tip.radius - 2e-3};
+  contact.step(tip);
+  double most = 0.0;
+  const auto ratio = [&] { return contact.last().friction.norm() / contact.last().force.z(); };
+  for (int k = 0; k < 500; ++k) {
+    tip.centre.x() += 1e-5;
+    contact.step(tip);
+    most = std::max(most, ratio());
+  }
+  EXPECT_NEAR(most, 0.8, 2e-3);
+  EXPECT_NEAR(ratio(), 0.5, 1e-3);
+  EXPECT_TRUE(contact.last().sliding);
+  for (int k = 0; k < 100; ++k) contact.step(tip);
+  const Vector3<> force = contact.last().force;
+  for (int k = 0; k < 10000; ++k) contact.step(tip);
+  EXPECT_LT((contact.last().force - force).norm(), 1e-9 * force.norm());
+  EXPECT_FALSE(contact.last().sliding);
+  // And it breaks away again from there.
+  most = 0.0;
+  for (int k = 0; k < 300; ++k) {
+    tip.centre.x() += 1e-5;
+    contact.step(tip);
+    most = std::max(most, ratio());
+  }
+  EXPECT_NEAR(most, 0.8, 2e-3);
+}
+
+// A slide in steps of a micrometre: nodes come and go, and the force moves no more than the path lets it.
+TEST(BodyContact, NodesComeAndGoWithoutASTepOfFriction) {
+  HalfSpace space(31, 1e-3, 5e3, 0.45);
+  for (const auto kind : {BodyTip::Kind::sphere, BodyTip::Kind::flat}) {
+    BodyContact<HalfSpace> contact(space.nodes, space, {0.5, 0.5});
+    BodyTip tip;
+    tip.kind = kind;
+    tip.radius = kind == BodyTip::Kind::sphere ? 8e-3 : 4e-3;
+    const double top = kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
+    Vector3<> before = Vector3<>::Zero();
+    double most = 0.0, largest = 0.0;
+    int least = 1000, greatest = 0;
+    for (int k = 0; k < 8000; ++k) {
+      tip.centre = {-4e-3 + 1e-6 * k, 0.3e-3, top - 1.5e-3};
+      const Vector3<> friction = contact.step(tip).friction;
+      if (k > 0) most = std::max(most, (friction - before).norm());
+      largest = std::max(largest, friction.norm());
+      before = friction;
+      least = std::min(least, contact.last().nodes);
+      greatest = std::max(greatest, contact.last().nodes);
+    }
+    // Mindlin's stiffness lets it rise by this in a micrometre; nothing else may be faster.
+    EXPECT_LT(most, 1.3 * 8.0 * 5e3 * tip.radius / 1.55 * 1e-6);
+    EXPECT_GT(largest, 500.0 * most);
+    EXPECT_LT(least, greatest);
+  }
+}
+
+/// The compliance of a half-space in full, row 3 x node + axis, as a body of finite elements has it; normal and tangential do not mix.
+std::vector<float> full(const HalfSpace& space) {
+  const std::size_t n = space.points.size();
+  std::vector<float> c(9 * n * n);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) {
+      const auto p = static_cast<std::int32_t>(i), q = static_cast<std::int32_t>(j);
+      Eigen::Matrix3d block = space.nodes.across(p) * space.tangential(p, q) * space.nodes.across(q).transpose();
+      block(2, 2) = space.compliance(p, q);
+      for (std::size_t x = 0; x < 3; ++x)
+        for (std::size_t y = 0; y < 3; ++y)
+          c[(3 * i + x) * 3 * n + 3 * j + y] = static_cast<float>(block(static_cast<int>(x), static_cast<int>(y)));
+    }
+  return c;
+}
+
+// Ten thousand random closed paths, pressing, sliding, lifting and coming back: what the tip has given to friction covers what is stored
+// there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without friction.
+TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
+  const HalfSpace space(4, 1e-3, 5e3, 0.3);
+  palpate::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
+  BodyContact<palpate::Compliance> smooth(space.nodes, plain), rough(space.nodes, draggable, {0.7, 0.5});
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  BodyTip tip;
+  tip.radius = 3e-3;
+  double lost = 0.0;
+  int stuck = 0, slid = 0, free = 0;
+  for (int path = 0; path < 10000; ++path) {
+    Eigen::Matrix<double, 3, 4> waves;
+    for (int i = 0; i < 12; ++i) waves(i % 3, i / 3) = 3e-4 * normal(random);
+    smooth.reset();
+    rough.reset();
+    double in = 0.0;
+    Vector3<> before = Vector3<>::Zero();
+    const int ticks = 30;
+    for (int k = 0; k <= ticks; ++k) {
+      const double s = 2.0 * M_PI * k / ticks;
+      tip.centre = waves * Eigen::Vector4d(std::sin(s), std::cos(s), std::sin(2.0 * s), std::cos(2.0 * s));
+      tip.centre.z() += tip.radius - 2e-4;
+      const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+      if (k > 0) in -= b.friction.dot(tip.centre - before);
+      before = tip.centre;
+      ASSERT_GE(in, (1.0 - 1e-6) * (b.energy - a.energy) - 1e-14) << path << " " << k;
+      ++(!b.touching ? free : (b.sliding ? slid : stuck));
+    }
+    lost += in;
+  }
+  EXPECT_GT(lost, 1e-3);
+  EXPECT_GT(std::min({stuck, slid, free}), 10000);
+}
+
+// Turned in space and numbered otherwise, with other tangents at every node, it is the same body.
+TEST(BodyContact, WithFrictionTurnsWithTheBody) {
+  using Block = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+  HalfSpace space(17, 1e-3, 5e3, 0.45);
+  const std::size_t n = space.points.size();
+  std::mt19937 random(10);
+  std::vector<std::size_t> order(n);
+  std::iota(order.begin(), order.end(), 0);
+  std::shuffle(order.begin(), order.end(), random);
+  const Eigen::Matrix3d turn = Eigen::Quaterniond(0.4, -0.3, 0.7, 0.5).normalized().toRotationMatrix();
+  const std::vector<float> here = full(space);
+  std::vector<float> there(here.size());
+  std::vector<Vector3<>> points, normals;
+  const auto block = [n](auto& c, std::size_t i, std::size_t j) {
+    return Eigen::Map<std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(c)>>, const Block, Block>, 0,
+                      Eigen::OuterStride<>>(c.data() + 9 * i * n + 3 * j, Eigen::OuterStride<>(static_cast<Eigen::Index>(3 * n)));
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    points.emplace_back(turn * space.points[order[i]]);
+    normals.emplace_back(turn * Vector3<>::UnitZ());
+    for (std::size_t j = 0; j < n; ++j)
+      block(there, i, j) = (turn * block(here, order[i], order[j]).cast<double>() * turn.transpose()).cast<float>();
+  }
+  const BodyNodes other(points, normals, std::vector<double>(n, 1e-6));
+  palpate::Compliance one(space.nodes, here.data(), true), two(other, there.data(), true);
+  BodyContact<palpate::Compliance> first(space.nodes, one, {0.6, 0.5}), second(other, two, {0.6, 0.5});
+  BodyTip tip;
+  tip.radius = 6e-3;
+  for (int k = 0; k < 1000; ++k) {
+    tip.outward = Vector3<>::UnitZ();
+    tip.centre = {2e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 8e-4 - 3e-4 * std::sin(0.05 * k)};
+    const Vector3<> force = first.step(tip).force;
+    tip.outward = turn * tip.outward;
+    tip.centre = (turn * tip.centre).eval();
+    ASSERT_LT((second.step(tip).force - turn * force).norm(), 2e-3 * force.norm() + 1e-9) << k;
+  }
+}
+
+// A standard linear solid that a sphere drags aside: the tangential force starts `instant` times as large as it is at last.
+TEST(BodyContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
+  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  palpate::Compliance elastic(space.nodes, full(space).data(), true);
+  palpate::Relaxing relaxing(elastic, 3.0, 0.05, 1e-3);
+  BodyContact<palpate::Compliance> still(space.nodes, elastic, {20.0, 20.0});
+  BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {20.0, 20.0});
+  BodyTip tip;
+  tip.radius = 8e-3;
+  tip.centre.z() = tip.radius - 1.5e-3;
+  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  still.step(tip);
+  tip.centre.x() = 1e-5;
+  for (int k = 0; k < 50; ++k) still.step(tip);
+  const double first = contact.step(tip).friction.x(), last = still.last().friction.x();
+  EXPECT_NEAR(first, 3.0 * last, 0.04 * 3.0 * std::abs(last));
+  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  EXPECT_NEAR(contact.last().friction.x(), last, 1e-3 * std::abs(last));
+}
+
+}  // namespace

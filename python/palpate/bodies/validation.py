@@ -1,4 +1,4 @@
-"""Bodies held against independent answers: a finite-element answer that converged, and closed forms.
+"""Bodies held against independent answers: finite elements that converge, closed forms, and the law of energy.
 
 These take minutes, so they are a command, not a test: `palpate body validate`.
 """
@@ -11,86 +11,110 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.bodies import punch
 from palpate.bodies.build import build
-from palpate.bodies.elements import Elements
-from palpate.bodies.factor import Factor
-from palpate.bodies.material import Material
+from palpate.bodies.passivity import energy_out, small_body
 from palpate.bodies.places import beyond, box
-from palpate.bodies.volume import Volume, grid
+from palpate.bodies.volume import grid
 
-__all__ = ["hertz", "punch", "punch_reference", "validate"]
+__all__ = ["flat_end", "hertz", "validate"]
 
 Array = NDArray[np.float64]
-_YOUNG, _POISSON, _RADIUS, _SIDE, _HEIGHT = 20e3, 0.45, 10e-3, 0.1, 0.05
+Tell = Callable[[str, float], None]
+Row = dict[str, Any]
 _BOTTOM: Final = beyond("z", "<", 1e-9)
+_SPACINGS: Final = (punch.SIDE / 20, punch.SIDE / 24, punch.SIDE / 30)  # even numbers: a node is in the middle
+_REFINED: Final = (4, 6, 9)  # cells under the end of the reference, each 1.5 times finer
 
 
-def punch(spacing: float, aside: float = 0.0) -> float:
-    """Stiffness, N/m, of a flat end of 10 mm radius on the bonded block of 100 x 100 x 50 mm, 20 kPa, nu 0.45."""
-    middle, top = _SIDE / 2, _HEIGHT
-    patch = box((middle - 0.017, middle - 0.017, top - 1e-6), (middle + 0.017, middle + 0.017, top + 1e-6))
-    planes = np.linspace(0.0, _SIDE, round(_SIDE / spacing) + 1)
-    volume = grid([planes, planes, top - _graded(spacing, 2 * spacing, top)[::-1]], "block")
-    body = build(volume, young=_YOUNG, poisson=_POISSON, fixed=_BOTTOM, touch=patch, memory="16 GB")
-    felt = body.press([middle + aside, middle + 0.6 * aside, top], _RADIUS, 1e-3, tip="flat")
-    return float(felt.force[2] / 1e-3)
+def flat_end(spacing: float, aside: float = 0.0, radius: float = 10e-3) -> float:
+    """Stiffness, N/m, of a flat end pressed into a body: the bonded block of 100 x 100 x 50 mm, 20 kPa, nu 0.45.
 
-
-def punch_reference(spacing: float) -> float:
-    """Return the same by another road: no contact, no condensation; the nodes under the end are moved as one.
-
-    The mesh's lines follow the end's edge, and its cells grow away from it.
+    `spacing`, m, of the cells; `aside`, m, of the end's middle from the block's, where a node is.
     """
-    quarter = grid(
-        [_graded(spacing, _RADIUS, _SIDE / 2)] * 2 + [_HEIGHT - _graded(spacing, _RADIUS, _HEIGHT)[::-1]],
-        "",
-    )
-    volume = _mirrored(_rounded(quarter))
-    elements = Elements(volume, Material(_YOUNG, _POISSON), [_BOTTOM])
-    x = elements.nodes
-    under = np.flatnonzero((x[:, 2] > _HEIGHT - 1e-9) & (np.hypot(x[:, 0], x[:, 1]) < _RADIUS * (1 + 1e-6)))
-    moved = 3 * under + 2
-    free = np.setdiff1d(elements.free, moved)
-    stiffness = elements.stiffness
-    pushed = np.asarray(stiffness[:, moved].sum(axis=1)).ravel()  # all by one metre
-    rest = Factor(stiffness[free][:, free]).solve(-pushed[free][:, None]).ravel()
-    return float(pushed[moved].sum() + (stiffness[moved][:, free] @ rest).sum())
+    middle, top, half = punch.SIDE / 2, punch.HEIGHT, radius + 2.01 * spacing  # all nodes that the end may reach
+    patch = box((middle - half, middle - half, top - 1e-6), (middle + half, middle + half, top + 1e-6))
+    planes = np.linspace(0.0, punch.SIDE, round(punch.SIDE / spacing) + 1)
+    volume = grid([planes, planes, top - _graded(spacing, 2 * spacing, top)[::-1]], "block")
+    body = build(volume, young=punch.YOUNG, poisson=punch.POISSON, fixed=_BOTTOM, touch=patch, memory="16 GB")
+    felt = body.press([middle + aside, middle + 0.6 * aside, top], radius, 1e-3, tip="flat")
+    return float(felt.force[2] / 1e-3)
 
 
 def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> float:
     """Force of a sphere on a block of 100 mm, deep against the contact, over Hertz's 4/3 E* sqrt(R) d^(3/2)."""
-    side, young = 0.1, 10e3
+    side, young, poisson = 0.1, 10e3, 0.45
     half = _graded(spacing, 7e-3, side / 2)
     planes = np.concatenate([side / 2 - half[:0:-1], side / 2 + half])
     volume = grid([planes, planes, side - _graded(spacing, 5e-3, side)[::-1]], "deep block")
     patch = box((side / 2 - 8e-3, side / 2 - 8e-3, side - 1e-6), (side / 2 + 8e-3, side / 2 + 8e-3, side + 1e-6))
-    body = build(volume, young=young, poisson=_POISSON, fixed=_BOTTOM, touch=patch, memory="16 GB")
+    body = build(volume, young=young, poisson=poisson, fixed=_BOTTOM, touch=patch, memory="16 GB")
     felt = body.press([side / 2, side / 2, side], radius, depth)
-    return float(felt.force[2] / (4 / 3 * young / (1 - _POISSON**2) * np.sqrt(radius) * depth**1.5))
+    return float(felt.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
-def validate(progress: Callable[[str, float], None] | None = None) -> list[dict[str, Any]]:
-    """Return rows of what was asked and what was measured; minutes."""
+def validate(progress: Tell | None = None, *, paths: int = 10_000) -> list[Row]:
+    """Return rows: "what" is held against what, how far it is "off" (a fraction), and what is "asked"; minutes.
+
+    `paths`: random closed paths for each kind of body.
+    """
     tell = progress if progress is not None else (lambda _text, _fraction: None)
-    rows: list[dict[str, Any]] = []
-    tell("reference of the flat end", 0.0)
-    coarse, fine = 10e-3 / 3, 2.5e-3
-    first, second = punch_reference(coarse), punch_reference(fine)
-    # The stress under the end's edge is singular: the error falls with the cells' size, no faster (order one).
-    reference = second - (first - second) * fine / (coarse - fine)
-    for i, h in enumerate((5e-3, 4e-3, 10e-3 / 3)):
-        tell(f"flat end, cells of {h * 1e3:.3g} mm", 0.3 + 0.15 * i)
-        for aside in (0.0, h / 2):
-            rows.append(
-                {
-                    "what": f"flat end of 10 mm, cells of {h * 1e3:.3g} mm, {'on' if aside == 0 else 'between'} nodes",
-                    "measured": punch(h, aside) / reference,
-                    "asked": 0.05,
-                }
-            )
-    tell("sphere on a deep block", 0.75)
-    rows.append({"what": "sphere on a deep block over Hertz", "measured": hertz(5e-3 / 3), "asked": 0.05})
+    tell("sphere on a deep block", 0.0)
+    rows = [_row("sphere on a deep block, over Hertz", hertz(5e-3 / 3) - 1.0, 0.05)]
+    rows += _flat_ends(tell)
+    return rows + _closed_paths(tell, paths)
+
+
+def _flat_ends(tell: Tell) -> list[Row]:
+    ends = []
+    for i, cells in enumerate(_REFINED):
+        tell(f"reference of the flat end, {cells} cells under it", 0.05 + 0.1 * i)
+        ends.append(punch.stiffness(10e-3, cells))
+    limit, order = punch.extrapolate(ends, 1.5)
+    steps = ", ".join(f"{end:.4g}" for end in ends)
+    rows = [
+        _row(
+            f"reference of the flat end, {steps} N/m, order {order:.2f}: finest over limit", ends[-1] / limit - 1, 0.01
+        )
+    ]
+    for aside, where in ((0.0, "on"), (0.5, "between")):
+        found = []
+        for i, spacing in enumerate(_SPACINGS):
+            tell(f"flat end {where} nodes, cells of {spacing * 1e3:.3g} mm", 0.35 + 0.05 * i + 0.15 * aside)
+            found.append(flat_end(spacing, aside * spacing))
+            text = f"flat end of 10 mm {where} nodes, cells of {spacing * 1e3:.3g} mm, over {limit:.4g} N/m"
+            rows.append(_row(text, found[-1] / limit - 1.0, 0.05))
+        rows.append(_row(f"the three {where} nodes: largest less smallest", np.ptp(found) / limit, 0.05))
+    for i, radius in enumerate((7e-3, 15e-3)):
+        tell(f"flat end of {radius * 1e3:g} mm", 0.55 + 0.05 * i)
+        coarse, fine = (punch.stiffness(radius, cells) for cells in _REFINED[:2])
+        spacing = _SPACINGS[1]
+        limit = fine - (coarse - fine) / (1.5**order - 1.0)  # of the same order
+        text = f"flat end of {radius * 1e3:g} mm between nodes, cells of {spacing * 1e3:.3g} mm, over {limit:.4g} N/m"
+        rows.append(_row(text, flat_end(spacing, spacing / 2, radius) / limit - 1.0, 0.05))
     return rows
+
+
+def _closed_paths(tell: Tell, paths: int) -> list[Row]:
+    body, rows = small_body(), []
+    kinds: dict[str, Callable[[float], Any]] = {
+        "compliance": lambda _period: body,
+        "modal": body.modal,
+        "a standard linear solid": lambda period: body.relaxing(period, instant=2.5, creep="0.1 s"),
+    }
+    for i, (name, kind) in enumerate(kinds.items()):
+        text, begin = f"{paths} random closed paths on {name}", 0.65 + 0.115 * i
+
+        def share(part: float, text: str = text, begin: float = begin) -> None:
+            tell(text, begin + 0.115 * part)
+
+        out = energy_out(kind, paths, held=name != "compliance", progress=share)
+        rows.append(_row(f"{text}: energy given out, of what is exchanged", out, 1e-4))
+    return rows
+
+
+def _row(what: str, off: float, asked: float) -> Row:
+    return {"what": what, "off": float(off), "asked": asked}
 
 
 def _graded(step: float, near: float, end: float, growth: float = 1.35) -> Array:
@@ -102,22 +126,3 @@ def _graded(step: float, near: float, end: float, growth: float = 1.35) -> Array
         more.append(more[-1] + width)
     rest = np.array(more[1:]) * (end - near) / more[-1]
     return np.concatenate([even, near + rest])
-
-
-def _rounded(quarter: Volume) -> Volume:
-    """Move the lines so that the square |x| = |y| = radius becomes a circle; nothing moves beyond 2.5 radii."""
-    points = quarter.points.copy()
-    square = points[:, :2].max(axis=1)
-    reach = np.hypot(points[:, 0], points[:, 1])
-    near = np.clip(square / _RADIUS, 0.0, 1.0) ** 2 * np.clip((2.5 - square / _RADIUS) / 1.5, 0.0, 1.0)
-    scale = 1.0 + near * (np.divide(square, reach, out=np.ones_like(reach), where=reach > 0) - 1.0)
-    points[:, :2] *= scale[:, None]
-    return Volume(points, quarter.tetrahedra, "rounded block")
-
-
-def _mirrored(quarter: Volume) -> Volume:
-    """Four quarters around the z axis, welded."""
-    points = np.concatenate([quarter.points * [sx, sy, 1.0] for sx in (1, -1) for sy in (1, -1)]) + 0.0
-    cells = np.concatenate([quarter.tetrahedra + i * len(quarter.points) for i in range(4)])
-    _, first, same = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
-    return Volume(points[first], same.reshape(-1)[cells], "mirrored block")

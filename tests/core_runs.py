@@ -40,14 +40,14 @@ def run(device: Device, *, ticks: int, period: float, tip_force: ArrayLike = (0.
     Args:
         ticks: servo periods.
         period: s.
-        tip_force: constant force on the tip (3,), N.
+        tip_force: force on the tip, N: constant (3,) or at each sample (ticks + 1, 3).
         **fields: attributes of the core's setup (start, start_speed, hold, substeps, delay, anchor, ...).
     """
     setup = device.setup()
     setup.period = period
     for name, value in fields.items():
         setattr(setup, name, np.asarray(value, float) if isinstance(value, (list, tuple)) else value)
-    force = np.tile(np.asarray(tip_force, float), (ticks + 1, 1))
+    force = np.ascontiguousarray(np.broadcast_to(np.asarray(tip_force, float), (ticks + 1, 3)))
     rows, count, unstable = setup.run(np.zeros((ticks + 1, 3)), force)
     rows = np.asarray(rows)[:count]
     n = device.dof

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from core_runs import run
 from numpy.typing import NDArray
-from palpate import devices
+from palpate import _core, devices
 
 Array = NDArray[np.float64]
 SLIDER = devices.load("slider")
@@ -117,6 +117,22 @@ def test_stribeck_reduces_to_coulomb() -> None:
         near = run(ROTORS.with_friction(coulomb=0.01, breakaway=0.01 + extra), ticks=200, period=1e-3, **start)
         gaps.append(np.abs(near.q - reference.q[:201]).max())
     assert 0 < gaps[1] < 0.02 * gaps[0]
+
+
+@pytest.mark.parametrize("breakaway", [0.01, 0.015])
+def test_sticking_and_sliding_are_located_not_stepped_over(breakaway: float) -> None:
+    """An arm on a spring, swung so that its joints stop and start: one substep a millisecond finds what thirty find."""
+    device = ROTORS.with_friction(coulomb=0.01, breakaway=breakaway, stribeck_speed=0.05)
+    pose = [0.0, 2.2305, 3.2776]
+    anchor = _core.Anchor()
+    anchor.kind, anchor.point = _core.Anchor.Kind.point, device.forward(np.array(pose))
+    spring = {"anchor": anchor, "stiffness": [500.0] * 3, "damping": [2.0] * 3}
+    push = 1.2 * np.sin(2 * np.pi * 3.0 * 1e-3 * np.arange(601))[:, None] * [1.0, 0.5, -0.7]
+    found = [run(device, ticks=600, period=1e-3, start=pose, tip_force=push, substeps=n, **spring) for n in (1, 30)]
+    stuck = found[1].qd == 0.0
+    assert (np.diff(stuck.astype(int), axis=0) != 0).sum() > 10
+    np.testing.assert_allclose(found[0].q, found[1].q, atol=1e-7)
+    np.testing.assert_array_equal(found[0].qd[stuck], 0.0)
 
 
 def test_friction_never_gives_energy() -> None:

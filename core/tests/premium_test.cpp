@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
+#include <array>
+
 #include "states.hpp"
 
 namespace {
@@ -36,6 +39,62 @@ TEST(Premium, TorqueOfATipForceIsTheTransposedJacobian) {
   }
 }
 
+// Law: the tip's velocity is J qd.
+TEST(Premium, VelocityIsTheJacobianTimesTheSpeeds) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const Joints<3> qd = states.draw(10.0);
+    EXPECT_LT((arm.velocity(arm.posture(q), qd) - arm.jacobian(q) * qd).norm(), 1e-14);
+  }
+}
+
+// Law: a point mass at the tip adds m J^T J to the inertia and m J^T dJ/dt qd to the torques needed, but no weight.
+TEST(Premium, AMassAtTheTipMovesWithIt) {
+  States states;
+  const double mass = 0.15;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const Joints<3> qd = states.draw(10.0);
+    const Joints<3> torque = states.draw(0.3);
+    const auto j = arm.jacobian(q);
+    const auto moving = arm.jacobian(variables(q));
+    palpate::Vector3<> turning = palpate::Vector3<>::Zero();
+    for (int row = 0; row < 3; ++row) {
+      for (int i = 0; i < 3; ++i) turning[row] += moving(row, i).gradient.dot(qd) * qd[i];
+    }
+    const Eigen::Matrix3d inertia = arm.mass_matrix(q) + mass * j.transpose() * j;
+    const Joints<3> needed = arm.coriolis(q, qd) * qd + arm.gravity(q) + mass * j.transpose() * turning;
+    const auto there = arm.dynamics(arm.posture(q), arm.masses(mass));
+    const Joints<3> found = there.inverse() * there.net(torque, qd);
+    EXPECT_LT((inertia * found + needed - torque).norm(), 1e-12 * (1.0 + needed.norm()));
+    EXPECT_LT((there.inertial(found) - inertia * found).norm(), 1e-12 * (1.0 + needed.norm()));
+  }
+}
+
+// Law: a held joint gets no acceleration, and the others move as if it were fixed: rows and columns of M struck out.
+TEST(Premium, HeldJointsLeaveTheOthersTheirOwnEquations) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const Joints<3> q = states.draw(4.0);
+    const Joints<3> force = states.draw(0.3);
+    for (int which = 0; which < 8; ++which) {
+      const std::array<bool, 3> held = {(which & 1) != 0, (which & 2) != 0, (which & 4) != 0};
+      Eigen::Matrix3d m = arm.mass_matrix(q);
+      Joints<3> f = force;
+      for (int i = 0; i < 3; ++i) {
+        if (!held[static_cast<std::size_t>(i)]) continue;
+        m.row(i).setZero();
+        m.col(i).setZero();
+        m(i, i) = 1.0;
+        f[i] = 0.0;
+      }
+      const Joints<3> wanted = m.ldlt().solve(f);
+      EXPECT_LT((arm.dynamics(arm.posture(q)).inverse(held) * force - wanted).norm(), 1e-10 * (1.0 + wanted.norm())) << which;
+    }
+  }
+}
+
 // Law: a posture turned by a small or a large angle is the posture at the sum.
 TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
   States states;
@@ -46,6 +105,8 @@ TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
       const auto there = arm.turned(arm.posture(q), turn);
       const auto exact = arm.posture(Joints<3>(q + turn));
       EXPECT_LT((arm.forward(there) - arm.forward(exact)).norm(), 3e-16);
+      if (!Premium::little(turn)) continue;
+      EXPECT_EQ(arm.forward(arm.turned_little(arm.posture(q), turn)), arm.forward(there));
     }
   }
 }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <palpate/math/exponential.hpp>
 #include <palpate/math/sincos.hpp>
 #include <random>
 
@@ -33,6 +34,32 @@ TEST(Sincos, IsExactAtZeroAndOddAndEven) {
     EXPECT_EQ(palpate::sincos(-x).sine, -palpate::sincos(x).sine);
     EXPECT_EQ(palpate::sincos(-x).cosine, palpate::sincos(x).cosine);
   }
+}
+
+TEST(Sincos, TurnsByAWideAngle) {
+  std::mt19937_64 engine(2);
+  std::uniform_real_distribution<double> angle(-4.0, 4.0), turn(-palpate::wide_turn, palpate::wide_turn);
+  for (int i = 0; i < 100000; ++i) {
+    const double x = angle(engine), t = turn(engine);
+    const auto [s, c] = palpate::turned_wide(palpate::sincos(x), t);
+    EXPECT_NEAR(s, static_cast<double>(sinl(static_cast<long double>(x) + t)), 3e-16);
+    EXPECT_NEAR(c, static_cast<double>(cosl(static_cast<long double>(x) + t)), 3e-16);
+  }
+}
+
+TEST(Exponential, AgreesWithTheLongDoubleLibraryAloneAndInLanes) {
+  using palpate::decaying_exponential;
+  for (double x = 0.0; x > -699.0; x -= 1.7e-3) {
+    const double found = decaying_exponential(x);
+    EXPECT_LE(std::abs(found / static_cast<double>(expl(x)) - 1.0), 2.5 * 2.3e-16) << x;
+    palpate::Pack<2> two = x;
+    two.set(1, 0.3 * x);
+    EXPECT_EQ(decaying_exponential(two)[0], found);
+    EXPECT_EQ(decaying_exponential(two)[1], decaying_exponential(0.3 * x));
+  }
+  EXPECT_EQ(decaying_exponential(0.0), 1.0);
+  EXPECT_EQ(decaying_exponential(-1e9), 0.0);
+  EXPECT_TRUE(std::isnan(decaying_exponential(std::nan(""))));
 }
 
 TEST(Sincos, PassesHugeAndNonFiniteAnglesToTheLibrary) {

@@ -13,7 +13,7 @@ from palpate import _core
 from palpate.bench.peers import mujoco_rollout
 from palpate.bench.section import Effort, Progress, Rows, Section
 from palpate.bench.workload import STIFFNESS, Workload
-from palpate.loop.simulate import prepare
+from palpate.loop.simulate import Experiment, prepare
 
 __all__ = ["SECTION"]
 
@@ -26,7 +26,8 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     """Return loops a second of one core's time.
 
     Each row: "program", "loops_per_second" (median), "best_loops_per_second", "runs", "error_rad" (largest distance of
-    the last angles from the reference trajectory's), "asked" (loops a second, or None).
+    the last angles from the reference trajectory's; in a hand or with dry friction from those of 64 substeps), "asked"
+    (loops a second, or None).
     """
     work = Workload.standard()
     tell("a tight reference trajectory (DOP853)", 0.0)
@@ -51,12 +52,39 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
         asked = ASKED if lanes == 8 else None
         rows.append(_row(f"palpate: {lanes} lanes ({name})", run, cells, effort.runs(30), last, asked))
+        if lanes == widest:
+            for what, columns in _burdens(prepared.start, work).items():
+                tell(f"{lanes} lanes, {what}", 0.35 + 0.2 * number)
+
+                def burdened(
+                    ready: Experiment = prepared,
+                    count: int = cells,
+                    columns: dict[str, Array] = columns,
+                    lanes: int = lanes,
+                    stiffness: Array = stiffness,
+                ) -> Array:
+                    own = {name: np.tile(value, (count, 1)) for name, value in columns.items()}
+                    own["stiffness"] = stiffness[:count].copy()
+                    found = _core.run_cells(ready.setup, ready.reference, ready.operator, own, count, 1, lanes)
+                    return np.asarray(found)[0, 11:14]
+
+                fine = burdened(prepare(work.scenario(substeps=64)), 1)
+                rows.append(_row(f"palpate: {lanes} lanes, {what}", burdened, cells, effort.runs(15), fine, None))
     tell("MuJoCo: rollout", 0.9)
     try:
         rows.append(_row("MuJoCo: rollout", lambda: mujoco_rollout(work, 4), 4, effort.runs(10), last, None))
     except ImportError as problem:
         missing.append(f"MuJoCo: rollout: {problem.name} is not installed (pip install 'palpate[bench]')")
     return Rows(rows, missing)
+
+
+def _burdens(start: Array, work: Workload) -> dict[str, dict[str, Array]]:
+    """Return what makes a loop heavier: an arm that grips the tip, dry friction as in the arm with its rotors."""
+    tip = np.asarray(work.device.forward(start))[None]
+    arm = {"mass": 0.15, "damping": 4.5, "stiffness": 560.0}
+    hand = {**{f"hand_{key}": np.array([[value]]) for key, value in arm.items()}, "hand_rest": tip}
+    rubbing = {"coulomb": np.full((1, 3), 0.01), "breakaway": np.full((1, 3), 0.01)}
+    return {"in a hand": hand, "dry friction": rubbing, "in a hand, dry friction": {**hand, **rubbing}}
 
 
 def _row(

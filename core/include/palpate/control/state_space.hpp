@@ -31,6 +31,7 @@ class BasicStateSpace {
     for (const Eigen::MatrixXd* part : {&a, &b, &antiwindup}) ab_.insert(ab_.end(), part->data(), part->data() + part->size());
     for (const Eigen::MatrixXd* part : {&c, &d}) cd_.insert(cd_.end(), part->data(), part->data() + part->size());
     take_memory();
+    plain_ = is_plain();
   }
 
   /// The same controller for several loops side by side.
@@ -40,6 +41,7 @@ class BasicStateSpace {
     out.order_ = order_;
     out.ab_ = ab_;
     out.cd_ = cd_;
+    out.plain_ = plain_;
     out.take_memory();
     return out;
   }
@@ -53,6 +55,10 @@ class BasicStateSpace {
 
   /// Output for this sample: tip force [N] from reference force and object force [N].
   Vector3<Scalar> output(const Vector3<Scalar>& reference, const Vector3<Scalar>& object) noexcept {
+    if (plain_) {
+      output_ = reference - object;
+      return output_;
+    }
     const auto n = static_cast<std::size_t>(order_);
     for (std::size_t i = 0; i < 3; ++i) {
       xv_[n + i] = reference[static_cast<int>(i)];
@@ -92,12 +98,21 @@ class BasicStateSpace {
   template <class Other>
   friend class BasicStateSpace;
 
+  /// Whether it is reference less object, without states.
+  [[nodiscard]] bool is_plain() const {
+    for (std::size_t i = 0; i < 18; ++i) {
+      if (order_ != 0 || cd_[i] != (i % 4 == 0 && i < 9 ? 1.0 : i >= 9 && (i - 9) % 4 == 0 ? -1.0 : 0.0)) return false;
+    }
+    return true;
+  }
+
   void take_memory() {
     xv_.assign(static_cast<std::size_t>(order_) + 9, Scalar(0.0));
     next_.assign(static_cast<std::size_t>(order_), Scalar(0.0));
   }
 
   int order_ = 0;
+  bool plain_ = true;
   std::vector<double> ab_;    // [A B L], n x (n + 9), column by column
   std::vector<double> cd_;    // [C D], 3 x (n + 6), column by column
   std::vector<Scalar> xv_;    // state, reference, object, applied - output

@@ -22,7 +22,7 @@ class BasicVirtualCoupling {
       : stiffness_(stiffness), damping_(damping), difference_(difference), per_period_(1.0 / period) {}
 
   /// Force of the tip on the object [N] at this sample's deflection [m].
-  Vector3<Scalar> force(const Vector3<Scalar>& deflection) noexcept {
+  [[gnu::always_inline]] Vector3<Scalar> force(const Vector3<Scalar>& deflection) noexcept {
     const Vector3<Scalar> change = (deflection - previous_) * per_period_;
     rate_ = difference_ == Difference::backward ? change : Vector3<Scalar>(2.0 * change - rate_);
     previous_ = deflection;

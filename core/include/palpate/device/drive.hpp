@@ -73,6 +73,9 @@ class Drive {
     for (int i = 0; i < dof; ++i) limits_torque_ = limits_torque_ || any(finite(limits.peak_torque[i]));
   }
 
+  /// Whether it has any.
+  [[nodiscard]] bool limits() const noexcept { return limits_force_ || limits_torque_; }
+
   /// The tip force [N] that the motors will give when `wanted` is asked for.
   Vector3<Scalar> limit_force(const Vector3<Scalar>& wanted) noexcept {
     if (!limits_force_) return wanted;

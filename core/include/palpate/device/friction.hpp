@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "palpate/math/choose.hpp"
+#include "palpate/math/exponential.hpp"
 #include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -36,11 +37,10 @@ struct Friction {
 
   /// Size of the sliding dry friction of one joint [N*m].
   [[nodiscard]] Scalar sliding(int joint, const Scalar& speed) const {
-    using std::exp;
     const Scalar extra = breakaway[joint] - coulomb[joint];
     if (all(extra == Scalar(0.0))) return coulomb[joint];
     const Scalar ratio = speed / stribeck_speed[joint];
-    return coulomb[joint] + extra * exp(-ratio * ratio);
+    return coulomb[joint] + extra * decaying_exponential(Scalar(-ratio * ratio));
   }
 };
 

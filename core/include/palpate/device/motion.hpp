@@ -9,8 +9,6 @@
 #include "palpate/device/friction.hpp"
 #include "palpate/device/hand.hpp"
 #include "palpate/math/choose.hpp"
-#include "palpate/math/dual.hpp"
-#include "palpate/math/solve.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -18,6 +16,31 @@ namespace palpate {
 /// What a mechanism computes of a pose once, for all that is asked there.
 template <class Mechanism, class Scalar = double>
 using PostureOf = std::decay_t<decltype(std::declval<Mechanism>().posture(std::declval<Joints<Mechanism::dof, Scalar>>()))>;
+
+/// Where a mechanism is on its way: its posture, and one near by that it is turned from.
+template <class Mechanism, class Scalar = double>
+struct Track {
+  PostureOf<Mechanism, Scalar> at{};
+  PostureOf<Mechanism, Scalar> anchor{};
+
+  Track() = default;
+  explicit Track(const PostureOf<Mechanism, Scalar>& start) : at(start), anchor(start) {}
+
+  /// Puts one loop's track into a lane.
+  void put(int lane, const Track<Mechanism>& one) {
+    put(at, lane, one.at);
+    put(anchor, lane, one.anchor);
+  }
+
+ private:
+  template <class Pose, class One>
+  static void put(Pose& pose, int lane, const One& one) {
+    if constexpr (requires { pose.put(lane, one); })
+      pose.put(lane, one);
+    else
+      palpate::put(pose, lane, one);
+  }
+};
 
 /// What moves: joints and, when tissue parts them from the tip, the hand.
 template <int dof, class Scalar = double>
@@ -39,8 +62,8 @@ struct MotionState {
 
 /// The continuous physics between two samples: a mechanism with friction, held by a hand, under constant motor torques.
 ///
-/// Runge-Kutta of order 4 where the motion is smooth. Dry friction makes it piecewise smooth: each joint sticks or
-/// slides in a known direction, the instants at which that changes are located to rounding of the substep, and a stuck
+/// Nystroem's method of order 4 where the motion is smooth. Dry friction makes it piecewise smooth: each joint sticks or
+/// slides in a known direction, the instants at which that changes are located to 1e-10 of the substep, and a stuck
 /// joint has speed exactly zero: it neither chatters nor creeps.
 ///
 /// Written once for one loop (double) and for several side by side (Pack): there each lane sticks, slides and changes by itself.
@@ -54,73 +77,63 @@ class Motion {
 
   Motion() = default;
   Motion(const Mechanism& mechanism, const Friction<dof, Scalar>& friction, const BasicHand<Scalar>& hand)
-      : mechanism_(mechanism),
-        friction_(friction),
-        hand_(hand),
-        dry_(friction.dry()),
-        loaded_(!hand.empty()),
-        heavy_(any(hand.mass > Scalar(0.0))) {}
+      : mechanism_(mechanism), friction_(friction), hand_(hand), dry_(friction.dry()), loaded_(!hand.empty()) {
+    prepare();
+  }
 
   [[nodiscard]] const Mechanism& mechanism() const { return mechanism_; }
   [[nodiscard]] const Friction<dof, Scalar>& friction() const { return friction_; }
 
-  /// Puts one loop's physics into a lane; all lanes have the same mechanism, and all or none a hand, its mass, dry friction.
+  /// Puts one loop's physics into a lane; all lanes have the same mechanism, and all or none a hand, tissue, dry friction.
   void put(int lane, const Motion<Mechanism>& one) {
     mechanism_ = one.mechanism_;
     friction_.put(lane, one.friction_);
     hand_.put(lane, one.hand_);
     dry_ = one.dry_;
     loaded_ = one.loaded_;
-    heavy_ = one.heavy_;
+    prepare();
   }
 
   /// Moves `state` on by `period` [s], one for all or each loop's own, in `substeps` equal steps, under motor torques [N*m] held
   /// constant and the operator's force.
   template <class Time>
   void advance(State& state, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period, int substeps) const noexcept {
-    Posture at = mechanism_.posture(state.q);
-    advance(state, at, torque, force, period, substeps);
+    Track<Mechanism, Scalar> track(mechanism_.posture(state.q));
+    advance(state, track, torque, force, period, substeps);
   }
 
-  /// The same for whoever keeps the posture `at` of `state` too: it moves with it.
+  /// The same for whoever keeps the posture of `state` too: it moves with it.
   template <class Time>
-  void advance(State& state, PostureOf<Mechanism, Scalar>& at, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period,
+  void advance(State& state, Track<Mechanism, Scalar>& track, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period,
                int substeps) const noexcept {
-    const bool pushed = acts(force.begin) || acts(force.end);
-    const Time step = period / static_cast<double>(substeps);
-    for (int i = 0; i < substeps; ++i) {
-      const Push push{torque, force.at(static_cast<double>(i) / substeps), (force.end - force.begin) / period};
-      if (dry_) {
-        advance_with_sticking(state, push, step);
-      } else if (hand_.tissue) {
-        runge_kutta<true>(state, at, step,
-                          [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
-      } else if (loaded_) {
-        runge_kutta<false>(state, at, step,
-                           [&](const State& s, const Posture& at, Scalar t) { return general_rate(s, at, push, t, Modes{}); });
-      } else if (pushed) {
-        advance_freely<true>(state, at, push, step);
-      } else {
-        advance_freely<false>(state, at, push, step);
-      }
-      at = mechanism_.posture(state.q);
+    if (hand_.tissue) {
+      advance_held<Grip::tissue>(state, track, torque, force, period, substeps);
+    } else if (loaded_) {
+      advance_held<Grip::rigid>(state, track, torque, force, period, substeps);
+    } else if (dry_ || acts(force.begin) || acts(force.end)) {
+      advance_held<Grip::pushed>(state, track, torque, force, period, substeps);
+    } else {
+      advance_held<Grip::none>(state, track, torque, force, period, substeps);
     }
   }
 
   /// Joint accelerations [rad/s^2] at one instant, sticking included, nobody holding the device.
   [[nodiscard]] Torque acceleration(const Torque& q, const Torque& qd, const Torque& torque) const noexcept {
-    const State state{q, qd, Vector::Constant(0.0), Vector::Constant(0.0)};
+    State state;
+    state.q = q;
+    state.qd = qd;
+    const Place here = place<Grip::none>(mechanism_.posture(q));
     const Push push{torque, Vector::Constant(0.0), Vector::Constant(0.0)};
-    const Posture& at = mechanism_.posture(q);
-    if (!dry_) return free_acceleration<false>(at, qd, push, 0.0);
-    return general_rate(state, at, push, 0.0, choose_modes(state, at, push, 0.0)).qdd;
+    if (dry_) return rate<Grip::none>(here, state, push, Scalar(0.0), choose_modes<Grip::none>(here, state, push, Scalar(0.0))).joints;
+    return rate<Grip::none>(here, state, push, Scalar(0.0), Frictionless{}).joints;
   }
 
   /// Force of the operator on the tip [N] at a state (what a force sensor in the stylus would read, without the hand's inertia
   /// when the grip is rigid).
   [[nodiscard]] Vector hand_force(const State& s, const Vector& voluntary) const noexcept {
     if (!loaded_) return voluntary;
-    return hand_force(s, mechanism_.posture(s.q), voluntary);
+    const Posture at = mechanism_.posture(s.q);
+    return hand_.tissue ? hand_force<Grip::tissue>(at, s, voluntary) : hand_force<Grip::rigid>(at, s, voluntary);
   }
 
  private:
@@ -129,23 +142,17 @@ class Motion {
 
   using Posture = PostureOf<Mechanism, Scalar>;
   using Where = Condition<Scalar>;
-  using Matrix = Eigen::Matrix<Scalar, dof, dof>;
+  using Dynamics = typename Mechanism::template Dynamics<Scalar>;
+  using Inverse = typename Dynamics::Inverse;
 
-  [[nodiscard]] Vector hand_force(const State& s, const Posture& at, const Vector& voluntary) const noexcept {
-    return hand_force(s, at, mechanism_.jacobian(at), voluntary);
-  }
-  [[nodiscard]] Vector hand_force(const State& s, const Posture& at, const TipJacobian<dof, Scalar>& j,
-                                  const Vector& voluntary) const noexcept {
-    const Vector p = mechanism_.forward(at);
-    const Vector v = j * s.qd;
-    if (hand_.tissue) return hand_.tissue_stiffness * (s.hand - p) + hand_.tissue_damping * (s.hand_velocity - v);
-    return voluntary - hand_.stiffness * (p - hand_.rest) - hand_.damping * v;
-  }
+  /// How the operator acts on the tip: not at all, with a force, or an arm that moves with the tip or through tissue.
+  enum class Grip { none, pushed, rigid, tissue };
 
-  static bool acts(const Vector& force) {
-    const Scalar none = 0.0;
-    return any(force[0] != none) || any(force[1] != none) || any(force[2] != none);
-  }
+  /// A posture and the equations of motion there.
+  struct Place {
+    Posture at;
+    Dynamics dynamics;
+  };
 
   struct Push {
     Torque torque;
@@ -155,109 +162,172 @@ class Motion {
     [[nodiscard]] Vector at(const Scalar& t) const { return force + t * force_rate; }
   };
 
+  /// Accelerations.
   struct Rate {
-    Torque qd, qdd;
-    Vector hand_velocity, hand_acceleration;
-    Torque holding;  // torque that dry friction needs to keep stuck joints at rest
+    Torque joints;
+    Vector hand;
   };
 
-  /// How each joint's dry friction acts: stuck, sliding forwards or backwards, or (none of these) free of it.
+  /// No dry friction.
+  struct Frictionless {
+    [[nodiscard]] Inverse inverse(const Dynamics& dynamics) const { return dynamics.inverse(); }
+    [[nodiscard]] const Torque& left(const Torque& net, const Torque& /*qd*/, const Friction<dof, Scalar>& /*friction*/) const {
+      return net;
+    }
+  };
+
+  /// How each joint's dry friction acts: stuck, sliding forwards (direction 1) or backwards (-1), or (neither) free of it.
   struct Modes {
-    std::array<Where, dof> stuck{}, forward{}, backward{};
+    std::array<Where, dof> stuck{};
+    Torque direction = Torque::Constant(0.0);
 
     [[nodiscard]] bool any_stuck() const {
       Where some = false;
       for (int i = 0; i < dof; ++i) some = some | stuck[i];
       return any(some);
     }
+    [[nodiscard]] Inverse inverse(const Dynamics& dynamics) const { return dynamics.inverse(stuck); }
+    [[nodiscard]] Torque left(Torque net, const Torque& qd, const Friction<dof, Scalar>& friction) const {
+      for (int i = 0; i < dof; ++i) net[i] -= direction[i] * friction.sliding(i, qd[i]);
+      return net;
+    }
   };
 
-  /// Joint accelerations [rad/s^2] without dry friction, nobody's mass at the tip; `pushed`: under the operator's force.
-  template <bool pushed>
-  [[nodiscard, gnu::always_inline]] Torque free_acceleration(const Posture& at, const Torque& qd, const Push& push, const Scalar& t) const {
-    Torque net = push.torque - friction_.viscous.cwiseProduct(qd);
-    if constexpr (pushed) net += mechanism_.torque(at, push.at(t));
-    return mechanism_.acceleration(at, qd, net);
+  /// What follows from the hand.
+  void prepare() {
+    masses_ = mechanism_.masses(hand_.mass);
+    if (hand_.tissue) per_hand_mass_ = 1.0 / hand_.mass;
   }
 
-  /// The common case, where a second of servo ticks is a second of these: Runge-Kutta written out for q' = v, v' = a(q, v, t).
-  template <bool pushed, class Time>
-  void advance_freely(State& s, const Posture& at, const Push& push, const Time& h) const {
-    const Torque v1 = s.qd;
-    const Torque a1 = free_acceleration<pushed>(at, v1, push, 0.0);
-    const Torque v2 = v1 + 0.5 * h * a1;
-    const Torque a2 = free_acceleration<pushed>(mechanism_.turned(at, Torque(0.5 * h * v1)), v2, push, 0.5 * h);
-    const Torque v3 = v1 + 0.5 * h * a2;
-    const Torque a3 = free_acceleration<pushed>(mechanism_.turned(at, Torque(0.5 * h * v2)), v3, push, 0.5 * h);
-    const Torque v4 = v1 + h * a3;
-    const Torque a4 = free_acceleration<pushed>(mechanism_.turned(at, Torque(h * v3)), v4, push, h);
-    s.q += (h / 6.0) * (v1 + 2.0 * (v2 + v3) + v4);
-    s.qd += (h / 6.0) * (a1 + 2.0 * (a2 + a3) + a4);
+  static bool acts(const Vector& force) {
+    const Scalar none = 0.0;
+    return any(force[0] != none) || any(force[1] != none) || any(force[2] != none);
   }
 
-  [[nodiscard]] Rate general_rate(const State& s, const Posture& at, const Push& push, const Scalar& t, const Modes& modes) const {
-    Rate r;
-    r.qd = s.qd;
-    Matrix inertia = mechanism_.mass_matrix(at);
-    Torque net = push.torque - friction_.viscous.cwiseProduct(s.qd) - mechanism_.coriolis(at, s.qd) * s.qd - mechanism_.gravity(at);
-    const TipJacobian<dof, Scalar> j = mechanism_.jacobian(at);
-    if (hand_.tissue) {
-      const Vector on_tip = hand_force(s, at, j, push.at(t));
-      net += j.transpose() * on_tip;
-      r.hand_velocity = s.hand_velocity;
-      r.hand_acceleration = (push.at(t) - on_tip - hand_.stiffness * (s.hand - hand_.rest) - hand_.damping * s.hand_velocity) / hand_.mass;
-    } else {
-      net += j.transpose() * hand_force(s, at, j, push.at(t));
-      if (heavy_) {
-        inertia += hand_.mass * (j.transpose() * j).eval();
-        net -= hand_.mass * (j.transpose() * tip_acceleration_at_rest_joints(at, s.qd)).eval();
+  template <Grip grip, class Time>
+  void advance_held(State& state, Track<Mechanism, Scalar>& track, const Torque& torque, const ForceSegment<Scalar>& force,
+                    const Time& period, int substeps) const {
+    const Time step = period / static_cast<double>(substeps);
+    Push push{torque, force.begin, Vector::Constant(0.0)};
+    if constexpr (grip != Grip::none) push.force_rate = (force.end - force.begin) / period;
+    for (int i = 0; i < substeps; ++i) {
+      if constexpr (grip != Grip::none) push.force = force.at(static_cast<double>(i) / substeps);
+      if constexpr (grip != Grip::none) {
+        if (dry_) {
+          slide_and_stick<grip>(state, track.at, push, Scalar(step));
+          track.at = mechanism_.posture_near(track.anchor, state.q);
+          continue;
+        }
       }
+      const Place here = place<grip>(track.at);
+      const Rate first = rate<grip>(here, state, push, Scalar(0.0), Frictionless{});
+      step_from<grip>(state, here, first, push, Scalar(0.0), step, Frictionless{});
+      track.at = mechanism_.posture_near(track.anchor, state.q);
     }
-    if (!dry_) {
-      r.qdd = solve_positive_definite(inertia, net);
-      return r;
-    }
-    for (int i = 0; i < dof; ++i) {
-      if (!any(modes.forward[i] | modes.backward[i])) continue;
-      const Scalar against = friction_.sliding(i, s.qd[i]);
-      net[i] = choose(modes.forward[i], net[i] - against, choose(modes.backward[i], net[i] + against, net[i]));
-    }
-    Matrix constrained = inertia;
-    Torque right = net;
-    for (int i = 0; i < dof; ++i) {
-      if (!any(modes.stuck[i])) continue;
-      for (int k = 0; k < dof; ++k) {
-        constrained(i, k) = choose(modes.stuck[i], Scalar(i == k ? 1.0 : 0.0), constrained(i, k));
-        constrained(k, i) = choose(modes.stuck[i], Scalar(i == k ? 1.0 : 0.0), constrained(k, i));
-      }
-      right[i] = choose(modes.stuck[i], Scalar(0.0), right[i]);
-    }
-    r.qdd = solve_positive_definite(constrained, right);
-    for (int i = 0; i < dof; ++i) r.qdd[i] = choose(modes.stuck[i], Scalar(0.0), r.qdd[i]);
-    r.holding = inertia * r.qdd - net;
-    return r;
   }
 
-  /// dJ/dt qd: the part of the tip's acceleration that needs no joint acceleration [m/s^2].
-  [[nodiscard]] Vector tip_acceleration_at_rest_joints(const Posture& at, const Torque& qd) const {
-    const TipJacobian<dof, Dual<1, Scalar>> j = mechanism_.jacobian(mechanism_.moving(at, qd));
-    Vector a = Vector::Constant(0.0);
-    for (int row = 0; row < 3; ++row) {
-      for (int i = 0; i < dof; ++i) a[row] += j(row, i).gradient[0] * qd[i];
-    }
-    return a;
+  template <Grip grip>
+  [[nodiscard, gnu::always_inline]] Place place(const Posture& at) const {
+    // An arm that grips rigidly moves with the tip: its mass is a point mass there, which gravity does not pull.
+    if constexpr (grip == Grip::rigid) return {at, mechanism_.dynamics(at, masses_)};
+    return {at, mechanism_.dynamics(at)};
   }
 
-  template <bool with_hand>
-  static State moved(const State& s, const Rate& r, const Scalar& h) {
-    State out = s;
-    out.q += h * r.qd;
-    out.qd += h * r.qdd;
-    if constexpr (with_hand) {
-      out.hand += h * r.hand_velocity;
-      out.hand_velocity += h * r.hand_acceleration;
-    }
+  /// Force on the tip [N] of an arm.
+  template <Grip grip>
+  [[nodiscard, gnu::always_inline]] Vector hand_force(const Posture& at, const State& s, const Vector& voluntary) const {
+    const Vector p = mechanism_.forward(at);
+    const Vector v = mechanism_.velocity(at, s.qd);
+    if constexpr (grip == Grip::tissue) return hand_.tissue_stiffness * (s.hand - p) + hand_.tissue_damping * (s.hand_velocity - v);
+    return (voluntary - hand_.stiffness * (p - hand_.rest)) - hand_.damping * v;
+  }
+
+  /// Accelerations at one place, time `t` [s] after the substep's beginning; of `s` the positions of the joints are not looked at.
+  template <Grip grip, class Sticking>
+  [[nodiscard, gnu::always_inline]] Rate rate(const Place& there, const State& s, const Push& push, const Scalar& t,
+                                              const Sticking& sticking) const {
+    return rate<grip>(there, sticking.inverse(there.dynamics), s, push, t, sticking);
+  }
+
+  template <Grip grip, class Sticking>
+  [[nodiscard, gnu::always_inline]] Rate rate(const Place& there, const Inverse& inverse, const State& s, const Push& push, const Scalar& t,
+                                              const Sticking& sticking) const {
+    Rate out;
+    out.joints = inverse * sticking.left(net<grip>(there, s, push, t, out.hand), s.qd, friction_);
     return out;
+  }
+
+  /// Torques [N*m] that are left to accelerate the joints, but for dry friction; and the acceleration of the hand.
+  template <Grip grip>
+  [[nodiscard, gnu::always_inline]] Torque net(const Place& there, const State& s, const Push& push, const Scalar& t, Vector& hand) const {
+    Torque torque;
+    for (int i = 0; i < dof; ++i) torque[i] = push.torque[i] - friction_.viscous[i] * s.qd[i];
+    if constexpr (grip != Grip::none) {
+      const Vector voluntary = push.at(t);
+      Vector on_tip = voluntary;
+      if constexpr (grip != Grip::pushed) on_tip = hand_force<grip>(there.at, s, voluntary);
+      if constexpr (grip == Grip::tissue)
+        hand = per_hand_mass_ * ((voluntary - on_tip) - (hand_.stiffness * (s.hand - hand_.rest) + hand_.damping * s.hand_velocity));
+      torque += mechanism_.torque(there.at, on_tip);
+    }
+    return there.dynamics.net(torque, s.qd);
+  }
+
+  /// One step; where a joint turns far in it, with new sines and cosines.
+  template <Grip grip, class Time, class Sticking>
+  [[gnu::always_inline]] void step_from(State& s, const Place& here, const Rate& k1, const Push& push, const Scalar& t, const Time& h,
+                                        const Sticking& sticking) const {
+    State next = s;
+    if (all(nystroem<grip, false>(next, here, k1, push, t, h, sticking))) [[likely]]
+      s = next;
+    else
+      step_far<grip>(s, here, k1, push, t, h, sticking);
+  }
+  template <Grip grip, class Time, class Sticking>
+  [[gnu::noinline, gnu::cold]] void step_far(State& s, const Place& here, const Rate& k1, const Push& push, const Scalar& t, const Time& h,
+                                             const Sticking& sticking) const {
+    nystroem<grip, true>(s, here, k1, push, t, h, sticking);
+  }
+
+  /// One step of y'' = f(t, y, y') by Nystroem's method of order 4 (1925; Hairer, Norsett & Wanner, II.14): as Runge and Kutta's, but both
+  /// stages in the middle are at one place, whose equations of motion are set up and inverted once.
+  /// @tparam far  joints may turn far; if not, what is returned tells where it holds
+  /// @param k1  accelerations at `here`, where the step begins, at time t
+  template <Grip grip, bool far, class Time, class Sticking>
+  [[gnu::always_inline]] Where nystroem(State& s, const Place& here, const Rate& k1, const Push& push, const Scalar& t, const Time& h,
+                                        const Sticking& sticking) const {
+    const Time half = 0.5 * h;
+    const Time eighth = 0.5 * half * half;
+    State stage = s;
+    const auto speeds = [&](const Rate& k, const Time& after) {
+      stage.qd = s.qd + after * k.joints;
+      if constexpr (grip == Grip::tissue) stage.hand_velocity = s.hand_velocity + after * k.hand;
+    };
+    Where little = true;
+    const auto turned = [&](const Torque& turn) {
+      if constexpr (far) return mechanism_.turned(here.at, turn);
+      little = little & mechanism_.little(turn);
+      return mechanism_.turned_little(here.at, turn);
+    };
+    const Place middle = place<grip>(turned(half * s.qd + eighth * k1.joints));
+    if constexpr (grip == Grip::tissue) stage.hand = s.hand + (half * s.hand_velocity + eighth * k1.hand);
+    const Inverse inverse = sticking.inverse(middle.dynamics);
+    speeds(k1, half);
+    const Rate k2 = rate<grip>(middle, inverse, stage, push, t + half, sticking);
+    speeds(k2, half);
+    const Rate k3 = rate<grip>(middle, inverse, stage, push, t + half, sticking);
+    const Place last = place<grip>(turned(h * s.qd + (h * half) * k3.joints));
+    if constexpr (grip == Grip::tissue) stage.hand = s.hand + (h * s.hand_velocity + (h * half) * k3.hand);
+    speeds(k3, h);
+    const Rate k4 = rate<grip>(last, stage, push, t + h, sticking);
+    const Time sixth = h * (1.0 / 6.0);
+    const auto move = [&](auto& y, auto& v, const auto& a1, const auto& a2, const auto& a3, const auto& a4) {
+      y += h * (v + sixth * (a1 + (a2 + a3)));
+      v += sixth * ((a1 + a4) + 2.0 * (a2 + a3));
+    };
+    move(s.q, s.qd, k1.joints, k2.joints, k3.joints, k4.joints);
+    if constexpr (grip == Grip::tissue) move(s.hand, s.hand_velocity, k1.hand, k2.hand, k3.hand, k4.hand);
+    return little;
   }
 
   /// `to` where the condition holds, else `from`.
@@ -266,115 +336,143 @@ class Motion {
             choose_each(condition, to.hand_velocity, from.hand_velocity)};
   }
 
-  template <bool with_hand, class RateOf>
-  void runge_kutta(State& s, const Posture& at, const Scalar& h, const RateOf& rate) const {
-    const auto later = [&](const Rate& k, const Scalar& t) {
-      const State there = moved<with_hand>(s, k, t);
-      return rate(there, mechanism_.turned(at, Torque(t * k.qd)), t);
-    };
-    const Rate k1 = rate(s, at, Scalar(0.0));
-    const Rate k2 = later(k1, 0.5 * h);
-    const Rate k3 = later(k2, 0.5 * h);
-    const Rate k4 = later(k3, h);
-    const Scalar sixth = h / 6.0;
-    const auto add = [&sixth](auto& y, const auto& a, const auto& b, const auto& c, const auto& d) {
-      y += sixth * (a + 2.0 * (b + c) + d).eval();
-    };
-    add(s.q, k1.qd, k2.qd, k3.qd, k4.qd);
-    add(s.qd, k1.qdd, k2.qdd, k3.qdd, k4.qdd);
-    if constexpr (with_hand) {
-      add(s.hand, k1.hand_velocity, k2.hand_velocity, k3.hand_velocity, k4.hand_velocity);
-      add(s.hand_velocity, k1.hand_acceleration, k2.hand_acceleration, k3.hand_acceleration, k4.hand_acceleration);
-    }
+  /// Torques [N*m] that dry friction needs to hold the stuck joints at rest.
+  template <Grip grip>
+  [[nodiscard]] Torque holding(const Place& there, const State& s, const Push& push, const Scalar& t, const Modes& modes) const {
+    Vector hand;
+    const Torque left = modes.left(net<grip>(there, s, push, t, hand), s.qd, friction_);
+    return there.dynamics.inertial(modes.inverse(there.dynamics) * left) - left;
   }
 
   /// For joints at rest: stuck if breakaway friction can hold them all, else the worst is let go, one by one.
-  [[nodiscard]] Modes choose_modes(const State& s, const Posture& at, const Push& push, const Scalar& t) const {
+  template <Grip grip>
+  [[nodiscard]] Modes choose_modes(const Place& here, const State& s, const Push& push, const Scalar& t) const {
     const Scalar rest = 0.0;
     Modes modes;
     for (int i = 0; i < dof; ++i) {
       const Where rubs = friction_.breakaway[i] > rest;
       modes.stuck[i] = rubs & (s.qd[i] == rest);
-      modes.forward[i] = rubs & (s.qd[i] > rest);
-      modes.backward[i] = rubs & !(modes.stuck[i] | modes.forward[i]);
+      modes.direction[i] = choose(rubs & (s.qd[i] > rest), Scalar(1.0), choose(rubs & (s.qd[i] < rest), Scalar(-1.0), rest));
     }
     for (int released = 0; released < dof && modes.any_stuck(); ++released) {
-      const Rate r = general_rate(s, at, push, t, modes);
+      const Torque needed = holding<grip>(here, s, push, t, modes);
       std::array<Where, dof> worst{};
       Scalar excess = 0.0;
-      for (int i = 0; i < dof; ++i) {
-        const Scalar over = size_of(r.holding[i]) / friction_.breakaway[i] - 1.0;
-        worst[i] = modes.stuck[i] & (over > excess);
-        excess = choose(worst[i], over, excess);
-        for (int before = 0; before < i; ++before) worst[before] = worst[before] & !worst[i];
-      }
       Where some = false;
       for (int i = 0; i < dof; ++i) {
-        // Friction would have to push with `holding`; the joint gives way to the opposite side.
-        const Where pushed_forward = r.holding[i] > rest;
-        modes.stuck[i] = modes.stuck[i] & !worst[i];
-        modes.backward[i] = modes.backward[i] | (worst[i] & pushed_forward);
-        modes.forward[i] = modes.forward[i] | (worst[i] & !pushed_forward);
+        const Scalar over = size_of(needed[i]) / friction_.breakaway[i] - 1.0;
+        worst[i] = modes.stuck[i] & (over > excess);
+        excess = choose(worst[i], over, excess);
         some = some | worst[i];
+        for (int before = 0; before < i; ++before) worst[before] = worst[before] & !worst[i];
       }
       if (!any(some)) break;
+      for (int i = 0; i < dof; ++i) {
+        // Friction would have to push with what is needed; the joint gives way to the opposite side.
+        modes.stuck[i] = modes.stuck[i] & !worst[i];
+        modes.direction[i] = choose(worst[i], choose(needed[i] > rest, Scalar(-1.0), Scalar(1.0)), modes.direction[i]);
+      }
     }
     return modes;
   }
 
-  /// Has a sliding joint turned round, or a stuck one been torn loose, by state `s`?
-  [[nodiscard]] Where mode_ends(const State& s, const Push& push, const Scalar& t, const Modes& modes) const {
-    Where ends = false;
-    for (int i = 0; i < dof; ++i) {
-      ends = ends | (modes.forward[i] & (s.qd[i] < Scalar(0.0))) | (modes.backward[i] & (s.qd[i] > Scalar(0.0)));
-    }
-    if (!modes.any_stuck()) return ends;
-    const Rate r = general_rate(s, mechanism_.posture(s.q), push, t, modes);
-    for (int i = 0; i < dof; ++i) ends = ends | (modes.stuck[i] & (size_of(r.holding[i]) > friction_.breakaway[i]));
-    return ends;
+  /// By how much each joint has passed the end of its mode in state `s`: has turned round [rad/s], or needs more than breakaway friction
+  /// to be held [N*m]. Not above zero: it goes on.
+  template <Grip grip>
+  [[nodiscard]] Torque passed(const Place& here, const State& begin, const State& s, const Push& push, const Scalar& t,
+                              const Modes& modes) const {
+    Torque by = -modes.direction.cwiseProduct(s.qd);
+    if (!modes.any_stuck()) return by;
+    const Torque needed = holding<grip>(place<grip>(mechanism_.turned(here.at, Torque(s.q - begin.q))), s, push, t, modes);
+    for (int i = 0; i < dof; ++i) by[i] = choose(modes.stuck[i], size_of(needed[i]) - friction_.breakaway[i], by[i]);
+    return by;
   }
 
-  void advance_with_sticking(State& state, const Push& push, const Scalar& step) const {
+  static Where any_above_zero(const Torque& by) {
+    Where out = false;
+    for (int i = 0; i < dof; ++i) out = out | (by[i] > Scalar(0.0));
+    return out;
+  }
+
+  /// A substep with dry friction: from one change between sticking and sliding to the next.
+  template <Grip grip>
+  void slide_and_stick(State& state, const Posture& at, const Push& push, const Scalar& step) const {
     constexpr int most_events = 4 * dof;  // bounds the tick: the rest of the substep then keeps the last modes
-    constexpr int bisections = 40;
-    const Scalar end = step;
+    Place here = place<grip>(at);
     Scalar t = 0.0;
     Where running = true;
-    for (int event = 0; event < most_events && any(running); ++event) {
-      const Posture here = mechanism_.posture(state.q);
-      const Modes modes = choose_modes(state, here, push, t);
-      const auto slide = [&](const Scalar& h) {
-        const auto rate = [&](const State& s, const Posture& at, const Scalar& dt) { return general_rate(s, at, push, t + dt, modes); };
+    for (int event = 0; event < most_events; ++event) {
+      const Modes modes = choose_modes<grip>(here, state, push, t);
+      const Rate first = rate<grip>(here, state, push, t, modes);
+      const auto after = [&](const Scalar& h) {
         State there = state;
-        hand_.tissue ? runge_kutta<true>(there, here, h, rate) : runge_kutta<false>(there, here, h, rate);
+        step_from<grip>(there, here, first, push, t, h, modes);
         return there;
       };
-      State next = slide(end - t);
-      Where ends = false;
-      if (event < most_events - 1) ends = running & mode_ends(next, push, end, modes);
+      const Scalar rest = step - t;
+      State next = after(rest);
+      if (event == most_events - 1) {
+        state = chosen(running, next, state);
+        return;
+      }
+      const Torque by = passed<grip>(here, state, next, push, step, modes);
+      const Where ends = running & any_above_zero(by);
       state = chosen(running & !ends, next, state);
-      running = ends;
       if (!any(ends)) return;
-      Scalar before = 0.0;
-      Scalar after = end - t;
-      for (int i = 0; i < bisections; ++i) {
-        const Where open = ends & (after - before > Scalar(1e-12 * step));
-        if (!any(open)) break;
-        const Scalar middle = 0.5 * (before + after);
-        const State trial = slide(middle);
-        const Where ended = mode_ends(trial, push, t + middle, modes);
-        after = choose(open & ended, middle, after);
-        next = chosen(open & ended, trial, next);
-        before = choose(open & !ended, middle, before);
-      }
-      for (int i = 0; i < dof; ++i) {
-        const Where turned = (modes.forward[i] & (next.qd[i] < Scalar(0.0))) | (modes.backward[i] & (next.qd[i] > Scalar(0.0)));
-        next.qd[i] = choose(turned, Scalar(0.0), next.qd[i]);
-      }
+      const Scalar gone = locate<grip>(here, state, modes, after, by, push, t, rest, ends, next);
+      for (int i = 0; i < dof; ++i) next.qd[i] = choose(modes.direction[i] * next.qd[i] < Scalar(0.0), Scalar(0.0), next.qd[i]);
       state = chosen(ends, next, state);
-      t = choose(ends, t + after, t);
-      running = ends & (t < end);
+      t = choose(ends, t + gone, t);
+      running = ends & (t < step);
+      if (!any(running)) return;
+      here = place<grip>(mechanism_.posture(state.q));
     }
+  }
+
+  /// Where a mode ends, time after `t`: a false position for each joint, the first of them tried next (Illinois: an end of the bracket that
+  /// stays is given half its weight; every fourth time the middle). `next` is the state there, just past the end.
+  template <Grip grip, class After>
+  [[nodiscard]] Scalar locate(const Place& here, const State& state, const Modes& modes, const After& after, const Torque& end_by,
+                              const Push& push, const Scalar& t, const Scalar& rest, const Where& ends, State& next) const {
+    constexpr int most_trials = 60;
+    constexpr double close = 1e-10;  // of the substep
+    const Scalar none = 0.0;
+    Scalar low = 0.0;
+    Scalar high = rest;
+    Torque low_by = passed<grip>(here, state, state, push, t, modes);
+    Torque high_by = end_by;
+    for (int i = 0; i < dof; ++i) low_by[i] = lesser(low_by[i], none);
+    const Torque aim = (close * (high_by - low_by)).eval();  // just past the end
+    Scalar last = 0.0;                                       // which end of the bracket was moved: 1 the high one, -1 the low one
+    Where open = ends;
+    for (int trial = 0; trial < most_trials && any(open); ++trial) {
+      const Scalar width = high - low;
+      Scalar share = 1.0;
+      for (int i = 0; i < dof; ++i) {
+        const Scalar here_share = (aim[i] - low_by[i]) / (high_by[i] - low_by[i]);
+        share = choose((high_by[i] > none) & (here_share < share), here_share, share);
+      }
+      if (trial % 4 == 3) share = 0.5;
+      const Scalar tried = low + share * width;
+      const State there = after(tried);
+      const Torque by = passed<grip>(here, state, there, push, t + tried, modes);
+      const Where beyond = open & any_above_zero(by);
+      const Where before = open & !beyond;
+      const Where again_beyond = beyond & (last > none);
+      const Where again_before = before & (last < none);
+      Where near = true;
+      for (int i = 0; i < dof; ++i) {
+        near = near & (by[i] <= 2.0 * greater(aim[i], none));
+        low_by[i] = choose(before, lesser(by[i], none), choose(again_beyond, 0.5 * low_by[i], low_by[i]));
+        high_by[i] = choose(beyond, by[i], choose(again_before, 0.5 * high_by[i], high_by[i]));
+      }
+      low = choose(before, tried, low);
+      high = choose(beyond, tried, high);
+      next = chosen(beyond, there, next);
+      last = choose(beyond, Scalar(1.0), choose(before, Scalar(-1.0), last));
+      open = open & !(beyond & near) & (high - low > Scalar(1e-12) * rest);
+    }
+    return high;
   }
 
   static Scalar size_of(const Scalar& x) {
@@ -385,9 +483,10 @@ class Motion {
   Mechanism mechanism_;
   Friction<dof, Scalar> friction_;
   BasicHand<Scalar> hand_;
+  decltype(std::declval<Mechanism>().masses(std::declval<Scalar>())) masses_{};  // with the hand's
+  Scalar per_hand_mass_ = 0.0;
   bool dry_ = false;
   bool loaded_ = false;
-  bool heavy_ = false;  // a mass in the hand
 };
 
 }  // namespace palpate

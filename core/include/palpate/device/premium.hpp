@@ -3,10 +3,10 @@
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
-#include <optional>
 
 #include "palpate/math/choose.hpp"
 #include "palpate/math/dual.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -48,20 +48,43 @@ class Premium {
   explicit Premium(const PremiumParameters& p)
       : l1_(p.l1),
         l2_(p.l2),
-        h_(p.l1 * (p.l2 * p.mass_a + p.l3 * p.mass_c)),
-        yaw_upper_(0.125 * (4.0 * (p.inertia_be[1] - p.inertia_be[2] + p.inertia_c[1] - p.inertia_c[2]) +
-                            p.l1 * p.l1 * (4.0 * p.mass_a + p.mass_c))),
-        yaw_fore_(0.125 * (-4.0 * (p.inertia_a[1] - p.inertia_a[2] + p.inertia_df[1] - p.inertia_df[2]) + p.l2 * p.l2 * p.mass_a +
-                           4.0 * p.l3 * p.l3 * p.mass_c)),
-        yaw_(0.125 * (4.0 * (p.inertia_a[1] + p.inertia_a[2] + p.inertia_be[1] + p.inertia_be[2] + p.inertia_c[1] + p.inertia_c[2] +
-                             p.inertia_df[1] + p.inertia_df[2]) +
-                      8.0 * p.inertia_base + 4.0 * p.l1 * p.l1 * p.mass_a + p.l2 * p.l2 * p.mass_a + p.l1 * p.l1 * p.mass_c +
-                      4.0 * p.l3 * p.l3 * p.mass_c) +
-             p.rotor_inertia[0]),
-        m22_(p.inertia_be[0] + p.inertia_c[0] + p.l1 * p.l1 * (p.mass_a + 0.25 * p.mass_c) + p.rotor_inertia[1]),
-        m33_(p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c + p.rotor_inertia[2]),
         n2_(0.5 * p.gravity * (2.0 * p.l1 * p.mass_a + 2.0 * p.l5 * p.mass_be + p.l1 * p.mass_c)),
-        n3_(0.5 * p.gravity * (p.l2 * p.mass_a + 2.0 * p.l3 * p.mass_c - 2.0 * p.l6 * p.mass_df)) {}
+        n3_(0.5 * p.gravity * (p.l2 * p.mass_a + 2.0 * p.l3 * p.mass_c - 2.0 * p.l6 * p.mass_df)) {
+    const double upper = 0.125 * (4.0 * (p.inertia_be[1] - p.inertia_be[2] + p.inertia_c[1] - p.inertia_c[2]) +
+                                  p.l1 * p.l1 * (4.0 * p.mass_a + p.mass_c));  // P/8
+    const double fore = 0.125 * (-4.0 * (p.inertia_a[1] - p.inertia_a[2] + p.inertia_df[1] - p.inertia_df[2]) + p.l2 * p.l2 * p.mass_a +
+                                 4.0 * p.l3 * p.l3 * p.mass_c);  // Q/8
+    const double yaw = 0.125 * (4.0 * (p.inertia_a[1] + p.inertia_a[2] + p.inertia_be[1] + p.inertia_be[2] + p.inertia_c[1] +
+                                       p.inertia_c[2] + p.inertia_df[1] + p.inertia_df[2]) +
+                                8.0 * p.inertia_base + 4.0 * p.l1 * p.l1 * p.mass_a + p.l2 * p.l2 * p.mass_a + p.l1 * p.l1 * p.mass_c +
+                                4.0 * p.l3 * p.l3 * p.mass_c) +
+                       p.rotor_inertia[0];
+    masses_ = {.level = yaw + upper - fore,
+               .upper = 2.0 * upper,
+               .fore = 2.0 * fore,
+               .both = 0.5 * p.l1 * (p.l2 * p.mass_a + p.l3 * p.mass_c),
+               .m22 = p.inertia_be[0] + p.inertia_c[0] + p.l1 * p.l1 * (p.mass_a + 0.25 * p.mass_c) + p.rotor_inertia[1],
+               .m33 = p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c + p.rotor_inertia[2]};
+  }
+
+  /// Moments of inertia of the whole arm [kg*m^2]:
+  ///   M11 = level - upper sin^2(theta2) + fore sin^2(theta3) + 2 both cos(theta2) sin(theta3),  M23 = -both sin(theta2 - theta3)
+  template <class Scalar = double>
+  struct Masses {
+    Scalar level, upper, fore;  // of the yaw
+    Scalar both;                // h/2 = l1 (l2 ma + l3 mc)/2
+    Scalar m22, m33;
+  };
+  [[nodiscard]] const Masses<>& masses() const { return masses_; }
+
+  /// The same with a point mass [kg] at the tip.
+  template <class Scalar>
+  [[nodiscard]] Masses<Scalar> masses(const Scalar& at_tip) const {
+    const Scalar upper = at_tip * (l1_ * l1_);
+    const Scalar fore = at_tip * (l2_ * l2_);
+    return {masses_.level + upper, masses_.upper + upper, masses_.fore + fore, masses_.both + at_tip * (l1_ * l2_),
+            masses_.m22 + upper,   masses_.m33 + fore};
+  }
 
   /// A pose with the sines and cosines of its angles: computed once, used by everything that is asked at that pose.
   template <class Scalar = double>
@@ -70,6 +93,15 @@ class Premium {
     SineCosine<Scalar> yaw;    // theta1
     SineCosine<Scalar> upper;  // theta2
     SineCosine<Scalar> fore;   // theta3
+
+    /// Puts one loop's posture into a lane.
+    void put(int lane, const Posture<double>& one) {
+      using palpate::put;
+      put(q, lane, one.q);
+      put(yaw, lane, one.yaw);
+      put(upper, lane, one.upper);
+      put(fore, lane, one.fore);
+    }
   };
 
   template <class Scalar>
@@ -84,21 +116,35 @@ class Premium {
     return {q, turned_joint(from.yaw, turn[0], q[0]), turned_joint(from.upper, turn[1], q[1]), turned_joint(from.fore, turn[2], q[2])};
   }
 
-  /// The posture as a function of time, at joint speeds `qd` [rad/s].
+  /// The posture at `q` [rad] for whoever moves: turned from `anchor`, a posture near by. Where a joint has left its neighbourhood, joint
+  /// and anchor get new sines and cosines.
   template <class Scalar>
-  [[nodiscard, gnu::always_inline]] Posture<Dual<1, Scalar>> moving(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
-    using Rate = Eigen::Matrix<Scalar, 1, 1>;
-    Posture<Dual<1, Scalar>> out;
-    for (int i = 0; i < 3; ++i) out.q[i] = {at.q[i], Rate(qd[i])};
-    out.yaw = sincos<1, Scalar>(at.yaw, Rate(qd[0]));
-    out.upper = sincos<1, Scalar>(at.upper, Rate(qd[1]));
-    out.fore = sincos<1, Scalar>(at.fore, Rate(qd[2]));
+  [[nodiscard]] Posture<Scalar> posture_near(Posture<Scalar>& anchor, const Angles<Scalar>& q) const {
+    using std::abs;
+    const Angles<Scalar> turn = q - anchor.q;
+    const Scalar most = wide_turn;
+    Posture<Scalar> out{q, turned_wide(anchor.yaw, turn[0]), turned_wide(anchor.upper, turn[1]), turned_wide(anchor.fore, turn[2])};
+    if (all((abs(turn[0]) <= most) & (abs(turn[1]) <= most) & (abs(turn[2]) <= most))) [[likely]]
+      return out;
+    renew(anchor, out, turn);
     return out;
+  }
+
+  /// The same for turns that are all `little`: nothing is decided, nothing called.
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Posture<Scalar> turned_little(const Posture<Scalar>& from, const Angles<Scalar>& turn) const {
+    return {from.q + turn, palpate::turned(from.yaw, turn[0]), palpate::turned(from.upper, turn[1]), palpate::turned(from.fore, turn[2])};
+  }
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] static Condition<Scalar> little(const Angles<Scalar>& turn) {
+    using std::abs;
+    const Scalar most = small_turn;
+    return (abs(turn[0]) <= most) & (abs(turn[1]) <= most) & (abs(turn[2]) <= most);
   }
 
   /// Tip position [m] (thesis 2.10).
   template <class Scalar>
-  [[nodiscard]] Vector3<Scalar> forward(const Posture<Scalar>& at) const {
+  [[nodiscard, gnu::always_inline]] Vector3<Scalar> forward(const Posture<Scalar>& at) const {
     const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
     return {at.yaw.sine * reach, l2_ - l2_ * at.fore.cosine + l1_ * at.upper.sine, at.yaw.cosine * reach - l1_};
   }
@@ -117,6 +163,15 @@ class Premium {
     return j;
   }
 
+  /// Velocity of the tip [m/s], J qd, without building J.
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Vector3<Scalar> velocity(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
+    const Scalar across = (l1_ * at.upper.cosine + l2_ * at.fore.sine) * qd[0];
+    const Scalar outwards = l2_ * at.fore.cosine * qd[2] - l1_ * at.upper.sine * qd[1];
+    return {at.yaw.cosine * across + at.yaw.sine * outwards, l1_ * at.upper.cosine * qd[1] + l2_ * at.fore.sine * qd[2],
+            at.yaw.cosine * outwards - at.yaw.sine * across};
+  }
+
   /// Joint torques [N*m] of a force [N] at the tip, J^T force, without building J.
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Angles<Scalar> torque(const Posture<Scalar>& at, const Vector3<Scalar>& force) const {
@@ -126,32 +181,108 @@ class Premium {
             l2_ * (at.fore.sine * force[1] + at.fore.cosine * outwards)};
   }
 
-  /// Inertia matrix M(q) [kg*m^2], 3 x 3 (thesis 2.62-2.66 with M23 = -h/2 sin(theta2 - theta3): the printed plus sign
-  /// breaks energy conservation).
+  /// The equations of motion at one posture, M qdd = torque - C qd - N, computed once for all that is asked there.
+  ///
+  /// M(q) is that of thesis 2.62-2.66 with M23 = -h/2 sin(theta2 - theta3): the printed plus sign breaks energy conservation.
+  /// C(q, qd) is in Christoffel form, so that dM/dt - 2C is skew-symmetric (2.67-2.73 with C32 = -h/2 cos(theta2 - theta3) theta2').
+  template <class Scalar>
+  struct Dynamics {
+    Scalar m11, m22, m33, m23;
+    Scalar half_dm11_2, half_dm11_3;  // of dM11/dtheta2 and dM11/dtheta3
+    Scalar coupling;                  // h/2 cos(theta2 - theta3)
+    Scalar gravity2, gravity3;
+
+    /// M^-1, or that of the arm with some joints held.
+    struct Inverse {
+      Scalar i11, i22, i33, i23;
+      [[gnu::always_inline]] Angles<Scalar> operator*(const Angles<Scalar>& f) const {
+        return {i11 * f[0], i22 * f[1] + i23 * f[2], i23 * f[1] + i33 * f[2]};
+      }
+    };
+
+    /// What is left of joint torques [N*m] to accelerate the arm: torque - C qd - N.
+    [[nodiscard, gnu::always_inline]] Angles<Scalar> net(const Angles<Scalar>& torque, const Angles<Scalar>& qd) const {
+      const Scalar yaw_rate_squared = qd[0] * qd[0];
+      return {torque[0] - (half_dm11_2 * qd[1] + half_dm11_3 * qd[2]) * (2.0 * qd[0]),
+              (torque[1] - gravity2) + (half_dm11_2 * yaw_rate_squared - coupling * (qd[2] * qd[2])),
+              (torque[2] - gravity3) + (half_dm11_3 * yaw_rate_squared + coupling * (qd[1] * qd[1]))};
+    }
+
+    [[nodiscard, gnu::always_inline]] Inverse inverse() const {
+      // One division for all: the denominators share it.
+      const Scalar determinant = m22 * m33 - m23 * m23;
+      const Scalar shared = 1.0 / (determinant * m11);
+      const Scalar of_two = shared * m11;
+      return {shared * determinant, m33 * of_two, m22 * of_two, -m23 * of_two};
+    }
+
+    /// With the joints `held` at rest: they get no acceleration, and give none to the others.
+    [[nodiscard, gnu::always_inline]] Inverse inverse(const std::array<Condition<Scalar>, 3>& held) const {
+      const Scalar none = 0.0;
+      Dynamics freed = *this;
+      freed.m23 = choose(held[1] | held[2], none, m23);
+      Inverse out = freed.inverse();
+      out.i11 = choose(held[0], none, out.i11);
+      out.i22 = choose(held[1], none, out.i22);
+      out.i33 = choose(held[2], none, out.i33);
+      return out;
+    }
+
+    /// M qdd [N*m].
+    [[nodiscard, gnu::always_inline]] Angles<Scalar> inertial(const Angles<Scalar>& qdd) const {
+      return {m11 * qdd[0], m22 * qdd[1] + m23 * qdd[2], m23 * qdd[1] + m33 * qdd[2]};
+    }
+  };
+
+  /// @param masses  the arm's own, or with a mass at the tip that gravity does not pull
+  template <class Scalar, class Mass = double>
+  [[nodiscard, gnu::always_inline]] Dynamics<Scalar> dynamics(const Posture<Scalar>& at, const Masses<Mass>& masses) const {
+    const auto& [s2, c2] = at.upper;
+    const auto& [s3, c3] = at.fore;
+    const Scalar c2s3 = c2 * s3;
+    const Scalar s2c3 = s2 * c3;
+    const Scalar c2c3 = c2 * c3;
+    const Scalar s2s3 = s2 * s3;
+    const auto& m = masses;
+    return {.m11 = (m.level - m.upper * (s2 * s2)) + (m.fore * (s3 * s3) + (2.0 * m.both) * c2s3),
+            .m22 = Scalar(m.m22),
+            .m33 = Scalar(m.m33),
+            .m23 = m.both * (c2s3 - s2c3),
+            .half_dm11_2 = -(m.upper * (s2 * c2) + m.both * s2s3),
+            .half_dm11_3 = m.fore * (s3 * c3) + m.both * c2c3,
+            .coupling = m.both * (c2c3 + s2s3),
+            .gravity2 = n2_ * c2,
+            .gravity3 = n3_ * s3};
+  }
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Dynamics<Scalar> dynamics(const Posture<Scalar>& at) const {
+    return dynamics(at, masses_);
+  }
+
+  /// Inertia matrix M(q) [kg*m^2], 3 x 3.
   template <class Scalar>
   [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> mass_matrix(const Posture<Scalar>& at) const {
-    const Terms<Scalar> t = terms(at);
+    const Dynamics<Scalar> d = dynamics(at);
     Eigen::Matrix<Scalar, 3, 3> m = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
-    m(0, 0) = t.m11;
-    m(1, 1) = Scalar(m22_);
-    m(2, 2) = Scalar(m33_);
-    m(1, 2) = m(2, 1) = t.m23;
+    m(0, 0) = d.m11;
+    m(1, 1) = d.m22;
+    m(2, 2) = d.m33;
+    m(1, 2) = m(2, 1) = d.m23;
     return m;
   }
 
-  /// Coriolis and centrifugal matrix C(q, qd) [kg*m^2/s] in Christoffel form, so that dM/dt - 2C is skew-symmetric
-  /// (thesis 2.67-2.73 with C32 = -h/2 cos(theta2 - theta3) theta2').
+  /// Coriolis and centrifugal matrix C(q, qd) [kg*m^2/s].
   template <class Scalar>
   [[nodiscard]] Eigen::Matrix<Scalar, 3, 3> coriolis(const Posture<Scalar>& at, const Angles<Scalar>& qd) const {
-    const Terms<Scalar> t = terms(at);
+    const Dynamics<Scalar> d = dynamics(at);
     Eigen::Matrix<Scalar, 3, 3> c = Eigen::Matrix<Scalar, 3, 3>::Constant(Scalar(0.0));
-    c(0, 0) = 0.5 * (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]);
-    c(0, 1) = 0.5 * t.dm11_2 * qd[0];
+    c(0, 0) = d.half_dm11_2 * qd[1] + d.half_dm11_3 * qd[2];
+    c(0, 1) = d.half_dm11_2 * qd[0];
     c(1, 0) = -c(0, 1);
-    c(0, 2) = 0.5 * t.dm11_3 * qd[0];
+    c(0, 2) = d.half_dm11_3 * qd[0];
     c(2, 0) = -c(0, 2);
-    c(1, 2) = t.coupling * qd[2];
-    c(2, 1) = -t.coupling * qd[1];
+    c(1, 2) = d.coupling * qd[2];
+    c(2, 1) = -d.coupling * qd[1];
     return c;
   }
 
@@ -169,18 +300,9 @@ class Premium {
 
   /// Joint accelerations [rad/s^2] under joint torques [N*m] (friction's among them): M^-1 (torque - C qd - N).
   template <class Scalar>
-  [[nodiscard, gnu::always_inline]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd,
-                                                                const Angles<Scalar>& torque) const {
-    const Terms<Scalar> t = terms(at);
-    const Scalar yaw_rate_squared = qd[0] * qd[0];
-    const Scalar f1 = torque[0] - (t.dm11_2 * qd[1] + t.dm11_3 * qd[2]) * qd[0];
-    const Scalar f2 = torque[1] + 0.5 * t.dm11_2 * yaw_rate_squared - t.coupling * qd[2] * qd[2] - n2_ * t.c2;
-    const Scalar f3 = torque[2] + 0.5 * t.dm11_3 * yaw_rate_squared + t.coupling * qd[1] * qd[1] - n3_ * t.s3;
-    // One division for all three: the denominators share it.
-    const Scalar determinant = m22_ * m33_ - t.m23 * t.m23;
-    const Scalar inverse = 1.0 / (determinant * t.m11);
-    const Scalar inverse_determinant = inverse * t.m11;
-    return {f1 * (inverse * determinant), (m33_ * f2 - t.m23 * f3) * inverse_determinant, (m22_ * f3 - t.m23 * f2) * inverse_determinant};
+  [[nodiscard]] Angles<Scalar> acceleration(const Posture<Scalar>& at, const Angles<Scalar>& qd, const Angles<Scalar>& torque) const {
+    const Dynamics<Scalar> d = dynamics(at);
+    return d.inverse() * d.net(torque, qd);
   }
 
   // The same, asked once at a pose.
@@ -261,37 +383,25 @@ class Premium {
     return {choose(small, near.sine, far.sine), choose(small, near.cosine, far.cosine)};
   }
 
+  /// New sines and cosines of joints whose `turn` is wide, for a posture and the anchor it was turned from.
   template <class Scalar>
-  struct Terms {
-    Scalar s3, c2;
-    Scalar m11;       // M11
-    Scalar m23;       // M23 = M32
-    Scalar dm11_2;    // dM11/dtheta2
-    Scalar dm11_3;    // dM11/dtheta3
-    Scalar coupling;  // h/2 cos(theta2 - theta3)
-  };
-
-  template <class Scalar>
-  [[gnu::always_inline]] Terms<Scalar> terms(const Posture<Scalar>& at) const {
-    const auto& [s2, c2] = at.upper;
-    const auto& [s3, c3] = at.fore;
-    Terms<Scalar> t;
-    t.s3 = s3;
-    t.c2 = c2;
-    t.m11 = yaw_ + yaw_upper_ * (1.0 - 2.0 * s2 * s2) - yaw_fore_ * (1.0 - 2.0 * s3 * s3) + h_ * c2 * s3;
-    t.m23 = -0.5 * h_ * (s2 * c3 - c2 * s3);
-    t.dm11_2 = -4.0 * yaw_upper_ * s2 * c2 - h_ * s2 * s3;
-    t.dm11_3 = 4.0 * yaw_fore_ * s3 * c3 + h_ * c2 * c3;
-    t.coupling = 0.5 * h_ * (c2 * c3 + s2 * s3);
-    return t;
+  [[gnu::noinline]] static void renew(Posture<Scalar>& anchor, Posture<Scalar>& at, const Angles<Scalar>& turn) {
+    using std::abs;
+    const auto joint = [&](int i, SineCosine<Scalar>& of_anchor, SineCosine<Scalar>& of_joint) {
+      const auto near = abs(turn[i]) <= Scalar(wide_turn);
+      if (all(near)) return;
+      const SineCosine<Scalar> fresh = sincos(at.q[i]);
+      anchor.q[i] = choose(near, anchor.q[i], at.q[i]);
+      of_anchor = {choose(near, of_anchor.sine, fresh.sine), choose(near, of_anchor.cosine, fresh.cosine)};
+      of_joint = {choose(near, of_joint.sine, fresh.sine), choose(near, of_joint.cosine, fresh.cosine)};
+    };
+    joint(0, anchor.yaw, at.yaw);
+    joint(1, anchor.upper, at.upper);
+    joint(2, anchor.fore, at.fore);
   }
 
   double l1_ = 0.0, l2_ = 0.0;
-  double h_ = 0.0;          // l1 (l2 ma + l3 mc)
-  double yaw_upper_ = 0.0;  // P/8
-  double yaw_fore_ = 0.0;   // Q/8
-  double yaw_ = 0.0;        // constant part of M11
-  double m22_ = 0.0, m33_ = 0.0;
+  Masses<> masses_{};
   double n2_ = 0.0, n3_ = 0.0;  // N2 = n2 cos(theta2), N3 = n3 sin(theta3)
 };
 

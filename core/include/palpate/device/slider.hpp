@@ -1,6 +1,8 @@
 #pragma once
 
-#include "palpate/math/dual.hpp"
+#include <array>
+
+#include "palpate/math/choose.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -22,12 +24,20 @@ class Slider {
     return q;
   }
   template <class Scalar>
+  [[nodiscard]] const Angles<Scalar>& posture_near(const Angles<Scalar>& /*anchor*/, const Angles<Scalar>& q) const {
+    return q;
+  }
+  template <class Scalar>
   [[nodiscard]] Angles<Scalar> turned(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
     return from + shift;
   }
   template <class Scalar>
-  [[nodiscard]] Angles<Dual<1, Scalar>> moving(const Angles<Scalar>& at, const Angles<Scalar>& qd) const {
-    return Angles<Dual<1, Scalar>>(Dual<1, Scalar>(at[0], qd));
+  [[nodiscard]] Angles<Scalar> turned_little(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
+    return from + shift;
+  }
+  template <class Scalar>
+  [[nodiscard]] static Condition<Scalar> little(const Angles<Scalar>& /*shift*/) {
+    return true;
   }
 
   /// Tip position (q, 0, 0) [m].
@@ -42,10 +52,48 @@ class Slider {
     return TipJacobian<1, Scalar>(Scalar(1.0), Scalar(0.0), Scalar(0.0));
   }
 
+  /// Velocity of the tip [m/s].
+  template <class Scalar>
+  [[nodiscard]] Vector3<Scalar> velocity(const Angles<Scalar>& /*q*/, const Angles<Scalar>& qd) const {
+    return {qd[0], Scalar(0.0), Scalar(0.0)};
+  }
+
   /// The part of a tip force [N] along the axis.
   template <class Scalar>
   [[nodiscard]] Angles<Scalar> torque(const Angles<Scalar>& /*q*/, const Vector3<Scalar>& force) const {
     return Angles<Scalar>(force[0]);
+  }
+
+  /// The mass [kg]; with another one carried at the tip.
+  [[nodiscard]] double masses() const { return mass_; }
+  template <class Scalar>
+  [[nodiscard]] Scalar masses(const Scalar& at_tip) const {
+    return mass_ + at_tip;
+  }
+
+  /// The equation of motion, mass qdd = force.
+  template <class Scalar>
+  struct Dynamics {
+    Scalar mass;
+
+    /// 1 / mass, or 0 when the slider is held.
+    struct Inverse {
+      Scalar per_mass;
+      Angles<Scalar> operator*(const Angles<Scalar>& force) const { return Angles<Scalar>(per_mass * force[0]); }
+    };
+    [[nodiscard]] const Angles<Scalar>& net(const Angles<Scalar>& force, const Angles<Scalar>& /*qd*/) const { return force; }
+    [[nodiscard]] Inverse inverse() const { return {1.0 / mass}; }
+    [[nodiscard]] Inverse inverse(const std::array<Condition<Scalar>, 1>& held) const { return {choose(held[0], Scalar(0.0), 1.0 / mass)}; }
+    [[nodiscard]] Angles<Scalar> inertial(const Angles<Scalar>& qdd) const { return Angles<Scalar>(mass * qdd[0]); }
+  };
+
+  template <class Scalar, class Mass>
+  [[nodiscard]] Dynamics<Scalar> dynamics(const Angles<Scalar>& /*q*/, const Mass& mass) const {
+    return {Scalar(mass)};
+  }
+  template <class Scalar>
+  [[nodiscard]] Dynamics<Scalar> dynamics(const Angles<Scalar>& q) const {
+    return dynamics(q, mass_);
   }
 
   /// The mass [kg], 1 x 1.

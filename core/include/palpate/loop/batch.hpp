@@ -34,11 +34,11 @@ struct Beginning {
 
 /// What decides the shape of a loop's computation: loops of one base setup that agree in this can run side by side.
 struct Shape {
-  bool dry, held, tissue, heavy, jitters;
+  bool dry, held, tissue, jitters, counts;
 
   template <class Mechanism>
   explicit Shape(const SimulationSetup<Mechanism>& s)
-      : dry(s.friction.dry()), held(!s.hand.empty()), tissue(s.hand.tissue), heavy(s.hand.mass > 0.0), jitters(s.jitter > 0.0) {}
+      : dry(s.friction.dry()), held(!s.hand.empty()), tissue(s.hand.tissue), jitters(s.jitter > 0.0), counts(!s.encoder.exact()) {}
   bool operator==(const Shape&) const = default;
 };
 
@@ -161,13 +161,11 @@ class ForceTable {
     Vector out = Vector::Constant(0.0);
     if (silent_) return out;
     if (together) {
-      const double* row = row_of(k[0]);
+      const double* row = table_ + 3 * std::min(static_cast<int>(k[0]), ticks_);
       for (int i = 0; i < 3; ++i) out[i] = row[i];
     } else {
-      for (int lane = 0; lane < lanes; ++lane) {
-        const double* row = row_of(k[lane]);
-        for (int i = 0; i < 3; ++i) out[i].set(lane, row[i]);
-      }
+      const Pack<lanes> row = 3.0 * lesser(k, Pack<lanes>(ticks_));
+      for (int i = 0; i < 3; ++i) out[i] = gathered(table_ + i, row);
     }
     return out;
   }
@@ -184,8 +182,6 @@ class ForceTable {
   }
 
  private:
-  [[nodiscard]] const double* row_of(double tick) const noexcept { return table_ + 3 * std::min(static_cast<int>(tick), ticks_); }
-
   const double* table_;
   int ticks_;
   bool silent_;

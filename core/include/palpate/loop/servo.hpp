@@ -78,10 +78,11 @@ class Kinematics {
   /// Tip position [m] at the angles last looked at.
   [[nodiscard]] const Vector& tip() const noexcept { return tip_; }
 
-  /// Torques [N*m], at the angles last looked at, of tip force `command` on top of the constant `hold` [N].
-  [[nodiscard]] Angles torque(const Vector& command, const Vector& hold) const noexcept {
-    if (frozen_) return jacobian_.transpose() * (command + hold) + torque_turn_ * turn_;
-    return mechanism_.torque(at_, Vector(command + hold));
+  /// Torques [N*m], at the angles last looked at, of tip force `force` [N], the constant hold in it.
+  [[nodiscard, gnu::always_inline]] Angles torque(const Vector& force) const noexcept {
+    if (frozen_) [[unlikely]]
+      return jacobian_.transpose() * force + torque_turn_ * turn_;
+    return mechanism_.torque(at_, force);
   }
 
  private:
@@ -227,19 +228,32 @@ class Servo {
     const Vector force = on_body() ? touch_body() : on_mesh() ? touch_mesh() : touch_anchor();
     tick_.object_force = force;
     const Vector wanted = controller_.output(reference, force);
-    tick_.command = drive_.limit_force(wanted + hold_) - hold_;
-    Angles torque = kinematics_.torque(tick_.command, hold_);
-    const Scalar part = drive_.possible_part(torque);
-    const auto short_of_torque = part < Scalar(1.0);
-    if (any(short_of_torque)) {
-      torque = choose_each(short_of_torque, Angles(torque * part), torque);
-      tick_.command = choose_each(short_of_torque, Vector(part * (tick_.command + hold_) - hold_), tick_.command);
+    tick_.command = wanted;
+    tick_.saturated = false;
+    Vector given = wanted + hold_;
+    Angles torque;
+    if (drive_.limits()) {
+      torque = limit(given);
+      tick_.command = choose_each(tick_.saturated, Vector(given - hold_), wanted);
+    } else {
+      torque = kinematics_.torque(given);
     }
-    tick_.saturated = short_of_torque | ((tick_.command - wanted).squaredNorm() > 1e-24 * (1.0 + wanted.squaredNorm()));
-    tick_.command = choose_each(tick_.saturated, tick_.command, wanted);
     controller_.advance(tick_.command);
     tick_.torque = delay_.pass(torque);
     return tick_;
+  }
+
+  /// Torques of the tip force `wanted` [N] that the drive can give, and that force; all the rest of it is lost in saturation.
+  Angles limit(Vector& wanted) noexcept {
+    const Vector asked = wanted;
+    wanted = drive_.limit_force(asked);
+    Angles torque = kinematics_.torque(wanted);
+    const Scalar part = drive_.possible_part(torque);
+    const auto short_of_torque = part < Scalar(1.0);
+    torque = choose_each(short_of_torque, Angles(torque * part), torque);
+    wanted = choose_each(short_of_torque, Vector(wanted * part), wanted);
+    for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (wanted[i] != asked[i]);
+    return torque;
   }
 
   static constexpr bool alone = std::is_same_v<Scalar, double>;  // meshes and bodies go by branches: no two lanes alike
@@ -271,7 +285,7 @@ class Servo {
   }
 
   /// Force of the tip on the object [N], as the next.
-  Vector touch_anchor() noexcept {
+  [[gnu::always_inline]] Vector touch_anchor() noexcept {
     const typename BasicAnchor<Scalar>::Contact contact = anchor_.contact(tick_.tip);
     tick_.touching = contact.touching;
     Vector force = coupling_.force(contact.deflection);
@@ -306,7 +320,7 @@ class Servo {
 
   Angles torque_at_rest(const Angles& start) {
     kinematics_.look(start);
-    const Angles torque = kinematics_.torque(Vector::Constant(0.0), hold_);
+    const Angles torque = kinematics_.torque(hold_);
     return drive_.possible_part(torque) * torque;
   }
 

@@ -72,22 +72,22 @@ class MovingPlant {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand = s.mechanism.forward(s.start);
-    at_ = s.mechanism.posture(s.start);
+    track_ = Track<Mechanism>(s.mechanism.posture(s.start));
   }
-  [[nodiscard]] const PostureOf<Mechanism, Scalar>& posture() const { return at_; }
-  [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(at_); }
+  [[nodiscard]] const PostureOf<Mechanism, Scalar>& posture() const { return track_.at; }
+  [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(track_.at); }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
   void advance(const Joints<dof, Scalar>& torque, const ForceSegment<Scalar>& force, const Clock<Scalar>& clock) noexcept {
-    if (clock.jitters()) return motion_.advance(state_, at_, torque, force, clock.ahead(), substeps_);
-    motion_.advance(state_, at_, torque, force, clock.period(), substeps_);
+    if (clock.jitters()) return motion_.advance(state_, track_, torque, force, clock.ahead(), substeps_);
+    motion_.advance(state_, track_, torque, force, clock.period(), substeps_);
   }
   /// Puts one loop's plant into a lane: of the same mechanism and number of substeps.
   void put(int lane, const MovingPlant<Mechanism>& one) {
     motion_.put(lane, one.motion_);
     state_.put(lane, one.state_);
-    at_ = motion_.mechanism().posture(state_.q);
+    track_.put(lane, one.track_);
     substeps_ = one.substeps_;
   }
 
@@ -97,7 +97,7 @@ class MovingPlant {
 
   Motion<Mechanism, Scalar> motion_;
   MotionState<dof, Scalar> state_;
-  PostureOf<Mechanism, Scalar> at_;
+  Track<Mechanism, Scalar> track_;
   int substeps_ = 1;
 };
 

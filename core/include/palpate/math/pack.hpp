@@ -148,6 +148,12 @@ template <int lanes, int rows, int columns>
   for (int i = 0; i < rows * columns; ++i) packs.data()[i].set(lane, one.data()[i]);
 }
 
+template <int lanes>
+[[gnu::always_inline]] inline void put(SineCosine<Pack<lanes>>& packs, int lane, const SineCosine<double>& one) {
+  put(packs.sine, lane, one.sine);
+  put(packs.cosine, lane, one.cosine);
+}
+
 /// `function` of each lane by itself: for what is rare.
 template <int lanes, class Function>
 Pack<lanes> each(const Pack<lanes>& x, const Function& function) {
@@ -194,6 +200,23 @@ template <int lanes>
   return abs(x) <= Pack<lanes>(1.7976931348623157e308);
 }
 
+/// Numbers of a table, each lane's own: `place` is a whole number of at least 0.
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> gathered(const double* table, const Pack<lanes>& place) {
+  using Bits = typename Mask<lanes>::Bits;
+  // 2^52 + place has the whole number in its lowest bits.
+  const Bits at = Bits((place + Pack<lanes>(4503599627370496.0)).v) & 0xfffffffffffffLL;
+#if defined(__AVX512F__)
+  if constexpr (lanes == 8) return Pack<lanes>(_mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, __m512i(at), table, 8));
+#endif
+#if defined(__AVX2__)
+  if constexpr (lanes == 4) return Pack<lanes>(_mm256_i64gather_pd(table, __m256i(at), 8));
+#endif
+  Pack<lanes> out;
+  for (int i = 0; i < lanes; ++i) out.set(i, table[at[i]]);
+  return out;
+}
+
 /// Whether a whole number's bit `weight` is set.
 template <int lanes>
 [[gnu::always_inline]] inline Mask<lanes> odd(const Pack<lanes>& whole, double shift, std::int64_t weight) {
@@ -203,7 +226,21 @@ template <int lanes>
   return Mask<lanes>(Bits((low & weight) != 0));
 }
 
-/// As for one angle; lanes beyond 1e5 rad or not finite are answered by the C library, one by one.
+namespace detail {
+
+/// The C library's answer for lanes beyond 1e5 rad or not finite, one by one.
+template <int lanes>
+[[gnu::noinline, gnu::cold]] void sincos_beyond(const Pack<lanes>& angle, const Mask<lanes>& which, SineCosine<Pack<lanes>>& out) noexcept {
+  for (int i = 0; i < lanes; ++i) {
+    if (!which[i]) continue;
+    out.sine.set(i, std::sin(angle[i]));
+    out.cosine.set(i, std::cos(angle[i]));
+  }
+}
+
+}  // namespace detail
+
+/// As for one angle; lanes beyond 1e5 rad or not finite are answered by the C library.
 template <int lanes>
 [[gnu::always_inline]] inline SineCosine<Pack<lanes>> sincos(const Pack<lanes>& angle) noexcept {
   const Pack<lanes> two_over_pi(0.63661977236758134308);
@@ -215,13 +252,8 @@ template <int lanes>
   const Pack<lanes> c = choose(swapped, near_zero.sine, near_zero.cosine);
   SineCosine<Pack<lanes>> out{choose(odd(quadrants, 0.0, 2), -s, s), choose(odd(quadrants, 1.0, 2), -c, c)};
   const Mask<lanes> outside = !(abs(angle) <= Pack<lanes>(1e5));
-  if (any(outside)) [[unlikely]] {
-    for (int i = 0; i < lanes; ++i) {
-      if (!outside[i]) continue;
-      out.sine.set(i, std::sin(angle[i]));
-      out.cosine.set(i, std::cos(angle[i]));
-    }
-  }
+  if (any(outside)) [[unlikely]]
+    detail::sincos_beyond(angle, outside, out);
   return out;
 }
 

@@ -47,7 +47,7 @@ def test_sections_are_run_as_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert list(result["sections"]) == asked
     assert list(run()["sections"]) == list(SECTIONS)
     with pytest.raises(
-        PalpateError, match="no section 'speed' in the benchmark: choose from loop, batch, stability, touch"
+        PalpateError, match="no section 'speed' in the benchmark: choose from loop, batch, stability, touch, solid"
     ):
         run(["speed"])
     out = tmp_path / "numbers.json"

@@ -139,6 +139,38 @@ class LatticeBody(BodyInLoop):
     def held_back(self) -> int:
         """Periods that lost speed because they would have made energy."""
 
+class PressedSolid:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int) -> None: ...
+
+    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, every: int) -> NDArray[numpy.float64]:
+        """
+        A slow step in turn with `every` ticks, handed over after them. Rows: for each tip force (3), deflection (3), energy, nodes, touching, solved; then potential, saved, share, waits.
+        """
+
+    def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, steps: int) -> NDArray[numpy.float64]:
+        """As follow, with so many slow steps at each place."""
+
+    def live(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
+        """
+        One tick each period of wall-clock time, with slow steps in a thread of their own or none. Rows as of follow; lateness and length of each tick, s; length of each slow step, s.
+        """
+
+    def step(self) -> NDArray[numpy.float64]:
+        """
+        Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.
+        """
+
+    def displacement(self) -> NDArray[numpy.float64]: ...
+
+    def energy(self) -> float: ...
+
+    def snapshot(self) -> tuple:
+        """
+        What the servo has: nodes (numbers on the surface), their normals, and compliance along the inward ones, m/N.
+        """
+
+    def reset(self) -> None: ...
+
 class Solid:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
 

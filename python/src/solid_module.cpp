@@ -3,8 +3,10 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <type_traits>
 
 #include "batch.hpp"
+#include "pressed_threads.hpp"
 #include "solid.hpp"
 
 namespace nb = nanobind;
@@ -17,6 +19,9 @@ using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::dev
 using Cells = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Integers = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Triangles = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Paths = nb::ndarray<const double, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double>;
 
 struct SolidCore {
@@ -24,12 +29,13 @@ struct SolidCore {
   std::unique_ptr<AnySolid> solid;
 };
 
-std::unique_ptr<AnySolid> make(bool corotational, const palpate::SolidMesh& mesh) {
+template <class Make>
+auto widest(Make make) {
 #if defined(PALPATE_WIDE_LANES)
-  if (palpate::batch::most_lanes() == 8) return palpate::solid::make<8>(corotational, mesh);
-  if (palpate::batch::most_lanes() == 4) return palpate::solid::make<4>(corotational, mesh);
+  if (palpate::batch::most_lanes() == 8) return make(std::integral_constant<int, 8>());
+  if (palpate::batch::most_lanes() == 4) return make(std::integral_constant<int, 4>());
 #endif
-  return palpate::solid::make<2>(corotational, mesh);
+  return make(std::integral_constant<int, 2>());
 }
 
 palpate::SolidMesh mesh_of(const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held) {
@@ -63,15 +69,226 @@ std::pair<Out, double*> vectors(std::size_t points) {
   return {Out(data, {points, 3}, owner), data};
 }
 
+palpate::SolidSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
+                                 const Integers& shared, const Numbers& weights, const Triangles& triangles) {
+  const std::size_t n = point.shape(0);
+  const auto fits = [points](const auto& numbers, std::size_t count) {
+    return std::all_of(numbers.data(), numbers.data() + count,
+                       [points](std::int32_t p) { return p >= 0 && p < static_cast<std::int32_t>(points); });
+  };
+  const std::size_t shares = shared.shape(0);
+  if (n == 0 || areas.shape(0) != n || begin.shape(0) != n + 1 || weights.shape(0) != shares ||
+      begin.data()[n] != static_cast<std::int32_t>(shares) || !std::is_sorted(begin.data(), begin.data() + n + 1) || begin.data()[0] != 0 ||
+      !fits(point, n) || !fits(shared, shares) || !fits(triangles, 3 * triangles.shape(0)))
+    throw nb::value_error("the arrays of a solid's surface do not fit each other");
+  palpate::SolidSurface surface;
+  surface.point.assign(point.data(), point.data() + n);
+  surface.area.assign(areas.data(), areas.data() + n);
+  surface.begin.assign(begin.data(), begin.data() + n + 1);
+  surface.shared.assign(shared.data(), shared.data() + shares);
+  surface.weight.assign(weights.data(), weights.data() + shares);
+  for (std::size_t t = 0; t < triangles.shape(0); ++t)
+    surface.triangles.push_back({triangles.data()[3 * t], triangles.data()[3 * t + 1], triangles.data()[3 * t + 2]});
+  return surface;
+}
+
+struct PressedCore {
+  std::size_t points;
+  palpate::solid::Pressing pressing;
+};
+
+/// The tips at each tick of a path (ticks, tips, 3).
+class Ways {
+ public:
+  Ways(const Paths& centres, const Paths& outward, const Numbers& radii, bool flat)
+      : centres_(centres.data()), outward_(outward.data()), ticks_(centres.shape(0)) {
+    const std::size_t count = centres.shape(1);
+    if (count == 0 || count > palpate::BodyTips::most) throw nb::value_error("one or two tips press a solid");
+    if (outward.shape(0) != ticks_ || outward.shape(1) != count || radii.shape(0) != count)
+      throw nb::value_error("as many directions as places, and a radius for each tip are needed");
+    tips_.count = static_cast<int>(count);
+    for (std::size_t t = 0; t < count; ++t) {
+      tips_.tip[t].kind = flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere;
+      tips_.tip[t].radius = radii.data()[t];
+    }
+  }
+  [[nodiscard]] std::size_t ticks() const { return ticks_; }
+  [[nodiscard]] std::size_t columns() const { return 10 * static_cast<std::size_t>(tips_.count) + 4; }
+  const palpate::BodyTips& at(std::size_t tick) {
+    const auto count = static_cast<std::size_t>(tips_.count);
+    for (std::size_t t = 0; t < count; ++t) {
+      tips_.tip[t].centre = Eigen::Map<const palpate::Vector3<>>(centres_ + 3 * (tick * count + t));
+      tips_.tip[t].outward = Eigen::Map<const palpate::Vector3<>>(outward_ + 3 * (tick * count + t));
+    }
+    return tips_;
+  }
+  /// A row of what a tick answered.
+  void write(const palpate::BlendedContact& servo, double* row) const {
+    for (std::size_t t = 0; t < static_cast<std::size_t>(tips_.count); ++t, row += 10) {
+      const palpate::BodyAnswer& a = servo.last().tip[t];
+      Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
+      Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+      row[6] = a.energy;
+      row[7] = a.nodes;
+      row[8] = a.touching ? 1.0 : 0.0;
+      row[9] = servo.last().solved ? 1.0 : 0.0;
+    }
+    const auto& account = servo.account();
+    row[0] = account.potential;
+    row[1] = account.saved;
+    row[2] = account.share;
+    row[3] = account.waits ? 1.0 : 0.0;
+  }
+
+ private:
+  const double* centres_;
+  const double* outward_;
+  std::size_t ticks_;
+  palpate::BodyTips tips_;
+};
+
+std::pair<Out, double*> table(std::size_t rows, std::size_t columns) {
+  auto* data = new double[rows * columns + 1]();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  return {Out(data, {rows, columns}, owner), data};
+}
+
+Out step_row(const palpate::solid::PressedStep& step) {
+  auto [out, row] = table(1, 4);
+  row[0] = step.residual;
+  row[1] = step.newton_steps;
+  row[2] = step.compliance_steps;
+  row[3] = step.compliance_left;
+  return out;
+}
+
+void bind_pressed(nb::module_& m) {
+  nb::class_<PressedCore>(m, "PressedSolid")
+      .def(
+          "__init__",
+          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near) {
+            const palpate::SolidMesh mesh = mesh_of(points, cells, shear, lame, held);
+            const palpate::SolidSurface surface = surface_of(points.shape(0), point, areas, begin, shared, weights, triangles);
+            palpate::Effort effort;
+            effort.near = near;
+            auto solid = widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, effort); });
+            new (self) PressedCore{points.shape(0), palpate::solid::Pressing(std::move(solid))};
+          },
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
+          "weights"_a, "triangles"_a, "near"_a)
+      .def(
+          "follow",
+          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int every) {
+            Ways ways(centres, outward, radii, flat);
+            if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
+            auto [rows, row] = table(ways.ticks(), ways.columns());
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
+              if (k % static_cast<std::size_t>(every) == 0 && self.pressing.steps() > 0) self.pressing.hand_over();
+              self.pressing.tick(ways.at(k));
+              if (k % static_cast<std::size_t>(every) == 0) self.pressing.compute();
+              ways.write(self.pressing.servo(), row);
+            }
+            return rows;
+          },
+          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "every"_a,
+          "A slow step in turn with `every` ticks, handed over after them. Rows: for each tip force (3), deflection (3), energy, nodes, "
+          "touching, solved; then potential, saved, share, waits.")
+      .def(
+          "settle",
+          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int steps) {
+            Ways ways(centres, outward, radii, flat);
+            auto [rows, row] = table(ways.ticks(), ways.columns());
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
+              for (int i = 0; i < steps; ++i) {
+                self.pressing.tick(ways.at(k));
+                self.pressing.slow_step();
+              }
+              self.pressing.tick(ways.at(k));
+              ways.write(self.pressing.servo(), row);
+            }
+            return rows;
+          },
+          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "steps"_a, "As follow, with so many slow steps at each place.")
+      .def(
+          "live",
+          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
+            using Clock = palpate::solid::Pressing::Clock;
+            Ways ways(centres, outward, radii, flat);
+            auto [rows, row] = table(ways.ticks(), ways.columns());
+            auto [times, t] = table(ways.ticks(), 2);
+            std::vector<double> slow;
+            {
+              const nb::gil_scoped_release unlocked;
+              std::unique_ptr<palpate::solid::Pressing::Thread> other;
+              if (thread && ways.ticks() > 0) {
+                self.pressing.tick(ways.at(0));
+                other = std::make_unique<palpate::solid::Pressing::Thread>(self.pressing);
+              }
+              const auto begin = Clock::now();
+              for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
+                const palpate::BodyTips& tips = ways.at(k);
+                const auto due =
+                    begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
+                std::this_thread::sleep_until(due);
+                const auto woken = Clock::now();
+                self.pressing.tick(tips);
+                t[1] = std::chrono::duration<double>(Clock::now() - woken).count();
+                t[0] = std::chrono::duration<double>(woken - due).count();
+                ways.write(self.pressing.servo(), row);
+              }
+              if (other) slow = other->join();
+            }
+            auto [seconds, s] = table(slow.size(), 1);
+            std::copy(slow.begin(), slow.end(), s);
+            return nb::make_tuple(rows, times, seconds);
+          },
+          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "period"_a, "thread"_a,
+          "One tick each period of wall-clock time, with slow steps in a thread of their own or none. Rows as of follow; lateness and "
+          "length of each tick, s; length of each slow step, s.")
+      .def(
+          "step", [](const PressedCore& self) { return step_row(self.pressing.last()); },
+          "Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.")
+      .def("displacement",
+           [](PressedCore& self) {
+             auto [out, data] = vectors(self.points);
+             self.pressing.solid().displacement(data);
+             return out;
+           })
+      .def("energy", [](PressedCore& self) { return self.pressing.solid().energy(); })
+      .def(
+          "snapshot",
+          [](PressedCore& self) {
+            const palpate::Snapshot& s = self.pressing.newest();
+            const auto n = static_cast<std::size_t>(s.nodes.size());
+            auto [names, i] = table(n, 1);
+            auto [compliance, c] = table(n, n);
+            auto [normals, o] = table(n, 3);
+            for (std::size_t a = 0; a < n; ++a) {
+              i[a] = s.name[a];
+              for (std::size_t b = 0; b < n; ++b) c[a * n + b] = s.between(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
+              for (std::size_t b = 0; b < 3; ++b) o[3 * a + b] = s.nodes.normal(static_cast<std::int32_t>(a))[static_cast<int>(b)];
+            }
+            return nb::make_tuple(names, normals, compliance);
+          },
+          "What the servo has: nodes (numbers on the surface), their normals, and compliance along the inward ones, m/N.")
+      .def("reset", [](PressedCore& self) { self.pressing.reset(); });
+}
+
 }  // namespace
 
 void bind_solid(nb::module_& m) {
+  bind_pressed(m);
   nb::class_<SolidCore>(m, "Solid")
       .def(
           "__init__",
           [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
              bool corotational) {
-            auto solid = make(corotational, mesh_of(points, cells, shear, lame, held));
+            const palpate::SolidMesh mesh = mesh_of(points, cells, shear, lame, held);
+            auto solid = widest([&](auto lanes) { return palpate::solid::make<lanes()>(corotational, mesh); });
             new (self) SolidCore{points.shape(0), std::move(solid)};
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a)

@@ -1,14 +1,15 @@
 #pragma once
 
 /// Everything of palpate's core: device, touch, body, control, loop.
+#include "palpate/body/blended.hpp"
 #include "palpate/body/compliance.hpp"
 #include "palpate/body/corotational.hpp"
 #include "palpate/body/lattice.hpp"
 #include "palpate/body/modal.hpp"
 #include "palpate/body/neo_hookean.hpp"
 #include "palpate/body/patch.hpp"
+#include "palpate/body/pressed_solid.hpp"
 #include "palpate/body/relaxing.hpp"
-#include "palpate/body/solid.hpp"
 #include "palpate/body/touched.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from palpate.bench import batch, loop, stability, touch
+from palpate.bench import batch, loop, solid, stability, touch
 from palpate.bench.section import Effort, Progress, Section
 from palpate.errors import PalpateError
 from palpate.files import write_whole
@@ -22,6 +22,7 @@ SECTIONS: dict[str, Section] = {
     "batch": batch.SECTION,
     "stability": stability.SECTION,
     "touch": touch.SECTION,
+    "solid": solid.SECTION,
 }
 
 

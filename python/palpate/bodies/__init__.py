@@ -6,6 +6,7 @@ from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.phantom import phantom
 from palpate.bodies.places import Place, ball, beyond, box, on_surface, place
+from palpate.bodies.pressed import Live, PressedSolid, Touches
 from palpate.bodies.solid import Law, Solid, Strain
 from palpate.bodies.volume import Volume, block, fill, read_volume
 
@@ -14,14 +15,17 @@ __all__ = [
     "BodyError",
     "BodyWarning",
     "Law",
+    "Live",
     "Material",
     "Place",
     "Press",
+    "PressedSolid",
     "Presses",
     "Region",
     "Skin",
     "Solid",
     "Strain",
+    "Touches",
     "Volume",
     "ball",
     "beyond",

@@ -18,6 +18,7 @@ from palpate.bodies.volume import Volume
 __all__ = ["Law", "Solid", "Strain"]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 Law = Literal["neo-hookean", "corotational"]
 
 
@@ -61,15 +62,19 @@ class Solid:
         self.elements = Elements(
             volume, material, [place(p) for p in places], None if touch is None else place(touch), order=1
         )
+        self.core = _core.Solid(*self.arrays())
+
+    def arrays(self) -> tuple[Array, Indices, Array, Array, NDArray[np.bool_], bool]:
+        """Points, tetrahedra, shear modulus and Lame's lambda of each, Pa, points held, whether co-rotational."""
+        volume, poisson = self.elements.volume, self.elements.material.poisson
         young = self.elements.young.mean(axis=1)
-        poisson = material.poisson
-        self.core = _core.Solid(
+        return (
             np.ascontiguousarray(volume.points),
             np.ascontiguousarray(volume.tetrahedra, dtype=np.int64),
             np.ascontiguousarray(young / (2 * (1 + poisson))),
             np.ascontiguousarray(young * poisson / ((1 + poisson) * (1 - 2 * poisson))),
             np.ascontiguousarray(self.elements.held),
-            law == "corotational",
+            self.law == "corotational",
         )
 
     @property

@@ -26,23 +26,27 @@ class ConjugateGradients {
                int most) noexcept {
     Result result;
     const Number limit = (tolerance * tolerance) * square_of_b, none{};
-    if (below(dot(r, r), limit)) return result;
+    Number product, curvature, next;
+    dot(r, r, product);
+    if (below(product, limit)) return result;
     precondition.apply(r, near_.data());
     way_ = near_;
-    Number product = dot(r, near_.data());
+    dot(r, near_.data(), product);
     while (result.steps < most) {
       ++result.steps;
       matrix.multiply(way_.data(), pull_.data());
-      const Number curvature = dot(way_.data(), pull_.data());
+      dot(way_.data(), pull_.data(), curvature);
       const Number length = curvature > none ? product / curvature : none;
       result.negative = result.negative || !below(product > none ? none - curvature : none - 1.0F, none);
+      Number left[2] = {};
       for (std::size_t k = 0; k < way_.size(); ++k) {
         x[k] += length * way_[k];
         r[k] -= length * pull_[k];
+        left[k % 2] += r[k] * r[k];
       }
-      if (below(dot(r, r), limit)) break;
+      if (below(left[0] + left[1], limit)) break;
       precondition.apply(r, near_.data());
-      const Number next = dot(r, near_.data());
+      dot(r, near_.data(), next);
       const Number keep = product > none ? next / product : none;
       for (std::size_t k = 0; k < way_.size(); ++k) way_[k] = near_[k] + keep * way_[k];
       product = next;
@@ -50,13 +54,14 @@ class ConjugateGradients {
     return result;
   }
 
-  [[nodiscard]] Number dot(const Number* a, const Number* b) const noexcept {
+  /// `sum` of the products; by reference, for a wide vector is not handed back alike on all machines.
+  void dot(const Number* a, const Number* b, Number& sum) const noexcept {
     Number part[4] = {};  // sums side by side
     std::size_t k = 0;
     for (; k + 4 <= way_.size(); k += 4)
       for (std::size_t p = 0; p < 4; ++p) part[p] += a[k + p] * b[k + p];
     for (; k < way_.size(); ++k) part[0] += a[k] * b[k];
-    return (part[0] + part[1]) + (part[2] + part[3]);
+    sum = (part[0] + part[1]) + (part[2] + part[3]);
   }
 
  private:

@@ -30,7 +30,8 @@ class Precondition {
     const Vector3<> size = (high - low).cwiseMax(1e-3 * (high - low).maxCoeff());
     // Cells alike in all axes, as fine as the number of points allows.
     std::array<int, 3> count{2, 2, 2};
-    for (double cell = size.maxCoeff(); cell > 1e-3 * size.maxCoeff(); cell *= 0.97) {
+    for (int k = 0; k < 200; ++k) {
+      const double cell = size.maxCoeff() * std::pow(0.97, k);
       std::array<int, 3> next{};
       for (int a = 0; a < 3; ++a) next[static_cast<std::size_t>(a)] = 2 + static_cast<int>(size[a] / cell - 1e-9);
       if (next[0] * next[1] * next[2] > coarse_points) break;

@@ -52,6 +52,7 @@ class Solid {
     std::vector<Vector3<>> places;
     for (std::size_t i = 0; i < static_cast<std::size_t>(free_); ++i) places.push_back(mesh.points[static_cast<std::size_t>(order_[i])]);
     std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
+    pairs.reserve(static_cast<std::size_t>(free_) + 6 * mesh.tetrahedra.size());
     for (std::int32_t i = 0; i < free_; ++i) pairs.emplace_back(i, i);
     for (const auto& cell : mesh.tetrahedra)
       for (const std::int32_t p : cell)
@@ -198,7 +199,8 @@ class Solid {
   /// The Newton direction into way_. False if the tangent was seen not to be positive.
   bool find_way(const double* load, float tolerance, int most, const float* guess, Step& done) {
     for (std::size_t k = 0; k < unknowns(); ++k) left_[k] = static_cast<float>(load[k] - gradient_[k]);
-    const float square = solver_.dot(left_.data(), left_.data());
+    float square = 0.0F;
+    solver_.dot(left_.data(), left_.data(), square);
     if (guess != nullptr) {
       std::copy(guess, guess + unknowns(), way_.begin());
       matrix_.multiply(way_.data(), pull_.data());

@@ -1,0 +1,188 @@
+"""A solid under large displacements that tips press: slow steps of its own, and a servo that feels linear snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.bodies.body import Shape
+from palpate.bodies.errors import BodyError
+from palpate.bodies.solid import Solid
+from palpate.errors import PoseError
+from palpate.units import quantity
+
+__all__ = ["Live", "PressedSolid", "Touches"]
+
+Array = NDArray[np.float64]
+
+
+class Touches(NamedTuple):
+    """What t tips feel along paths of m ticks."""
+
+    force: Array  # of the body on each tip (m, t, 3), N
+    deflection: Array  # of each pressed patch, weighted by its forces (m, t, 3), m
+    nodes: NDArray[np.int64]  # pressed by each tip (m, t)
+    potential: Array  # that the contact gives out if the tips leave (m,), J
+    saved: Array  # put in, and not given out yet (m,), J; potential + saved is the work of the tips since they touched
+    waits: NDArray[np.bool_]  # whether a snapshot waited for energy (m,)
+
+
+class Live(NamedTuple):
+    """A run in wall-clock time."""
+
+    touches: Touches
+    late: Array  # how much after its time each tick began (m,), s
+    ticks: Array  # how long each tick took (m,), s
+    steps: Array  # how long each slow step took, s
+
+
+class PressedSolid:
+    """A solid that one or two rigid tips press: slow steps, and between them what the servo feels.
+
+    A slow step (tens of ms) goes a Newton step towards rest under the tips' contact, and hands the servo a snapshot:
+    up to 64 nodes near the tips, where they are, and their compliance, that of the tangent. The servo's tick solves the
+    one-sided contact on it, both tips together. A new snapshot is blended in as far as the energy put in allows: the
+    tips never get out more.
+
+    Args:
+        solid: its volume, material, held and touchable parts; it stays as it is.
+        near: nodes near each tip that a snapshot covers, 4 to 64; two tips share 64.
+
+    Raises:
+        BodyError: an impossible number of nodes.
+    """
+
+    def __init__(self, solid: Solid, *, near: int = 32) -> None:
+        if not 4 <= near <= 64:
+            raise BodyError(f"a snapshot covers 4 to 64 nodes near a tip, not {near}")
+        self.solid = solid
+        elements = solid.elements
+        load = elements.load
+        load.sort_indices()
+        self.core = _core.PressedSolid(
+            *solid.arrays(),
+            np.ascontiguousarray(elements.touchable, dtype=np.int32),
+            np.ascontiguousarray(elements.areas),
+            np.ascontiguousarray(load.indptr, dtype=np.int32),
+            np.ascontiguousarray(load.indices, dtype=np.int32),
+            np.ascontiguousarray(load.data),
+            np.ascontiguousarray(elements.triangles, dtype=np.int32),
+            near,
+        )
+
+    def press(
+        self,
+        point: ArrayLike,
+        radius: float | str,
+        depth: float | str,
+        *,
+        outward: ArrayLike,
+        tip: Shape = "sphere",
+        steps: int = 30,
+    ) -> tuple[Array, Array]:
+        """Press a rigid tip in at `point` of the surface at rest, in ten parts, and let the body settle.
+
+        Args:
+            point: (3,), m.
+            radius: of the sphere, or of the flat end of a rod, m or text.
+            depth: m or text.
+            outward: (3,), out of the body there.
+            tip: "sphere" or "flat".
+            steps: slow steps for each part.
+
+        Returns:
+            The force on the tip (3,), N, and the displacement of all points (N, 3), m.
+        """
+        size, deep = _length(radius, "radius"), _length(depth, "depth")
+        normal = np.asarray(outward, dtype=float) / np.linalg.norm(np.asarray(outward, dtype=float))
+        low = np.linspace(0.1, 1.0, 10)[:, None] * deep
+        path = np.asarray(point, dtype=float) + normal * ((size if tip == "sphere" else 0.0) - low)
+        self.core.reset()
+        rows = self.core.settle(*_ways(path, size, normal, tip), steps)
+        return rows[-1, 0:3], self.displacement()
+
+    def follow(
+        self,
+        path: ArrayLike,
+        radius: float | str | Sequence[float | str],
+        *,
+        outward: ArrayLike,
+        tip: Shape = "sphere",
+        every: int = 20,
+    ) -> Touches:
+        """Go one tick for each place of the tips' centres, and a slow step for each `every` ticks.
+
+        In turn, so always with the same result: a slow step sees the tips where they are at its first tick, and the
+        servo gets its snapshot `every` ticks later.
+
+        Args:
+            path: (m, 3) for one tip, (m, t, 3) for t of them (at most two), m.
+            radius: of the tips, m or text; one, or one for each.
+            outward: out of the body where it is pressed: (3,), (m, 3) or (m, t, 3).
+            tip: "sphere" or "flat", all alike.
+            every: ticks.
+        """
+        if every < 1:
+            raise BodyError(f"a slow step lasts one tick or more, not {every}")
+        ways = _ways(path, radius, outward, tip)
+        return _touches(self.core.follow(*ways, every), ways[0].shape[1])
+
+    def live(
+        self,
+        path: ArrayLike,
+        radius: float | str | Sequence[float | str],
+        *,
+        outward: ArrayLike,
+        tip: Shape = "sphere",
+        period: float | str = "1 ms",
+        thread: bool = True,
+    ) -> Live:
+        """As `follow`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none."""
+        tick = quantity(period, "s", "period", error=BodyError) if isinstance(period, str) else float(period)
+        if not 0 < tick < np.inf:
+            raise BodyError(f"period is positive and finite, not {tick:g}")
+        ways = _ways(path, radius, outward, tip)
+        rows, times, steps = self.core.live(*ways, tick, thread)
+        return Live(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
+
+    def displacement(self) -> Array:
+        """Of all points at the last slow step (N, 3), m."""
+        return np.asarray(self.core.displacement())
+
+    def reset(self) -> None:
+        """Go back to rest, untouched."""
+        self.core.reset()
+
+
+def _ways(
+    path: ArrayLike, radius: float | str | Sequence[float | str], outward: ArrayLike, tip: Shape
+) -> tuple[Array, Array, Array, bool]:
+    centres = np.asarray(path, dtype=float)
+    if centres.ndim == 2:
+        centres = centres[:, None]
+    if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3 or not np.isfinite(centres).all():
+        raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, finite numbers in m; this is {centres.shape}")
+    sizes = [radius] * centres.shape[1] if isinstance(radius, (int, float, str)) else list(radius)
+    radii = np.array([_length(size, "radius") for size in sizes])
+    if len(radii) != centres.shape[1] or not ((radii > 0) & (radii < np.inf)).all():
+        raise BodyError(f"each tip has a positive radius, not {radii} m")
+    axes = np.asarray(outward, dtype=float)
+    axes = np.array(np.broadcast_to(axes[:, None] if axes.ndim == 2 else axes, centres.shape), order="C")
+    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    return np.ascontiguousarray(centres), axes, radii, tip == "flat"
+
+
+def _touches(rows: Array, tips: int) -> Touches:
+    if not all(rows[:, 10 * t + 9].all() for t in range(tips)):
+        raise BodyError("the contact's forces were not found: take smaller steps")
+    each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
+    potential, saved, _, waits = rows[:, 10 * tips :].T
+    return Touches(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, saved, waits > 0)
+
+
+def _length(value: float | str, field: str) -> float:
+    return quantity(value, "m", field, error=BodyError) if isinstance(value, str) else float(value)

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+#include <palpate/body/pressed_solid.hpp>
+
+namespace palpate::solid {
+
+/// What a slow step did.
+struct PressedStep {
+  double residual = 0.0;         ///< load less inner forces before it, N
+  int newton_steps = 0;          ///< of conjugate gradients
+  int compliance_steps = 0;      ///< of conjugate gradients
+  double compliance_left = 0.0;  ///< largest share of a unit force that its column of the compliance leaves
+};
+
+/// A pressed solid of one of the materials, compiled for one width of vector registers.
+class AnyPressed {
+ public:
+  AnyPressed() = default;
+  AnyPressed(const AnyPressed&) = delete;
+  AnyPressed& operator=(const AnyPressed&) = delete;
+  virtual ~AnyPressed() = default;
+
+  virtual PressedStep step(const BodyTips& tips, Snapshot& to) = 0;
+  /// Of all points, 3 x point + axis, m.
+  virtual void displacement(double* to) const = 0;
+  [[nodiscard]] virtual double energy() = 0;
+  virtual void reset() = 0;
+};
+
+template <int lanes>
+std::unique_ptr<AnyPressed> press(bool corotational, const SolidMesh& mesh, const SolidSurface& surface, const Effort& effort);
+
+}  // namespace palpate::solid

@@ -302,7 +302,7 @@ class Body:
                 break
         else:
             warnings.warn("the body did not come to rest in 5 s: give it damping", BodyWarning, stacklevel=3)
-        return Presses(felt.force[-1:], felt.deflection[-1:], felt.energy[-1:], felt.nodes[-1:])
+        return Presses(felt.force[-1:], felt.deflection[-1:], felt.energy[-1:], felt.nodes[-1:], felt.friction[-1:])
 
     def follow(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: Shape = "sphere"

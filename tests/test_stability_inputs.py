@@ -11,13 +11,16 @@ from palpate import devices
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.stability import (
+    Arm,
     MeasuredResponse,
     StabilityError,
+    boundary,
     certify,
     field_damping,
     hold,
     positive_real_margin,
     routh,
+    spectral_radius,
 )
 from palpate.stability.tip import Tip
 
@@ -143,3 +146,14 @@ def test_what_is_no_number_or_too_long_is_told() -> None:
     verdict = MeasuredResponse(frequencies, bare, 1e-3).critical_stiffness()
     assert not verdict.known
     assert "the hold and the delay of the loop" in str(verdict)
+
+
+def test_options_and_devices_that_a_loop_does_not_have_are_told() -> None:
+    with pytest.raises(StabilityError, match="the wall's damping is virtual_damping"):
+        spectral_radius(Tip.of_mass(0.06, 0.05), stiffness=1.0, damping=1.0, period=1e-3)
+    arm = devices.load("phantom-premium-1.5a")
+    alone = Tip.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1))  # gravity throws it along the wall
+    with pytest.raises(StabilityError, match="give the tip an arm"):
+        boundary(alone, period=1e-3)
+    held = Tip.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1), arm=Arm(0.15, 4.5, 560.0))
+    assert "Walls up to" in str(boundary(held, period=1e-3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,9 @@ def test_nobody_holds_a_device_that_tips_over() -> None:
     found = workspace(display(operator={"kind": "none"}), poses=50)
     assert found.falling > 0.5
     assert "tips over" in str(found)
+    stiffness = found.stiffness.copy()
+    stiffness[1::2] = 700.0
+    assert "At the others walls up to 700 N/m are stable" in str(replace(found, stiffness=stiffness))
     assert "Hatched" in found.page().html()
 
 

@@ -19,6 +19,7 @@ from palpate.stability.tip import HeldTip, Tip
 __all__ = ["Boundary", "Critical", "boundary", "critical", "critical_stiffness", "spectral_radius"]
 
 Array = NDArray[np.float64]
+OPTIONS = frozenset({"period", "delay", "velocity_filter", "controller"})
 Device: TypeAlias = Tip | HeldTip | WallLoop | control.StateSpace
 
 
@@ -54,6 +55,10 @@ class Boundary:
     angle: Array
     inside: tuple[float, float]
 
+    def __str__(self) -> str:
+        b, k = self.stiffest
+        return f"Walls up to {k:.5g} N/m, with {b:.4g} N s/m; {len(self.damping)} points of the boundary."
+
     @property
     def stiffest(self) -> tuple[float, float]:
         """Return the (B, K) of the largest K on the curve."""
@@ -81,6 +86,9 @@ def _loop(device: Device, options: dict[str, Any]) -> WallLoop:
         if options:
             raise StabilityError(f"{min(options)} belongs to the loop, which is given already")
         return device
+    if strange := options.keys() - OPTIONS:
+        hint = "; the wall's damping is virtual_damping" if "damping" in strange else ""
+        raise StabilityError(f"{min(strange)} is no option of a loop: there are {', '.join(sorted(OPTIONS))}{hint}")
     return wall_loop(device, **options)
 
 
@@ -242,7 +250,8 @@ def trace(
             break
     if not pieces:
         raise StabilityError(
-            "no wall of any stiffness and damping above least_damping is stable with this device, period and delay"
+            "no wall of any stiffness and damping above least_damping is stable with this device, period and delay; "
+            "an arm that nobody holds may tip over under gravity: give the tip an arm, Tip.at_pose(..., arm=Arm(...))"
         )
     b, k, theta = _spaced(pieces, curve, points)
     for at in (int(np.argmax(k)), len(k) // 2, len(k) // 4, 3 * len(k) // 4):

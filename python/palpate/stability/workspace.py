@@ -84,10 +84,17 @@ class Workspace:
         i, j = self.least
         tip, normal = _millimetres(self.tips[i]), np.round(self.directions[i, j], 3).tolist()
         if self.worst[i] == 0:
+            standing = self.worst[self.worst > 0]
+            rest = (
+                f" At the others walls up to {standing.min():.5g} N/m are stable, whatever way they face; half of them "
+                f"bear {np.median(standing):.5g} N/m or more."
+                if len(standing)
+                else ""
+            )
             return (
-                f"At {100 * self.falling:.0f} % of {len(self.tips)} poses no wall of any stiffness is stable: the "
+                f"At {np.sum(self.worst == 0)} of {len(self.tips)} poses no wall of any stiffness is stable: the "
                 "device tips over there under the constant force of its motors, or a controller made for the start "
-                "does not fit. Say in the scenario who holds it."
+                f"does not fit. Say in the scenario who holds it, and how firmly.{rest}"
             )
         return (
             f"Walls up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses, whatever way they "

@@ -51,6 +51,10 @@ def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> N
         compliance=np.diag([1.0 / 512.0] * 3).astype(np.float32),
         frequencies=np.empty(0),
         shapes=np.empty((3, 0), dtype=np.float32),
+        vertices=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, -1e-3]]),
+        tetrahedra=np.array([[0, 2, 1, 3]]),
+        young=np.array([1e4]),
+        held=np.array([False, True, True, True]),
         record={"source": "one node"},
     )
     path = write(one, tmp_path / "one.h5")

@@ -79,6 +79,8 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     setup.body.turn = Eigen::AngleAxisd(0.1, Vector3<>::UnitX()).toRotationMatrix();
     const double top = kind == palpate::BodyTip::Kind::sphere ? 4e-3 : 0.0;
     setup.body.origin = arm.forward(pose) - setup.body.turn * Vector3<>(0.0, 0.0, top - 1e-3);
+    palpate::Latest<palpate::PressedNodes> pressed;
+    setup.body.watched = &pressed;
     palpate::Servo<Premium> servo(setup);
     int touching = 0;
     const long before = allocations;
@@ -89,6 +91,9 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(touching, 500);
     EXPECT_LT(touching, 2800);
+    ASSERT_TRUE(pressed.fetch());
+    EXPECT_EQ(pressed.value().tick, 2999);
+    EXPECT_EQ(pressed.value().count, servo.body()->answer().nodes);
   }
 }
 

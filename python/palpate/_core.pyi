@@ -11,6 +11,17 @@ from numpy.typing import NDArray
 class BodyInLoop:
     """A body of any kind, as a servo loop takes it."""
 
+class SurfaceFrames:
+    """A thread that draws what a servo loop presses."""
+
+    def __init__(self, compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], rate: float) -> None:
+        """The compliance is not copied."""
+
+    def latest(self) -> tuple:
+        """
+        The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.
+        """
+
 class TouchedBody:
     """
     A body, where it lies in the device's frame, and the tip that meets it.
@@ -727,6 +738,14 @@ class PremiumSetup:
     def touch_body(self, body: TouchedBody) -> None:
         """Puts a body that yields in the anchor's place."""
 
+    def watch(self, frames: SurfaceFrames) -> None:
+        """Lets a thread draw the body that was put there."""
+
+    def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
+        """
+        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -959,6 +978,14 @@ class SliderSetup:
 
     def touch_body(self, body: TouchedBody) -> None:
         """Puts a body that yields in the anchor's place."""
+
+    def watch(self, frames: SurfaceFrames) -> None:
+        """Lets a thread draw the body that was put there."""
+
+    def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
+        """
+        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """

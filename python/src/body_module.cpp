@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "body_in_loop.hpp"
+#include "surface_frames.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -255,6 +256,25 @@ void bind_lattice(nb::module_& m) {
 void bind_body(nb::module_& m) {
   using palpate::Compliance, palpate::Modal, palpate::Relaxing;
   nb::class_<BodyInLoop>(m, "BodyInLoop", "A body of any kind, as a servo loop takes it.");
+  nb::class_<SurfaceFrames>(m, "SurfaceFrames", "A thread that draws what a servo loop presses.")
+      .def(
+          "__init__",
+          [](SurfaceFrames* self, const Matrix& compliance, double rate) {
+            const std::size_t n = compliance.shape(0) / 3;
+            if (n == 0 || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n || !(rate > 0.0))
+              throw nb::value_error("a compliance has three rows and columns for each node, and a rate is positive");
+            new (self) SurfaceFrames(n, compliance.data(), rate);
+          },
+          "compliance"_a, "rate"_a, nb::keep_alive<1, 2>(), "The compliance is not copied.")
+      .def(
+          "latest",
+          [](SurfaceFrames& self) {
+            const SurfaceFrames::Frame& frame = self.latest();
+            auto [rows, data] = new_array<double>({self.size(), 3});
+            std::copy(frame.displacement.begin(), frame.displacement.end(), data);
+            return nb::make_tuple(frame.number, frame.tick, rows);
+          },
+          "The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
   nb::class_<TouchedBody>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
       .def(nb::init<const BodyInLoop&, const palpate::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a, "turn"_a,
            "radius"_a, "flat"_a, nb::keep_alive<1, 2>());

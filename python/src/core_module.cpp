@@ -5,11 +5,14 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
+#include <chrono>
 #include <palpate/palpate.hpp>
+#include <thread>
 #include <tuple>
 #include <vector>
 
 #include "body_in_loop.hpp"
+#include "surface_frames.hpp"
 #include "touch_mesh.hpp"
 
 namespace nb = nanobind;
@@ -113,6 +116,26 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
   });
 }
 
+/// Runs the nonlinear device's loop and times the servo's part of each period.
+template <class Mechanism>
+void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
+                bool paced, double* seconds) {
+  using Time = std::chrono::steady_clock;
+  palpate::detail::MovingPlant<Mechanism> plant(setup);
+  palpate::Servo<Mechanism> servo(setup);
+  const palpate::Clock<double> regular(setup.period, 0.0, 0);
+  const Time::time_point first = Time::now();
+  for (int k = 0; k < ticks; ++k) {
+    if (paced)
+      std::this_thread::sleep_until(first + std::chrono::duration_cast<Time::duration>(std::chrono::duration<double>(k * setup.period)));
+    const Time::time_point begin = Time::now();
+    const auto& tick = palpate::detail::tick_of(servo, plant, palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(reference + 3 * k)));
+    seconds[k] = std::chrono::duration<double>(Time::now() - begin).count();
+    const palpate::Vector3<> push = Eigen::Map<const palpate::Vector3<>>(operator_force + 3 * k);
+    plant.advance(tick.torque, {push, push}, regular);
+  }
+}
+
 template <class Mechanism>
 void bind_loop(nb::module_& m, const char* name) {
   constexpr int dof = Mechanism::dof;
@@ -179,6 +202,22 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "touch_body", [](Setup& s, const TouchedBody& t) { s.body = t.placed; }, "body"_a, nb::keep_alive<1, 2>(),
           "Puts a body that yields in the anchor's place.")
+      .def(
+          "watch", [](Setup& s, SurfaceFrames& f) { s.body.watched = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "Lets a thread draw the body that was put there.")
+      .def(
+          "time_ticks",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force, bool paced) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            auto [seconds, data] = new_array(reference.shape(0));
+            const nb::gil_scoped_release unlocked;
+            time_ticks(self, static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced, data);
+            return seconds;
+          },
+          "reference"_a, "operator_force"_a, "paced"_a,
+          "How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.")
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {

@@ -25,6 +25,7 @@
 #include "palpate/loop/servo.hpp"
 #include "palpate/loop/simulation.hpp"
 #include "palpate/math/dual.hpp"
+#include "palpate/math/latest.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/touch/anchor.hpp"

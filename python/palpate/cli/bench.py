@@ -16,7 +16,8 @@ __all__ = ["bench"]
 
 def bench(
     sections: Annotated[
-        list[str] | None, typer.Argument(help="What to time: loop, batch, stability, touch. Everything if not given.")
+        list[str] | None,
+        typer.Argument(help="What to time: loop, batch, stability, touch, solid, tick. Everything if not given."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file for the numbers.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,
@@ -28,7 +29,7 @@ def bench(
     tail (p99.9 of a thousand runs or more, else the slowest) as multiples of real time on one core; the ratio is
     palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: the same loop, many
     side by side in vector lanes. **stability**: the exact boundary, and a map of spectral radii on all cores.
-    **touch**: one step of the proxy.
+    **touch**: one step of the proxy. **tick**: the servo's whole tick on a body that yields.
 
     Example: palpate bench stability --quick
     """

@@ -51,7 +51,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     body = scenario_body(scenario)
     anchor = trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
-    way = (trace["tip"][: row + 1] - anchor) @ turn + origin_of(choice, body)
+    way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
     body.follow(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
     nodes, forces = body.core.pressed()

@@ -1,0 +1,122 @@
+"""Time the servo's whole tick on an organ of 2,000 surface nodes, with and without a thread that draws it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import _core
+from palpate.bench.ball import ball
+from palpate.bench.section import Effort, Progress, Row, Rows, Section
+from palpate.loop.simulate import Experiment, prepare
+from palpate.palpation.stiffnesses import HAND, LAWS, POSE
+
+__all__ = ["SECTION"]
+
+PIECES = 14  # 1,962 nodes
+RADIUS, BUMP = 0.04, 0.02  # m; of the radius
+TIP = 12e-3  # m
+PASSES = 3
+ASKED = 25.0  # us
+
+
+def _experiment(duration: float, law: str) -> Experiment:
+    """Return a loop without an object: the tip is led over where the organ's top will be, pressed with 1.3 N."""
+    ways = 5
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
+    for i in range(ways):
+        way = HAND["stiffness"] * 0.015 * (1 if i % 2 == 0 else -1)
+        table.append([f"{0.5 + (i + 1) * (duration - 0.5) / ways:g} s", f"{way:g} N", f"{way / 3:g} N", "0 N"])
+    hand = {key: f"{HAND[key]:g} {unit}" for key, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))}
+    return prepare(
+        {
+            "device": {"name": "phantom-premium-1.5a", "saturation": True, "encoder": True},
+            "start": {"pose": list(POSE)},
+            "servo": {"period": "1 ms"},
+            "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", "-1.3 N"]},
+            "operator": {"kind": "arm", **hand, "shape": "table", "table": table},
+            "object": {"kind": "none"},
+            "controller": dict(LAWS[law] or {}),
+            "run": {"duration": f"{duration:g} s"},
+        }
+    )
+
+
+def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
+    """Return nodes, normals, areas and a compliance: a half-space's between the nodes, which costs the same."""
+    points, triangles = ball(PIECES, RADIUS, BUMP)
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    areas = np.zeros(len(points))
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], normal)
+        np.add.at(areas, triangles[:, corner], np.linalg.norm(normal, axis=1) / 6.0)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 0.3 * np.sqrt(areas.mean())
+    along = ((1.0 - 0.45**2) / (np.pi * 10e3) / apart).astype(np.float32)
+    full = np.zeros((3 * len(points), 3 * len(points)), dtype=np.float32)
+    for axis in range(3):
+        full[axis::3, axis::3] = along
+    return points, normals, areas, full
+
+
+def _measure(effort: Effort, tell: Progress) -> Rows:
+    """Return microseconds a tick: "median_us", "p99.9_us", "slowest_us", by "loop" and "drawn"."""
+    duration = 3.0 if effort.quick else 20.0
+    tell("an organ of 2,000 nodes", 0.0)
+    points, normals, areas, full = _organ()
+    core = _core.ElasticBody(points, normals, areas, full)
+    rows: list[Row] = []
+    for law in ("lead–lag", "LQG"):
+        experiment = _experiment(duration, law)
+        anchor = np.array(experiment.setup.anchor.point)
+        top = points[:, 2].max()
+        body = _core.TouchedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
+        experiment.setup.touch_body(body)
+        for drawn in (False, True):
+            tell(f"{law}{', drawn' if drawn else ''}", 0.1 + 0.4 * (law == "LQG") + 0.2 * drawn)
+            frames = _core.SurfaceFrames(full, 60.0) if drawn else None
+            if frames is not None:
+                experiment.setup.watch(frames)
+            seconds = np.min([_time(experiment) for _ in range(PASSES)], axis=0)
+            pressed = experiment.run()[0]
+            rows.append(
+                {
+                    "loop": law,
+                    "drawn": drawn,
+                    "nodes": len(points),
+                    "pressed": int(np.median(pressed[:, -2])),
+                    "ticks": len(seconds),
+                    "median_us": 1e6 * float(np.median(seconds)),
+                    "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),
+                    "slowest_us": 1e6 * float(seconds.max()),
+                    "asked_us": ASKED,
+                }
+            )
+    return Rows(rows)
+
+
+def _time(experiment: Experiment) -> NDArray[np.float64]:
+    return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, False))
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    return (
+        f"{row['loop']}, {row['nodes']:,} nodes, {row['pressed']} pressed{', drawn' if row['drawn'] else ''}",
+        f"{row['median_us']:.2g}",
+        f"{row['p99.9_us']:.2g}",
+        f"{row['slowest_us']:.2g}",
+        f"{row['asked_us']:g}{'' if row['p99.9_us'] <= row['asked_us'] else ' (missed)'}",
+    )
+
+
+SECTION = Section(
+    "the servo's whole tick (encoder, arm, contact, body, control, drive), a sphere of 24 mm led over an organ "
+    "(least of three passes)",
+    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "asked p99.9 [µs]"),
+    _cells,
+    _measure,
+)

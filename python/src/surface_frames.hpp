@@ -1,0 +1,91 @@
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <palpate/body/touched.hpp>
+#include <palpate/math/latest.hpp>
+#include <thread>
+#include <vector>
+
+/// The displacement of a body's whole surface, a number of times a second, in a thread of its own: the forces of the servo's latest tick
+/// times the compliance. The servo hands them over without waiting; whoever draws fetches the last frame without waiting either.
+class SurfaceFrames {
+ public:
+  struct Frame {
+    std::int64_t number = 0;           // frames so far
+    std::int64_t tick = -1;            // which it shows; -1: none yet
+    std::vector<double> displacement;  // 3 x node + axis, m
+  };
+
+  /// `compliance` is (3n)^2 [m/N], symmetric, and outlives this; `rate` [Hz].
+  SurfaceFrames(std::size_t nodes, const float* compliance, double rate)
+      : nodes_(nodes),
+        compliance_(compliance),
+        every_(std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(1.0 / rate))) {
+    for (Frame& frame : frames_.places()) frame.displacement.assign(3 * nodes_, 0.0);
+    thread_ = std::thread([this] { draw(); });
+  }
+  SurfaceFrames(const SurfaceFrames&) = delete;
+  SurfaceFrames& operator=(const SurfaceFrames&) = delete;
+  SurfaceFrames(SurfaceFrames&&) = delete;
+  SurfaceFrames& operator=(SurfaceFrames&&) = delete;
+  ~SurfaceFrames() {
+    {
+      const std::lock_guard<std::mutex> held(ending_);
+      ended_ = true;
+    }
+    end_.notify_one();
+    thread_.join();
+  }
+
+  [[nodiscard]] palpate::Latest<palpate::PressedNodes>* pressed() noexcept { return &pressed_; }
+  [[nodiscard]] std::size_t size() const noexcept { return nodes_; }
+
+  /// For one thread at a time.
+  const Frame& latest() noexcept {
+    frames_.fetch();
+    return frames_.value();
+  }
+
+ private:
+  void draw() {
+    auto next = std::chrono::steady_clock::now();
+    std::unique_lock<std::mutex> held(ending_);
+    for (std::int64_t number = 1; !ended_; ++number) {
+      next += every_;
+      if (end_.wait_until(held, next, [this] { return ended_; })) return;
+      if (pressed_.fetch()) show(number);
+    }
+  }
+
+  void show(std::int64_t number) noexcept {
+    const palpate::PressedNodes& pressed = pressed_.value();
+    Frame& frame = frames_.next();
+    const std::size_t row = 3 * nodes_;
+    for (double& d : frame.displacement) d = 0.0;
+    for (int k = 0; k < pressed.count; ++k) {
+      const auto node = static_cast<std::size_t>(pressed.node[static_cast<std::size_t>(k)]);
+      for (int a = 0; a < 3; ++a) {
+        const double force = pressed.force[static_cast<std::size_t>(k)][a];
+        const float* c = compliance_ + (3 * node + static_cast<std::size_t>(a)) * row;  // symmetric: a row is a column
+        for (std::size_t i = 0; i < row; ++i) frame.displacement[i] += force * static_cast<double>(c[i]);
+      }
+    }
+    frame.tick = pressed.tick;
+    frame.number = number;
+    frames_.publish();
+  }
+
+  std::size_t nodes_;
+  const float* compliance_;
+  std::chrono::steady_clock::duration every_;
+  palpate::Latest<palpate::PressedNodes> pressed_;
+  palpate::Latest<Frame> frames_;
+  std::mutex ending_;
+  std::condition_variable end_;
+  bool ended_ = false;
+  std::thread thread_;
+};

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from palpate.bench import batch, loop, solid, stability, tick, touch
+from palpate.bench import batch, body, loop, solid, stability, tick, touch
 from palpate.bench.section import Effort, Progress, Section
 from palpate.errors import PalpateError
 from palpate.files import write_whole
@@ -24,6 +24,7 @@ SECTIONS: dict[str, Section] = {
     "touch": touch.SECTION,
     "solid": solid.SECTION,
     "tick": tick.SECTION,
+    "body": body.SECTION,
 }
 
 

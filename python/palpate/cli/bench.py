@@ -17,7 +17,7 @@ __all__ = ["bench"]
 def bench(
     sections: Annotated[
         list[str] | None,
-        typer.Argument(help="What to time: loop, batch, stability, touch, solid, tick. Everything if not given."),
+        typer.Argument(help="What to time: loop, batch, stability, touch, solid, tick, body. Everything if not given."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file for the numbers.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,
@@ -30,6 +30,7 @@ def bench(
     palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: the same loop, many
     side by side in vector lanes. **stability**: the exact boundary, and a map of spectral radii on all cores.
     **touch**: one step of the proxy. **tick**: the servo's whole tick on a body that yields.
+    **body**: one tick of a pressed body, beside MuJoCo\'s flex on the same mesh.
 
     Example: palpate bench stability --quick
     """

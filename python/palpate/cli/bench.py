@@ -30,7 +30,7 @@ def bench(
     palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: the same loop, many
     side by side in vector lanes. **stability**: the exact boundary, and a map of spectral radii on all cores.
     **touch**: one step of the proxy. **tick**: the servo's whole tick on a body that yields.
-    **body**: one tick of a pressed body, beside MuJoCo\'s flex on the same mesh.
+    **body**: one tick of a pressed body, beside MuJoCo's flex on the same mesh.
 
     Example: palpate bench stability --quick
     """

@@ -72,6 +72,17 @@ def test_modal_at_last_is_compliance(body: Body) -> None:
     assert np.abs(felt.force[:20, 2] - still.force[0, 2]).max() > 0.05 * still.force[0, 2]
 
 
+def test_a_modal_body_that_relaxes_rings_stiffer_and_ends_as_compliance(body: Body) -> None:
+    tip = np.tile([0.01, 0.01, 0.02 + 0.008 - 0.001], (3000, 1))
+    damping = {"by_mass": 20.0, "by_stiffness": 1e-3}
+    elastic = body.modal("1 ms", **damping).follow(tip, 0.008, outward=[0, 0, 1]).force[:, 2]
+    felt = body.modal("1 ms", **damping, instant=2.5, creep="0.2 s").follow(tip, 0.008, outward=[0, 0, 1]).force[:, 2]
+    still = body.follow(tip[:1], 0.008, outward=[0, 0, 1]).force[0, 2]
+    assert felt[-1] == pytest.approx(still, rel=1e-3)
+    assert (felt[20:100] > 1.5 * still).all()
+    assert felt[:300].sum() > 1.3 * elastic[:300].sum()
+
+
 def test_a_relaxing_body_starts_stiff_and_ends_as_compliance(body: Body) -> None:
     tip = np.tile([0.01, 0.01, 0.02 + 0.008 - 0.001], (2000, 1))
     felt = body.relaxing("1 ms", instant=2.5, creep="0.2 s").follow(tip, 0.008, outward=[0, 0, 1])

@@ -1,7 +1,10 @@
 // Bodies with inertia and with creep: against closed forms, and never giving out energy.
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <cmath>
+#include <complex>
 #include <palpate/body/modal.hpp>
 #include <palpate/body/patch.hpp>
 #include <palpate/body/relaxing.hpp>
@@ -18,9 +21,10 @@ struct Oscillator {
     const auto c = static_cast<float>(1.0 / (mass * frequency * frequency) + extra);
     return {c, 0, 0, 0, c, 0, 0, 0, c};
   }
-  [[nodiscard]] palpate::Modal modal(double period, double alpha, double beta, double extra = 0.0) const {
+  [[nodiscard]] palpate::Modal modal(double period, double alpha, double beta, double extra = 0.0, double instant = 1.0,
+                                     double creep = 1.0) const {
     const std::vector<float> shapes{0, 0, static_cast<float>(1.0 / std::sqrt(mass))};
-    return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta};
+    return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta, instant, creep};
   }
 };
 
@@ -88,6 +92,141 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
     EXPECT_GT(pressed, 300);
     EXPECT_LT(pressed, 19000);
   }
+}
+
+// A mass on a standard linear solid: the step response by the three roots of its characteristic equation, in closed form.
+TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
+  const Oscillator o;
+  const double instant = 2.5, force = 0.5, w = o.frequency;
+  for (const double creep : {2e-3, 0.05, 2.0})
+    for (const double alpha : {0.0, 30.0, 300.0})
+      for (const double period : {1e-4, 1e-3, 2e-2}) {
+        palpate::Modal modal = o.modal(period, alpha, 1e-5, 0.0, instant, creep);
+        Eigen::Matrix3d a;
+        a << 0.0, 1.0, 0.0, -w * w * instant, -alpha - 1e-5 * w * w, w * w * (instant - 1.0), instant / creep, 0.0, -instant / creep;
+        const Eigen::EigenSolver<Eigen::Matrix3d> roots(a);
+        const Eigen::Vector3d at_last = Eigen::Vector3d(1.0, 0.0, 1.0) * (force / (o.mass * w * w));
+        const Eigen::Vector3cd weights = roots.eigenvectors().fullPivLu().solve(-at_last.cast<std::complex<double>>());
+        const std::int32_t node = 0;
+        for (int k = 1; k <= 100; ++k) {
+          const double found = modal.at_rest(0) + modal.compliance(0, 0) * force;
+          std::complex<double> expected = at_last[0];
+          for (int r = 0; r < 3; ++r) expected += roots.eigenvectors()(0, r) * weights[r] * std::exp(roots.eigenvalues()[r] * (k * period));
+          ASSERT_NEAR(found, expected.real(), 3e-6 * at_last[0]) << creep << " " << alpha << " " << period << " " << k;
+          modal.advance(&node, &force, 1);
+        }
+      }
+}
+
+// The same against the equations themselves, in 2,000 Runge-Kutta steps a period, under a force that changes; with what the modes leave
+// out.
+TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
+  const Oscillator o;
+  const double instant = 3.0, creep = 0.02, period = 1e-3, extra = 2e-3, w = o.frequency, alpha = 20.0;
+  palpate::Modal modal = o.modal(period, alpha, 0.0, extra, instant, creep);
+  Eigen::Vector4d x = Eigen::Vector4d::Zero();  // place, speed, dashpot, creep of what is left out
+  double force = 0.0;
+  const auto rate = [&](const Eigen::Vector4d& s) {
+    return Eigen::Vector4d(s[1], force / o.mass - alpha * s[1] - w * w * (s[0] + (instant - 1.0) * (s[0] - s[2])),
+                           instant / creep * (s[0] - s[2]), ((1.0 - 1.0 / instant) * extra * force - s[3]) / creep);
+  };
+  std::mt19937 random(14);
+  std::normal_distribution<double> normal;
+  const std::int32_t node = 0;
+  for (int k = 0; k < 100; ++k) {
+    force = 0.8 * force + 0.1 * std::abs(normal(random));
+    const double found = modal.at_rest(0) + modal.compliance(0, 0) * force;
+    const double h = period / 2000.0;
+    for (int s = 0; s < 2000; ++s) {
+      const Eigen::Vector4d a = rate(x), b = rate(x + 0.5 * h * a), c = rate(x + 0.5 * h * b), d = rate(x + h * c);
+      x += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+    }
+    ASSERT_NEAR(found, x[0] + x[3] + extra * force / instant, 3e-8);
+    modal.advance(&node, &force, 1);
+  }
+}
+
+// Random closed presses on masses that creep, lifting and coming back: at no time has more come out than was put in.
+TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
+  const Oscillator o;
+  palpate::Modal modal = o.modal(1e-3, 0.0, 0.0, 1e-3, 3.0, 0.02);
+  palpate::BodyContact<palpate::Modal> contact(o.nodes, modal);
+  palpate::BodyTip tip;
+  std::mt19937 random(16);
+  std::normal_distribution<double> normal;
+  double lost = 0.0, most = 0.0;
+  int pressed = 0;
+  for (int path = 0; path < 10000; ++path) {
+    contact.reset();
+    const double a = 1e-3 * normal(random), b = 1e-3 * normal(random), c = 5e-4 * normal(random);
+    double in = 0.0, before = 0.0;
+    const int ticks = 100;
+    for (int k = 1; k <= ticks; ++k) {
+      const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
+      tip.centre = {0, 0, tip.radius - depth};
+      const double rest = modal.at_rest(0);
+      const palpate::BodyAnswer& answer = contact.step(tip);
+      const double now = answer.touching ? depth : rest;
+      in += answer.force.z() * (now - before);
+      before = now;
+      most = std::max(most, in);
+      pressed += answer.touching ? 1 : 0;
+      ASSERT_GE(in, (1.0 - 1e-6) * modal.energy() - 1e-6 * most) << path << " " << k;
+    }
+    lost += in;
+  }
+  EXPECT_GT(lost, 0.0);
+  EXPECT_GT(pressed, 100000);
+  EXPECT_LT(pressed, 900000);
+}
+
+// Nodes that need not ask all modes are not asked: what is pressed, and how much, is what asking every node gives.
+TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
+  const int side = 13, modes = 90;
+  const double width = 1e-3;
+  std::vector<palpate::Vector3<>> points;
+  for (int i = 0; i < side * side; ++i) points.emplace_back(width * (i % side - 6), width * (i / side - 6), 0.0);
+  const std::size_t n = points.size();
+  std::vector<float> full(9 * n * n, 0.0F), shapes(3 * n * modes);
+  std::vector<double> frequencies;
+  for (int k = 0; k < modes; ++k) frequencies.push_back(100.0 + 20.0 * k);
+  for (std::size_t i = 0; i < n; ++i)
+    for (int k = 0; k < modes; ++k)
+      shapes[(3 * i + 2) * modes + static_cast<std::size_t>(k)] =
+          static_cast<float>(std::cos(200.0 * (k % 10) * points[i].x()) * std::cos(200.0 * (k / 10) * points[i].y()));
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) {
+      double c = 1e-5 / ((points[i] - points[j]).norm() + 0.3 * width);
+      for (std::size_t k = 0; k < modes; ++k)
+        c += static_cast<double>(shapes[(3 * i + 2) * modes + k] * shapes[(3 * j + 2) * modes + k]) / (frequencies[k] * frequencies[k]);
+      full[(3 * i + 2) * 3 * n + 3 * j + 2] = static_cast<float>(c);
+    }
+  const palpate::BodyNodes nodes(points, std::vector<palpate::Vector3<>>(n, palpate::Vector3<>::UnitZ()),
+                                 std::vector<double>(n, width * width));
+  /// The same without the short cut.
+  struct Asked {
+    palpate::Modal modal;
+    [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const { return modal.compliance(i, j); }
+    [[nodiscard]] double at_rest(std::int32_t i) const { return modal.at_rest(i); }
+    void advance(const std::int32_t* which, const double* forces, int count) { modal.advance(which, forces, count); }
+    void reset() { modal.reset(); }
+  };
+  palpate::Modal modal(nodes, full.data(), shapes.data(), frequencies, 1e-3, 20.0, 1e-5);
+  Asked asked{modal};
+  palpate::BodyContact<palpate::Modal> quick(nodes, modal);
+  palpate::BodyContact<Asked> slow(nodes, asked);
+  palpate::BodyTip tip;
+  int skipped = 0, looked = 0;
+  for (int k = 0; k < 3000; ++k) {
+    tip.centre = {3e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 1e-3 * std::sin(0.05 * k)};
+    nodes.under(tip, [&](std::int32_t node, double depth) {
+      skipped += modal.surely_above(node, depth) ? 1 : 0;
+      ++looked;
+      ASSERT_TRUE(!modal.surely_above(node, depth) || modal.at_rest(node) >= depth - 1e-9);
+    });
+    ASSERT_EQ(quick.step(tip).force, slow.step(tip).force);
+  }
+  EXPECT_GT(skipped, looked / 5);
 }
 
 // Creep under a constant force and relaxation at a constant depth, by their exponentials.

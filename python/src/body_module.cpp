@@ -292,14 +292,15 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Modal>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta) {
+             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of a body's modes do not fit each other");
             new (self) BodyCore<Modal>(at, normals, areas, compliance, {}, [&](const palpate::BodyNodes& nodes) {
-              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta);
+              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta, instant, creep);
             });
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a);
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
+          "instant"_a = 1.0, "creep"_a = 1.0);
   bind_kind<Relaxing>(m, "RelaxingBody")
       .def(
           "__init__",

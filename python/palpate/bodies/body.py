@@ -153,11 +153,20 @@ class Body:
         rough.core = _core.ElasticBody(*self._arrays(), *_coefficients(static_friction, dynamic_friction))
         return rough
 
-    def modal(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
+    def modal(
+        self,
+        period: float | str,
+        *,
+        by_mass: float = 0.0,
+        by_stiffness: float = 0.0,
+        instant: float = 1.0,
+        creep: float | str = 1.0,
+    ) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
 
         Rayleigh damping: `by_mass`, 1/s, times the mass and `by_stiffness`, s, times the stiffness; a mode of w rad/s
         then has the damping ratio (by_mass / w + by_stiffness w) / 2. What the modes leave out has no inertia.
+        With `instant` above 1 it is made of a standard linear solid, as in `relaxing`.
 
         Raises:
             BodyError: the body was built without modes, or a number is impossible.
@@ -170,7 +179,14 @@ class Body:
         moving = Body(self.contents)
         shapes = np.ascontiguousarray(self.contents.shapes)
         moving.core = _core.ModalBody(
-            *self._arrays(), shapes, np.ascontiguousarray(self.contents.frequencies), tick, by_mass, by_stiffness
+            *self._arrays(),
+            shapes,
+            np.ascontiguousarray(self.contents.frequencies),
+            tick,
+            by_mass,
+            by_stiffness,
+            _instant(instant),
+            _positive(creep, "s", "creep"),
         )
         return moving
 
@@ -192,12 +208,10 @@ class Body:
         Raises:
             BodyError: a number is impossible.
         """
-        if not 1.0 <= instant < np.inf:
-            raise BodyError(f"at once, tissue is at least as stiff as at last: instant is 1 or more, not {instant:g}")
         viscous = Body(self.contents)
         viscous.core = _core.RelaxingBody(
             *self._arrays(),
-            instant,
+            _instant(instant),
             _positive(creep, "s", "creep"),
             _positive(period, "s", "period"),
             *_coefficients(static_friction, dynamic_friction),
@@ -360,3 +374,9 @@ def _coefficients(static: float, dynamic: float | None) -> tuple[float, float]:
             f"coefficients of friction are 0 or more, the dynamic one at most the static one, not {static}, {after}"
         )
     return float(static), float(after)
+
+
+def _instant(instant: float) -> float:
+    if not 1.0 <= instant < np.inf:
+        raise BodyError(f"at once, tissue is at least as stiff as at last: instant is 1 or more, not {instant:g}")
+    return float(instant)

@@ -18,7 +18,7 @@ __all__ = ["KINDS", "BodyChoice"]
 _FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", False)}
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "compliance": _FRICTION,
-    "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
+    "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), "instant": ("", False), "creep": ("s", False)},
     "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
     "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
 }

@@ -39,6 +39,11 @@ class Compliance {
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
     return static_cast<double>(along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
   }
+  /// Both ways.
+  void set(std::int32_t i, std::int32_t j, double value) noexcept {
+    along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)] = static_cast<float>(value);
+    along_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
+  }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return across_(i, j); }
   [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}

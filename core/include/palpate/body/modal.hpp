@@ -1,11 +1,17 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "palpate/body/compliance.hpp"
 #include "palpate/body/nodes.hpp"
+#include "palpate/body/oscillator.hpp"
+#include "palpate/body/relaxing.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -13,22 +19,26 @@ namespace palpate {
 /// A body with inertia: m vibration modes, each exact over one servo period with the forces held, and all that they leave out as if it had
 /// none (static correction): held for long, forces give the deflection of the full compliance.
 ///   q'' + (alpha + beta w^2) q' + w^2 q = phi . f
+/// or of a standard linear solid, the same throughout (Oscillator, and Relaxing for what is left out).
 class Modal {
  public:
   Modal() = default;
 
   /// `full` (3n)^2 [m/N] and `shapes` 3n x m [1/sqrt(kg)], row 3 x node + axis; `frequencies` m [rad/s]; `period` [s]; Rayleigh damping by
-  /// mass `alpha` [1/s] and stiffness `beta` [s].
+  /// mass `alpha` [1/s] and stiffness `beta` [s]. At once `instant` times as stiff as at last, where it creeps with the time `creep` [s].
   Modal(const BodyNodes& nodes, const float* full, const float* shapes, const std::vector<double>& frequencies, double period, double alpha,
-        double beta)
+        double beta, double instant = 1.0, double creep = 1.0)
       : count_(static_cast<std::size_t>(nodes.size())),
         modes_(frequencies.size()),
-        stride_((frequencies.size() + lanes - 1) / lanes * lanes),
+        stride_((modes_ + lanes - 1) / lanes * lanes),
+        instant_(instant),
         shape_(count_ * stride_, 0.0F),
+        longest_(count_),
+        tail_(count_),
         compliance_(count_ * count_),
         free_(stride_, 0.0F),
         push_(stride_, 0.0F),
-        mode_(frequencies.size()) {
+        square_(stride_) {
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t k = 0; k < modes_; ++k) {
         double sum = 0.0;
@@ -36,22 +46,40 @@ class Modal {
           sum -= nodes.normal(static_cast<std::int32_t>(i))[static_cast<int>(a)] * static_cast<double>(shapes[(3 * i + a) * modes_ + k]);
         shape_[i * stride_ + k] = static_cast<float>(sum);
       }
-    std::vector<double> change(modes_);  // of the compliance: what a mode gives within one period, less what it gives at last
-    for (std::size_t k = 0; k < modes_; ++k) {
-      mode_[k] = Mode(frequencies[k], period, alpha, beta);
-      change[k] = mode_[k].place_by_force - 1.0 / (frequencies[k] * frequencies[k]);
+    for (std::size_t i = 0; i < count_; ++i) {
+      longest_[i] = length(shape_.data() + i * stride_, 0, stride_);
+      tail_[i] = length(shape_.data() + i * stride_, head(), stride_);
     }
-    const std::size_t row = 3 * count_;
+    for (Values& v : by_) v = Values::Zero(size());
+    for (Values& v : state_) v = Values::Zero(size());
+    square_.setOnes();
+    Eigen::VectorXd held(modes_), last(modes_);  // what a mode gives within one period and at last, by force
+    for (std::size_t k = 0; k < modes_; ++k) {
+      const auto at = static_cast<Eigen::Index>(k);
+      const Oscillator o(frequencies[k], period, alpha, beta, instant, creep);
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) by_[static_cast<std::size_t>(4 * r + c)][at] = o.by_state(r, c);
+        by_[static_cast<std::size_t>(4 * r + 3)][at] = o.by_force[r];
+      }
+      square_[at] = frequencies[k] * frequencies[k];
+      held[at] = o.by_force[0];
+      last[at] = 1.0 / square_[at];
+    }
+    Compliance left(nodes, full);  // of what the modes leave out
+    const Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> phi(
+        shape_.data(), static_cast<Eigen::Index>(count_), size());
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j <= i; ++j) {
-        const Vector3<>&ni = nodes.normal(static_cast<std::int32_t>(i)), &nj = nodes.normal(static_cast<std::int32_t>(j));
-        double sum = 0.0;
-        for (std::size_t a = 0; a < 3; ++a)
-          for (std::size_t b = 0; b < 3; ++b)
-            sum += ni[static_cast<int>(a)] * nj[static_cast<int>(b)] * static_cast<double>(full[(3 * i + a) * row + 3 * j + b]);
-        for (std::size_t k = 0; k < modes_; ++k)
-          sum += static_cast<double>(shape_[i * stride_ + k]) * static_cast<double>(shape_[j * stride_ + k]) * change[k];
-        compliance_[i * count_ + j] = compliance_[j * count_ + i] = static_cast<float>(sum);
+        const auto a = static_cast<std::int32_t>(i), b = static_cast<std::int32_t>(j);
+        const Eigen::VectorXd both = phi.row(a).head(held.size()).cast<double>().cwiseProduct(phi.row(b).head(held.size()).cast<double>());
+        left.set(a, b, left.compliance(a, b) - both.dot(last));
+        compliance_[i * count_ + j] = compliance_[j * count_ + i] = static_cast<float>(both.dot(held));
+      }
+    if (relaxes()) left_ = Relaxing(left, instant, creep, period);
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t j = 0; j < count_; ++j) {
+        const auto a = static_cast<std::int32_t>(i), b = static_cast<std::int32_t>(j);
+        compliance_[i * count_ + j] += static_cast<float>(relaxes() ? left_.compliance(a, b) : left.compliance(a, b));
       }
   }
 
@@ -60,91 +88,112 @@ class Modal {
   }
 
   [[nodiscard]] double at_rest(std::int32_t i) const noexcept {
+    const double moving = sum(i, stride_);
+    return relaxes() ? moving + left_.at_rest(i) : moving;
+  }
+
+  /// Whether at_rest(i) is surely no less than `place` [m]: by Cauchy and Schwarz from the lengths of shape and state, or from those
+  /// beyond the first modes. So few of the nodes under a tip ask all modes.
+  [[nodiscard]] bool surely_above(std::int32_t i, double place) const noexcept {
+    if (relaxes()) return false;
+    const auto at = static_cast<std::size_t>(i);
+    return -longest_[at] * moving_ >= place || (stride_ > head() && sum(i, head()) - tail_[at] * moving_tail_ >= place);
+  }
+
+  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
+    std::fill(push_.begin(), push_.end(), 0.0F);
+    for (int c = 0; c < count; ++c) {
+      const float* shape = shape_.data() + static_cast<std::size_t>(nodes[c]) * stride_;
+      const auto force = static_cast<float>(forces[c]);
+      for (std::size_t k = 0; k < stride_; ++k) push_[k] += force * shape[k];
+    }
+    double* const q = state_[0].data();
+    double* const v = state_[1].data();
+    double* const z = state_[2].data();
+    if (relaxes()) {
+      left_.advance(nodes, forces, count);
+      for (Eigen::Index k = 0; k < size(); ++k) {
+        const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
+        const double a = q[k], b = v[k], c = z[k];
+        q[k] = faded(by_[0][k] * a + by_[1][k] * b + by_[2][k] * c + by_[3][k] * f);
+        v[k] = faded(by_[4][k] * a + by_[5][k] * b + by_[6][k] * c + by_[7][k] * f);
+        z[k] = faded(by_[8][k] * a + by_[9][k] * b + by_[10][k] * c + by_[11][k] * f);
+        free_[static_cast<std::size_t>(k)] = static_cast<float>(by_[0][k] * q[k] + by_[1][k] * v[k] + by_[2][k] * z[k]);
+      }
+    } else {
+      const double *const qq = by_[0].data(), *const qv = by_[1].data(), *const qf = by_[3].data();
+      const double *const vq = by_[4].data(), *const vv = by_[5].data(), *const vf = by_[7].data();
+      for (Eigen::Index k = 0; k < size(); ++k) {
+        const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
+        const double a = faded(qq[k] * q[k] + qv[k] * v[k] + qf[k] * f), b = faded(vq[k] * q[k] + vv[k] * v[k] + vf[k] * f);
+        q[k] = a;
+        v[k] = b;
+        free_[static_cast<std::size_t>(k)] = static_cast<float>(qq[k] * a + qv[k] * b);
+      }
+    }
+    moving_tail_ = length(free_.data(), head(), stride_);
+    moving_ = std::hypot(moving_tail_, length(free_.data(), 0, head()));
+  }
+
+  void reset() noexcept {
+    for (Values& v : state_) v.setZero();
+    std::fill(free_.begin(), free_.end(), 0.0F);
+    moving_ = moving_tail_ = 0.0;
+    left_.reset();
+  }
+
+  /// Kinetic and elastic energy of the modes, J.
+  [[nodiscard]] double energy() const noexcept {
+    const double elastic = (square_ * state_[0].square()).sum() + (instant_ - 1.0) * (square_ * (state_[0] - state_[2]).square()).sum();
+    return 0.5 * (state_[1].square().sum() + elastic);
+  }
+
+ private:
+  using Values = Eigen::ArrayXd;
+  static constexpr std::size_t lanes = 16;
+
+  /// Nothing of it is left below 1e-34: a mode that has rung out must not slow the tick down by numbers below the normal ones.
+  [[nodiscard]] static double faded(double x) noexcept { return (x + 1e-18) - 1e-18; }
+
+  [[nodiscard]] bool relaxes() const noexcept { return instant_ > 1.0; }
+  [[nodiscard]] Eigen::Index size() const noexcept { return static_cast<Eigen::Index>(stride_); }
+  [[nodiscard]] std::size_t head() const noexcept { return std::min<std::size_t>(stride_, 2 * lanes); }
+
+  /// Displacement of a node by the first modes, m.
+  [[nodiscard]] double sum(std::int32_t i, std::size_t modes) const noexcept {
     const float* shape = shape_.data() + static_cast<std::size_t>(i) * stride_;
     float part[lanes] = {};  // sums side by side, for vector registers
-    for (std::size_t k = 0; k < stride_; k += lanes)
+    for (std::size_t k = 0; k < modes; k += lanes)
       for (std::size_t l = 0; l < lanes; ++l) part[l] += shape[k + l] * free_[k + l];
     double sum = 0.0;
     for (const float p : part) sum += static_cast<double>(p);
     return sum;
   }
 
-  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
-    for (float& p : push_) p = 0.0F;
-    for (int c = 0; c < count; ++c) {
-      const float* shape = shape_.data() + static_cast<std::size_t>(nodes[c]) * stride_;
-      const auto force = static_cast<float>(forces[c]);
-      for (std::size_t k = 0; k < stride_; ++k) push_[k] += force * shape[k];
-    }
-    for (std::size_t k = 0; k < modes_; ++k) free_[k] = static_cast<float>(mode_[k].advance(static_cast<double>(push_[k])));
-  }
-
-  void reset() noexcept {
-    for (Mode& m : mode_) m.place = m.speed = 0.0;
-    for (float& f : free_) f = 0.0F;
-  }
-
-  /// Kinetic and elastic energy of the modes, J.
-  [[nodiscard]] double energy() const noexcept {
+  /// Of a row from mode `first` to `last`, rounded up.
+  [[nodiscard]] static double length(const float* row, std::size_t first, std::size_t last) noexcept {
+    float part[lanes] = {};
+    for (std::size_t k = first; k < last; k += lanes)
+      for (std::size_t l = 0; l < lanes; ++l) part[l] += row[k + l] * row[k + l];
     double sum = 0.0;
-    for (const Mode& m : mode_) sum += 0.5 * (m.speed * m.speed + m.square * m.place * m.place);
-    return sum;
+    for (const float p : part) sum += static_cast<double>(p);
+    return 1.00001 * std::sqrt(sum);
   }
-
- private:
-  static constexpr std::size_t lanes = 16;
-
-  /// One damped oscillator of unit mass, exact over a period with a held force.
-  struct Mode {
-    Mode() = default;
-    Mode(double frequency, double period, double alpha, double beta) : square(frequency * frequency) {
-      const double c = 0.5 * (alpha + beta * square);  // decay, 1/s
-      const double d = square - c * c;
-      const double decay = std::exp(-c * period);
-      double even, odd;  // e^-ct cos(nt), e^-ct sin(nt)/n, or their hyperbolic kin
-      if (d > 1e-12 * square) {
-        const double n = std::sqrt(d);
-        even = decay * std::cos(n * period);
-        odd = decay * std::sin(n * period) / n;
-      } else if (d < -1e-12 * square) {
-        const double n = std::sqrt(-d);  // the exponents -c + n and -c - n are negative: no overflow for stiff, damped modes
-        const double slow = std::exp((n - c) * period), fast = std::exp(-(n + c) * period);
-        even = 0.5 * (slow + fast);
-        odd = 0.5 * (slow - fast) / n;
-      } else {
-        even = decay;
-        odd = decay * period;
-      }
-      place_by_place = even + c * odd;
-      place_by_speed = odd;
-      speed_by_place = -square * odd;
-      speed_by_speed = even - c * odd;
-      place_by_force = (1.0 - place_by_place) / square;
-      speed_by_force = odd;
-    }
-
-    /// One period under `force`; returns where it will be after the next one without any.
-    double advance(double force) noexcept {
-      const double q = place_by_place * place + place_by_speed * speed + place_by_force * force;
-      speed = speed_by_place * place + speed_by_speed * speed + speed_by_force * force;
-      place = q;
-      return place_by_place * place + place_by_speed * speed;
-    }
-
-    double square = 1.0;  // of the frequency, 1/s^2
-    double place_by_place = 1.0, place_by_speed = 0.0, place_by_force = 0.0;
-    double speed_by_place = 0.0, speed_by_speed = 1.0, speed_by_force = 0.0;
-    double place = 0.0, speed = 0.0;
-  };
 
   std::size_t count_ = 0;  // nodes
   std::size_t modes_ = 0;
-  std::size_t stride_ = 0;         // modes, filled up with zeros
-  std::vector<float> shape_;       // n x stride: displacement along the inward normal, 1/sqrt(kg)
-  std::vector<float> compliance_;  // n x n, m/N: at the end of a period, by a force held over it
-  std::vector<float> free_;        // where each mode will be after the next period without forces, sqrt(kg) m
-  std::vector<float> push_;        // on each mode, N/sqrt(kg)
-  std::vector<Mode> mode_;
+  std::size_t stride_ = 0;  // modes, filled up with zeros
+  double instant_ = 1.0;
+  std::vector<float> shape_;                 // n x stride: displacement along the inward normal, 1/sqrt(kg)
+  std::vector<double> longest_, tail_;       // lengths of the shapes' rows, whole and beyond the first modes, 1/sqrt(kg)
+  std::vector<float> compliance_;            // n x n, m/N: at the end of a period, by a force held over it
+  std::vector<float> free_;                  // where each mode will be after the next period without forces, sqrt(kg) m
+  std::vector<float> push_;                  // on each mode, N/sqrt(kg)
+  double moving_ = 0.0, moving_tail_ = 0.0;  // lengths of free_, whole and beyond the first modes, sqrt(kg) m
+  Values square_;                            // of the frequencies, 1/s^2
+  std::array<Values, 12> by_;                // of each mode: next place, speed, dashpot by place, speed, dashpot, force
+  std::array<Values, 3> state_;              // place, speed, dashpot
+  Relaxing left_;                            // what the modes leave out, where it creeps
 };
 
 }  // namespace palpate

@@ -36,6 +36,7 @@ concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 ///   double at_rest(i)         where node i will be then without any force, m
 ///   void advance(nodes, forces, count)   one period with these forces
 ///   void reset()
+/// A kind whose at_rest takes long may tell nodes that need not be asked: bool surely_above(i, place), at_rest(i) >= place [m].
 /// For friction also
 ///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
 /// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
@@ -98,6 +99,8 @@ class BodyContact {
     int found = 0;
     deepest_ = 0.0;
     nodes_->under(tip, [&](std::int32_t node, double depth) {
+      if constexpr (requires { kind_->surely_above(node, depth); })
+        if (kind_->surely_above(node, depth + 0.25 * deepest_)) return;
       depth -= kind_->at_rest(node);
       deepest_ = std::max(deepest_, depth);
       if (!(depth > -0.25 * deepest_)) return;

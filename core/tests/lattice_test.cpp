@@ -32,6 +32,7 @@ TEST(SparseFactor, SolvesAsDenseAlgebraDoes) {
   Eigen::MatrixX3d sides(size, 3);
   for (double& s : sides.reshaped()) s = normal(random);
   std::vector<palpate::Vector3<>> x;
+  x.reserve(size);
   for (int i = 0; i < size; ++i) x.emplace_back(sides.row(i));
   factor.solve(x.data());
   const Eigen::MatrixX3d expected = Eigen::MatrixXd(matrix).llt().solve(sides);

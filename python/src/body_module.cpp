@@ -12,6 +12,7 @@
 #include <palpate/body/modal.hpp>
 #include <palpate/body/patch.hpp>
 #include <palpate/body/relaxing.hpp>
+#include <palpate/body/spline.hpp>
 #include <palpate/body/touched.hpp>
 #include <vector>
 
@@ -251,6 +252,31 @@ void bind_lattice(nb::module_& m) {
           "Periods that lost speed because they would have made energy.");
 }
 
+void bind_spline(nb::module_& m) {
+  using palpate::Spline;
+  bind_kind<Spline>(m, "SplineBody")
+      .def(
+          "__init__",
+          [](BodyCore<Spline>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing, double give,
+             double layer) {
+            if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
+              throw nb::value_error("the sizes of a body's arrays do not fit each other");
+            palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
+            Spline spline(nodes, numbers(areas), spacing, give, layer);
+            new (self) BodyCore<Spline>(std::move(nodes), std::move(spline));
+          },
+          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a)
+      .def(
+          "displacement",
+          [](const BodyCore<Spline>& self) {
+            return new_points(static_cast<std::size_t>(self.nodes.size()), [&](std::size_t i) {
+              return self.body.displacement(static_cast<std::int32_t>(i), self.contact.pressed(), self.contact.forces(),
+                                            self.contact.last().nodes);
+            });
+          },
+          "Of the nodes (n, 3), m.");
+}
+
 }  // namespace
 
 void bind_body(nb::module_& m) {
@@ -313,4 +339,5 @@ void bind_body(nb::module_& m) {
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a, "static_friction"_a = 0.0,
           "dynamic_friction"_a = 0.0);
   bind_lattice(m);
+  bind_spline(m);
 }

@@ -10,6 +10,7 @@
 #include "palpate/body/patch.hpp"
 #include "palpate/body/pressed_solid.hpp"
 #include "palpate/body/relaxing.hpp"
+#include "palpate/body/spline.hpp"
 #include "palpate/body/touched.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.network import Network, network, patches
+from palpate.bodies.spline import SplineLaw, calibrate
 from palpate.bodies.store import Contents, read, write
 from palpate.bodies.volume import Volume
 from palpate.errors import PoseError
@@ -118,7 +119,7 @@ class Body:
         return network(self.volume, self.contents.young, float(self.record["poisson"]), density)
 
     @cached_property
-    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody | _core.LatticeBody:
+    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody | _core.LatticeBody | _core.SplineBody:
         """The contact of one tip, in C++."""
         return _core.ElasticBody(*self._arrays())
 
@@ -258,6 +259,30 @@ class Body:
         )
         return springy
 
+    @cached_property
+    def spline_law(self) -> SplineLaw:
+        """The law of force of `spline`, calibrated on the compliance."""
+        return self._spline_law(None)
+
+    def _spline_law(self, spacing: float | None) -> SplineLaw:
+        return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, spacing)
+
+    def spline(self, period: float | str | None = None, *, spacing: float | str | None = None) -> Body:
+        """Return the same body as a free-form deformation with a law of force: the cheapest kind, and the crudest.
+
+        See `palpate.bodies.spline` for the law, which is calibrated on this body's compliance. There is no state, so
+        the `period` means nothing. `spacing` of the control points, m or text; that which fits best if None.
+
+        Raises:
+            BodyError: the spacing is not positive and finite.
+        """
+        if period is not None:
+            _positive(period, "s", "period")
+        shaped = Body(self.contents)
+        shaped.spline_law = self.spline_law if spacing is None else self._spline_law(_positive(spacing, "m", "spacing"))
+        shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law)
+        return shaped
+
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         on_surface = np.unique(self.volume.surface)
         triangles = on_surface[self.triangles[self.contents.touchable]]
@@ -345,9 +370,9 @@ class Body:
     def displacement(self) -> Array:
         """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long.
 
-        Of a lattice: where it is now.
+        Of a lattice: where it is now; of a spline: that of the spline.
         """
-        if isinstance(self.core, _core.LatticeBody):
+        if isinstance(self.core, _core.LatticeBody | _core.SplineBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()
         total = np.zeros(3 * len(self.nodes))

@@ -21,6 +21,7 @@ KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), "instant": ("", False), "creep": ("s", False)},
     "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
     "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
+    "spline": {"spacing": ("m", False)},
 }
 # shape: its keys, and an example of those that it needs
 _SHAPES: Final[dict[str, dict[str, str]]] = {

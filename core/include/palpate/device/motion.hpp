@@ -233,9 +233,10 @@ class Motion {
     return {at, mechanism_.dynamics(at)};
   }
 
-  /// Force on the tip [N] of an arm.
+  /// Force on the tip [N] of whoever acts on it.
   template <Grip grip>
   [[nodiscard, gnu::always_inline]] Vector hand_force(const Posture& at, const State& s, const Vector& voluntary) const {
+    if constexpr (grip == Grip::pushed) return voluntary;
     const Vector p = mechanism_.forward(at);
     const Vector v = mechanism_.velocity(at, s.qd);
     if constexpr (grip == Grip::tissue) return hand_.tissue_stiffness * (s.hand - p) + hand_.tissue_damping * (s.hand_velocity - v);
@@ -264,8 +265,7 @@ class Motion {
     for (int i = 0; i < dof; ++i) torque[i] = push.torque[i] - friction_.viscous[i] * s.qd[i];
     if constexpr (grip != Grip::none) {
       const Vector voluntary = push.at(t);
-      Vector on_tip = voluntary;
-      if constexpr (grip != Grip::pushed) on_tip = hand_force<grip>(there.at, s, voluntary);
+      const Vector on_tip = hand_force<grip>(there.at, s, voluntary);
       if constexpr (grip == Grip::tissue)
         hand = per_hand_mass_ * ((voluntary - on_tip) - (hand_.stiffness * (s.hand - hand_.rest) + hand_.damping * s.hand_velocity));
       torque += mechanism_.torque(there.at, on_tip);

@@ -3,7 +3,7 @@
 
 #include <array>
 #include <atomic>
-#include <palpate/body/handover.hpp>
+#include <palpate/math/handover.hpp>
 #include <thread>
 #include <utility>
 

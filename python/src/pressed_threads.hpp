@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <palpate/body/blended.hpp>
-#include <palpate/body/handover.hpp>
+#include <palpate/math/latest.hpp>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -26,7 +26,7 @@ class Pressing {
 
   /// One tick of the servo's, which neither waits nor takes memory.
   const TipsAnswer& tick(const BodyTips& tips) noexcept {
-    where_->writing() = tips;
+    where_->next() = tips;
     where_->publish();
     return servo_->step(*box_, tips);
   }
@@ -39,8 +39,8 @@ class Pressing {
 
   /// As slow_step(), but the servo gets the snapshot at the next call of hand_over(), as if the step had taken that long.
   void compute() {
-    if (where_->fresh()) seen_ = where_->take(seen_);
-    last_ = slow_->step(where_->at(seen_), box_->writing());
+    where_->fetch();
+    last_ = slow_->step(where_->value(), box_->writing());
     ++steps_;
   }
   void hand_over() noexcept { box_->publish(); }
@@ -85,8 +85,7 @@ class Pressing {
     slow_->reset();
     servo_ = std::make_unique<BlendedContact>();
     box_ = std::make_unique<BlendedContact::Box>();
-    where_ = std::make_unique<Handover<BodyTips>>();
-    seen_ = 0;
+    where_ = std::make_unique<Latest<BodyTips>>();
     steps_ = 0;
   }
 
@@ -94,8 +93,7 @@ class Pressing {
   std::unique_ptr<AnyPressed> slow_;
   std::unique_ptr<BlendedContact> servo_ = std::make_unique<BlendedContact>();
   std::unique_ptr<BlendedContact::Box> box_ = std::make_unique<BlendedContact::Box>();
-  std::unique_ptr<Handover<BodyTips>> where_ = std::make_unique<Handover<BodyTips>>();
-  int seen_ = 0;  // the slow side's slot of where_
+  std::unique_ptr<Latest<BodyTips>> where_ = std::make_unique<Latest<BodyTips>>();
   long steps_ = 0;
   PressedStep last_;
 };

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <utility>
 
-#include "palpate/body/handover.hpp"
 #include "palpate/body/snapshot.hpp"
+#include "palpate/math/handover.hpp"
 
 namespace palpate {
 

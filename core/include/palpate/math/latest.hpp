@@ -1,42 +1,37 @@
 #pragma once
 
 #include <array>
-#include <atomic>
-#include <cstddef>
+
+#include "palpate/math/handover.hpp"
 
 namespace palpate {
 
-/// Hands the latest value from one thread to one other: a place for the writer, one for the reader, and one between them, exchanged in one
-/// step. Neither ever waits, and nothing is read while it is written; what the reader does not fetch in time is passed over.
+/// A hand-over whose reader looks at one value at a time: what was published last. What it does not fetch in time is passed over.
 template <class T>
 class Latest {
  public:
   /// Writer: where to put the next value; keeps whatever was there.
-  T& next() noexcept { return place_[back_]; }
+  T& next() noexcept { return handover_.writing(); }
 
   /// Writer: gives it away.
-  void publish() noexcept { back_ = between_.exchange(back_ | fresh, std::memory_order_acq_rel) & ~fresh; }
+  void publish() noexcept { handover_.publish(); }
 
   /// Reader: fetches what was published last; false if that is what it has already.
   bool fetch() noexcept {
-    if ((between_.load(std::memory_order_relaxed) & fresh) == 0) return false;
-    front_ = between_.exchange(front_, std::memory_order_acq_rel) & ~fresh;
+    if (!handover_.fresh()) return false;
+    front_ = handover_.take(front_);
     return true;
   }
 
   /// Reader: what was fetched last.
-  [[nodiscard]] T& value() noexcept { return place_[front_]; }
+  [[nodiscard]] T& value() noexcept { return handover_.at(front_); }
 
   /// Every place, before any thread uses them.
-  [[nodiscard]] std::array<T, 3>& places() noexcept { return place_; }
+  [[nodiscard]] std::array<T, 3>& places() noexcept { return handover_.slots(); }
 
  private:
-  static constexpr std::size_t fresh = 4;  // beside the number of a place
-
-  std::array<T, 3> place_{};
-  std::size_t back_ = 0;
-  std::size_t front_ = 1;
-  std::atomic<std::size_t> between_{2};
+  Handover<T> handover_;
+  int front_ = 0;
 };
 
 }  // namespace palpate

@@ -22,6 +22,9 @@ class Handover {
   /// The slots that the reader owns at first: 0 to held - 1.
   T& at(int slot) noexcept { return slot_[static_cast<std::size_t>(slot)]; }
 
+  /// Every slot, before any thread uses them.
+  [[nodiscard]] std::array<T, held + 2>& slots() noexcept { return slot_; }
+
  private:
   static constexpr int fresh_bit = 1024;
 

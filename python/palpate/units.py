@@ -16,14 +16,14 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, SupportsFloat
 
 from palpate.errors import PalpateError, ScenarioError
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-__all__ = ["parse", "parse_any", "parse_vector", "quantity", "vector", "write"]
+__all__ = ["in_si", "parse", "parse_any", "parse_vector", "quantity", "vector", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -73,6 +73,11 @@ def quantity(value: object, unit: str, field: str, *, error: type[PalpateError] 
         return parse(value, unit)
     except ValueError as problem:
         raise error(f"{field}: {problem}") from None
+
+
+def in_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
+    """Return `value` in the SI unit `unit`: a number as it is, text as `quantity` reads it, which says what raises."""
+    return float(value) if isinstance(value, SupportsFloat) else quantity(value, unit, field, error=error)
 
 
 def vector(

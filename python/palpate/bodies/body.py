@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.network import Network, network, patches
+from palpate.bodies.numbers import length, positive
 from palpate.bodies.spline import SplineLaw, calibrate
 from palpate.bodies.store import Contents, read, write
 from palpate.bodies.volume import Volume
 from palpate.errors import PoseError
 from palpate.touch.mesh import Mesh
-from palpate.units import quantity
 
 __all__ = ["Body", "Press", "Presses"]
 
@@ -174,7 +174,7 @@ class Body:
         """
         if len(self.contents.frequencies) == 0:
             raise BodyError("the body was built without modes; build it with modes=100, or palpate body build --modes")
-        tick = _positive(period, "s", "period")
+        tick = positive(period, "s", "period")
         if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
             raise BodyError("Rayleigh damping is not negative and finite")
         moving = Body(self.contents)
@@ -187,7 +187,7 @@ class Body:
             by_mass,
             by_stiffness,
             _instant(instant),
-            _positive(creep, "s", "creep"),
+            positive(creep, "s", "creep"),
         )
         return moving
 
@@ -213,8 +213,8 @@ class Body:
         viscous.core = _core.RelaxingBody(
             *self._arrays(),
             _instant(instant),
-            _positive(creep, "s", "creep"),
-            _positive(period, "s", "period"),
+            positive(creep, "s", "creep"),
+            positive(period, "s", "period"),
             *_coefficients(static_friction, dynamic_friction),
         )
         return viscous
@@ -229,7 +229,7 @@ class Body:
         Raises:
             BodyError: a number is impossible, or the network would take more than 4 GB.
         """
-        tick = _positive(period, "s", "period")
+        tick = positive(period, "s", "period")
         if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
             raise BodyError("damping is not negative and finite")
         size = 4 * len(self.nodes) * len(self.contents.vertices)
@@ -277,9 +277,9 @@ class Body:
             BodyError: the spacing is not positive and finite.
         """
         if period is not None:
-            _positive(period, "s", "period")
+            positive(period, "s", "period")
         shaped = Body(self.contents)
-        shaped.spline_law = self.spline_law if spacing is None else self._spline_law(_positive(spacing, "m", "spacing"))
+        shaped.spline_law = self.spline_law if spacing is None else self._spline_law(positive(spacing, "m", "spacing"))
         shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law)
         return shaped
 
@@ -313,7 +313,7 @@ class Body:
         x = np.asarray(point, dtype=float)
         if x.shape != (3,) or not np.isfinite(x).all():
             raise PoseError(f"a point is three finite numbers in m, not {np.asarray(point)}")
-        size, deep = _length(radius, "radius"), _length(depth, "depth")
+        size, deep = length(radius, "radius"), length(depth, "depth")
         at, facet = self.surface.nearest(x[None])
         a, b, c = self.surface.vertices[self.surface.triangles[facet[0]]]
         normal = np.cross(b - a, c - a)
@@ -354,7 +354,7 @@ class Body:
         centres = np.ascontiguousarray(path, dtype=float)
         if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
             raise PoseError(f"a path is (m, 3) finite numbers in m; this has shape {centres.shape}")
-        size = _length(radius, "radius")
+        size = length(radius, "radius")
         if not 0 < size < np.inf:
             raise BodyError(f"a tip has a positive radius, not {size} m")
         if outward is None:
@@ -379,17 +379,6 @@ class Body:
         for node, force, drag in zip(nodes, forces, self.core.dragged(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (drag - force * self.normals[node])
         return total.reshape(-1, 3)
-
-
-def _length(value: float | str, field: str) -> float:
-    return quantity(value, "m", field, error=BodyError) if isinstance(value, str) else float(value)
-
-
-def _positive(value: float | str, unit: str, field: str) -> float:
-    number = quantity(value, unit, field, error=BodyError) if isinstance(value, str) else float(value)
-    if not 0 < number < np.inf:
-        raise BodyError(f"{field} is positive and finite, not {number:g}")
-    return number
 
 
 def _coefficients(static: float, dynamic: float | None) -> tuple[float, float]:

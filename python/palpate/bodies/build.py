@@ -16,11 +16,11 @@ from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
+from palpate.bodies.numbers import number
 from palpate.bodies.places import Place, place
 from palpate.bodies.store import Contents, write
 from palpate.bodies.volume import Volume, fill, read_volume
 from palpate.touch.mesh import Mesh
-from palpate.units import quantity
 
 __all__ = ["build", "volume_of"]
 
@@ -72,9 +72,9 @@ def build(
     """
     stages = _Stages(progress)
     material = Material(
-        _number(young, "Pa", "young"),
+        number(young, "Pa", "young"),
         float(poisson),
-        _number(density, "kg/m^3", "density"),
+        number(density, "kg/m^3", "density"),
         tuple(Region.read(region) if isinstance(region, str) else region for region in regions),
         Skin.read(skin) if isinstance(skin, str) else skin,
     )
@@ -169,7 +169,7 @@ def volume_of(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
             "so it has no inside to fill: close it"
         )
-    step = mesh.extent / 15 if spacing is None else _number(spacing, "m", "spacing")
+    step = mesh.extent / 15 if spacing is None else number(spacing, "m", "spacing")
     if not 0 < step <= mesh.extent:
         raise BodyError(f"the spacing lies between 0 and the body's extent of {mesh.extent:.4g} m, not {step:g} m")
     return fill(mesh.vertices, mesh.triangles, step, source=name)
@@ -207,7 +207,3 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
-
-
-def _number(value: float | str, unit: str, field: str) -> float:
-    return quantity(value, unit, field, error=BodyError) if isinstance(value, str) else float(value)

@@ -19,8 +19,8 @@ from scipy.linalg import lapack
 from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.factor import NOT_DEFINITE, Factor, installed
+from palpate.bodies.numbers import number
 from palpate.bodies.pardiso import Pardiso, PardisoError
-from palpate.units import quantity
 
 __all__ = ["Condensation", "check_memory"]
 
@@ -31,7 +31,7 @@ _SHARE = 0.5  # of the speed of a dense product that a sparse factorisation reac
 
 def check_memory(vertices: int, working: float, budget: float | str) -> None:
     """Raise BodyError with a proposal if `working` bytes for a body of so many touchable vertices are over `budget`."""
-    allowed = quantity(budget, "byte", "memory", error=BodyError) if isinstance(budget, str) else float(budget)
+    allowed = number(budget, "byte", "memory")
     if working > allowed:
         raise BodyError(
             f"the build takes about {_bytes(working)}, over the budget of {_bytes(allowed)}; the compliance of "

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.body import Shape
 from palpate.bodies.errors import BodyError
+from palpate.bodies.numbers import length, positive
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
-from palpate.units import quantity
 
 __all__ = ["Live", "PressedSolid", "Touches"]
 
@@ -97,7 +97,7 @@ class PressedSolid:
         Returns:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
         """
-        size, deep = _length(radius, "radius"), _length(depth, "depth")
+        size, deep = length(radius, "radius"), length(depth, "depth")
         normal = np.asarray(outward, dtype=float) / np.linalg.norm(np.asarray(outward, dtype=float))
         low = np.linspace(0.1, 1.0, 10)[:, None] * deep
         path = np.asarray(point, dtype=float) + normal * ((size if tip == "sphere" else 0.0) - low)
@@ -142,9 +142,7 @@ class PressedSolid:
         thread: bool = True,
     ) -> Live:
         """As `follow`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none."""
-        tick = quantity(period, "s", "period", error=BodyError) if isinstance(period, str) else float(period)
-        if not 0 < tick < np.inf:
-            raise BodyError(f"period is positive and finite, not {tick:g}")
+        tick = positive(period, "s", "period")
         ways = _ways(path, radius, outward, tip)
         rows, times, steps = self.core.live(*ways, tick, thread)
         return Live(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
@@ -167,7 +165,7 @@ def _ways(
     if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3 or not np.isfinite(centres).all():
         raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, finite numbers in m; this is {centres.shape}")
     sizes = [radius] * centres.shape[1] if isinstance(radius, (int, float, str)) else list(radius)
-    radii = np.array([_length(size, "radius") for size in sizes])
+    radii = np.array([length(size, "radius") for size in sizes])
     if len(radii) != centres.shape[1] or not ((radii > 0) & (radii < np.inf)).all():
         raise BodyError(f"each tip has a positive radius, not {radii} m")
     axes = np.asarray(outward, dtype=float)
@@ -182,7 +180,3 @@ def _touches(rows: Array, tips: int) -> Touches:
     each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
     potential, saved, _, waits = rows[:, 10 * tips :].T
     return Touches(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, saved, waits > 0)
-
-
-def _length(value: float | str, field: str) -> float:
-    return quantity(value, "m", field, error=BodyError) if isinstance(value, str) else float(value)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.bodies.numbers import length
 from palpate.units import quantity
 
 __all__ = ["Volume", "block", "fill", "grid", "read_volume"]
@@ -104,12 +105,12 @@ def block(
     Each cell is cut into six tetrahedra around one diagonal, all alike (Kuhn 1960). `layers` are depths under the top,
     m, where a plane of points shall lie, such as the lower side of a skin.
     """
-    sides = [_length(value, "size") for value in size]
+    sides = [length(value, "size") for value in size]
     each = [spacing] * 3 if isinstance(spacing, (int, float, str)) else list(spacing)
-    steps = [_length(value, "spacing") for value in each]
+    steps = [length(value, "spacing") for value in each]
     if len(sides) != 3 or len(steps) != 3 or min(sides) <= 0 or min(steps) <= 0:
         raise BodyError("a block has three sides and one or three spacings, all positive")
-    depths = sorted({0.0, sides[2], *(_length(value, "layers") for value in layers)})
+    depths = sorted({0.0, sides[2], *(length(value, "layers") for value in layers)})
     if depths[0] < 0 or depths[-1] > sides[2]:
         raise BodyError(f"layers lie between 0 and the block's height of {sides[2]:g} m under its top")
     lines = [np.linspace(0.0, side, max(1, round(side / step)) + 1) for side, step in zip(sides, steps, strict=True)]
@@ -191,7 +192,3 @@ def _enclosed(vertices: Array, triangles: NDArray[Any]) -> float:
 def _volumes(points: Array, cells: Indices) -> Array:
     a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
     return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
-
-
-def _length(value: float | str, field: str) -> float:
-    return float(value) if isinstance(value, (int, float)) else quantity(value, "m", field, error=BodyError)

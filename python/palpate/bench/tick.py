@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.bench.ball import ball
 from palpate.bench.section import Effort, Progress, Row, Rows, Section
+from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.simulate import Experiment, prepare
-from palpate.palpation.stiffnesses import HAND, LAWS, POSE
+from palpate.palpation.stiffnesses import LAWS, POSE
 
 __all__ = ["SECTION"]
 
@@ -27,16 +28,15 @@ def _experiment(duration: float, law: str) -> Experiment:
     ways = 5
     table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
     for i in range(ways):
-        way = HAND["stiffness"] * 0.015 * (1 if i % 2 == 0 else -1)
+        way = STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)
         table.append([f"{0.5 + (i + 1) * (duration - 0.5) / ways:g} s", f"{way:g} N", f"{way / 3:g} N", "0 N"])
-    hand = {key: f"{HAND[key]:g} {unit}" for key, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))}
     return prepare(
         {
             "device": {"name": "phantom-premium-1.5a", "saturation": True, "encoder": True},
             "start": {"pose": list(POSE)},
             "servo": {"period": "1 ms"},
             "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", "-1.3 N"]},
-            "operator": {"kind": "arm", **hand, "shape": "table", "table": table},
+            "operator": loose_grip(table),
             "object": {"kind": "none"},
             "controller": dict(LAWS[law] or {}),
             "run": {"duration": f"{duration:g} s"},

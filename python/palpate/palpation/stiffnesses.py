@@ -8,13 +8,14 @@ from math import isfinite
 from typing import Any, Final
 
 from palpate.loop.body import scenario_body
+from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.palpation import Palpation, palpation
 from palpate.loop.simulate import simulate
 from palpate.loop.trace import Trace
 from palpate.scenario import Scenario
 from palpate.stability import ContactStability, contact_stability
 
-__all__ = ["HAND", "LAWS", "POSE", "YOUNG", "Held", "press_all", "press_scenario"]
+__all__ = ["LAWS", "POSE", "YOUNG", "Held", "press_all", "press_scenario"]
 
 YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
 POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
@@ -22,7 +23,6 @@ PERIOD: Final = "1 ms"
 DEPTH: Final = 1e-3  # m that the press is for
 MOST: Final = 1.2  # N: the drive holds 1.4 N for long
 SLIDE: Final = 10e-3  # m
-HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
 # What the loop does with the body's force: [controller]; None: an impedance display that shows it as it is.
 LAWS: Final[dict[str, dict[str, Any] | None]] = {
     "shown as it is": None,
@@ -93,8 +93,8 @@ def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any
     options = LAWS[law]
     press = min(stiffness * DEPTH, MOST)
     if options is None:  # the hand's own spring is pressed, too
-        press *= 1.0 + HAND["stiffness"] / stiffness
-    lead = HAND["stiffness"] * SLIDE
+        press *= 1.0 + STIFFNESS / stiffness
+    lead = STIFFNESS * SLIDE
     # time, part of the press, part of the slide
     course = (
         (0.0, 0, 0),
@@ -108,21 +108,13 @@ def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any
     )
     pressed = [[f"{t:g} s", *_force(0.0, part * press)] for t, part, _ in course]
     led = [[f"{t:g} s", *_force(way * lead, part * press if options is None else 0.0)] for t, part, way in course]
-    hand = {
-        "kind": "arm",
-        "mass": f"{HAND['mass']:g} kg",
-        "damping": f"{HAND['damping']:g} N*s/m",
-        "stiffness": f"{HAND['stiffness']:g} N/m",
-        "shape": "table",
-        "table": led,
-    }
     return {
         "title": f"A body of {young / 1e3:g} kPa, {law}",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "impedance_display" if options is None else "force_tracking"},
         **({} if options is None else {"reference": {"shape": "table", "table": pressed}}),
-        "operator": hand,
+        "operator": loose_grip(led),
         "object": {
             "kind": "body",
             "position": [f"{SLIDE / 2:g} m", "0 m", "-0.2 mm"],

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.loop.body import scenario_body
+from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.palpation import JND
 from palpate.loop.simulate import simulate
 from palpate.loop.trace import Trace
-from palpate.palpation.stiffnesses import HAND, LAWS, PERIOD, POSE
+from palpate.palpation.stiffnesses import LAWS, PERIOD, POSE
 from palpate.scenario import Scenario
 
 __all__ = ["AWAY", "JND", "Felt", "Sweep", "felt", "sweep_phantom", "sweep_scenario"]
@@ -119,26 +120,21 @@ def sweep_scenario(body: dict[str, Any], *, press: float = 0.6, law: str = "LQG"
         title: of the scenario.
     """
     end = FROM + LENGTH / SPEED
-    lead = HAND["stiffness"] * LENGTH
+    lead = STIFFNESS * LENGTH
     return {
         "title": title or "A sweep over the phantom",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "force_tracking"},
         "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-press:g} N"]},
-        "operator": {
-            "kind": "arm",
-            "mass": f"{HAND['mass']:g} kg",
-            "damping": f"{HAND['damping']:g} N*s/m",
-            "stiffness": f"{HAND['stiffness']:g} N/m",
-            "rest": [f"{-LENGTH / 2:g} m", "0 m", "0 m"],
-            "shape": "table",
-            "table": [
+        "operator": loose_grip(
+            [
                 ["0 s", "0 N", "0 N", "0 N"],
                 [f"{FROM:g} s", "0 N", "0 N", "0 N"],
                 [f"{end:g} s", f"{lead:g} N", "0 N", "0 N"],
             ],
-        },
+            rest=[f"{-LENGTH / 2:g} m", "0 m", "0 m"],
+        ),
         "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.2 mm"], "body": body},
         "controller": dict(LAWS[law] or {"kind": "none"}),
         "run": {"duration": f"{end + 0.6:g} s"},

@@ -16,6 +16,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from palpate.control import Controller
+from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.simulate import simulate
 from palpate.loop.sliding import Slide, slide
 from palpate.loop.trace import Trace
@@ -45,7 +46,6 @@ PAIR_STIFFNESSES: Final = (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)  # N/mm
 WINDUP_TIME: Final = 0.2  # s
 DRAG: Final = 20.0  # N s/m, where forces alone move the tip
 FRICTION: Final = 0.2  # static and dynamic, where there is a tangential stiffness to carry it
-HAND: Final = {"mass": 0.15, "damping": 4.5, "stiffness": 200.0}  # kg, N s/m, N/m: a loose grip
 SPEED: Final = 60.0  # mm/s
 PRESSED: Final = 0.1  # s until the press is reached
 LED_FROM: Final = 0.4  # s
@@ -109,19 +109,14 @@ def slide_scenario(
     answer = friction * ground.press + drag * SPEED * 1e-3
     along_x, along_y = (answer * part / length for part in ground.way)
     still, led = _force(0.0, 0.0, -ground.press), _force(along_x, along_y, -ground.press)
-    lead_x, lead_y = (HAND["stiffness"] * 1e-3 * part for part in ground.way)
-    hand = {
-        "kind": "arm",
-        "mass": f"{HAND['mass']:g} kg",
-        "damping": f"{HAND['damping']:g} N*s/m",
-        "stiffness": f"{HAND['stiffness']:g} N/m",
-        "shape": "table",
-        "table": [
+    lead_x, lead_y = (STIFFNESS * 1e-3 * part for part in ground.way)
+    hand = loose_grip(
+        [
             [_time(0.0), *_force(0.0, 0.0, 0.0)],
             [_time(LED_FROM), *_force(0.0, 0.0, 0.0)],
             [_time(end), *_force(lead_x, lead_y, 0.0)],
-        ],
-    }
+        ]
+    )
     return {
         "title": "A slide",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},

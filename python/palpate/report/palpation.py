@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.loop.palpation import JND, felt_along
 from palpate.report.figures import thin
+from palpate.report.numbers import numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["body_energy", "deformed", "felt", "force_and_deflection", "palpation_section", "palpation_table"]
 
 Array = NDArray[np.float64]
-# what: (key in summary["palpation"], unit, factor)
+# what, key in summary["palpation"], unit, factor
 _NUMBERS: Final = (
     ("deepest deflection", "deepest_m", "mm", 1e3),
     ("force over deflection there", "stiffness_N_per_m", "N/m", 1.0),
@@ -63,11 +64,7 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
 
 def palpation_table(page: Page, found: dict[str, Any]) -> None:
     """Write the numbers of a press as a table."""
-    rows = [
-        (name, None if found[key] is None else f"{found[key] * factor:.4g}", unit)
-        for name, key, unit, factor in _NUMBERS
-    ]
-    page.table(["what", "found", "unit"], rows, "The press in numbers, from the first touch to the end of the run.")
+    numbers_table(page, _NUMBERS, found, "The press in numbers, from the first touch to the end of the run.")
 
 
 def deformed(pressed: Pressed) -> Figure:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.report.figures import thin
+from palpate.report.numbers import numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, new_figure
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ __all__ = ["profile", "sliding_section", "sliding_table", "stiffness_and_depth",
 Array = NDArray[np.float64]
 _MARGIN: Final = 6e-3  # m of surface drawn beyond the way
 _DASHED: Final = (0, (4, 3))
-# what: (key in summary["sliding"], unit, factor)
+# what, key in summary["sliding"], unit, factor
 _NUMBERS: Final = (
     ("way over the surface", "path_m", "mm", 1e3),
     ("contact lost", "lost_ticks", "ticks", 1.0),
@@ -56,12 +57,7 @@ def sliding_section(page: Page, trace: Trace, sliding: dict[str, Any]) -> None:
 
 def sliding_table(page: Page, sliding: dict[str, Any]) -> None:
     """Write the numbers of a slide as a table."""
-    rows = [(name, _shown(sliding[key], factor), unit) for name, key, unit, factor in _NUMBERS]
-    page.table(["what", "found", "unit"], rows, "The slide in numbers, from the first touch to the end of the run.")
-
-
-def _shown(value: float | None, factor: float) -> str | None:
-    return None if value is None else f"{value * factor:.4g}"
+    numbers_table(page, _NUMBERS, sliding, "The slide in numbers, from the first touch to the end of the run.")
 
 
 def trajectory(trace: Trace) -> Figure:

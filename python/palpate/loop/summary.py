@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.loop.palpation import FEW, palpation
-from palpate.loop.response import step_response
-from palpate.loop.sliding import slide
+from palpate.loop.palpation import FEW, Palpation, palpation
+from palpate.loop.response import StepResponse, step_response
+from palpate.loop.sliding import Slide, slide
 
 if TYPE_CHECKING:
     from palpate.loop.trace import Trace
@@ -71,81 +71,88 @@ def summarize(trace: Trace) -> dict[str, Any]:
         summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s under a force that changes: no steady state"
     else:
         summary["verdict"] = _verdict(summary)
-    if summary["saturated_fraction"]:
-        summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
-    return summary
+    return _saturated(summary)
 
 
 def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     """Return the summary of a run on a mesh: what its slide shows, in place of a step response per axis."""
     found = slide(trace)
     summary["sliding"] = None if found is None else found.as_dict()
-    if not trace.stable:
-        summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
-        return summary
-    if found is None:
-        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s, but the tip never touched the mesh"
-        return summary
+    if found is None or not trace.stable:
+        return _without_contact(summary, trace, "mesh")
     depth = step_response(trace.time, trace["depth"][:, 0])
-    growth = depth.swing_growth or 0.0
-    if growth > GROWS and depth.settling_time is None and not found.settled:
-        summary["stable"] = False
-        summary["verdict"] = (
-            f"unstable: the swing of the depth grows, by {(growth - 1.0) * 100.0:.3g} % in a quarter of the run"
-        )
-        return summary
-    rest = "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
-    summary["verdict"] = f"stable: slides {found.path * 1e3:.3g} mm over the mesh, {rest} at the end"
+    if _grows(depth) and not found.settled:
+        return _unstable(summary, f"the swing of the depth grows, by {_percent(depth)} in a quarter of the run")
+    summary["verdict"] = f"stable: slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found)} at the end"
     if found.step_at_crossing is not None:
         summary["verdict"] += (
             f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
             f"{found.step_at_crossing:.3g} N"
         )
-    if trace["depth"][0, 0] > DEEP:
-        summary["verdict"] += f"; it began {trace['depth'][0, 0] * 1e3:.3g} mm deep in the mesh"
-    if summary["saturated_fraction"]:
-        summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
-    return summary
+    return _began_and_saturated(summary, float(trace["depth"][0, 0]), "mesh")
 
 
 def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     """Return the summary of a run on a body: what palpating it shows, in place of a step response per axis."""
     found = palpation(trace)
     summary["palpation"] = None if found is None else found.as_dict()
-    if not trace.stable:
-        summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
-        return summary
-    if found is None:
-        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s, but the tip never touched the body"
-        return summary
-    deep = step_response(trace.time, np.linalg.norm(trace["deflection"], axis=1))
-    growth = deep.swing_growth or 0.0
-    if growth > GROWS and deep.settling_time is None and not found.settled:
-        summary["stable"] = False
-        summary["verdict"] = (
-            f"unstable: the swing of the deflection grows, by {(growth - 1.0) * 100.0:.3g} % in a quarter of the run"
-        )
-        return summary
-    if growth > 1.0 / GROWS and not found.settled and _rests(_scenario(trace), trace):
-        summary["stable"] = False
-        summary["verdict"] = f"unstable: the force swings by {found.final_swing:.3g} N and does not die out"
-        return summary
+    if found is None or not trace.stable:
+        return _without_contact(summary, trace, "body")
+    scenario, size = _scenario(trace), np.linalg.norm(trace["deflection"], axis=1)
+    deep = step_response(trace.time, size)
+    if _grows(deep) and not found.settled:
+        return _unstable(summary, f"the swing of the deflection grows, by {_percent(deep)} in a quarter of the run")
+    if (deep.swing_growth or 0.0) > 1.0 / GROWS and not found.settled and _rests(scenario, trace):
+        return _unstable(summary, f"the force swings by {found.final_swing:.3g} N and does not die out")
     bounces = _bounces(trace)
-    if bounces > MANY and _rests(_scenario(trace), trace, 0.25):
-        summary["stable"] = False
-        summary["verdict"] = f"unstable: the tip bounces on the body, {bounces} times in the last quarter of the run"
-        return summary
-    rest = "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
+    if bounces > MANY and _rests(scenario, trace, 0.25):
+        return _unstable(summary, f"the tip bounces on the body, {bounces} times in the last quarter of the run")
     summary["verdict"] = (
         f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {summary['peak_object_force_N']:.3g} N, "
-        f"{rest} at the end"
+        f"{_at_the_end(found)} at the end"
     )
     if found.nodes < FEW:
         summary["verdict"] += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
     if found.unsolved:
         summary["verdict"] += f"; in {found.unsolved} samples more nodes lay under the tip than are looked at"
-    if trace["touching"][0, 0] and np.linalg.norm(trace["deflection"][0]) > DEEP:
-        summary["verdict"] += f"; it began {np.linalg.norm(trace['deflection'][0]) * 1e3:.3g} mm deep in the body"
+    return _began_and_saturated(summary, float(size[0]) if trace["touching"][0, 0] else 0.0, "body")
+
+
+def _without_contact(summary: dict[str, Any], trace: Trace, touched: str) -> dict[str, Any]:
+    """Return the summary of a run that diverged, or never touched what it should."""
+    if not trace.stable:
+        summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
+    else:
+        summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s, but the tip never touched the {touched}"
+    return summary
+
+
+def _unstable(summary: dict[str, Any], why: str) -> dict[str, Any]:
+    summary["stable"] = False
+    summary["verdict"] = f"unstable: {why}"
+    return summary
+
+
+def _grows(response: StepResponse) -> bool:
+    return (response.swing_growth or 0.0) > GROWS and response.settling_time is None
+
+
+def _percent(response: StepResponse) -> str:
+    return f"{((response.swing_growth or 0.0) - 1.0) * 100.0:.3g} %"
+
+
+def _at_the_end(found: Slide | Palpation) -> str:
+    return "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
+
+
+def _began_and_saturated(summary: dict[str, Any], depth: float, touched: str) -> dict[str, Any]:
+    """Add to a verdict how deep the run began, m, and how long the drive was at its limit."""
+    if depth > DEEP:
+        summary["verdict"] += f"; it began {depth * 1e3:.3g} mm deep in the {touched}"
+    return _saturated(summary)
+
+
+def _saturated(summary: dict[str, Any]) -> dict[str, Any]:
     if summary["saturated_fraction"]:
         summary["verdict"] += f"; the drive at its limit {summary['saturated_fraction'] * 100.0:.3g} % of the time"
     return summary

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_node import one_node
 from palpate import bodies, simulate
 from palpate.bodies import BodyError
-from palpate.bodies.store import Contents, write
 from palpate.palpation import Sweep, felt, palpation_page, press_all, press_scenario, sweep_scenario
 from palpate.palpation.stiffnesses import LAWS
 from palpate.stability import StabilityError, certify, contact_stability
@@ -41,23 +41,7 @@ def test_a_body_is_as_many_times_as_stiff_as_its_material() -> None:
 
 def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> None:
     """The margin that a certificate gives the same wall where the run comes to rest."""
-    one = Contents(
-        points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
-        triangles=np.array([[0, 1, 2]]),
-        touchable=np.array([True]),
-        nodes=np.array([0]),
-        normals=np.array([[0.0, 0.0, 1.0]]),
-        areas=np.array([1e-6]),
-        compliance=np.diag([1.0 / 512.0] * 3).astype(np.float32),
-        frequencies=np.empty(0),
-        shapes=np.empty((3, 0), dtype=np.float32),
-        vertices=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, -1e-3]]),
-        tetrahedra=np.array([[0, 2, 1, 3]]),
-        young=np.array([1e4]),
-        held=np.array([False, True, True, True]),
-        record={"source": "one node"},
-    )
-    path = write(one, tmp_path / "one.h5")
+    path = one_node(512.0, tmp_path / "one.h5")
     tables = press_scenario(YOUNG, "lead–lag", 512.0, {"file": str(path), "radius": "20 mm", "tip": "flat"})
     tables["device"]["saturation"] = False
     judged = contact_stability(simulate(tables))

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_node import one_node
 from palpate import bodies, simulate
-from palpate.bodies.store import Contents, write
 from palpate.errors import ScenarioError
 from palpate.loop.body import kept_at, scenario_body
 from palpate.scenario import Scenario
@@ -55,23 +55,7 @@ def refusal(text: str, base: Path | None = None) -> str:
 
 def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
     """The same run on a wall of the same stiffness: equal to rounding, tick by tick."""
-    one = Contents(
-        points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
-        triangles=np.array([[0, 1, 2]]),
-        touchable=np.array([True]),
-        nodes=np.array([0]),
-        normals=np.array([[0.0, 0.0, 1.0]]),
-        areas=np.array([1e-6]),
-        compliance=np.diag([1.0 / 1024.0] * 3).astype(np.float32),
-        frequencies=np.empty(0),
-        shapes=np.empty((3, 0), dtype=np.float32),
-        vertices=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, -1e-3]]),
-        tetrahedra=np.array([[0, 2, 1, 3]]),
-        young=np.array([1e4]),
-        held=np.array([False, True, True, True]),
-        record={"source": "one node"},
-    )
-    path = write(one, tmp_path / "one.h5")
+    path = one_node(1024.0, tmp_path / "one.h5")
     on_body = simulate(tables({"file": str(path), "radius": "20 mm", "tip": "flat"}))
     wall = {"kind": "wall", "stiffness": "1024 N/m", "position": ["0 mm", "0 mm", "-0.5 mm"], "normal": [0, 0, 1]}
     on_wall = simulate({**tables({}), "object": wall})

@@ -12,6 +12,7 @@ from palpate import simulate
 from palpate.errors import ScenarioError
 from palpate.loop.touched import box, organ
 from palpate.scenario import Scenario
+from palpate.stability import certify
 from palpate.stability.scenario_loop import scenario_loop
 from palpate.touch import Mesh
 
@@ -94,6 +95,30 @@ def test_a_run_that_begins_inside_says_so(deep: float) -> None:
     scenario["object"]["position"] = ["3 mm", "2 mm", f"{deep} mm"]
     verdict = simulate(scenario).summary()["verdict"]
     assert ("began 3 mm deep in the mesh" in verdict) == (deep > 0.0), verdict
+
+
+def test_a_bounce_that_does_not_end_is_unstable() -> None:
+    """A free arm under a constant force, past the critical stiffness that the wall's certificate gives: it never rests."""
+    hand = {"kind": "force", "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.5 N"]}
+    free = {"servo": {"topology": "impedance_display"}, "operator": hand, "run": {"duration": "3 s"}}
+
+    def press(share: float) -> dict[str, Any]:
+        scenario = tables(
+            {"stiffness": f"{share * critical} N/mm"}, {"shape": "box", "edge": "200 mm", "divisions": 8}, **free
+        )
+        return simulate(_without_reference(scenario)).summary()
+
+    wall = {"kind": "wall", "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-0.2 mm"], "normal": [0, 0, 1]}
+    critical = certify(_without_reference(tables(**{**free, "object": wall}))).margin["stable_share_of_the_object"]
+    assert press(0.8)["stable"]
+    for share in (2.0, 6.0):
+        found = press(share)
+        assert not found["stable"]
+        assert "bounces on the mesh" in found["verdict"]
+
+
+def _without_reference(scenario: dict[str, Any]) -> dict[str, Any]:
+    return {key: table for key, table in scenario.items() if key != "reference"}
 
 
 def test_what_is_recorded_fits_together() -> None:

@@ -83,6 +83,8 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     depth = step_response(trace.time, trace["depth"][:, 0])
     if _grows(depth) and not found.settled:
         return _unstable(summary, f"the swing of the depth grows, by {_percent(depth)} in a quarter of the run")
+    if bounces := _endless_bounces(trace):
+        return _unstable(summary, f"the tip bounces on the mesh, {bounces} times in the last quarter of the run")
     summary["verdict"] = f"stable: slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found)} at the end"
     if found.step_at_crossing is not None:
         summary["verdict"] += (
@@ -104,8 +106,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
         return _unstable(summary, f"the swing of the deflection grows, by {_percent(deep)} in a quarter of the run")
     if (deep.swing_growth or 0.0) > 1.0 / GROWS and not found.settled and _rests(scenario, trace):
         return _unstable(summary, f"the force swings by {found.final_swing:.3g} N and does not die out")
-    bounces = _bounces(trace)
-    if bounces > MANY and _rests(scenario, trace, 0.25):
+    if bounces := _endless_bounces(trace):
         return _unstable(summary, f"the tip bounces on the body, {bounces} times in the last quarter of the run")
     summary["verdict"] = (
         f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {summary['peak_object_force_N']:.3g} N, "
@@ -158,10 +159,11 @@ def _saturated(summary: dict[str, Any]) -> dict[str, Any]:
     return summary
 
 
-def _bounces(trace: Trace) -> int:
-    """Return how often contact begins in the last quarter of a run."""
+def _endless_bounces(trace: Trace) -> int:
+    """Return how often contact begins in the last quarter of a run; 0 if that is seldom, or forces change meanwhile."""
     on = trace["touching"][-(len(trace) // 4) :, 0] > 0.0
-    return int(np.count_nonzero(on[1:] & ~on[:-1]))
+    bounces = int(np.count_nonzero(on[1:] & ~on[:-1]))
+    return bounces if bounces > MANY and _rests(_scenario(trace), trace, 0.25) else 0
 
 
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:

@@ -55,10 +55,10 @@ def test_deep_presses_do_the_work_that_the_body_holds(law: Law) -> None:
 
 
 def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
-    """Under a deep press: against the inverse of the whole tangent."""
+    """Under a deep press: against the inverse of the whole tangent; estimated farther out, and definite throughout."""
     body = pressed()
     _, displacement = body.press(MIDDLE, RADIUS, 6e-3, outward=UP)
-    names, normals, compliance = body.core.snapshot()
+    names, normals, compliance, inner = body.core.snapshot()
     solid = body.solid
     solid.evaluate(displacement)
     free = solid.elements.free
@@ -73,10 +73,18 @@ def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
     expected = load.T @ np.linalg.solve(0.5 * (k + k.T), load)
     assert np.abs(compliance - compliance.T).max() == 0.0
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    assert np.abs((compliance - expected) / scale).max() < 0.01
-    assert (
-        np.diag(compliance) < np.diag(expected) * (1 + 1e-5)
-    ).all()  # what is left over makes it stiffer, never softer
+    near = inner[:, 0] > 0
+    assert near.sum() == 32
+    assert len(names) == 81  # all of the top
+    off = (compliance - expected) / scale
+    assert np.abs(off[np.ix_(near, near)]).max() < 0.01
+    own = np.diag(compliance) / np.diag(expected)
+    assert (own[near] < 1 + 1e-5).all()  # what is left over makes it stiffer, never softer
+    assert np.abs(off[np.ix_(~near, near)]).max() < 0.02
+    outside = np.ix_(~near, ~near)
+    assert np.sqrt((off[outside] ** 2).mean()) < 0.15
+    assert own[~near].max() < 1.4  # at the edges of the top it is far too stiff
+    assert np.linalg.eigvalsh(compliance / scale)[0] > 0
 
 
 def wander(rng: np.random.Generator, ticks: int, tips: int = 1) -> Array:
@@ -133,7 +141,7 @@ def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
     assert both[2] == pytest.approx(both[12], rel=0.02)  # mirror images, but for the way that the cells are cut
     assert both[2] < alone[2]  # the neighbour has pulled the surface down
     # A force on either moves the other.
-    names, _, compliance = body.core.snapshot()
+    names, _, compliance, _ = body.core.snapshot()
     at = body.solid.points[body.solid.elements.touchable[names[:, 0].astype(int)]]
     i = int(np.argmin(np.linalg.norm(at[:, :2] - one[:2], axis=1)))
     j = int(np.argmin(np.linalg.norm(at[:, :2] - two[:2], axis=1)))
@@ -144,6 +152,24 @@ def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
     before = body.core.settle(*ways(deep), 40)[-1, 2]
     after = body.core.settle(*ways(np.stack([deep[0], centre(0.03, 0.02, 5e-3)])), 40)[-1, 2]
     assert 0.5 * before < after < 0.99 * before
+
+
+@pytest.mark.parametrize(("speed", "every"), [(0.2, 30), (0.4, 20), (0.4, 30)])
+def test_a_quick_tip_does_not_lose_the_surface(speed: float, every: int) -> None:
+    """8 or 12 mm a slow step, over cells of 5 mm: nodes without columns carry it until the next snapshot."""
+    volume = block((0.1, 0.04, 0.03), 0.005)
+    body = PressedSolid(Solid(volume, MATERIAL, BOTTOM, TOP))
+    down = np.linspace(-1e-3, 4e-3, 160)
+    along = np.arange(0.02, 0.08, speed * 1e-3)
+    path = np.concatenate(
+        [[centre(0.02, 0.02, d) for d in down], [centre(0.02, 0.02, 4e-3)] * 300,
+         [centre(x, 0.02, 4e-3) for x in along], [centre(0.08, 0.02, 4e-3)] * 300]
+    )  # fmt: skip
+    force = body.follow(path, RADIUS, outward=UP, every=every).force[:, 0, 2]
+    slide = force[460 : 460 + len(along)]
+    assert slide.min() > 0.75 * force[459]
+    assert slide.max() < 1.6 * force[459]
+    assert force[-1] == pytest.approx(force[459], rel=0.04)  # mirror images, but for the way that the cells are cut
 
 
 def ways(tips: Array) -> tuple[Array, Array, Array, bool]:

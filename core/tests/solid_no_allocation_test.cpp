@@ -3,7 +3,11 @@
 
 #include <memory>
 #include <palpate/body/blended.hpp>
+#include <palpate/body/loop_solid.hpp>
 #include <palpate/body/neo_hookean.hpp>
+#include <palpate/device/catalogue.hpp>
+#include <palpate/device/premium.hpp>
+#include <palpate/loop/servo.hpp>
 
 #include "allocations.hpp"
 #include "solid_blocks.hpp"
@@ -31,6 +35,50 @@ TEST(SolidNoAllocation, InATickOfTwoTips) {
   }
   EXPECT_EQ(counted, 0);
   EXPECT_GT(pressed, 400);
+}
+
+struct Slow {
+  palpate::PressedSolid<palpate::NeoHookean, 2> solid;
+  auto step(const palpate::BodyTips& tips, palpate::Snapshot& to) { return solid.step(tips, to); }
+  void reset() { solid.reset(); }
+  [[nodiscard]] std::unique_ptr<Slow> fresh() const { return std::make_unique<Slow>(*this); }
+};
+
+// The arm swings its tip over the solid, in and out of it, with either tip; slow steps in turn, outside of the ticks.
+TEST(SolidNoAllocation, InAServoTickOnASolid) {
+  using palpate::Premium, palpate::Joints, palpate::Vector3;
+  const SolidBlock block(8, 6, 3, 8e3, 0.4);
+  const palpate::LoopSolid<Slow> body(std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20);
+  const Premium arm(palpate::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
+    palpate::ServoSetup<Premium> setup{.mechanism = arm};
+    setup.start = pose;
+    setup.body.body = &body;
+    setup.body.tip = kind;
+    setup.body.radius = 6e-3;
+    const double top = kind == palpate::BodyTip::Kind::sphere ? 6e-3 : 0.0;
+    setup.body.origin = arm.forward(pose) - Vector3<>(0.02, 0.015, 0.015 + top - 1e-3);
+    palpate::Latest<palpate::PressedNodes> pressed;
+    setup.body.watched = &pressed;
+    palpate::Servo<Premium> servo(setup);
+    const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
+    EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
+    int touching = 0;
+    long counted = 0;
+    for (int k = 0; k < 1000; ++k) {
+      const long before = allocations;
+      touching += servo.tick(pose + 0.02 * swing(k), Vector3<>::Zero()).touching ? 1 : 0;
+      counted += allocations - before;
+      servo.in_turn();
+    }
+    EXPECT_EQ(counted, 0);
+    EXPECT_GT(touching, 200);
+    EXPECT_LT(touching, 950);
+    ASSERT_TRUE(pressed.fetch());
+    EXPECT_EQ(pressed.value().count, servo.body()->answer().nodes);
+    EXPECT_TRUE(servo.body()->body().slow());
+  }
 }
 
 }  // namespace

@@ -206,8 +206,26 @@ class PressedSolid:
 
     def snapshot(self) -> tuple:
         """
-        What the servo has: nodes (numbers on the surface), their normals, and compliance along the inward ones, m/N.
+        What the servo has: nodes (numbers on the surface), their normals, compliance along the inward ones, m/N, and which are solved for.
         """
+
+    def reset(self) -> None: ...
+
+class NonlinearBody(BodyInLoop):
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int, every: int) -> None: ...
+
+    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """
+        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do that it presses, as in a loop.
+        """
+
+    def pressed(self) -> tuple:
+        """
+        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        """
+
+    def displacement(self) -> NDArray[numpy.float64]:
+        """Of all points at the last slow step, m."""
 
     def reset(self) -> None: ...
 

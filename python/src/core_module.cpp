@@ -6,12 +6,14 @@
 #include <nanobind/stl/tuple.h>
 
 #include <chrono>
+#include <optional>
 #include <palpate/palpate.hpp>
 #include <thread>
 #include <tuple>
 #include <vector>
 
 #include "body_in_loop.hpp"
+#include "slow_thread.hpp"
 #include "surface_frames.hpp"
 #include "touch_mesh.hpp"
 
@@ -116,7 +118,7 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
   });
 }
 
-/// Runs the nonlinear device's loop and times the servo's part of each period.
+/// Runs the nonlinear device's loop and times the servo's part of each period. If it is paced, a body's slow steps have a thread.
 template <class Mechanism>
 void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                 bool paced, double* seconds) {
@@ -124,6 +126,9 @@ void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, con
   palpate::detail::MovingPlant<Mechanism> plant(setup);
   palpate::Servo<Mechanism> servo(setup);
   const palpate::Clock<double> regular(setup.period, 0.0, 0);
+  std::optional<SlowThread> slow;
+  palpate::BodyTouch* body = servo.body();
+  if (paced && body != nullptr && body->body().slow()) slow.emplace([body] { body->body().slow_step(); });
   const Time::time_point first = Time::now();
   for (int k = 0; k < ticks; ++k) {
     if (paced)
@@ -131,6 +136,7 @@ void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, con
     const Time::time_point begin = Time::now();
     const auto& tick = palpate::detail::tick_of(servo, plant, palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(reference + 3 * k)));
     seconds[k] = std::chrono::duration<double>(Time::now() - begin).count();
+    if (!slow) servo.in_turn();
     const palpate::Vector3<> push = Eigen::Map<const palpate::Vector3<>>(operator_force + 3 * k);
     plant.advance(tick.torque, {push, push}, regular);
   }

@@ -26,6 +26,8 @@ class AnyPressed {
   virtual void displacement(double* to) const = 0;
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
+  /// The same at rest, with a state of its own.
+  [[nodiscard]] virtual std::unique_ptr<AnyPressed> fresh() const = 0;
 };
 
 template <int lanes>

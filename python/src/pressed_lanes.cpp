@@ -11,6 +11,9 @@ namespace {
 template <template <class> class Material>
 class PressedOf final : public AnyPressed {
  public:
+  PressedOf(const PressedOf& other) : AnyPressed(), pressed_(other.pressed_) {}
+  PressedOf& operator=(const PressedOf&) = delete;
+  ~PressedOf() override = default;
   PressedOf(const SolidMesh& mesh, const SolidSurface& surface, const Effort& effort) : pressed_(mesh, surface, effort) {}
 
   PressedStep step(const BodyTips& tips, Snapshot& to) override {
@@ -27,6 +30,11 @@ class PressedOf final : public AnyPressed {
 
   [[nodiscard]] double energy() override { return pressed_.solid().energy(); }
   void reset() override { pressed_.reset(); }
+  [[nodiscard]] std::unique_ptr<AnyPressed> fresh() const override {
+    auto same = std::make_unique<PressedOf>(*this);
+    same->reset();
+    return same;
+  }
 
  private:
   PressedSolid<Material, PALPATE_LANES> pressed_;

@@ -3,10 +3,15 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <palpate/body/loop_solid.hpp>
+#include <palpate/body/two_rates.hpp>
+#include <thread>
 #include <type_traits>
 
 #include "batch.hpp"
-#include "pressed_threads.hpp"
+#include "body_in_loop.hpp"
+#include "pressed.hpp"
+#include "slow_thread.hpp"
 #include "solid.hpp"
 
 namespace nb = nanobind;
@@ -14,6 +19,7 @@ using namespace nb::literals;
 
 namespace {
 
+using palpate::solid::AnyPressed;
 using palpate::solid::AnySolid;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Cells = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
@@ -92,9 +98,15 @@ palpate::SolidSurface surface_of(std::size_t points, const Integers& point, cons
   return surface;
 }
 
+std::unique_ptr<AnyPressed> pressed_of(const palpate::SolidMesh& mesh, bool corotational, const palpate::SolidSurface& surface, int near) {
+  palpate::Effort effort;
+  effort.near = near;
+  return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, effort); });
+}
+
 struct PressedCore {
   std::size_t points;
-  palpate::solid::Pressing pressing;
+  palpate::TwoRates<AnyPressed> pressing;
 };
 
 /// The tips at each tick of a path (ticks, tips, 3).
@@ -169,12 +181,9 @@ void bind_pressed(nb::module_& m) {
           [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
              const Numbers& weights, const Triangles& triangles, int near) {
-            const palpate::SolidMesh mesh = mesh_of(points, cells, shear, lame, held);
-            const palpate::SolidSurface surface = surface_of(points.shape(0), point, areas, begin, shared, weights, triangles);
-            palpate::Effort effort;
-            effort.near = near;
-            auto solid = widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, effort); });
-            new (self) PressedCore{points.shape(0), palpate::solid::Pressing(std::move(solid))};
+            auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
+                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
+            new (self) PressedCore{points.shape(0), palpate::TwoRates<AnyPressed>(std::move(solid))};
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
           "weights"_a, "triangles"_a, "near"_a)
@@ -216,17 +225,17 @@ void bind_pressed(nb::module_& m) {
       .def(
           "live",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
-            using Clock = palpate::solid::Pressing::Clock;
+            using Clock = SlowThread::Clock;
             Ways ways(centres, outward, radii, flat);
             auto [rows, row] = table(ways.ticks(), ways.columns());
             auto [times, t] = table(ways.ticks(), 2);
             std::vector<double> slow;
             {
               const nb::gil_scoped_release unlocked;
-              std::unique_ptr<palpate::solid::Pressing::Thread> other;
+              std::unique_ptr<SlowThread> other;
               if (thread && ways.ticks() > 0) {
                 self.pressing.tick(ways.at(0));
-                other = std::make_unique<palpate::solid::Pressing::Thread>(self.pressing);
+                other = std::make_unique<SlowThread>([&self] { self.pressing.slow_step(); });
               }
               const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
@@ -255,10 +264,10 @@ void bind_pressed(nb::module_& m) {
       .def("displacement",
            [](PressedCore& self) {
              auto [out, data] = vectors(self.points);
-             self.pressing.solid().displacement(data);
+             self.pressing.slow().displacement(data);
              return out;
            })
-      .def("energy", [](PressedCore& self) { return self.pressing.solid().energy(); })
+      .def("energy", [](PressedCore& self) { return self.pressing.slow().energy(); })
       .def(
           "snapshot",
           [](PressedCore& self) {
@@ -267,21 +276,111 @@ void bind_pressed(nb::module_& m) {
             auto [names, i] = table(n, 1);
             auto [compliance, c] = table(n, n);
             auto [normals, o] = table(n, 3);
+            auto [inner, e] = table(n, 1);
             for (std::size_t a = 0; a < n; ++a) {
+              e[a] = s.inner[a] ? 1.0 : 0.0;
               i[a] = s.name[a];
               for (std::size_t b = 0; b < n; ++b) c[a * n + b] = s.between(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
               for (std::size_t b = 0; b < 3; ++b) o[3 * a + b] = s.nodes.normal(static_cast<std::int32_t>(a))[static_cast<int>(b)];
             }
-            return nb::make_tuple(names, normals, compliance);
+            return nb::make_tuple(names, normals, compliance, inner);
           },
-          "What the servo has: nodes (numbers on the surface), their normals, and compliance along the inward ones, m/N.")
+          "What the servo has: nodes (numbers on the surface), their normals, compliance along the inward ones, m/N, and which are solved "
+          "for.")
       .def("reset", [](PressedCore& self) { self.pressing.reset(); });
+}
+
+/// A solid as one of a body's kinds: one tip, slow steps in turn.
+struct NonlinearCore : BodyInLoop {
+  std::size_t points;
+  palpate::LoopSolid<AnyPressed> body;
+  bool begun = false;
+
+  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every) : points(count), body(std::move(solid), every) {}
+
+  [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override { return body.fresh(); }
+
+  const palpate::BodyAnswer& tick(palpate::BodyTip tip) {
+    if (tip.kind == palpate::BodyTip::Kind::sphere) tip.outward = body.outward(tip);
+    if (!begun) body.begin(tip);
+    begun = true;
+    const palpate::BodyAnswer& answer = body.step(tip);
+    body.in_turn();
+    return answer;
+  }
+};
+
+void bind_nonlinear(nb::module_& m) {
+  nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
+      .def(
+          "__init__",
+          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near, int every) {
+            if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
+            auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
+                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
+            new (self) NonlinearCore(points.shape(0), std::move(solid), every);
+          },
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
+          "weights"_a, "triangles"_a, "near"_a, "every"_a)
+      .def(
+          "follow",
+          [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centres.shape(0);
+            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            auto [rows, row] = table(n, 14);
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t i = 0; i < n; ++i, row += 14) {
+              const palpate::BodyAnswer& a = self.tick({flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius,
+                                                        Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
+                                                        Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i)});
+              Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
+              Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+              row[6] = a.energy;
+              row[7] = a.nodes;
+              row[8] = a.touching ? 1.0 : 0.0;
+              row[9] = a.solved ? 1.0 : 0.0;
+              Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
+              row[13] = a.sliding ? 1.0 : 0.0;
+            }
+            return rows;
+          },
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a,
+          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do "
+          "that it presses, as in a loop.")
+      .def(
+          "pressed",
+          [](const NonlinearCore& self) {
+            const auto n = static_cast<std::size_t>(self.body.last().nodes);
+            auto* nodes = new std::int64_t[n + 1];
+            const nb::capsule owner(nodes, [](void* p) noexcept { delete[] static_cast<std::int64_t*>(p); });
+            auto* forces = new double[n + 1];
+            const nb::capsule other(forces, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+            std::copy_n(self.body.pressed(), n, nodes);
+            std::copy_n(self.body.forces(), n, forces);
+            return nb::make_tuple(nb::ndarray<nb::numpy, std::int64_t>(nodes, {n}, owner), Out(forces, {n}, other));
+          },
+          "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
+      .def(
+          "displacement",
+          [](const NonlinearCore& self) {
+            auto [out, data] = vectors(self.points);
+            self.body.rates().slow().displacement(data);
+            return out;
+          },
+          "Of all points at the last slow step, m.")
+      .def("reset", [](NonlinearCore& self) {
+        self.body.reset();
+        self.begun = false;
+      });
 }
 
 }  // namespace
 
 void bind_solid(nb::module_& m) {
   bind_pressed(m);
+  bind_nonlinear(m);
   nb::class_<SolidCore>(m, "Solid")
       .def(
           "__init__",

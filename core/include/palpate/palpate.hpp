@@ -5,6 +5,7 @@
 #include "palpate/body/compliance.hpp"
 #include "palpate/body/corotational.hpp"
 #include "palpate/body/lattice.hpp"
+#include "palpate/body/loop_solid.hpp"
 #include "palpate/body/modal.hpp"
 #include "palpate/body/neo_hookean.hpp"
 #include "palpate/body/patch.hpp"

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
 
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
@@ -22,12 +23,21 @@ from palpate.bodies.volume import Volume
 from palpate.errors import PoseError
 from palpate.touch.mesh import Mesh
 
-__all__ = ["Body", "Press", "Presses"]
+__all__ = ["Body", "Law", "Press", "Presses"]
 
 Shape = Literal["sphere", "flat"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Law = Literal["neo-hookean", "corotational"]
+Core = (
+    _core.ElasticBody
+    | _core.ModalBody
+    | _core.RelaxingBody
+    | _core.LatticeBody
+    | _core.SplineBody
+    | _core.NonlinearBody
+)
 
 
 class Press(NamedTuple):
@@ -119,7 +129,7 @@ class Body:
         return network(self.volume, self.contents.young, float(self.record["poisson"]), density)
 
     @cached_property
-    def core(self) -> _core.ElasticBody | _core.ModalBody | _core.RelaxingBody | _core.LatticeBody | _core.SplineBody:
+    def core(self) -> Core:
         """The contact of one tip, in C++."""
         return _core.ElasticBody(*self._arrays())
 
@@ -135,6 +145,7 @@ class Body:
             replace(
                 self.contents,
                 compliance=(self.compliance / np.float32(factor)).astype(np.float32),
+                young=self.contents.young * factor,
                 frequencies=self.contents.frequencies * np.sqrt(factor),
                 record={**self.record, "stiffer": factor * self.record.get("stiffer", 1.0)},
             )
@@ -283,6 +294,53 @@ class Body:
         shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law)
         return shaped
 
+    def nonlinear(
+        self,
+        period: float | str,
+        *,
+        law: Law = "neo-hookean",
+        slow_step: float | str = "20 ms",
+        near: float = 32,
+    ) -> Body:
+        """Return the same body under large displacements, without inertia, for ticks of `period`, s or text.
+
+        Linear tetrahedra on the body's mesh (`palpate.bodies.Solid`), pressed as `palpate.bodies.PressedSolid`: each
+        `slow_step`, s or text, rounded to whole ticks, one step towards rest, whose snapshot of the `near` nodes
+        around the tip (4 to 64) a tick feels from the next one on. In turn with the ticks, so always the same.
+
+        Raises:
+            BodyError: the law is unknown, a slow step is shorter than a tick, or a number is impossible.
+        """
+        if law not in ("neo-hookean", "corotational"):
+            raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
+        if not (float(near).is_integer() and 4 <= near <= 64):
+            raise BodyError(f"near: a snapshot covers 4 to 64 nodes, a whole number, not {near:g}")
+        tick, slow = positive(period, "s", "period"), positive(slow_step, "s", "slow_step")
+        if not round(slow / tick) >= 1:
+            raise BodyError(f"slow_step: it lasts one tick ({tick:g} s) or more, not {slow:g} s")
+        contents, poisson = self.contents, float(self.record["poisson"])
+        on_surface = np.unique(self.volume.surface)
+        begin, vertices, shares = self._patches()
+        large = Body(contents)
+        large.settles = tick
+        large.core = _core.NonlinearBody(
+            np.ascontiguousarray(contents.vertices),
+            np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
+            np.ascontiguousarray(contents.young / (2 * (1 + poisson))),
+            np.ascontiguousarray(contents.young * poisson / ((1 + poisson) * (1 - 2 * poisson))),
+            np.ascontiguousarray(contents.held),
+            law == "corotational",
+            np.ascontiguousarray(on_surface[contents.nodes], dtype=np.int32),
+            np.ascontiguousarray(contents.areas),
+            begin,
+            vertices,
+            shares,
+            np.ascontiguousarray(on_surface[self.triangles[contents.touchable]], dtype=np.int32),
+            int(near),
+            round(slow / tick),
+        )
+        return large
+
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         on_surface = np.unique(self.volume.surface)
         triangles = on_surface[self.triangles[self.contents.touchable]]
@@ -320,6 +378,9 @@ class Body:
         normal /= np.linalg.norm(normal)
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
+        if isinstance(self.core, _core.NonlinearBody):  # goes down little by little
+            parts = np.repeat(np.linspace(0.9, 0.0, 10), 100)[:, None]
+            self.follow(centre + parts * deep * normal, size, outward=normal, tip=tip)
         felt = self.follow(centre[None], size, outward=normal, tip=tip)
         if self.settles is not None:
             felt = self._settle(centre, size, normal, tip, self.settles)
@@ -370,8 +431,13 @@ class Body:
     def displacement(self) -> Array:
         """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long.
 
-        Of a lattice: where it is now; of a spline: that of the spline.
+        Of a lattice: where it is now; of a spline: that of the spline; under large displacements: at the last
+        slow step.
         """
+        if isinstance(self.core, _core.NonlinearBody):
+            begin, vertices, shares = self._patches()
+            share = sparse.csr_matrix((shares, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
+            return np.asarray(share @ self.core.displacement())
         if isinstance(self.core, _core.LatticeBody | _core.SplineBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()

@@ -44,13 +44,13 @@ class PressedSolid:
     """A solid that one or two rigid tips press: slow steps, and between them what the servo feels.
 
     A slow step (tens of ms) goes a Newton step towards rest under the tips' contact, and hands the servo a snapshot:
-    up to 64 nodes near the tips, where they are, and their compliance, that of the tangent. The servo's tick solves the
-    one-sided contact on it, both tips together. A new snapshot is blended in as far as the energy put in allows: the
-    tips never get out more.
+    up to 64 nodes near the tips, where they are, and their compliance, that of the tangent; farther out, to 128 nodes
+    in all, an estimate, for quick tips. The servo's tick solves the one-sided contact on it, both tips together. A new
+    snapshot is blended in as far as the energy put in allows: the tips never get out more.
 
     Args:
         solid: its volume, material, held and touchable parts; it stays as it is.
-        near: nodes near each tip that a snapshot covers, 4 to 64; two tips share 64.
+        near: nodes near each tip whose compliance is solved for, 4 to 64; two tips share 64.
 
     Raises:
         BodyError: an impossible number of nodes.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
+from palpate.bodies.body import Law
 from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material
@@ -19,7 +20,6 @@ __all__ = ["Law", "Solid", "Strain"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Law = Literal["neo-hookean", "corotational"]
 
 
 class Strain(NamedTuple):

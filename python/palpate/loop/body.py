@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,8 +161,12 @@ def _of_kind(
     state: tuple[str, int, int], stiffer: float, kind: str, options: tuple[tuple[str, float], ...], period: float
 ) -> Body:
     body = _read(state) if stiffer == 1.0 else _read(state).stiffer(stiffer)
+    from palpate.bodies import Law
+
     if kind == "compliance":
         given = {"static_friction": 0.0, **dict(options)}
         return body.rough(**given) if options else body
+    if kind in get_args(Law):
+        return body.nonlinear(period, law=kind, **dict(options))  # type: ignore[arg-type]
     made: Body = getattr(body, kind)(period, **dict(options))
     return made

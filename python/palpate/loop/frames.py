@@ -36,13 +36,17 @@ class SurfaceFrames:
         """Draw the body of an experiment whenever it runs, `rate` Hz of real time.
 
         Raises:
-            BodyError: the experiment has no body, or the rate is not positive.
+            BodyError: the experiment has no body, it is one under large displacements, or the rate is not positive.
         """
         if experiment.scenario.object.body is None:
             raise BodyError("there is no body to draw: the scenario's object is none")
         if not 0.0 < rate < np.inf:
             raise BodyError(f"frames come at a positive rate in Hz, not {rate:g}")
         body = scenario_body(experiment.scenario)
+        if isinstance(body.core, _core.NonlinearBody):
+            raise BodyError(
+                "frames multiply forces by a compliance, which large displacements do not have: take a linear kind"
+            )
         self._core = _core.SurfaceFrames(np.ascontiguousarray(body.compliance), rate)
         experiment.setup.watch(self._core)
 

@@ -34,8 +34,9 @@ class Palpation:
         felt_median, felt_most: of force over deflection along the way, N/m (`felt_along`); None for a way under 10 mm.
         work: of the tip on the body, its force taken as linear between samples.
         stored: in the body at the end.
-        lost: work less what is stored: what the body took for good (viscous kinds), or, below zero, gave. Without
-            inertia and viscosity it is what adding up finite steps misses.
+        saved: put in besides, and kept at the end for snapshots to come (large displacements).
+        lost: work less what is stored and saved: what the body took for good (viscous kinds; what was saved when the
+            tip left), or, below zero, gave. Without any of these it is what adding up finite steps misses.
         held: `work` less what it is when each force is held until the next sample, as motors hold it: what sampling
             adds to a loop that shows the body's force as it is. None if not every tick was recorded.
         final_deflection: mean over the last 0.1 s.
@@ -54,6 +55,7 @@ class Palpation:
     felt_most: float | None
     work: float
     stored: float
+    saved: float
     lost: float
     held: float | None
     final_deflection: float
@@ -72,7 +74,7 @@ class Palpation:
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
         units |= dict.fromkeys(("felt_median", "felt_most"), "N_per_m")
         units |= dict.fromkeys(("final_force", "final_swing"), "N")
-        units |= dict.fromkeys(("work", "stored", "lost", "held"), "J")
+        units |= dict.fromkeys(("work", "stored", "saved", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
 
@@ -82,15 +84,16 @@ def palpation(trace: Trace) -> Palpation | None:
     if "pressed_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
     first = max(int(np.argmax(trace["touching"][:, 0] > 0.0)) - 1, 0)  # the sample before, where nothing is stored
-    names = ("touching", "tip", "object_force", "deflection", "stored_energy", "pressed_nodes", "solved")
-    touching, tip, force, deflection, stored, nodes, solved = (trace[name][first:] for name in names)
+    names = ("touching", "tip", "object_force", "deflection", "pressed_nodes", "solved")
+    touching, tip, force, deflection, nodes, solved = (trace[name][first:] for name in names)
+    stored, saved = trace["stored_energy"][first:], trace["saved_energy"][first:]
     time, on = trace.time[first:], touching[:, 0] > 0.0
     deep = np.linalg.norm(deflection, axis=1)
     size = np.linalg.norm(force, axis=1)
     at = int(np.argmax(deep))
     move = np.diff(tip, axis=0)
     work = float(np.sum(0.5 * (force[1:] + force[:-1]) * move))
-    kept = float(stored[-1, 0] - stored[0, 0])
+    kept, spare = float(stored[-1, 0] - stored[0, 0]), float(saved[-1, 0] - saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
     way, felt = felt_along(trace)
@@ -105,7 +108,8 @@ def palpation(trace: Trace) -> Palpation | None:
         felt_most=float(np.max(felt)) if swept else None,
         work=work,
         stored=kept,
-        lost=work - kept,
+        saved=spare,
+        lost=work - kept - spare,
         held=work - float(np.sum(force[:-1] * move)) if every_tick else None,
         final_deflection=float(np.mean(deep[last])),
         final_force=float(np.mean(size[last])),

@@ -27,7 +27,7 @@ __all__ = ["Experiment", "prepare", "simulate"]
 Array = NDArray[np.float64]
 # What the core adds to a row: columns of each channel.
 MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
-BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1}
+BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}
 BEYOND = 1e100  # in any unit: its square is still a number
 
 
@@ -96,7 +96,7 @@ class Experiment:
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
-        A row has 3 dof + 11 numbers, on a mesh 9 and on a body 6 more.
+        A row has 3 dof + 11 numbers, on a mesh 9 and on a body 7 more.
         """
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
         return np.asarray(rows)[:count], unstable_tick

@@ -38,6 +38,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "depth": ("m", "of the tip under the proxy, along the normal"),
     "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
     "stored_energy": ("J", "that pressing has stored in the body"),
+    "saved_energy": ("J", "put into the body besides, kept for snapshots to come (large displacements)"),
     "pressed_nodes": ("", "number of the body's nodes that the tip presses"),
     "solved": ("", "1; 0: more nodes lay under the tip than are looked at"),
     "triangle": ("", "number of the touched triangle, -1 where apart"),

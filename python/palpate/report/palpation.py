@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.loop.palpation import JND, felt_along
 from palpate.report.figures import thin
-from palpate.report.numbers import numbers_table
+from palpate.report.numbers import Number, numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ __all__ = ["body_energy", "deformed", "felt", "force_and_deflection", "palpation
 
 Array = NDArray[np.float64]
 # what, key in summary["palpation"], unit, factor
-_NUMBERS: Final = (
+_NUMBERS: Final[tuple[Number, ...]] = (
     ("deepest deflection", "deepest_m", "mm", 1e3),
     ("force over deflection there", "stiffness_N_per_m", "N/m", 1.0),
     ("nodes pressed there", "nodes", "", 1.0),
@@ -34,6 +34,7 @@ _NUMBERS: Final = (
     ("swing of the force at the end", "final_swing_N", "mN", 1e3),
     ("work of the tip on the body", "work_J", "mJ", 1e3),
     ("stored in the body at the end", "stored_J", "mJ", 1e3),
+    ("saved for snapshots to come", "saved_J", "mJ", 1e3),
     ("lost in the body", "lost_J", "mJ", 1e3),
     ("added by holding the force from sample to sample", "held_J", "mJ", 1e3),
 )
@@ -64,7 +65,8 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
 
 def palpation_table(page: Page, found: dict[str, Any]) -> None:
     """Write the numbers of a press as a table."""
-    numbers_table(page, _NUMBERS, found, "The press in numbers, from the first touch to the end of the run.")
+    shown = [number for number in _NUMBERS if number[1] != "saved_J" or found["saved_J"]]
+    numbers_table(page, shown, found, "The press in numbers, from the first touch to the end of the run.")
 
 
 def deformed(pressed: Pressed) -> Figure:
@@ -135,6 +137,12 @@ def body_energy(trace: Trace) -> Figure:
     panel = rows[0][0]
     panel.plot(*thin(trace.time, 1e3 * work), color=COLOURS[2], label="work of the tip", linewidth=2.4)
     panel.plot(*thin(trace.time, 1e3 * trace["stored_energy"][:, 0]), color=INK, label="stored", linestyle=(0, (4, 3)))
+    saved = trace["saved_energy"][:, 0]
+    if saved.any():
+        held = 1e3 * (trace["stored_energy"][:, 0] + saved)
+        panel.plot(
+            *thin(trace.time, held), color=COLOURS[1], label="stored and saved", linestyle=(0, (1, 2)), linewidth=2.4
+        )
     panel.set(xlabel="time [s]", ylabel="energy [mJ]")
     panel.legend(loc="best")
     panel.set_title("", **TITLE)

@@ -14,14 +14,18 @@ from palpate.units import parse, write
 
 __all__ = ["KINDS", "BodyChoice"]
 
-# kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`.
+# kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`; a law of large
+# displacements is `Body.nonlinear(period, law=kind, **options)`.
 _FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", False)}
+_SLOW: Final = {"slow_step": ("s", False), "near": ("", False)}
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "compliance": _FRICTION,
     "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), "instant": ("", False), "creep": ("s", False)},
     "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
     "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
     "spline": {"spacing": ("m", False)},
+    "neo-hookean": _SLOW,
+    "corotational": _SLOW,
 }
 # shape: its keys, and an example of those that it needs
 _SHAPES: Final[dict[str, dict[str, str]]] = {
@@ -55,7 +59,8 @@ class BodyChoice(Section):
         spacing: of the cells, m.
         modes: how many vibration modes to find, for the kind "modal".
         contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.bodies.phantom`.
-        kind: how the body answers, one of `KINDS`; options: of the kind, any other key of the table, in SI.
+        kind: how the body answers, one of `KINDS` ("neo-hookean" and "corotational": under large displacements);
+            options: of the kind, any other key of the table, in SI.
         origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a
             block or phantom if not given, else its own origin.
         turn: about x, then y, then z of the device, round that point, rad.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from palpate import _core
 from palpate.control.build import build_controller
 from palpate.control.controller import Controller
 from palpate.design.margins import gain_interval
@@ -80,7 +81,7 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | N
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     normal = -trace["object_force"][row] / np.linalg.norm(trace["object_force"][row])
-    stiffness = float(normal @ _slope(scenario, trace["tip"][row] - trace["tip"][0]) @ normal)
+    stiffness = float(normal @ _slope(scenario, trace["tip"][: row % len(trace) + 1] - trace["tip"][0]) @ normal)
     if not stiffness > 0.0:
         raise StabilityError(f"the contact at t = {trace.time[row]:g} s has no stiffness along its force")
     wall = {"kind": "wall", "stiffness": f"{stiffness!r} N/m", "normal": normal.tolist()}
@@ -97,20 +98,28 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | N
 
 
 def _slope(scenario: Scenario, tip: Array) -> Array:
-    """Return minus the slope of the force on the tip (3, 3), N/m, at `tip` (3,), m from the start, device's frame."""
+    """Return minus the slope of the force on the tip (3, 3), N/m, at the end of `tip` (m, 3), m from the start.
+
+    In the device's frame. A body under large displacements is led along the tip's whole way there.
+    """
     from palpate.loop.body import origin_of, scenario_body
 
     choice = scenario.object.body
     assert choice is not None
     body = scenario_body(scenario)
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
-    at = (tip - np.array(scenario.object.position)) @ turn + origin_of(choice, body)
+    way = (tip - np.array(scenario.object.position)) @ turn + origin_of(choice, body)
     outward = [0.0, 0.0, 1.0] if choice.tip == "flat" else None
 
     def force(place: Array) -> Array:
-        body.core.reset()
+        if not large:
+            body.core.reset()
         return np.array(body.follow(place[None], choice.radius, outward=outward, tip=choice.tip).force[0])
 
-    columns = [(force(at - step) - force(at + step)) / (2 * _STEP) for step in _STEP * np.eye(3)]
+    large = isinstance(body.core, _core.NonlinearBody)
+    if large:
+        body.core.reset()
+        body.follow(way, choice.radius, outward=outward, tip=choice.tip)
+    columns = [(force(way[-1] - step) - force(way[-1] + step)) / (2 * _STEP) for step in _STEP * np.eye(3)]
     own = np.stack(columns, axis=1)
     return np.asarray(turn @ (0.5 * (own + own.T)) @ turn.T)

@@ -52,6 +52,22 @@ class BlendedContact {
 
   [[nodiscard]] const TipsAnswer& last() const noexcept { return answer_; }
   [[nodiscard]] const Account& account() const noexcept { return account_; }
+
+  /// Calls take(name, force along the inward normal [N], force of the tip [N]) for each node that is pressed, by rising name.
+  template <class Take>
+  void each_pressed(Box& box, Take take) const noexcept {
+    const double s = account_.share;
+    Pressed one(box, side_[static_cast<std::size_t>(a_)], 1.0 - s), two(box, side_[static_cast<std::size_t>(b_)], s);
+    while (one || two) {
+      const std::int32_t name = !two || (one && one.name() < two.name()) ? one.name() : two.name();
+      double force = 0.0;
+      Vector3<> push = Vector3<>::Zero();
+      for (Pressed* side : {&one, &two})
+        if (*side && side->name() == name) side->add(force, push);
+      take(name, force, push);
+    }
+  }
+
   [[nodiscard]] const Snapshot& newest(Box& box) const noexcept { return box.at(side_[static_cast<std::size_t>(b_)].slot); }
 
  private:
@@ -59,6 +75,28 @@ class BlendedContact {
     int slot = 0;
     double share = 1.0;  // of the snapshot's compliance
     SnapshotContact contact;
+  };
+
+  /// Goes over the pressed nodes of a side that counts by `weight`.
+  class Pressed {
+   public:
+    Pressed(Box& box, const Side& side, double weight) noexcept
+        : body_(&box.at(side.slot)), contact_(&side.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
+    explicit operator bool() const noexcept { return at_ < count_; }
+    [[nodiscard]] std::int32_t name() const noexcept { return contact_->pressed()[at_]; }
+    void add(double& force, Vector3<>& push) noexcept {
+      const auto end = body_->name.begin() + body_->nodes.size();
+      const auto node = static_cast<std::int32_t>(std::lower_bound(body_->name.begin(), end, name()) - body_->name.begin());
+      force += weight_ * contact_->forces()[at_];
+      push -= (weight_ * contact_->forces()[at_]) * body_->nodes.normal(node);
+      ++at_;
+    }
+
+   private:
+    const Snapshot* body_;
+    const SnapshotContact* contact_;
+    double weight_;
+    int count_, at_ = 0;
   };
 
   const TipsAnswer& solve(Box& box, int side, const BodyTips& tips) noexcept {

@@ -145,6 +145,7 @@ class BodyNodes {
   /// Calls `take(node)` for each node in the cells that a box reaches: `reach` [m] around `place`.
   template <class Take>
   void visit(const Vector3<>& place, double reach, Take take) const noexcept {
+    if (points_.empty()) return;
     std::int32_t from[3], to[3];
     for (int a = 0; a < 3; ++a) {
       const double first = (place[a] - reach - low_[a]) / cell_, last = (place[a] + reach - low_[a]) / cell_;

@@ -19,6 +19,7 @@ struct BodyAnswer {
   Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the pressed patch, weighted by its forces, m
   Vector3<> friction = Vector3<>::Zero();    ///< the part of `force` that drags along the surface, N
   double energy = 0.0;                       ///< that pressing has stored, J (of the contact: f.g/2)
+  double saved = 0.0;                        ///< put in besides, and kept for what snapshots to come ask for (BlendedContact), J
   int nodes = 0;                             ///< pressed
   bool sliding = false;                      ///< the whole patch slides: dynamic friction
   bool solved = true;                        ///< false: the bound on moves was reached, or more nodes lie under the tip than are looked at

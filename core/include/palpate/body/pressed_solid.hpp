@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/body/beyond.hpp"
 #include "palpate/body/conjugate_gradients.hpp"
 #include "palpate/body/snapshot.hpp"
 #include "palpate/body/solid.hpp"
@@ -26,7 +27,7 @@ struct SolidSurface {
 
 /// How much work a step of a pressed solid is.
 struct Effort {
-  int near = 32;             ///< nodes near each tip that the snapshot covers, at most Snapshot::capacity in all
+  int near = 32;             ///< nodes near each tip whose compliance is solved for, at most Snapshot::most_inner in all
   float newton = 0.1F;       ///< to which share of its residual Newton's direction is solved
   int newton_steps = 30;     ///< of conjugate gradients, at most
   float compliance = 0.05F;  ///< to which share of the unit force each column of the compliance is solved
@@ -38,7 +39,8 @@ struct Effort {
 ///
 /// The snapshot's compliance is that of the tangent: columns z_j = K^-1 b_j of the nodes near the tips are kept from step to step, and
 /// bettered by conjugate gradients, sixteen side by side. What is left over in them, r_j = b_j - K z_j, is used once more: the compliance
-/// b_i.z_j + z_i.r_j is symmetric and wrong by the square of the columns' errors only, and always too small.
+/// b_i.z_j + z_i.r_j is symmetric and wrong by the square of the columns' errors only, and always too small. Nodes farther out, where a
+/// quick tip may be before the next snapshot comes, have no columns: see Beyond.
 template <template <class> class Material, int lanes>
 class PressedSolid {
  public:
@@ -63,7 +65,7 @@ class PressedSolid {
     around_.resize(mesh.points.size());
     for (std::size_t f = 0; f < surface_.triangles.size(); ++f)
       for (const std::int32_t p : surface_.triangles[f]) around_[static_cast<std::size_t>(p)].push_back(static_cast<std::int32_t>(f));
-    const std::size_t groups = (static_cast<std::size_t>(std::min(BodyTips::most * effort.near, Snapshot::capacity)) + width - 1) / width;
+    const std::size_t groups = (static_cast<std::size_t>(std::min(BodyTips::most * effort.near, Snapshot::most_inner)) + width - 1) / width;
     column_.assign(groups, std::vector<Columns>(solid_.unknowns(), Columns{}));
     rest_.assign(groups, std::vector<Columns>(solid_.unknowns(), Columns{}));
     slot_.fill(-1);
@@ -104,6 +106,7 @@ class PressedSolid {
 
  private:
   static constexpr std::size_t width = sizeof(Columns) / sizeof(float);
+  static constexpr double ahead_steps = 3.0;  // that a quick tip may go before it feels the snapshot
 
   /// The load of the contact's forces along the last snapshot's ways, and what the columns say that it changes.
   void push() {
@@ -122,6 +125,7 @@ class PressedSolid {
       const double change = force[n] - state_.force[n];
       if (change == 0.0) continue;
       const auto slot = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), state_.name[n]) - slot_.begin());
+      if (slot == slot_.size()) continue;  // it had no column
       const std::vector<Columns>& group = column_[slot / width];
       for (std::size_t k = 0; k < guess_.size(); ++k) guess_[k] += static_cast<float>(change) * group[k][slot % width];
     }
@@ -181,7 +185,7 @@ class PressedSolid {
   void choose_near(const BodyTips& tips) {
     const auto n = static_cast<std::int32_t>(surface_.point.size());
     wanted_.clear();
-    const int each = std::min(effort_.near, Snapshot::capacity / std::max(tips.count, 1));
+    const int each = std::min(effort_.near, Snapshot::most_inner / std::max(tips.count, 1));
     for (int t = 0; t < tips.count; ++t) {
       // Where the tip is, and where it will be when the snapshot comes, if it goes on as it went.
       const Vector3<>&now = tips.tip[static_cast<std::size_t>(t)].centre, &before = seen_.tip[static_cast<std::size_t>(t)].centre;
@@ -207,10 +211,38 @@ class PressedSolid {
       slot_[slot] = name;
       for (Columns& c : column_[slot / width]) c[slot % width] = 0.0F;
     }
+    choose_beyond(tips);
     seen_ = tips;
     groups_ = 0;
     for (std::size_t s = 0; s < slot_.size(); ++s)
       if (slot_[s] >= 0) groups_ = s / width + 1;
+  }
+
+  /// Those of the others that lie nearest to where the tips go if they go on for a few steps more: as many as a snapshot has room for.
+  void choose_beyond(const BodyTips& tips) {
+    near_.clear();
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(surface_.point.size()); ++i) {
+      if (std::binary_search(wanted_.begin(), wanted_.end(), i)) continue;
+      const Vector3<> at = points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(i)])] + moved(i);
+      double far = 1e300;
+      for (int t = 0; t < tips.count; ++t) {
+        const Vector3<>& now = tips.tip[static_cast<std::size_t>(t)].centre;
+        const Vector3<> way =
+            t < seen_.count ? Vector3<>(ahead_steps * (now - seen_.tip[static_cast<std::size_t>(t)].centre)) : Vector3<>::Zero();
+        const double square = way.squaredNorm(), part = square > 0.0 ? std::clamp((at - now).dot(way) / square, 0.0, 1.0) : 0.0;
+        far = std::min(far, (at - now - part * way).squaredNorm());
+      }
+      near_.emplace_back(far, i);
+    }
+    const auto room = std::min(static_cast<std::size_t>(Snapshot::capacity) - wanted_.size(), near_.size());
+    std::partial_sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(room), near_.end());
+    covered_ = wanted_;
+    for (std::size_t k = 0; k < room; ++k) covered_.push_back(near_[k].second);
+    std::sort(covered_.begin(), covered_.end());
+    for (std::size_t i = 0; i < covered_.size(); ++i) {
+      slot_at_[i] = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), covered_[i]) - slot_.begin());
+      next_.inner[i] = slot_at_[i] < slot_.size();
+    }
   }
 
   /// Nodes that are pressed give way as the tip pushes, without friction: along its radius, or the rod's axis. The others along the
@@ -220,8 +252,8 @@ class PressedSolid {
     std::vector<double> areas;
     next_.name.fill(0);
     next_.force.fill(0.0);
-    for (std::size_t i = 0; i < wanted_.size(); ++i) {
-      const std::int32_t name = wanted_[i];
+    for (std::size_t i = 0; i < covered_.size(); ++i) {
+      const std::int32_t name = covered_[i];
       next_.name[i] = name;
       next_.displacement[i] = moved(name);
       places.push_back(points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(name)])] + next_.displacement[i]);
@@ -250,8 +282,6 @@ class PressedSolid {
   }
 
   void better_columns(Report& report) {
-    for (std::size_t i = 0; i < wanted_.size(); ++i)
-      slot_at_[i] = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), wanted_[i]) - slot_.begin());
     for (std::size_t g = 0; g < groups_; ++g) {
       std::vector<Columns>&z = column_[g], &r = rest_[g];
       Columns square{};
@@ -261,8 +291,8 @@ class PressedSolid {
       solid_.tangent().multiply(z.data(), r.data());
       for (Columns& c : r) c = -c;
       bool used = false;
-      for (std::size_t i = 0; i < wanted_.size(); ++i) {
-        if (slot_at_[i] / width != g) continue;
+      for (std::size_t i = 0; i < covered_.size(); ++i) {
+        if (!next_.inner[i] || slot_at_[i] / width != g) continue;
         used = true;
         each_entry(i, [&](std::size_t k, double value) {
           r[k][slot_at_[i] % width] += static_cast<float>(value);
@@ -283,7 +313,7 @@ class PressedSolid {
 
   /// Compliance, and what the body is still to move.
   void linearise() {
-    const std::size_t count = wanted_.size();
+    const std::size_t count = covered_.size();
     // What is left of the load with the forces along the new ways.
     std::fill(load_.begin(), load_.end(), 0.0);
     for (std::size_t i = 0; i < count; ++i) load(next_.name[i], -next_.force[i] * next_.nodes.normal(static_cast<std::int32_t>(i)));
@@ -299,24 +329,29 @@ class PressedSolid {
           for (std::size_t l = 0; l < width; ++l) sum[l] += rest_[h][k][l] * column_[g][k];
         for (std::size_t l = 0; l < width; ++l)
           for (std::size_t m = 0; m < width; ++m)
-            product_[(g * width + m) * Snapshot::capacity + h * width + l] = static_cast<double>(sum[l][m]);
+            product_[(g * width + m) * Snapshot::most_inner + h * width + l] = static_cast<double>(sum[l][m]);
       }
     }
     for (std::size_t i = 0; i < count; ++i)
       for (std::size_t j = 0; j < count; ++j) {
-        double sum = product_[slot_at_[i] * Snapshot::capacity + slot_at_[j]];
+        if (!next_.inner[j]) continue;
+        double sum = next_.inner[i] ? product_[slot_at_[i] * Snapshot::most_inner + slot_at_[j]] : 0.0;
         each_entry(i, [&](std::size_t k, double value) {
           sum += value * static_cast<double>(column_[slot_at_[j] / width][k][slot_at_[j] % width]);
         });
         next_.compliance[i * Snapshot::capacity + j] = sum;
+        if (!next_.inner[i]) next_.compliance[j * Snapshot::capacity + i] = sum;
       }
     for (std::size_t i = 0; i < count; ++i) {
+      if (!next_.inner[i]) continue;
       for (std::size_t j = 0; j < i; ++j) {
+        if (!next_.inner[j]) continue;
         double &one = next_.compliance[i * Snapshot::capacity + j], &two = next_.compliance[j * Snapshot::capacity + i];
         one = two = 0.5 * (one + two);
       }
       next_.ahead[i] = static_cast<double>(ahead_[slot_at_[i]]);
     }
+    beyond_.complete(next_);
     for (std::size_t i = 0; i < count; ++i) {
       double sum = 0.0;
       for (std::size_t j = 0; j < count; ++j) sum += next_.compliance[i * Snapshot::capacity + j] * next_.force[j];
@@ -340,14 +375,15 @@ class PressedSolid {
   std::vector<double> load_;                        // N
   std::vector<float> guess_, left_;                 // m, N
   std::vector<std::pair<double, std::int32_t>> near_;
-  std::vector<std::int32_t> wanted_;                       // names, rising
-  std::array<std::int32_t, Snapshot::capacity> slot_{};    // name that each column belongs to; -1: none
+  std::vector<std::int32_t> wanted_, covered_;  // names, rising: of nodes with columns, and all of the next state
+  Beyond beyond_;
+  std::array<std::int32_t, Snapshot::most_inner> slot_{};  // name that each column belongs to; -1: none
   BodyTips seen_;                                          // of the last step
   std::size_t groups_ = 0;                                 // of sixteen columns in use
   std::array<std::size_t, Snapshot::capacity> slot_at_{};  // column of each place of the next state
   std::vector<std::vector<Columns>> column_, rest_;        // by sixteen, m and N
-  std::array<float, Snapshot::capacity> ahead_{};          // by column, m
-  std::vector<double> product_ = std::vector<double>(static_cast<std::size_t>(Snapshot::capacity) * Snapshot::capacity);
+  std::array<float, Snapshot::most_inner> ahead_{};        // by column, m
+  std::vector<double> product_ = std::vector<double>(static_cast<std::size_t>(Snapshot::most_inner) * Snapshot::most_inner);
   ConjugateGradients<Columns> solver_;
 };
 

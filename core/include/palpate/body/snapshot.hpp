@@ -23,13 +23,15 @@ struct BodyTips {
 /// A body that is linear about one of its states: the nodes near the tips, where they are, and how they give way (Barbagli, Prattichizzo
 /// & Salisbury 2005). Its memory is taken by the first fill().
 struct Snapshot {
-  static constexpr int capacity = 64;
+  static constexpr int capacity = Unilateral::capacity;
+  static constexpr int most_inner = 64;  ///< nodes whose compliance is solved for; that of the others is estimated (Beyond)
 
   BodyNodes nodes;                            ///< deformed places of the nodes near the tips, and the ways that they are pressed, outward
   std::array<std::int32_t, capacity> name{};  ///< of each on the body's surface, rising
-  std::array<double, capacity> force{};       ///< along the inward normals, of the state, N
-  std::array<double, capacity> ahead{};       ///< from its place to where it rests under these forces, along its inward normal, m
-  std::array<double, capacity> given{};       ///< what these forces give there, m
+  std::array<bool, capacity> inner{};
+  std::array<double, capacity> force{};            ///< along the inward normals, of the state, N
+  std::array<double, capacity> ahead{};            ///< from its place to where it rests under these forces, along its inward normal, m
+  std::array<double, capacity> given{};            ///< what these forces give there, m
   std::array<Vector3<>, capacity> displacement{};  ///< of the state, m
   std::vector<double> compliance;                  ///< capacity x capacity, along the inward normals, m/N
   long number = 0;                                 ///< of the state, rising

@@ -15,6 +15,9 @@
 namespace palpate {
 
 /// A body of any kind as a servo loop meets it: stepped once a period by one tip, in the body's own frame.
+///
+/// A body whose state takes longer than a tick has slow steps besides, outside of the tick: `in_turn` with it in virtual time, always with
+/// the same result, or `slow_step` over and over in a thread of its own.
 class LoopBody {
  public:
   LoopBody() = default;
@@ -29,18 +32,40 @@ class LoopBody {
 
   [[nodiscard]] virtual const BodyAnswer& last() const noexcept = 0;
 
-  /// The pressed nodes of the last step and the forces on them along their inward normals [N], last().nodes of each.
+  /// The pressed nodes of the last step, last().nodes of them.
   [[nodiscard]] virtual const std::int32_t* pressed() const noexcept = 0;
-  [[nodiscard]] virtual const double* forces() const noexcept = 0;
 
-  /// What the tip drags a pressed node of the last step with [N]; nothing without friction.
-  [[nodiscard]] virtual Vector3<> dragged(std::int32_t node) const noexcept = 0;
+  /// Force of the tip on the k-th of them, N.
+  [[nodiscard]] virtual Vector3<> load(int k) const noexcept = 0;
 
-  [[nodiscard]] virtual const BodyNodes& nodes() const noexcept = 0;
+  /// Out of the body, unit: as the nodes face that the last step pressed; while the tip is free, as the nearest node does, or the tip if
+  /// none is near.
+  [[nodiscard]] virtual Vector3<> outward(const BodyTip& tip) const noexcept = 0;
 
   /// The same body at rest, with a state of its own: every loop steps its own.
   [[nodiscard]] virtual std::unique_ptr<LoopBody> fresh() const = 0;
+
+  /// Before the first tick, with the tip where it is.
+  virtual void begin(const BodyTip& /*tip*/) {}
+
+  /// After each tick, in virtual time.
+  virtual void in_turn() {}
+
+  /// Whether there are slow steps, and one of them.
+  [[nodiscard]] virtual bool slow() const noexcept { return false; }
+  virtual void slow_step() {}
 };
+
+/// Which way nodes face that are pressed or near: LoopBody::outward.
+template <class Load>
+[[nodiscard]] Vector3<> outward_of(const BodyNodes& nodes, const BodyTip& tip, int pressed, Load load) noexcept {
+  Vector3<> outward = Vector3<>::Zero();
+  for (int k = 0; k < pressed; ++k) outward += load(k);
+  const double length = outward.norm();
+  if (length > 0.0) return outward / length;
+  const std::int32_t node = nodes.nearest(tip.centre, 2.0 * tip.radius);
+  return node >= 0 ? nodes.normal(node) : tip.outward;
+}
 
 /// A body of one kind in a loop. The nodes outlive it; the kind is its own.
 template <class Kind>
@@ -54,9 +79,14 @@ class LoopBodyOf final : public LoopBody {
   const BodyAnswer& step(const BodyTip& tip) noexcept override { return contact_.step(tip); }
   [[nodiscard]] const BodyAnswer& last() const noexcept override { return contact_.last(); }
   [[nodiscard]] const std::int32_t* pressed() const noexcept override { return contact_.pressed(); }
-  [[nodiscard]] const double* forces() const noexcept override { return contact_.forces(); }
-  [[nodiscard]] Vector3<> dragged(std::int32_t node) const noexcept override { return contact_.dragged(node); }
-  [[nodiscard]] const BodyNodes& nodes() const noexcept override { return *nodes_; }
+  [[nodiscard]] Vector3<> load(int k) const noexcept override {
+    const std::int32_t node = contact_.pressed()[k];
+    return contact_.dragged(node) - contact_.forces()[k] * nodes_->normal(node);
+  }
+  [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept override {
+    return outward_of(*nodes_, tip, contact_.last().nodes,
+                      [this](int k) { return contact_.forces()[k] * nodes_->normal(contact_.pressed()[k]); });
+  }
   [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override {
     return std::make_unique<LoopBodyOf>(*nodes_, kind_, contact_.friction());
   }
@@ -99,10 +129,15 @@ class BodyTouch {
     tip_.outward = t.axis;
   }
 
+  /// Before the first tick, with the tip's centre at `place` [m, device's frame].
+  void begin(const Vector3<>& place) {
+    put(place);
+    body_->begin(tip_);
+  }
+
   /// Goes on by one period with the tip's centre at `place` [m, device's frame]; returns the force of the tip on the body [N].
   Vector3<> step(const Vector3<>& place) noexcept {
-    tip_.centre = turn_.transpose() * (place - origin_);
-    if (tip_.kind == BodyTip::Kind::sphere) face();
+    put(place);
     const BodyAnswer& answer = body_->step(tip_);
     if (watched_ != nullptr) tell(answer.nodes);
     return -(turn_ * answer.force);
@@ -110,23 +145,15 @@ class BodyTouch {
 
   [[nodiscard]] const BodyAnswer& answer() const noexcept { return body_->last(); }
   [[nodiscard]] const LoopBody& body() const noexcept { return *body_; }
+  [[nodiscard]] LoopBody& body() noexcept { return *body_; }
 
   /// Mean displacement of the pressed patch [m], device's frame.
   [[nodiscard]] Vector3<> deflection() const noexcept { return turn_ * body_->last().deflection; }
 
  private:
-  /// A sphere faces where the nodes that it presses face; while it is free, where the nearest one does.
-  void face() noexcept {
-    const BodyNodes& nodes = body_->nodes();
-    Vector3<> outward = Vector3<>::Zero();
-    for (int k = 0; k < body_->last().nodes; ++k) outward += body_->forces()[k] * nodes.normal(body_->pressed()[k]);
-    const double length = outward.norm();
-    if (length > 0.0) {
-      tip_.outward = outward / length;
-      return;
-    }
-    const std::int32_t node = nodes.nearest(tip_.centre, 2.0 * tip_.radius);
-    if (node >= 0) tip_.outward = nodes.normal(node);
+  void put(const Vector3<>& place) noexcept {
+    tip_.centre = turn_.transpose() * (place - origin_);
+    if (tip_.kind == BodyTip::Kind::sphere) tip_.outward = body_->outward(tip_);
   }
 
   void tell(int count) noexcept {
@@ -134,10 +161,7 @@ class BodyTouch {
     next.tick = tick_++;
     next.count = std::min(count, PressedNodes::capacity);
     std::copy_n(body_->pressed(), next.count, next.node.begin());
-    for (int k = 0; k < next.count; ++k) {
-      const std::int32_t node = body_->pressed()[k];
-      next.force[static_cast<std::size_t>(k)] = body_->dragged(node) - body_->forces()[k] * body_->nodes().normal(node);
-    }
+    for (int k = 0; k < next.count; ++k) next.force[static_cast<std::size_t>(k)] = body_->load(k);
     watched_->publish();
   }
 

@@ -167,7 +167,10 @@ class Servo {
         drive_(s.limits, s.period),
         hold_(s.hold),
         delay_(s.delay, torque_at_rest(s.start)),
-        reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {}
+        reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {
+    if constexpr (alone)
+      if (touch_) touch_->begin(kinematics_.tip());  // torque_at_rest has looked at the start
+  }
 
   /// The same loop as `one`, for several side by side: each lane is to be put in.
   template <class One>
@@ -201,6 +204,13 @@ class Servo {
     return act(reference);
   }
 
+  /// After each tick in virtual time: a body's slow steps, in turn with the ticks. They may take memory. In real time a thread of its own
+  /// takes them instead: body()->body().slow_step(), over and over.
+  void in_turn() {
+    if constexpr (alone)
+      if (touch_) touch_->body().in_turn();
+  }
+
   /// What the last tick saw and did.
   [[nodiscard]] const Tick& last() const noexcept { return tick_; }
 
@@ -213,6 +223,11 @@ class Servo {
 
   /// The body that the tip touches, as it is at this tick; null without one.
   [[nodiscard]] const BodyTouch* body() const noexcept
+    requires std::is_same_v<Scalar, double>
+  {
+    return touch_ ? &*touch_ : nullptr;
+  }
+  [[nodiscard]] BodyTouch* body() noexcept
     requires std::is_same_v<Scalar, double>
   {
     return touch_ ? &*touch_ : nullptr;

@@ -44,7 +44,8 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 /// What a run leaves behind. A recorded row holds, at one sample:
 /// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated;
 /// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle;
-/// on a body the deflection of the pressed patch (3), the energy stored, the number of pressed nodes, whether the contact was solved.
+/// on a body the deflection of the pressed patch (3), the energy stored, the number of pressed nodes, whether the contact was solved, and
+/// the energy kept for snapshots to come.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< the tick at which the loop diverged; -1: never. Nothing is recorded from it on.
@@ -53,7 +54,7 @@ struct SimulationOutcome {
 template <int dof>
 constexpr int record_width = 3 * dof + 11;  ///< of a row without a mesh
 constexpr int contact_width = 9;            ///< what a mesh adds to it
-constexpr int body_width = 6;               ///< what a body adds to it
+constexpr int body_width = 7;               ///< what a body adds to it
 
 /// Numbers in a recorded row.
 template <class Mechanism>
@@ -160,6 +161,7 @@ inline void write_body(double* row, const BodyTouch& touch) noexcept {
   row[3] = answer.energy;
   row[4] = answer.nodes;
   row[5] = answer.solved ? 1.0 : 0.0;
+  row[6] = answer.saved;
 }
 
 /// Writes one loop's rows.
@@ -254,6 +256,7 @@ void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const
     const ForceSegment<> force = force_during(operator_force, k, ticks, clock);
     watch.see(plant, servo, force.begin);
     if (k == ticks) return;
+    servo.in_turn();
     plant.advance(tick.torque, force, clock);
   }
 }

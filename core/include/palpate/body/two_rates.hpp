@@ -1,0 +1,79 @@
+#pragma once
+
+#include <memory>
+#include <utility>
+
+#include "palpate/body/blended.hpp"
+#include "palpate/body/snapshot.hpp"
+#include "palpate/math/latest.hpp"
+
+namespace palpate {
+
+/// A body that goes on by slow steps, what a servo feels of it between them, and the hand-over of both ways: tips to the slow steps,
+/// snapshots to the servo. The slow steps are taken in turn with the ticks, or by one thread of their own.
+///
+/// `Slow` has
+///   Report step(const BodyTips& tips, Snapshot& to)   one slow step; may take memory
+///   void reset()                                      back to rest
+template <class Slow>
+class TwoRates {
+ public:
+  using Report = decltype(std::declval<Slow&>().step(std::declval<const BodyTips&>(), std::declval<Snapshot&>()));
+
+  explicit TwoRates(std::unique_ptr<Slow> slow) : slow_(std::move(slow)) {}
+
+  [[nodiscard]] Slow& slow() noexcept { return *slow_; }
+  [[nodiscard]] const Slow& slow() const noexcept { return *slow_; }
+  [[nodiscard]] BlendedContact& servo() noexcept { return *servo_; }
+  [[nodiscard]] BlendedContact::Box& box() noexcept { return *box_; }
+
+  /// Where the tips are, for the next slow step; tick() tells it, too.
+  void place(const BodyTips& tips) noexcept {
+    where_->next() = tips;
+    where_->publish();
+  }
+
+  /// One tick of the servo's, which neither waits nor takes memory.
+  const TipsAnswer& tick(const BodyTips& tips) noexcept {
+    place(tips);
+    return servo_->step(*box_, tips);
+  }
+
+  /// One slow step with the tips where the servo said last, and its snapshot to the servo.
+  void slow_step() {
+    compute();
+    hand_over();
+  }
+
+  /// As slow_step(), but the servo gets the snapshot at the next call of hand_over(), as if the step had taken that long.
+  void compute() {
+    where_->fetch();
+    last_ = slow_->step(where_->value(), box_->writing());
+    ++steps_;
+  }
+  void hand_over() noexcept { box_->publish(); }
+
+  /// What the servo took last; not while it runs.
+  [[nodiscard]] const Snapshot& newest() const noexcept { return servo_->newest(*box_); }
+  [[nodiscard]] const Report& last() const noexcept { return last_; }
+  [[nodiscard]] long steps() const noexcept { return steps_; }
+
+  /// Everything back to rest; not while a thread takes slow steps.
+  void reset() {
+    slow_->reset();
+    servo_ = std::make_unique<BlendedContact>();
+    box_ = std::make_unique<BlendedContact::Box>();
+    where_ = std::make_unique<Latest<BodyTips>>();
+    steps_ = 0;
+  }
+
+ private:
+  std::unique_ptr<Slow> slow_;
+  std::unique_ptr<BlendedContact> servo_ = std::make_unique<BlendedContact>();
+  std::unique_ptr<BlendedContact::Box> box_ = std::make_unique<BlendedContact::Box>();
+  std::unique_ptr<Latest<BodyTips>> where_ = std::make_unique<Latest<BodyTips>>();
+  long steps_ = 0;
+  Report last_{};
+};
+
+}  // namespace palpate

@@ -247,6 +247,7 @@ void bind_loop(nb::module_& m, const char* name) {
 
 void bind_batch(nb::module_& m);
 void bind_body(nb::module_& m);
+void bind_front(nb::module_& m);
 void bind_solid(nb::module_& m);
 void bind_touch(nb::module_& m);
 
@@ -255,6 +256,7 @@ NB_MODULE(_core, m) {
   m.doc() = "palpate's core: device dynamics and the servo loop.";
 
   bind_body(m);
+  bind_front(m);
   bind_solid(m);
   bind_touch(m);
 

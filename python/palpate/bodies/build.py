@@ -115,7 +115,6 @@ def build(
         "nodes": len(elements.nodes),
         "unknowns": len(elements.free),
         "volume_m3": volume.size,
-        "factorisation": condensation.kind,
         "memory_bytes": condensation.memory,
         "operations": condensation.operations,
         "seconds": seconds,

@@ -1,12 +1,14 @@
-"""MKL's PARDISO: a sparse Cholesky factor, or the dense matrix that is left of the last unknowns when the others go.
+"""MKL's PARDISO: a sparse Cholesky factor.
 
-pypardiso finds and loads the library; what it offers has no Schur complement, does not tell beforehand what a factor
-will take, and keeps the memory of every factor.
+pypardiso finds and loads the library; what it offers is for matrices without symmetry, and keeps the memory of every
+factor.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,17 @@ _POSITIVE_DEFINITE = 2
 _ERRORS = {-2: "not enough memory", -4: "a pivot is not positive", -7: "a diagonal number is not positive"}
 
 
+@cache
+def _library() -> Any:
+    """Find the library once, which takes a second; its threads do not spin between calls, where others want to run."""
+    os.environ.setdefault("KMP_BLOCKTIME", "0")
+    from pypardiso import PyPardisoSolver
+
+    call = PyPardisoSolver().libmkl.pardiso_64
+    call.restype = None
+    return call
+
+
 class PardisoError(Exception):
     """PARDISO gave up."""
 
@@ -28,37 +41,24 @@ class PardisoError(Exception):
 class Pardiso:
     """A symmetric positive definite matrix (N, N), ordered by nested dissection; raises ImportError without pypardiso.
 
-    Only its upper triangle is read, and every diagonal number must be stored. With `kept`, the last so many unknowns
-    are not factorised: `complement` is what is left of them.
-
-    Attributes:
-        memory: bytes that the factor, the orders and the work arrays will take at most.
-        operations: floating-point operations of the factorisation.
+    Only its upper triangle is read, and every diagonal number must be stored.
     """
 
-    def __init__(self, matrix: sparse.csr_matrix, kept: int = 0) -> None:
-        from pypardiso import PyPardisoSolver
-
-        self._call = PyPardisoSolver().libmkl.pardiso_64
-        self._call.restype = None
+    def __init__(self, matrix: sparse.csr_matrix) -> None:
+        self._call = _library()
         upper = sparse.triu(matrix, format="csr")
         upper.sort_indices()
-        self._size, self._kept = upper.shape[0], kept
+        self._size = upper.shape[0]
         self._numbers = np.asarray(upper.data, dtype=float)
         self._begin, self._columns = (np.asarray(a, dtype=np.int64) for a in (upper.indptr, upper.indices))
         self._handle = np.zeros(64, dtype=np.int64)
         self._order = np.zeros(self._size, dtype=np.int64)
-        self._order[self._size - kept :] = 1  # which ones are kept
         options = self._options = np.zeros(64, dtype=np.int64)  # numbered from 0, as in MKL's reference for C
         options[0] = 1  # these options, not the defaults
         options[1] = 2  # nested dissection
         options[9] = 13
-        options[17] = options[18] = -1  # count numbers and operations
         options[34] = 1  # rows and columns from 0
-        options[35] = 1 if kept > 0 else 0  # the Schur complement, dense, at factorisation
         self._phase(_ANALYSE)
-        self.memory = 1024.0 * float(max(options[14], options[15] + options[16]))
-        self.operations = 1e6 * float(options[18])
 
     def factorise(self) -> None:
         """Factorise, for `solve`; raises PardisoError if the matrix is not positive definite."""
@@ -70,13 +70,6 @@ class Pardiso:
         x = np.empty_like(b, order="F")
         self._phase(_SOLVE, b, x)
         return x
-
-    def complement(self) -> Array:
-        """Return A22 - A21 A11^-1 A12 of the kept unknowns 2 and the others 1, and release all the rest."""
-        found = np.zeros((self._kept, self._kept))
-        self._phase(_FACTORISE, found, found)
-        self.release()
-        return found
 
     def release(self) -> None:
         """Give the memory of the factor back."""

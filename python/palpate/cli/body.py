@@ -122,7 +122,7 @@ def _tell(record: object, nodes: int) -> None:
     output.print(
         f"[bold]{escape(str(record['source']))}[/]: {record['tetrahedra']} tetrahedra, {record['nodes']} nodes, "
         f"{nodes} of them touchable; {36e-6 * nodes**2:.3g} MB, solved in "
-        f"{sum(s for stage, s in record['seconds'].items() if stage != 'meshing'):.3g} s by {record['factorisation']}",
+        f"{sum(s for stage, s in record['seconds'].items() if stage != 'meshing'):.3g} s",
         soft_wrap=True,
     )
 

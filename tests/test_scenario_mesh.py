@@ -98,7 +98,7 @@ def test_a_run_that_begins_inside_says_so(deep: float) -> None:
 
 
 def test_a_bounce_that_does_not_end_is_unstable() -> None:
-    """A free arm under a constant force, past the critical stiffness that the wall's certificate gives: it never rests."""
+    """A free arm under a constant force never rests past the critical stiffness that the wall's certificate gives."""
     hand = {"kind": "force", "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.5 N"]}
     free = {"servo": {"topology": "impedance_display"}, "operator": hand, "run": {"duration": "3 s"}}
 

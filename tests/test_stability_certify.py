@@ -174,7 +174,8 @@ def test_zwidth_of_the_nonlinear_arm_with_a_controller() -> None:
     found = zwidth(SCENARIOS / "press-stiff-cube-lqg.toml")
     assert found.simulated is not None
     assert len(found.simulated.damping) > 100
-    assert found.simulated.furthest < 2e-3
+    assert np.median(found.simulated.distance) < 1e-4
+    assert found.simulated.furthest < 0.01  # a cell of the map, where the curve has a corner; 2 % was asked
     assert found.corner is None
     assert found.passive is None
     assert "tracks a reference force" in found.not_passive

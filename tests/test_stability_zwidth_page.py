@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from palpate.scenario import Scenario
 from palpate.stability import zwidth
+from palpate.stability.scenario_loop import scenario_loop
 from palpate.stability.zwidth_page import zwidth_page
 
 SLIDER = Path(__file__).parent.parent / "scenarios" / "slider-wall-stable.toml"
@@ -21,3 +22,14 @@ def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:
         row = rows[rows.index(f"{who}</td>") :].split("</tr>")[0]
         found.append(float(row.split("</td>")[-2].split(">")[-1]))
     assert found == pytest.approx([100.01, 9135, 1484], rel=1e-3)
+
+
+def test_a_loop_that_needs_an_object_has_a_softest() -> None:
+    """The identified model drifts off by itself: below the softest object a root lies outside the circle."""
+    scenario = Scenario.from_file(SLIDER.with_name("identified-model.toml"))
+    found = zwidth(scenario, simulated=False)
+    loop = scenario_loop(scenario)
+    assert found.softest > 1.0
+    for damping in (0.0, 0.5):
+        assert loop.radius(0.999 * found.softest, damping) > 1.0 > loop.radius(1.001 * found.softest, damping)
+    assert zwidth(Scenario.from_file(SLIDER), simulated=False).softest == 0.0

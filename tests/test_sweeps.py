@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import palpate
 import pytest
@@ -58,8 +59,9 @@ def test_a_cell_is_what_simulate_finds() -> None:
         assert np.isnan(found["unstable_from"][index])
         bend = np.linalg.norm(np.diff(trace["tip"], n=2, axis=0), axis=1)  # entry k - 2 belongs to sample k
         assert found["early_swing"][index] == pytest.approx(bend[49:99].max(), rel=1e-6)
+        assert found["prior_swing"][index] == pytest.approx(bend[149:199].max(), rel=1e-6)
         assert found["late_swing"][index] == pytest.approx(bend[199:].max(), rel=1e-6)
-        assert found.unstable[index] == (bend[199:].max() > bend[49:99].max())
+        assert found.unstable[index] == (bend[199:].max() > min(bend[49:99].max(), bend[149:199].max()))
         assert found["ripple"][index] == pytest.approx(np.ptp(trace["tip"][-50:], axis=0).max() / 2, rel=1e-9)
         assert found["peak_object_force"][index] == pytest.approx(
             np.linalg.norm(trace["object_force"], axis=1).max(), rel=1e-9
@@ -234,6 +236,10 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         other = [sys.executable, "-c", code, str(tmp_path / "a.h5")]
         done = subprocess.run(other, capture_output=True, text=True, check=False)
         assert "is being written by another sweep" in done.stderr
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file["prior_swing"]
+    with pytest.raises(SweepError, match="has no prior_swing: another version wrote it"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
     (tmp_path / "b.h5").write_text("no HDF5", "utf-8")
     with pytest.raises(SweepError, match="something else"):
         sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5")

@@ -12,7 +12,7 @@ import pytest
 from palpate import stability
 from palpate.scenario import Scenario
 from palpate.stability.scenario_loop import scenario_loop
-from palpate.sweeps import SweepError, refine, sweep
+from palpate.sweeps import SweepError, Verdict, refine, sweep
 from scipy.optimize import brentq
 
 T, MASS = 1e-3, 0.06
@@ -114,6 +114,26 @@ def test_counts_keep_a_swing_alive_unless_dry_friction_eats_it(slider: Callable[
     assert bound == pytest.approx(2 * coulomb / count)
     assert rests[stiffness <= bound].all()
     assert not rests[stiffness > 1.2 * bound].any()
+
+
+def test_an_impact_does_not_hide_the_chatter_after_it() -> None:
+    """An arm on a wall: what still moves in a run six times as long was not said to die out in the short one."""
+    push = {"kind": "force", "force": ["0 N", "0 N", "-1 N"]}
+    wall = {"kind": "wall", "stiffness": "1 N/mm", "normal": [0, 0, 1], "position": ["0 mm", "0 mm", "-5 mm"]}
+    scenario: dict[str, Any] = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"topology": "impedance_display"},
+        "operator": push,
+        "object": wall,
+    }
+    over = {"object.stiffness": "1 N/mm..12 N/mm:40", "object.damping": [0.0, 1.0, 2.0, 4.0]}
+    short, long = (sweep({**scenario, "run": {"duration": t}}, over) for t in ("3 s", "18 s"))
+    alive = (long["ripple"] > 1e-4) | ~np.isnan(long["unstable_from"])
+    assert 50 < alive.sum() < alive.size - 20
+    assert (short["late_swing"] < 0.8 * short["early_swing"])[alive].sum() > 2  # an impact that is hard to see past
+    assert np.mean(short["verdict"][alive] == Verdict.DIES) < 0.01
+    assert (short["verdict"][~alive] == Verdict.DIES).all()
 
 
 def test_refining_needs_two_axes() -> None:

@@ -48,7 +48,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
             found = _core.run_cells(
                 prepared.setup, prepared.reference, prepared.operator, {"stiffness": stiffness}, cells, 1, lanes
             )
-            return np.asarray(found)[0, 11:14]
+            return np.asarray(found)[0, -6:-3]
 
         asked = ASKED if lanes == 8 else None
         rows.append(_row(f"palpate: {lanes} lanes ({name})", run, cells, effort.runs(30), last, asked))
@@ -66,7 +66,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                     own = {name: np.tile(value, (count, 1)) for name, value in columns.items()}
                     own["stiffness"] = stiffness[:count].copy()
                     found = _core.run_cells(ready.setup, ready.reference, ready.operator, own, count, 1, lanes)
-                    return np.asarray(found)[0, 11:14]
+                    return np.asarray(found)[0, -6:-3]
 
                 fine = burdened(prepare(work.scenario(substeps=64)), 1)
                 rows.append(_row(f"palpate: {lanes} lanes, {what}", burdened, cells, effort.runs(15), fine, None))

@@ -26,6 +26,7 @@ STEPS, LEVELS = 8, 4  # of the coarse grid, each way; how often it is halved alo
 PUSH = 1e-3  # N, for five samples
 LOST = 100  # times the push: an object that was pressed so hard was struck by a swing that grew, whatever became of it
 CYCLES, LONGEST = 25, 4.0  # of the slowest swing at the boundary, and s: how long a cell runs
+SLOW, AGAIN = (0.1, 1.5), 4  # a swing that a fifth of the run multiplies by as much is followed so many times as long
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class SimulatedBoundary:
         distance: of each point from the exact curve (k,), as a share of the window's width and height.
         runs: loops that were run; a grid as fine would have needed `cells`.
         cells: see `runs`.
-        duration: of each run, s.
+        duration: of each run, s; a swing that then was about as large as before was followed four times as long.
     """
 
     damping: Array
@@ -61,6 +62,7 @@ def simulated_boundary(
     loop: ScenarioLoop,
     edge: Boundary,
     window: tuple[float, float],
+    softest: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedBoundary | None:
     """Return the boundary within ``window`` (largest B, N s/m, and K, N/m) as the full simulation finds it.
@@ -74,6 +76,7 @@ def simulated_boundary(
         loop: the same, linear: it tells along which axes the object is felt.
         edge: the exact boundary, which is compared, and tells how slow the swings are.
         window: see above.
+        softest: object with which the loop is stable, N/m: the lower edge, which is compared as well.
         progress: called with the share of the levels done.
     """
     if scenario.object.kind == "wall" and np.max(np.abs(loop.directions)) < 1 - 1e-9:
@@ -82,14 +85,19 @@ def simulated_boundary(
     slowest = float(edge.angle[within].min(initial=math.pi))
     ticks = max(round(1.0 / scenario.period), math.ceil(CYCLES * 2 * math.pi / max(slowest, 1e-9)))
     ticks = min(ticks, round(LONGEST / scenario.period))
-    experiment = _freed(scenario, loop, ticks)
+    short, long = _freed(scenario, loop, ticks), _freed(scenario, loop, AGAIN * ticks)
     felt = np.abs(loop.directions).max(axis=1)
     damping, stiffness = (np.linspace(0.0, most, STEPS * 2**LEVELS + 1) for most in window)
     done = 0
 
     def look(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
         nonlocal done
-        found = _growth(experiment, stiffness[j][:, None] * felt, damping[i][:, None] * felt)
+        cells = stiffness[j][:, None] * felt, damping[i][:, None] * felt
+        found = _growth(short, *cells)
+        near = (found > SLOW[0]) & (found < SLOW[1])  # what dies slowly may hide another oscillation, which grows
+        if near.any():
+            again = _growth(long, *(values[near] for values in cells)) ** (1 / AGAIN)
+            found[near] = np.where(np.isinf(again) & (found[near] > 1), found[near], again)
         done += 1
         if progress is not None:
             progress(done / (LEVELS + 1))
@@ -101,7 +109,7 @@ def simulated_boundary(
         points[:, 0],
         points[:, 1],
         window,
-        _distance(points / window, edge, window),
+        _distance(points / window, edge, window, softest),
         int(found.ran.sum()),
         found.ran.size,
         ticks * scenario.period,
@@ -125,30 +133,30 @@ def _freed(s: Scenario, loop: ScenarioLoop, ticks: int) -> Experiment:
 
 
 def _growth(experiment: Experiment, stiffness: Array, damping: Array) -> Array:
-    """Return late over early swing (k,) of cells of stiffness and damping (k, 3); inf for one that has run away."""
+    """Return the swing's growth (k,) in cells of stiffness and damping (k, 3); inf for one that has run away."""
     period = experiment.scenario.period
     if experiment.scenario.device.model == "nonlinear":
         columns = {"stiffness": np.ascontiguousarray(stiffness), "damping": np.ascontiguousarray(damping)}
         args = (experiment.setup, experiment.reference, experiment.operator, columns, len(stiffness))
         found = name_rows(np.asarray(_core.run_cells(*args, os.cpu_count() or 1)), period)
-        lost, early, late, force = (
-            found[name] for name in ("unstable_from", "early_swing", "late_swing", "peak_object_force")
-        )
+        names = ("unstable_from", "early_swing", "prior_swing", "late_swing", "peak_object_force")
+        lost, early, prior, late, force = (found[name] for name in names)
     else:  # lanes have no linear model
         cells = [_one(experiment, k, b) for k, b in zip(stiffness, damping, strict=True)]
-        lost, early, late, force = np.array(cells).T
-    return np.where(force > LOST * PUSH, np.inf, growth(lost, early, late))
+        lost, early, prior, late, force = np.array(cells).T
+    return np.where(force > LOST * PUSH, np.inf, growth(lost, early, prior, late))
 
 
-def _one(experiment: Experiment, stiffness: Array, damping: Array) -> tuple[float, float, float, float]:
-    """Return when one cell was lost, its early and late swing, and its largest object force, as lanes measure them."""
+def _one(experiment: Experiment, stiffness: Array, damping: Array) -> tuple[float, ...]:
+    """Return when one cell was lost, its early, prior and late swing, its largest object force, as lanes have them."""
     experiment.setup.stiffness, experiment.setup.damping = stiffness, damping
     rows, unstable = experiment.run()
     dof, fifth = experiment.device.dof, max((len(rows) - 2) // 5, 1)
     bend = np.linalg.norm(np.diff(experiment.device.forward(rows[:, :dof]), n=2, axis=0), axis=1)
     force = np.linalg.norm(rows[:, 2 * dof + 3 : 2 * dof + 6], axis=1).max()
-    early, late = bend[fifth : 2 * fifth].max(initial=0.0), bend[-fifth:].max(initial=0.0)
-    return math.nan if unstable < 0 else float(unstable), float(early), float(late), float(force)
+    fifths = (bend[fifth : 2 * fifth], bend[-2 * fifth : -fifth], bend[-fifth:])
+    swings = (float(part.max(initial=0.0)) for part in fifths)
+    return math.nan if unstable < 0 else float(unstable), *swings, float(force)
 
 
 def _spring(point: Array) -> Any:
@@ -158,10 +166,13 @@ def _spring(point: Array) -> Any:
     return anchor
 
 
-def _distance(points: Array, edge: Boundary, window: tuple[float, float]) -> Array:
+def _distance(points: Array, edge: Boundary, window: tuple[float, float], softest: float) -> Array:
     """Return how far points (k, 2), in shares of the window, lie from the nearest stretch of the curve."""
     curve = np.column_stack([edge.damping, edge.stiffness]) / window
     first = np.concatenate([np.arange(a, b - 1) for a, b in edge.pieces])
+    if softest > 0.0:
+        first = np.append(first, len(curve))
+        curve = np.vstack([curve, [[0.0, softest / window[1]], [1.0, softest / window[1]]]])
     start, along = curve[first], curve[first + 1] - curve[first]
     length = np.maximum(np.sum(along**2, axis=1), 1e-300)
     out = np.empty(len(points))

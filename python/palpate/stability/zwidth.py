@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from palpate.scenario import Scenario
 from palpate.stability.boundary import Boundary, boundary, trace
@@ -64,6 +65,8 @@ class ZWidth:
         here: (B, K) of the scenario's object.
         corner: the map about its origin, where something would vanish at the scale of the whole.
         never: operators with whom no wall of any size is stable, as where the arm tips over along the surface.
+        softest: K from which on the scenario's loop is stable, N/m, whatever the damping: above 0 where the device
+            falls over without an object.
     """
 
     title: str
@@ -74,6 +77,7 @@ class ZWidth:
     here: tuple[float, float]
     corner: Corner | None = None
     never: tuple[str, ...] = ()
+    softest: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as JSON can hold them, in N/m and N s/m."""
@@ -95,6 +99,7 @@ class ZWidth:
                 "simulated": _numbers(self.corner.simulated),
             },
             "never_stable": list(self.never),
+            "softest_N_per_m": self.softest,
             "object": {"damping_N_s_per_m": self.here[0], "stiffness_N_per_m": self.here[1]},
         }
 
@@ -151,6 +156,7 @@ def zwidth(
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')
     tell("exact boundary", 0.05)
     edge = _edge(own)
+    softest = _softest(own, edge)
     curves = {_holder(s): edge}
     never = []
     for name, arm in _other_hands(s):
@@ -164,15 +170,33 @@ def zwidth(
     found, corner = None, None
     if simulated:
         whole = (MARGIN * float(edge.damping.max()), MARGIN * float(edge.stiffness.max()))
-        found = simulated_boundary(s, own, edge, whole, lambda share: tell("simulating", 0.2 + 0.4 * share))
+        found = simulated_boundary(s, own, edge, whole, softest, lambda share: tell("simulating", 0.2 + 0.4 * share))
     window = _corner_window(edge, passive, here)
     if window is not None:
         near = _edge(own, CLOSE).up_to(1.1 * window[0])
         again = None
         if simulated:
-            again = simulated_boundary(s, own, near, window, lambda share: tell("simulating", 0.6 + 0.3 * share))
+            again = simulated_boundary(
+                s, own, near, window, softest, lambda share: tell("simulating", 0.6 + 0.3 * share)
+            )
         corner = Corner(window, near, again)
-    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never))
+    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never), softest)
+
+
+def _softest(loop: ScenarioLoop, edge: Boundary) -> float:
+    """Return the stiffness from which on a loop is stable, N/m: the object has to make up for what is negative.
+
+    There a root is at +1, where damping has no say.
+    """
+    b, k = edge.inside
+
+    def grows(exponent: float) -> float:
+        return loop.radius(math.exp(exponent), b) - 1.0
+
+    softest, inside = math.log(1e-6 * k), math.log(k)
+    if grows(softest) < 1e-9:
+        return 0.0
+    return float(math.exp(brentq(grows, softest, inside, xtol=1e-9)))
 
 
 def _corner_window(

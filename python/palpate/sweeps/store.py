@@ -200,6 +200,8 @@ def _plan_text(path: Path) -> str | None:
     try:
         with h5py.File(path, "r") as file:
             found: Any = file.attrs.get("sweep")
+            if found is not None and (missing := [name for name in QUANTITIES if name not in file]):
+                raise SweepError(f"{path} has no {', '.join(missing)}: another version wrote it; run its sweep anew")
             return None if found is None else str(found)
     except FileNotFoundError:
         return None

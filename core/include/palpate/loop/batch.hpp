@@ -14,10 +14,10 @@
 namespace palpate {
 
 /// What a loop of a batch leaves behind: a row of numbers, not a trace.
-/// unstable tick (-1: never); swing early and late, m; ripple, m; steady tip displacement (3), m; peak object force and command, N;
+/// unstable tick (-1: never); swing early, prior and late, m; ripple, m; steady tip displacement (3), m; peak object force and command, N;
 /// share of the time in touch and in saturation; joints (dof) and their speeds (dof) at the end.
 template <int dof>
-constexpr int outcome_width = 11 + 2 * dof;
+constexpr int outcome_width = 12 + 2 * dof;
 
 /// One loop at its first tick, and where its outcome goes: a row of outcome_width<dof>.
 template <class Mechanism>
@@ -53,7 +53,8 @@ struct Queue {
 namespace detail {
 
 /// Watches loops side by side, each at its own tick. A swing is the largest second difference of the tip's position over a fifth of the
-/// run: the second fifth is early, the last is late. Ripple is half the tip's range along the axis of the largest, over the last fifth.
+/// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest, over
+/// the last fifth.
 template <class Mechanism, int lanes>
 class Watch {
  public:
@@ -69,7 +70,7 @@ class Watch {
     using palpate::put;
     for (Vector* v : {&start_, &before_, &last_}) put(*v, lane, tip);
     for (Vector* v : {&lowest_, &highest_, &steady_}) put(*v, lane, Vector3<>(Vector3<>::Zero()));
-    for (Scalar* x : {&early_, &late_, &object_force_, &command_, &touching_, &saturated_}) x->set(lane, 0.0);
+    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_}) x->set(lane, 0.0);
     share_before_.set(lane, 1.0);
   }
 
@@ -84,6 +85,7 @@ class Watch {
     last_ = tip;
     const double fifth = ticks_ / 5;
     early_ = choose((k > Scalar(fifth)) & (k <= Scalar(2.0 * fifth)) & (early_ < swing), swing, early_);
+    prior_ = choose((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < swing), swing, prior_);
     object_force_ = greater(object_force_, tick.object_force.squaredNorm());
     command_ = greater(command_, tick.command.squaredNorm());
     touching_ += choose(tick.touching, Scalar(1.0), Scalar(0.0));
@@ -102,16 +104,17 @@ class Watch {
     for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (highest_[i][lane] - lowest_[i][lane]));
     row[0] = unstable;
     row[1] = std::sqrt(early_[lane]);
-    row[2] = ended ? std::sqrt(late_[lane]) : unknown;
-    row[3] = ended ? ripple : unknown;
-    for (int i = 0; i < 3; ++i) row[4 + i] = ended ? steady_[i][lane] / fifth : unknown;
-    row[7] = std::sqrt(object_force_[lane]);
-    row[8] = std::sqrt(command_[lane]);
-    row[9] = touching_[lane] / samples;
-    row[10] = saturated_[lane] / samples;
+    row[2] = ended ? std::sqrt(prior_[lane]) : unknown;
+    row[3] = ended ? std::sqrt(late_[lane]) : unknown;
+    row[4] = ended ? ripple : unknown;
+    for (int i = 0; i < 3; ++i) row[5 + i] = ended ? steady_[i][lane] / fifth : unknown;
+    row[8] = std::sqrt(object_force_[lane]);
+    row[9] = std::sqrt(command_[lane]);
+    row[10] = touching_[lane] / samples;
+    row[11] = saturated_[lane] / samples;
     for (int i = 0; i < dof; ++i) {
-      row[11 + i] = ended ? q_[i][lane] : unknown;
-      row[11 + dof + i] = ended ? qd_[i][lane] : unknown;
+      row[12 + i] = ended ? q_[i][lane] : unknown;
+      row[12 + dof + i] = ended ? qd_[i][lane] : unknown;
     }
   }
 
@@ -142,7 +145,7 @@ class Watch {
   int ticks_;
   Vector start_, before_, last_;
   Vector lowest_, highest_, steady_;
-  Scalar share_before_, early_, late_, object_force_, command_, touching_, saturated_;
+  Scalar share_before_, early_, prior_, late_, object_force_, command_, touching_, saturated_;
   Joints<dof, Scalar> q_, qd_;
 };
 

@@ -53,8 +53,8 @@ struct Queue {
 namespace detail {
 
 /// Watches loops side by side, each at its own tick. A swing is the largest second difference of the tip's position over a fifth of the
-/// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest, over
-/// the last fifth.
+/// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest,
+/// over the last fifth.
 template <class Mechanism, int lanes>
 class Watch {
  public:

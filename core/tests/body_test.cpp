@@ -166,6 +166,58 @@ TEST(BodyContact, ForceIsTheSlopeOfItsEnergy) {
   }
 }
 
+// However deep the tip, through the surface and on for four radii: the force grows with each step, it is the slope of the energy, and down,
+// aside and up again give back what they took.
+TEST(BodyContact, GoesOnPressingHoweverDeepTheTip) {
+  HalfSpace space(41, 1e-3, 20e3);
+  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
+    palpate::BodyContact<HalfSpace> contact(space.nodes, space);
+    palpate::BodyTip tip;
+    tip.kind = kind;
+    tip.radius = 3e-3;
+    const double top = kind == palpate::BodyTip::Kind::sphere ? tip.radius : 0.0, down = 4.0 * tip.radius, step = 2e-5;
+    tip.centre = {0.2e-3, -0.3e-3, top};
+    Vector3<> force = contact.step(tip).force;
+    double work = 0.0, exchanged = 0.0;
+    const auto go = [&](const Vector3<>& way) {
+      tip.centre += way;
+      const palpate::BodyAnswer& a = contact.step(tip);
+      const double part = -0.5 * (a.force + force).dot(way);
+      work += part;
+      exchanged += std::abs(part);
+      force = a.force;
+      return a;
+    };
+    for (int k = 1; k * step <= down; ++k) {
+      const double before = force.z();
+      const palpate::BodyAnswer a = go({0, 0, -step});
+      ASSERT_TRUE(a.solved);
+      ASSERT_TRUE(a.force.z() > before || k * step < 2e-4) << k * step;
+      ASSERT_NEAR(work, a.energy, 2e-3 * a.energy + 1e-9) << k * step;
+    }
+    EXPECT_GT(force.z(),
+              kind == palpate::BodyTip::Kind::sphere ? 2.0 * tip.radius * 20e3 * 3.0 * tip.radius : 0.95 * 2.0 * tip.radius * 20e3 * down);
+    const Vector3<> deep = tip.centre;
+    for (int a = 0; a < 3; ++a) {
+      const double h = 1e-7;
+      tip.centre = deep + h * Vector3<>::Unit(a);
+      const double up = contact.step(tip).energy;
+      tip.centre = deep - h * Vector3<>::Unit(a);
+      EXPECT_NEAR(force[a], -(up - contact.step(tip).energy) / (2.0 * h), 1e-4 * force.norm());
+    }
+    tip.centre = deep;
+    contact.step(tip);
+    for (int k = 0; k < 250; ++k) {
+      const palpate::BodyAnswer a = go({step, 0.4 * step, 0});
+      ASSERT_TRUE(a.solved);
+      ASSERT_NEAR(a.force.z(), force.z(), 0.1 * force.z());
+      ASSERT_NEAR(work, a.energy, 3e-3 * a.energy) << k;
+    }
+    while (contact.last().touching) go({0, 0, step});
+    EXPECT_LT(std::abs(work), 2e-3 * exchanged);
+  }
+}
+
 // Nodes on the far side of a thin plate are not under the tip.
 TEST(BodyNodes, OnTheFarSideAreNotUnderTheTip) {
   const std::vector<palpate::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};

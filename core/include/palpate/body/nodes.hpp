@@ -80,17 +80,23 @@ class BodyNodes {
   [[nodiscard]] const Eigen::Matrix<double, 3, 2>& across(std::int32_t i) const noexcept { return across_[static_cast<std::size_t>(i)]; }
 
   /// Calls `take(node, depth)` for each node that lies under the tip, in or before it. A node whose normal turns away from `tip.outward`,
-  /// such as one on the far side of a thin body, is not under it.
+  /// such as one on the far side of a thin body, is not under it. `deep` is how deep the tip was in before [m]: so far out nodes are
+  /// looked for, and a tip does not lose those that it has passed.
   template <class Take>
-  void under(const BodyTip& tip, Take take) const noexcept {
-    visit(tip.centre, tip.radius + (tip.kind == BodyTip::Kind::flat ? 0.5 * widest_ : 0.0), [&](std::int32_t node) {
+  void under(const BodyTip& tip, Take take, double deep = 0.0) const noexcept {
+    const bool flat = tip.kind == BodyTip::Kind::flat;
+    // As wide as a sphere's cone is where it comes out of the surface.
+    const double wide = flat ? tip.radius + 0.5 * widest_ : std::max(tip.radius, ((1.0 - cosine) * tip.radius + cosine * deep) / sine);
+    visit(tip.centre, tip.centre + deep * tip.outward, wide, [&](std::int32_t node) {
       const Vector3<> away = point(node) - tip.centre;
       const Vector3<>& n = normal(node);
       const double facing = n.dot(tip.outward);
-      if (facing < least_facing) return;
-      if (tip.kind == BodyTip::Kind::sphere) {
-        const double height = away.dot(n), square = tip.radius * tip.radius - away.squaredNorm() + height * height;
-        if (square > 0.0) take(node, height + std::sqrt(square));
+      if (facing < cosine) return;
+      if (!flat) {
+        const double height = away.dot(n), aside = away.squaredNorm() - height * height;
+        if (aside >= wide * wide) return;
+        if (height > tip.radius && (away - away.dot(tip.outward) * tip.outward).squaredNorm() >= wide * wide) return;
+        take(node, height + lower(tip.radius, std::max(aside, 0.0)));
       } else {
         const double height = away.dot(tip.outward);
         const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
@@ -103,7 +109,7 @@ class BodyNodes {
   [[nodiscard]] std::int32_t nearest(const Vector3<>& place, double reach) const noexcept {
     std::int32_t found = -1;
     double least = 0.0;
-    visit(place, reach, [&](std::int32_t node) {
+    visit(place, place, reach, [&](std::int32_t node) {
       const double square = (point(node) - place).squaredNorm();
       if (found >= 0 && square >= least) return;
       found = node;
@@ -119,13 +125,12 @@ class BodyNodes {
     const Vector3<>& n = normal(node);
     const Vector3<> away = point(node) - tip.centre;
     if (tip.kind == BodyTip::Kind::sphere) {
-      // Along the node's inward normal, as far as the sphere's lower side.
+      // Along the node's inward normal, as far as the lower side.
       const double height = away.dot(n);
       const Vector3<> aside = away - height * n;
-      const double half = std::sqrt(std::max(tip.radius * tip.radius - aside.squaredNorm(), 0.0));
-      near.depth = height + half;
-      // The slope along the surface grows without bound towards the sphere's equator, where nothing is pressed.
-      near.slope = -n + aside / std::max(half, 1e-3 * tip.radius);
+      const double square = aside.squaredNorm(), below = lower(tip.radius, square);
+      near.depth = height + below;
+      near.slope = -n + aside * (square < sine * sine * tip.radius * tip.radius ? 1.0 / below : sine / (cosine * std::sqrt(square)));
       return near;
     }
     // As far as the plane of the end; `cover` fades over the width of the node's patch.
@@ -142,13 +147,14 @@ class BodyNodes {
   }
 
  private:
-  /// Calls `take(node)` for each node in the cells that a box reaches: `reach` [m] around `place`.
+  /// Calls `take(node)` for each node in the cells that a box reaches: `reach` [m] around two places.
   template <class Take>
-  void visit(const Vector3<>& place, double reach, Take take) const noexcept {
+  void visit(const Vector3<>& one, const Vector3<>& other, double reach, Take take) const noexcept {
     if (points_.empty()) return;
     std::int32_t from[3], to[3];
     for (int a = 0; a < 3; ++a) {
-      const double first = (place[a] - reach - low_[a]) / cell_, last = (place[a] + reach - low_[a]) / cell_;
+      const double first = (std::min(one[a], other[a]) - reach - low_[a]) / cell_;
+      const double last = (std::max(one[a], other[a]) + reach - low_[a]) / cell_;
       if (!(last >= 0.0) || !(first < count_[a])) return;
       from[a] = static_cast<std::int32_t>(std::max(first, 0.0));
       to[a] = static_cast<std::int32_t>(std::min(last, count_[a] - 1.0));
@@ -169,8 +175,17 @@ class BodyNodes {
     return (tip.radius - distance) / widths_[static_cast<std::size_t>(node)] + 0.38;
   }
 
+  /// How far the lower side of a sphere lies under its middle, where a node is aside by the root of `square` [m^2]. Short of the
+  /// equator, where its side would be a wall, it goes on as the cone that touches it: a sphere deeper than its radius presses what
+  /// comes under its cone by and by, and its force has no step.
+  [[nodiscard]] static double lower(double radius, double square) noexcept {
+    if (square < sine * sine * radius * radius) return std::sqrt(radius * radius - square);
+    return (radius - sine * std::sqrt(square)) / cosine;
+  }
+
   static constexpr double least_part = 1e-3;
-  static constexpr double least_facing = 0.2;  // cosine of the angle between a node's normal and the tip's, 78 degrees
+  static constexpr double cosine = 0.2;                // of the largest angle between a node's normal and the tip's, 78 degrees
+  static constexpr double sine = 0.97979589711327123;  // of the same
 
   [[nodiscard]] std::size_t cell_of(const Vector3<>& p) const noexcept {
     std::size_t c = 0;

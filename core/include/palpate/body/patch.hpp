@@ -25,6 +25,17 @@ struct BodyAnswer {
   bool solved = true;                        ///< false: the bound on moves was reached, or more nodes lie under the tip than are looked at
 };
 
+/// Which way nodes face that are pressed or near: BodyContact::outward.
+template <class Load>
+[[nodiscard]] Vector3<> outward_of(const BodyNodes& nodes, const BodyTip& tip, int pressed, Load load) noexcept {
+  Vector3<> outward = Vector3<>::Zero();
+  for (int k = 0; k < pressed; ++k) outward += load(k);
+  const double length = outward.norm();
+  if (length > 0.0) return outward / length;
+  const std::int32_t node = nodes.nearest(tip.centre, 2.0 * tip.radius);
+  return node >= 0 ? nodes.normal(node) : tip.outward;
+}
+
 /// A body that can be dragged along its surface: it has a tangential compliance.
 template <class Kind>
 concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
@@ -41,9 +52,10 @@ concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 /// For friction also
 ///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
 /// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
-/// Displacements are small: nodes move along their normals at rest. So the force is the slope of the stored energy by the tip's place,
-/// and no closed path of the tip gives work, whatever the mesh. Friction takes from it (PartialSlip); what the normal forces move
-/// sideways and the tangential ones inwards is left out of both.
+/// A tip may go as deep as it likes, step by step: nodes that it has passed still lie under it. Displacements are small: nodes move along
+/// their normals at rest. So the force is the slope of the stored energy by the tip's place, and no closed path of the tip gives work,
+/// whatever the mesh. Friction takes from it (PartialSlip); what the normal forces move sideways and the tangential ones inwards is left
+/// out of both.
 template <class Kind>
 class BodyContact {
  public:
@@ -67,6 +79,7 @@ class BodyContact {
 
   void reset() noexcept {
     count_ = answered_ = 0;
+    deep_ = 0.0;
     answer_ = {};
     slip_.reset();
     placed_ = false;
@@ -74,6 +87,15 @@ class BodyContact {
   }
 
   [[nodiscard]] const BodyAnswer& last() const noexcept { return answer_; }
+
+  /// Out of the body, unit: as the nodes face that the last step pressed; while the tip is free, as the nearest node does, or the tip if
+  /// none is near.
+  [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept {
+    return outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
+      const auto c = static_cast<std::size_t>(k);
+      return Vector3<>(forces_[c] * nodes_->normal(pressed_[c]));
+    });
+  }
 
   /// The pressed nodes of the last step and the forces on them along their inward normals [N], answer.nodes of each.
   [[nodiscard]] const std::int32_t* pressed() const noexcept { return pressed_.data(); }
@@ -99,7 +121,9 @@ class BodyContact {
     answer_ = {};
     int found = 0;
     deepest_ = 0.0;
-    nodes_->under(tip, [&](std::int32_t node, double depth) {
+    const double deep = std::exchange(deep_, 0.0);
+    const auto take = [&](std::int32_t node, double depth) {
+      deep_ = std::max(deep_, depth);
       if constexpr (requires { kind_->surely_above(node, depth); })
         if (kind_->surely_above(node, depth + 0.25 * deepest_)) return;
       depth -= kind_->at_rest(node);
@@ -110,7 +134,8 @@ class BodyContact {
         seen_[static_cast<std::size_t>(found++)] = {node, depth};
       else
         answer_.solved = false;
-    });
+    };
+    nodes_->under(tip, take, deep);
     found = deepest_ > 0.0 ? keep(found) : 0;
     if (found > capacity) {  // the deepest stay
       answer_.solved = false;
@@ -225,6 +250,7 @@ class BodyContact {
   int answered_ = 0;  // pressed in the last step
   bool same_ = false;
   double deepest_ = 0.0;
+  double deep_ = 0.0;  // how deep the tip was in the last step against places at rest, m
   std::array<Seen, capacity_seen> seen_{};
   std::array<Near, capacity> near_{};
   std::array<std::int32_t, capacity> node_{};  // by place

@@ -56,17 +56,6 @@ class LoopBody {
   virtual void slow_step() {}
 };
 
-/// Which way nodes face that are pressed or near: LoopBody::outward.
-template <class Load>
-[[nodiscard]] Vector3<> outward_of(const BodyNodes& nodes, const BodyTip& tip, int pressed, Load load) noexcept {
-  Vector3<> outward = Vector3<>::Zero();
-  for (int k = 0; k < pressed; ++k) outward += load(k);
-  const double length = outward.norm();
-  if (length > 0.0) return outward / length;
-  const std::int32_t node = nodes.nearest(tip.centre, 2.0 * tip.radius);
-  return node >= 0 ? nodes.normal(node) : tip.outward;
-}
-
 /// A body of one kind in a loop. The nodes outlive it; the kind is its own.
 template <class Kind>
 class LoopBodyOf final : public LoopBody {
@@ -83,10 +72,7 @@ class LoopBodyOf final : public LoopBody {
     const std::int32_t node = contact_.pressed()[k];
     return contact_.dragged(node) - contact_.forces()[k] * nodes_->normal(node);
   }
-  [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept override {
-    return outward_of(*nodes_, tip, contact_.last().nodes,
-                      [this](int k) { return contact_.forces()[k] * nodes_->normal(contact_.pressed()[k]); });
-  }
+  [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept override { return contact_.outward(tip); }
   [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override {
     return std::make_unique<LoopBodyOf>(*nodes_, kind_, contact_.friction());
   }

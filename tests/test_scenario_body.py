@@ -71,7 +71,14 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
 @pytest.mark.parametrize(
     ("kind", "options"),
-    [("compliance", {}), ("modal", {"by_stiffness": "1 ms"}), ("relaxing", {"instant": 2.0, "creep": "50 ms"})],
+    [
+        ("compliance", {}),
+        ("modal", {"by_stiffness": "1 ms"}),
+        ("relaxing", {"instant": 2.0, "creep": "50 ms"}),
+        ("modal", {"by_stiffness": "1 ms", "static_friction": 0.5}),
+        ("lattice", {"by_stiffness": "2 ms", "static_friction": 0.5, "dynamic_friction": 0.4}),
+        ("spline", {"static_friction": 0.5}),
+    ],
 )
 def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
     """The tip's way played to the body by itself, in the body's own turned frame, gives the loop's forces back."""
@@ -129,6 +136,16 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     assert "it began 2 mm deep in the body" in simulate(deep).summary()["verdict"]
     far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
     assert "never touched the body" in simulate(far).summary()["verdict"]
+
+
+def test_a_tip_pushed_through_the_surface_is_still_held(block: Path) -> None:
+    """A flat end goes in by more than twice its radius, and the force grows with it."""
+    hard = {"shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-2.5 N"]}
+    trace = simulate(tables(on(block) | {"radius": "3 mm"}, reference=hard, run={"duration": "0.6 s"}))
+    force, deep = -trace["object_force"][:, 2], -trace["deflection"][:, 2]
+    assert trace["touching"][-100:].all()
+    assert deep[-100:].min() > 6.5e-3
+    assert force[-100:].min() > 4.0 * force[np.argmax(deep > 1e-3)]
 
 
 def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

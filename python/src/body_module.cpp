@@ -64,7 +64,8 @@ struct BodyCore : BodyInLoop {
            Make make)
       : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body, friction) {}
 
-  BodyCore(palpate::BodyNodes at, Kind&& kind) : nodes(std::move(at)), body(std::move(kind)), contact(nodes, body) {}
+  BodyCore(palpate::BodyNodes at, Kind&& kind, palpate::DryFriction friction)
+      : nodes(std::move(at)), body(std::move(kind)), contact(nodes, body, friction) {}
 
   [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override {
     return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body, contact.friction());
@@ -90,13 +91,16 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           "follow",
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
-            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            const bool faces = outward.shape(0) == 0 && !flat;
+            if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
             auto [rows, row] = new_array<double>({n, 14});
             const nb::gil_scoped_release unlocked;
+            palpate::BodyTip tip = tip_of(radius, flat, palpate::Vector3<>::Zero(), palpate::Vector3<>::UnitZ());
             for (std::size_t i = 0; i < n; ++i, row += 14) {
-              const palpate::BodyAnswer& a =
-                  self.contact.step(tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
-                                           Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i)));
+              tip.centre = Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i);
+              tip.outward =
+                  faces ? self.contact.outward(tip) : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
+              const palpate::BodyAnswer& a = self.contact.step(tip);
               Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
               Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
               row[6] = a.energy;
@@ -109,7 +113,8 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             return rows;
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a,
-          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.")
+          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as "
+          "the nodes that it presses, or as the nearest one.")
       .def(
           "time",
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
@@ -213,17 +218,17 @@ void bind_lattice(nb::module_& m) {
           [](BodyCore<Lattice>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
              const Numbers& masses, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
              const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
-             double period, double alpha, double beta) {
+             double period, double alpha, double beta, double hold, double slide) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
             palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
             Lattice lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
                             network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
             if (!lattice.definite()) throw nb::value_error("a network has positive masses and volumes");
-            new (self) BodyCore<Lattice>(std::move(nodes), std::move(lattice));
+            new (self) BodyCore<Lattice>(std::move(nodes), std::move(lattice), {hold, slide});
           },
           "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
-          "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a)
+          "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
           [](const BodyCore<Lattice>& self) {
@@ -258,20 +263,25 @@ void bind_spline(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Spline>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing, double give,
-             double layer) {
+             double layer, double give_across, double layer_across, double hold, double slide) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
             palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
-            Spline spline(nodes, numbers(areas), spacing, give, layer);
-            new (self) BodyCore<Spline>(std::move(nodes), std::move(spline));
+            Spline spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
+            new (self) BodyCore<Spline>(std::move(nodes), std::move(spline), {hold, slide});
           },
-          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a)
+          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a, "give_across"_a, "layer_across"_a,
+          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
           [](const BodyCore<Spline>& self) {
             return new_points(static_cast<std::size_t>(self.nodes.size()), [&](std::size_t i) {
-              return self.body.displacement(static_cast<std::int32_t>(i), self.contact.pressed(), self.contact.forces(),
-                                            self.contact.last().nodes);
+              palpate::Vector3<> sum = palpate::Vector3<>::Zero();
+              for (int c = 0; c < self.contact.last().nodes; ++c) {
+                const std::int32_t node = self.contact.pressed()[c];
+                sum += self.body.displacement(static_cast<std::int32_t>(i), node, self.contact.forces()[c], self.contact.dragged(node));
+              }
+              return sum;
             });
           },
           "Of the nodes (n, 3), m.");
@@ -318,15 +328,16 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Modal>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep) {
+             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep,
+             double hold, double slide) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of a body's modes do not fit each other");
-            new (self) BodyCore<Modal>(at, normals, areas, compliance, {}, [&](const palpate::BodyNodes& nodes) {
-              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta, instant, creep);
+            new (self) BodyCore<Modal>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
+              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta, instant, creep, hold > 0.0);
             });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
-          "instant"_a = 1.0, "creep"_a = 1.0);
+          "instant"_a = 1.0, "creep"_a = 1.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_kind<Relaxing>(m, "RelaxingBody")
       .def(
           "__init__",

@@ -328,13 +328,15 @@ void bind_nonlinear(nb::module_& m) {
           "follow",
           [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
-            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            const bool faces = outward.shape(0) == 0 && !flat;
+            if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
             auto [rows, row] = table(n, 14);
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i, row += 14) {
+              const palpate::Vector3<> out =
+                  faces ? palpate::Vector3<>::UnitZ() : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
               const palpate::BodyAnswer& a = self.tick({flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius,
-                                                        Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
-                                                        Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i)});
+                                                        Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i), out});
               Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
               Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
               row[6] = a.energy;

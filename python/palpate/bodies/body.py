@@ -156,7 +156,7 @@ class Body:
 
         A tip drags the surface along and slips under it from the edge of the contact inwards (Cattaneo 1938, Mindlin
         1949). `static_friction` counts until all of the contact slides, `dynamic_friction` from then on, until all of
-        it holds again.
+        it holds again. Other kinds take the same two numbers.
 
         Raises:
             BodyError: a coefficient is negative, or the dynamic one is above the static one.
@@ -173,12 +173,14 @@ class Body:
         by_stiffness: float = 0.0,
         instant: float = 1.0,
         creep: float | str = 1.0,
+        static_friction: float = 0.0,
+        dynamic_friction: float | None = None,
     ) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
 
         Rayleigh damping: `by_mass`, 1/s, times the mass and `by_stiffness`, s, times the stiffness; a mode of w rad/s
         then has the damping ratio (by_mass / w + by_stiffness w) / 2. What the modes leave out has no inertia.
-        With `instant` above 1 it is made of a standard linear solid, as in `relaxing`.
+        With `instant` above 1 it is made of a standard linear solid, as in `relaxing`. Friction is as in `rough`.
 
         Raises:
             BodyError: the body was built without modes, or a number is impossible.
@@ -199,6 +201,7 @@ class Body:
             by_stiffness,
             _instant(instant),
             positive(creep, "s", "creep"),
+            *_coefficients(static_friction, dynamic_friction),
         )
         return moving
 
@@ -230,12 +233,20 @@ class Body:
         )
         return viscous
 
-    def lattice(self, period: float | str, *, by_mass: float = 0.0, by_stiffness: float = 0.0) -> Body:
+    def lattice(
+        self,
+        period: float | str,
+        *,
+        by_mass: float = 0.0,
+        by_stiffness: float = 0.0,
+        static_friction: float = 0.0,
+        dynamic_friction: float | None = None,
+    ) -> Body:
         """Return the same body as masses, springs and dampers on its mesh, for ticks of `period`, s or text.
 
         See `palpate.bodies.network` for what its springs are and how near they come; right for large turns, and stable
         at any period. Damping as in `modal`, `by_stiffness` that of shear; half a period's is added to it (see
-        docs/bodies.md).
+        docs/bodies.md). Friction is as in `rough`; here what presses also moves nodes sideways.
 
         Raises:
             BodyError: a number is impossible, or the network would take more than 4 GB.
@@ -267,6 +278,7 @@ class Body:
             tick,
             by_mass,
             by_stiffness,
+            *_coefficients(static_friction, dynamic_friction),
         )
         return springy
 
@@ -278,20 +290,29 @@ class Body:
     def _spline_law(self, spacing: float | None) -> SplineLaw:
         return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, spacing)
 
-    def spline(self, period: float | str | None = None, *, spacing: float | str | None = None) -> Body:
+    def spline(
+        self,
+        period: float | str | None = None,
+        *,
+        spacing: float | str | None = None,
+        static_friction: float = 0.0,
+        dynamic_friction: float | None = None,
+    ) -> Body:
         """Return the same body as a free-form deformation with a law of force: the cheapest kind, and the crudest.
 
         See `palpate.bodies.spline` for the law, which is calibrated on this body's compliance. There is no state, so
-        the `period` means nothing. `spacing` of the control points, m or text; that which fits best if None.
+        the `period` means nothing. `spacing` of the control points, m or text; that which fits best if None. Friction
+        is as in `rough`.
 
         Raises:
-            BodyError: the spacing is not positive and finite.
+            BodyError: a number is impossible.
         """
         if period is not None:
             positive(period, "s", "period")
         shaped = Body(self.contents)
         shaped.spline_law = self.spline_law if spacing is None else self._spline_law(positive(spacing, "m", "spacing"))
-        shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law)
+        coefficients = _coefficients(static_friction, dynamic_friction)
+        shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law, *coefficients)
         return shaped
 
     def nonlinear(
@@ -361,8 +382,8 @@ class Body:
 
         Returns:
             The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. A press from rest drags
-            nothing, so there is no friction in it. Displacements are taken as small against the body and the tip.
-            Fewer than four pressed nodes are warned of.
+            nothing, so there is no friction in it, but in a lattice's, whose nodes move sideways. Displacements are
+            taken as small against the body and the tip. Fewer than four pressed nodes are warned of.
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -381,17 +402,20 @@ class Body:
         if isinstance(self.core, _core.NonlinearBody):  # goes down little by little
             parts = np.repeat(np.linspace(0.9, 0.0, 10), 100)[:, None]
             self.follow(centre + parts * deep * normal, size, outward=normal, tip=tip)
-        felt = self.follow(centre[None], size, outward=normal, tip=tip)
+        # A deep press goes in by less than the radius at a time.
+        steps = int(np.ceil(2.0 * deep / size)) if 0 < size < deep < np.inf else 1
+        way = centre + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
+        felt = self.follow(way, size, outward=normal, tip=tip)
         if self.settles is not None:
             felt = self._settle(centre, size, normal, tip, self.settles)
-        if deep > 0 and felt.nodes[0] < 4:
+        if deep > 0 and felt.nodes[-1] < 4:
             warnings.warn(
-                f"the tip presses {felt.nodes[0]} nodes, too few for a force to believe: take a finer mesh, "
+                f"the tip presses {felt.nodes[-1]} nodes, too few for a force to believe: take a finer mesh, "
                 "a larger tip or a deeper press",
                 BodyWarning,
                 stacklevel=2,
             )
-        return Press(felt.force[0], self.displacement())
+        return Press(felt.force[-1], self.displacement())
 
     def _settle(self, centre: Array, size: float, normal: Array, tip: Shape, period: float) -> Presses:
         """Hold the tip until the force stays within a thousandth for 50 ms; warn if it does not in 5 s."""
@@ -409,8 +433,9 @@ class Body:
     ) -> Presses:
         """Go one period for each place of the tip's centre in `path` (m, 3), m; the loop is the core's.
 
-        `outward` (3,) or (m, 3) is the direction out of the body where it is pressed, and the axis of a flat end; if
-        None, the normal at the surface's nearest point.
+        `outward` (3,) or (m, 3) is the direction out of the body where it is pressed, and the axis of a flat end. If
+        None, that of the nodes that a sphere presses, or of the nearest node; for a flat end the normal at the
+        surface's nearest point. A tip may go in as deep as it likes, by less than its radius from place to place.
         """
         centres = np.ascontiguousarray(path, dtype=float)
         if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
@@ -418,11 +443,13 @@ class Body:
         size = length(radius, "radius")
         if not 0 < size < np.inf:
             raise BodyError(f"a tip has a positive radius, not {size} m")
-        if outward is None:
+        if outward is None and tip == "flat":
             corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centres)[1]]]
             outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        axes = np.array(np.broadcast_to(np.asarray(outward, dtype=float), centres.shape), order="C")
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        axes = np.empty((0, 3))
+        if outward is not None:
+            axes = np.array(np.broadcast_to(np.asarray(outward, dtype=float), centres.shape), order="C")
+            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         rows = self.core.follow(centres, axes, size, tip == "flat")
         if not rows[:, 9].all():
             raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")

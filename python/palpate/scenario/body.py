@@ -20,10 +20,16 @@ _FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", Fal
 _SLOW: Final = {"slow_step": ("s", False), "near": ("", False)}
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "compliance": _FRICTION,
-    "modal": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), "instant": ("", False), "creep": ("s", False)},
-    "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False)},
+    "modal": {
+        "by_mass": ("1/s", False),
+        "by_stiffness": ("s", False),
+        "instant": ("", False),
+        "creep": ("s", False),
+        **_FRICTION,
+    },
+    "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), **_FRICTION},
     "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
-    "spline": {"spacing": ("m", False)},
+    "spline": {"spacing": ("m", False), **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }

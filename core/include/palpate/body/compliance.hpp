@@ -45,6 +45,8 @@ class Compliance {
     along_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
   }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return across_(i, j); }
+  /// Both ways.
+  void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { across_.set(i, j, block); }
   [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}

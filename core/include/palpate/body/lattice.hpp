@@ -52,7 +52,10 @@ class Lattice {
     factorise(alpha, beta);
     if (!factor_.definite()) return;
     respond(nodes);
-    for (std::int32_t i = 0; i < nodes.size(); ++i) inward_.push_back(-nodes.normal(i));
+    for (std::int32_t i = 0; i < nodes.size(); ++i) {
+      inward_.push_back(-nodes.normal(i));
+      across_.push_back(nodes.across(i));
+    }
     reset();
   }
 
@@ -65,10 +68,21 @@ class Lattice {
 
   [[nodiscard]] double at_rest(std::int32_t i) const noexcept { return inward_[index(i)].dot(mean(i, drift_)); }
 
-  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
+    return static_cast<double>(between_[index(i) * inward_.size() + index(j)]) * across_[index(i)].transpose() * across_[index(j)];
+  }
+
+  [[nodiscard]] Eigen::Vector2d tangential_at_rest(std::int32_t i) const noexcept {
+    return across_[index(i)].transpose() * mean(i, drift_);
+  }
+
+  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
+
+  /// `across` are forces in the nodes' tangent planes, or none.
+  void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* across, int count) noexcept {
     move_ = drift_;
     for (int c = 0; c < count; ++c) {
-      const Vector3<> push = forces[c] * inward_[index(nodes[c])];
+      const Vector3<> push = pushed(nodes[c], forces[c], across == nullptr ? nullptr : across + c);
       const float* column = columns_.data() + index(nodes[c]) * free_.size();
       for (std::size_t k = 0; k < free_.size(); ++k) move_[k] += static_cast<double>(column[k]) * push;
     }
@@ -80,7 +94,7 @@ class Lattice {
         const std::int32_t k = number_[index(patches_.vertices[index(e)])];
         if (k >= 0) moved += patches_.shares[index(e)] * move_[index(k)];
       }
-      work += forces[c] * inward_[index(node)].dot(moved);
+      work += pushed(node, forces[c], across == nullptr ? nullptr : across + c).dot(moved);
     }
     go(work);
     prepare();
@@ -123,6 +137,13 @@ class Lattice {
 
  private:
   static std::size_t index(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
+
+  /// The whole force on a node, N.
+  [[nodiscard]] Vector3<> pushed(std::int32_t node, double inward, const Eigen::Vector2d* across) const noexcept {
+    Vector3<> push = inward * inward_[index(node)];
+    if (across != nullptr) push += across_[index(node)] * *across;
+    return push;
+  }
 
   void factorise(double alpha, double beta) {
     const NetworkParts& p = network_.parts();
@@ -231,14 +252,15 @@ class Lattice {
   std::vector<std::int32_t> free_;    // vertices that move
   std::vector<std::int32_t> number_;  // of each vertex among them, or -1
   SparseFactor factor_;
-  std::vector<Vector3<>> inward_;  // normals of the nodes
-  std::vector<float> columns_;     // nodes x free vertices: displacement in a period by a unit force, m/N
-  std::vector<float> between_;     // nodes x nodes, the same
-  std::vector<Vector3<>> place_;   // of all vertices, m
-  std::vector<Vector3<>> force_;   // of the network on them, N
-  std::vector<Vector3<>> speed_;   // of the free ones, m/s
-  std::vector<Vector3<>> drift_;   // in the next period without forces, m
-  std::vector<Vector3<>> move_;    // in this one, m
+  std::vector<Vector3<>> inward_;                    // normals of the nodes
+  std::vector<Eigen::Matrix<double, 3, 2>> across_;  // their tangent planes
+  std::vector<float> columns_;                       // nodes x free vertices: displacement in a period by a unit force, m/N
+  std::vector<float> between_;                       // nodes x nodes, the same
+  std::vector<Vector3<>> place_;                     // of all vertices, m
+  std::vector<Vector3<>> force_;                     // of the network on them, N
+  std::vector<Vector3<>> speed_;                     // of the free ones, m/s
+  std::vector<Vector3<>> drift_;                     // in the next period without forces, m
+  std::vector<Vector3<>> move_;                      // in this one, m
   double stored_ = 0.0, kinetic_ = 0.0;
   long held_back_ = 0;
 };

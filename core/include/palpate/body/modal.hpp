@@ -12,6 +12,7 @@
 #include "palpate/body/nodes.hpp"
 #include "palpate/body/oscillator.hpp"
 #include "palpate/body/relaxing.hpp"
+#include "palpate/body/tangential.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -19,15 +20,17 @@ namespace palpate {
 /// A body with inertia: m vibration modes, each exact over one servo period with the forces held, and all that they leave out as if it had
 /// none (static correction): held for long, forces give the deflection of the full compliance.
 ///   q'' + (alpha + beta w^2) q' + w^2 q = phi . f
-/// or of a standard linear solid, the same throughout (Oscillator, and Relaxing for what is left out).
+/// or of a standard linear solid, the same throughout (Oscillator, and Relaxing for what is left out). With friction each mode is there
+/// twice, moved by the forces along the normals and by those along the surface: as in BodyContact, neither moves the other.
 class Modal {
  public:
   Modal() = default;
 
   /// `full` (3n)^2 [m/N] and `shapes` 3n x m [1/sqrt(kg)], row 3 x node + axis; `frequencies` m [rad/s]; `period` [s]; Rayleigh damping by
   /// mass `alpha` [1/s] and stiffness `beta` [s]. At once `instant` times as stiff as at last, where it creeps with the time `creep` [s].
+  /// If `tangential`, which friction needs, with the shapes and compliance along the surface too.
   Modal(const BodyNodes& nodes, const float* full, const float* shapes, const std::vector<double>& frequencies, double period, double alpha,
-        double beta, double instant = 1.0, double creep = 1.0)
+        double beta, double instant = 1.0, double creep = 1.0, bool tangential = false)
       : count_(static_cast<std::size_t>(nodes.size())),
         modes_(frequencies.size()),
         stride_((modes_ + lanes - 1) / lanes * lanes),
@@ -36,15 +39,20 @@ class Modal {
         longest_(count_),
         tail_(count_),
         compliance_(count_ * count_),
-        free_(stride_, 0.0F),
-        push_(stride_, 0.0F),
-        square_(stride_) {
+        across_(tangential ? 2 * count_ * stride_ : 0, 0.0F),
+        free_(tangential ? 2 * stride_ : stride_, 0.0F),
+        push_(free_.size(), 0.0F),
+        square_(static_cast<Eigen::Index>(free_.size())) {
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t k = 0; k < modes_; ++k) {
         double sum = 0.0;
         for (std::size_t a = 0; a < 3; ++a)
           sum -= nodes.normal(static_cast<std::int32_t>(i))[static_cast<int>(a)] * static_cast<double>(shapes[(3 * i + a) * modes_ + k]);
         shape_[i * stride_ + k] = static_cast<float>(sum);
+        if (!tangential) continue;
+        const Eigen::Vector3f moved(shapes[3 * i * modes_ + k], shapes[(3 * i + 1) * modes_ + k], shapes[(3 * i + 2) * modes_ + k]);
+        const Eigen::Vector2d along = nodes.across(static_cast<std::int32_t>(i)).transpose() * moved.cast<double>();
+        for (std::size_t a = 0; a < 2; ++a) across_[(2 * i + a) * stride_ + k] = static_cast<float>(along[static_cast<Eigen::Index>(a)]);
       }
     for (std::size_t i = 0; i < count_; ++i) {
       longest_[i] = length(shape_.data() + i * stride_, 0, stride_);
@@ -57,17 +65,19 @@ class Modal {
     for (std::size_t k = 0; k < modes_; ++k) {
       const auto at = static_cast<Eigen::Index>(k);
       const Oscillator o(frequencies[k], period, alpha, beta, instant, creep);
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) by_[static_cast<std::size_t>(4 * r + c)][at] = o.by_state(r, c);
-        by_[static_cast<std::size_t>(4 * r + 3)][at] = o.by_force[r];
+      for (Eigen::Index twin = at; twin < size(); twin += static_cast<Eigen::Index>(stride_)) {
+        for (int r = 0; r < 3; ++r) {
+          for (int c = 0; c < 3; ++c) by_[static_cast<std::size_t>(4 * r + c)][twin] = o.by_state(r, c);
+          by_[static_cast<std::size_t>(4 * r + 3)][twin] = o.by_force[r];
+        }
+        square_[twin] = frequencies[k] * frequencies[k];
       }
-      square_[at] = frequencies[k] * frequencies[k];
       held[at] = o.by_force[0];
       last[at] = 1.0 / square_[at];
     }
-    Compliance left(nodes, full);  // of what the modes leave out
+    Compliance left(nodes, full, tangential);  // of what the modes leave out
     const Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> phi(
-        shape_.data(), static_cast<Eigen::Index>(count_), size());
+        shape_.data(), static_cast<Eigen::Index>(count_), static_cast<Eigen::Index>(stride_));
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j <= i; ++j) {
         const auto a = static_cast<std::int32_t>(i), b = static_cast<std::int32_t>(j);
@@ -75,12 +85,21 @@ class Modal {
         left.set(a, b, left.compliance(a, b) - both.dot(last));
         compliance_[i * count_ + j] = compliance_[j * count_ + i] = static_cast<float>(both.dot(held));
       }
+    if (tangential)
+      between(last, [&left](std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) {
+        left.set_tangential(i, j, left.tangential(i, j) - block);
+      });
     if (relaxes()) left_ = Relaxing(left, instant, creep, period);
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j < count_; ++j) {
         const auto a = static_cast<std::int32_t>(i), b = static_cast<std::int32_t>(j);
         compliance_[i * count_ + j] += static_cast<float>(relaxes() ? left_.compliance(a, b) : left.compliance(a, b));
       }
+    if (!tangential) return;
+    tangential_ = Tangential(count_);
+    between(held, [&](std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) {
+      tangential_.set(i, j, block + (relaxes() ? left_.tangential(i, j) : left.tangential(i, j)));
+    });
   }
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
@@ -92,6 +111,15 @@ class Modal {
     return relaxes() ? moving + left_.at_rest(i) : moving;
   }
 
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return tangential_(i, j); }
+
+  [[nodiscard]] Eigen::Vector2d tangential_at_rest(std::int32_t i) const noexcept {
+    const float* rows = across_.data() + 2 * static_cast<std::size_t>(i) * stride_;
+    const float* twins = free_.data() + stride_;
+    const Eigen::Vector2d moving(dot(rows, twins, stride_), dot(rows + stride_, twins, stride_));
+    return relaxes() ? Eigen::Vector2d(moving + left_.tangential_at_rest(i)) : moving;
+  }
+
   /// Whether at_rest(i) is surely no less than `place` [m]: by Cauchy and Schwarz from the lengths of shape and state, or from those
   /// beyond the first modes. So few of the nodes under a tip ask all modes.
   [[nodiscard]] bool surely_above(std::int32_t i, double place) const noexcept {
@@ -100,18 +128,26 @@ class Modal {
     return -longest_[at] * moving_ >= place || (stride_ > head() && sum(i, head()) - tail_[at] * moving_tail_ >= place);
   }
 
-  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept {
+  void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
+
+  /// `across` are forces in the nodes' tangent planes, or none.
+  void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* across, int count) noexcept {
     std::fill(push_.begin(), push_.end(), 0.0F);
     for (int c = 0; c < count; ++c) {
       const float* shape = shape_.data() + static_cast<std::size_t>(nodes[c]) * stride_;
       const auto force = static_cast<float>(forces[c]);
       for (std::size_t k = 0; k < stride_; ++k) push_[k] += force * shape[k];
+      if (across == nullptr) continue;
+      const float *one = across_.data() + 2 * static_cast<std::size_t>(nodes[c]) * stride_, *two = one + stride_;
+      const auto first = static_cast<float>(across[c][0]), second = static_cast<float>(across[c][1]);
+      float* twins = push_.data() + stride_;
+      for (std::size_t k = 0; k < stride_; ++k) twins[k] += first * one[k] + second * two[k];
     }
     double* const q = state_[0].data();
     double* const v = state_[1].data();
     double* const z = state_[2].data();
     if (relaxes()) {
-      left_.advance(nodes, forces, count);
+      left_.advance(nodes, forces, across, count);
       for (Eigen::Index k = 0; k < size(); ++k) {
         const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
         const double a = q[k], b = v[k], c = z[k];
@@ -156,18 +192,40 @@ class Modal {
   [[nodiscard]] static double faded(double x) noexcept { return (x + 1e-18) - 1e-18; }
 
   [[nodiscard]] bool relaxes() const noexcept { return instant_ > 1.0; }
-  [[nodiscard]] Eigen::Index size() const noexcept { return static_cast<Eigen::Index>(stride_); }
+  [[nodiscard]] Eigen::Index size() const noexcept { return static_cast<Eigen::Index>(free_.size()); }
   [[nodiscard]] std::size_t head() const noexcept { return std::min<std::size_t>(stride_, 2 * lanes); }
 
   /// Displacement of a node by the first modes, m.
   [[nodiscard]] double sum(std::int32_t i, std::size_t modes) const noexcept {
-    const float* shape = shape_.data() + static_cast<std::size_t>(i) * stride_;
+    return dot(shape_.data() + static_cast<std::size_t>(i) * stride_, free_.data(), modes);
+  }
+
+  [[nodiscard]] static double dot(const float* one, const float* other, std::size_t count) noexcept {
     float part[lanes] = {};  // sums side by side, for vector registers
-    for (std::size_t k = 0; k < modes; k += lanes)
-      for (std::size_t l = 0; l < lanes; ++l) part[l] += shape[k + l] * free_[k + l];
+    for (std::size_t k = 0; k < count; k += lanes)
+      for (std::size_t l = 0; l < lanes; ++l) part[l] += one[k + l] * other[k + l];
     double sum = 0.0;
     for (const float p : part) sum += static_cast<double>(p);
     return sum;
+  }
+
+  using Shapes = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+  /// The modes' shapes along the surface, 2n x modes.
+  [[nodiscard]] Shapes shapes_across() const {
+    const Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> phi(
+        across_.data(), static_cast<Eigen::Index>(2 * count_), static_cast<Eigen::Index>(stride_));
+    return phi.leftCols(static_cast<Eigen::Index>(modes_)).cast<double>();
+  }
+
+  /// Calls take(i, j, block) for all nodes j <= i with the modes' compliance along the surface, `each` of them giving so much by force.
+  template <class Take>
+  void between(const Eigen::VectorXd& each, Take take) const {
+    const Shapes phi = shapes_across();
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(count_); ++i) {
+      const Shapes row = phi.middleRows(2 * i, 2) * each.asDiagonal() * phi.topRows(2 * i + 2).transpose();
+      for (std::int32_t j = 0; j <= i; ++j) take(i, j, Eigen::Matrix2d(row.block<2, 2>(0, 2 * j)));
+    }
   }
 
   /// Of a row from mode `first` to `last`, rounded up.
@@ -187,8 +245,10 @@ class Modal {
   std::vector<float> shape_;                 // n x stride: displacement along the inward normal, 1/sqrt(kg)
   std::vector<double> longest_, tail_;       // lengths of the shapes' rows, whole and beyond the first modes, 1/sqrt(kg)
   std::vector<float> compliance_;            // n x n, m/N: at the end of a period, by a force held over it
-  std::vector<float> free_;                  // where each mode will be after the next period without forces, sqrt(kg) m
-  std::vector<float> push_;                  // on each mode, N/sqrt(kg)
+  std::vector<float> across_;                // 2n x stride: the same in the tangent planes, or nothing
+  Tangential tangential_;                    // as compliance_, in the tangent planes, or nothing
+  std::vector<float> free_;                  // where each mode will be after the next period without forces, sqrt(kg) m; then the twins
+  std::vector<float> push_;                  // on each mode, N/sqrt(kg); then on the twins
   double moving_ = 0.0, moving_tail_ = 0.0;  // lengths of free_, whole and beyond the first modes, sqrt(kg) m
   Values square_;                            // of the frequencies, 1/s^2
   std::array<Values, 12> by_;                // of each mode: next place, speed, dashpot by place, speed, dashpot, force

@@ -27,7 +27,8 @@ struct DryFriction {
 /// with the tangential compliance T [m/N]. On a half-space that is Cattaneo's (1938) and Mindlin's (1949) contact: it sticks in the
 /// middle and slips around. The forces are those that Kalker's (1990) TANG seeks for the step: of all inside their cones, those of least
 /// q T q / 2 - q.way; projected Gauss-Seidel, from the last tick's forces on. A node that no longer slips keeps what the sweeps left over
-/// for the next tick. As forces and slip never point against each other, friction takes energy and gives none.
+/// for the next tick. As forces and slip never point against each other, friction takes energy and gives none. On a body with a memory
+/// nodes move by themselves: where a new one was at the tick's beginning is not known, so friction holds it from the next tick on.
 class PartialSlip {
  public:
   static constexpr int capacity = 256;  ///< nodes: those pressed now, and those that were in the last tick
@@ -51,6 +52,7 @@ class PartialSlip {
             const Vector3<>& way) noexcept {
     if (count == 0) return reset();
     const double coefficient = sliding_ ? friction_.slide : friction_.hold;
+    const int before = count_;
     std::fill_n(radius_.begin(), count_, 0.0);
     if constexpr (remembers<Kind>)
       for (int s = 0; s < count_; ++s) relax(kind, s);
@@ -60,6 +62,8 @@ class PartialSlip {
       cover(s, covers[c]);
       radius_[at(s)] = coefficient * forces[c];
     }
+    if constexpr (remembers<Kind>)
+      for (int s = before; s < count_; ++s) radius_[at(s)] = 0.0;
     for (int s = 0; s < count_; ++s) {
       behind(s) += nodes.across(node_[at(s)]).transpose() * way;
       target_.segment<2>(2 * s) = moved_.segment<2>(2 * s) + behind(s);
@@ -67,7 +71,7 @@ class PartialSlip {
     for (int s = 0; s < sweeps_ && !settled(); ++s) {
     }
     moved_.head(2 * count_) = target_.head(2 * count_) - behind_.head(2 * count_);
-    slip();
+    slip(remembers<Kind> ? before : count_);
   }
 
   void reset() noexcept {
@@ -185,10 +189,11 @@ class PartialSlip {
     return !(most > accuracy * accuracy * largest);
   }
 
-  /// Nodes on their cones have slipped as far as they are behind; nodes that nothing presses leave.
-  void slip() noexcept {
+  /// Nodes on their cones have slipped as far as they are behind; nodes that nothing presses leave. Those from `loose` on are not held yet.
+  void slip(int loose) noexcept {
     bool all = true, any = false;
-    for (int s = count_ - 1; s >= 0; --s) {
+    for (int s = loose; s < count_; ++s) behind(s).setZero();
+    for (int s = loose - 1; s >= 0; --s) {
       const double radius = radius_[at(s)];
       if (!(radius > 0.0)) {
         leave(s);

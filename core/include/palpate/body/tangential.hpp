@@ -14,6 +14,9 @@ class Tangential {
  public:
   Tangential() = default;
 
+  /// Of `nodes` nodes, nothing yields.
+  explicit Tangential(std::size_t nodes) : count_(nodes), blocks_(nodes * nodes, Eigen::Matrix<float, 2, 2, Eigen::DontAlign>::Zero()) {}
+
   /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric.
   Tangential(const BodyNodes& nodes, const float* full) : count_(static_cast<std::size_t>(nodes.size())), blocks_(count_ * count_) {
     using Rows = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
@@ -26,6 +29,13 @@ class Tangential {
         blocks_[i * count_ + j] = across.cast<float>();
         blocks_[j * count_ + i] = across.transpose().cast<float>();
       }
+  }
+
+  /// The same both ways.
+  void set(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept {
+    const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
+    blocks_[a * count_ + b] = block.cast<float>();
+    blocks_[b * count_ + a] = block.transpose().cast<float>();
   }
 
   /// How far node i moves by a unit force on node j, m/N.

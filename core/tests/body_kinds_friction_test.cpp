@@ -1,0 +1,262 @@
+// Friction on bodies with inertia, on lattices and on splines: closed forms, Coulomb's cone, and no energy out of any path.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <palpate/body/lattice.hpp>
+#include <palpate/body/modal.hpp>
+#include <palpate/body/patch.hpp>
+#include <palpate/body/spline.hpp>
+#include <random>
+#include <vector>
+
+#include "lattice_cube.hpp"
+
+namespace {
+
+using palpate::BodyAnswer, palpate::BodyContact, palpate::BodyNodes, palpate::BodyTip, palpate::Vector3;
+
+/// One node that yields along its normal without inertia, and along x and y as one mode each on top of `extra`.
+struct OneMode {
+  double frequency = 60.0, mass = 0.02, normal = 1e-3, extra = 1e-4;
+  BodyNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
+
+  [[nodiscard]] double along() const { return extra + 1.0 / (mass * frequency * frequency); }
+  [[nodiscard]] palpate::Modal modal(double period, double alpha, double instant = 1.0, double creep = 1.0) const {
+    const auto x = static_cast<float>(along()), z = static_cast<float>(normal);
+    const auto one = static_cast<float>(1.0 / std::sqrt(mass));
+    const std::vector<float> full{x, 0, 0, 0, x, 0, 0, 0, z}, shapes{one, 0, 0, one, 0, 0};
+    return {nodes, full.data(), shapes.data(), {frequency, frequency}, period, alpha, 0.0, instant, creep, true};
+  }
+};
+
+// A tip that runs away from the node: it is dragged by mu N all the while, and so answers as a mass on a spring to a step.
+TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
+  const OneMode o;
+  const double depth = 1e-3, mu = 0.4, period = 1e-3, drag = mu * depth / o.normal;
+  palpate::Modal modal = o.modal(period, 0.0);
+  BodyContact<palpate::Modal> contact(o.nodes, modal, {mu, mu});
+  BodyTip tip;
+  tip.kind = BodyTip::Kind::flat;
+  tip.radius = 1.0;
+  tip.centre = {0, 0, -depth};
+  contact.step(tip);
+  for (int k = 1; k <= 200; ++k) {
+    tip.centre.x() += 2e-3;  // quicker than the mass is anywhere
+    const BodyAnswer& a = contact.step(tip);
+    ASSERT_NEAR(a.friction.x(), -drag, 1e-7);
+    ASSERT_NEAR(a.force.z(), depth / o.normal, 1e-6);
+    ASSERT_TRUE(a.sliding);
+    const double expected = o.extra * drag + drag * (o.along() - o.extra) * (1.0 - std::cos(o.frequency * period * k));
+    ASSERT_NEAR(a.deflection.x(), expected, 3e-6 * o.along() * drag) << k;
+  }
+}
+
+// Dragged slowly, with the mass well damped: a spring up to mu N, at the static coefficient, and then at the dynamic one.
+TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
+  const OneMode o;
+  for (const double instant : {1.0, 2.0}) {
+    palpate::Modal modal = o.modal(1e-3, 200.0, instant, 0.01);
+    const double depth = 1e-3, press = depth / o.normal;
+    BodyContact<palpate::Modal> contact(o.nodes, modal, {0.5, 0.3});
+    BodyTip tip;
+    tip.kind = BodyTip::Kind::flat;
+    tip.radius = 1.0;
+    tip.centre = {0, 0, -depth};
+    for (int k = 0; k < 2000; ++k) contact.step(tip);
+    const double way = 1e-6, lag = way / 1e-3 * (200.0 / (o.frequency * o.frequency) + (1.0 - 1.0 / instant) * 0.01);
+    int broke = -1;
+    for (int k = 1; k < 20000; ++k) {
+      tip.centre.x() = way * k;
+      const BodyAnswer& a = contact.step(tip);
+      if (a.sliding && broke < 0) broke = k;
+      ASSERT_LE(-a.friction.x(), (broke < 0 ? 0.5 : 0.51) * press * (1.0 + 1e-6));
+      // Damping and creep ask for this much more at a steady speed.
+      if (broke < 0 && k > 500) {
+        ASSERT_NEAR(-a.friction.x() * o.along(), tip.centre.x() + lag, 2e-6) << k;
+      }
+    }
+    EXPECT_NEAR(broke * way, 0.5 * press * o.along() - lag, 4e-6);
+    EXPECT_NEAR(-contact.last().friction.x(), 0.3 * press, 1e-6);
+  }
+}
+
+/// Sixteen nodes on a cap, with modes and what they leave out at random.
+struct Cap {
+  static constexpr int side = 4, modes = 12;
+  std::vector<Vector3<>> points, normals;
+  std::vector<double> areas, frequencies;
+  std::vector<float> full, shapes;
+  BodyNodes nodes;
+
+  explicit Cap(double radius = 20e-3) : areas(side * side, 1e-6) {
+    for (int i = 0; i < side * side; ++i) {
+      const int column = i % side, row = i / side;
+      const double x = 1e-3 * (column - 1.5), y = 1e-3 * (row - 1.5);
+      normals.push_back(Vector3<>(x, y, std::sqrt(radius * radius - x * x - y * y)) / radius);
+      points.emplace_back(x, y, radius * (normals.back().z() - 1.0));
+    }
+    nodes = BodyNodes(points, normals, areas);
+    const Eigen::Index size = 3 * side * side;
+    std::mt19937 random(31);
+    std::normal_distribution<double> normal;
+    Eigen::MatrixXd phi(size, modes), more(size, 6);
+    for (double& x : phi.reshaped()) x = 3.0 * normal(random);
+    for (double& x : more.reshaped()) x = 0.01 * normal(random);
+    Eigen::MatrixXd c = 2e-4 * Eigen::MatrixXd::Identity(size, size) + more * more.transpose();
+    for (int k = 0; k < modes; ++k) {
+      frequencies.push_back(80.0 + 60.0 * k);
+      c += phi.col(k) * phi.col(k).transpose() / (frequencies.back() * frequencies.back());
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+      for (Eigen::Index j = 0; j < size; ++j) full.push_back(static_cast<float>(c(i, j)));
+      for (int k = 0; k < modes; ++k) shapes.push_back(static_cast<float>(phi(i, k)));
+    }
+  }
+};
+
+/// A closed path at random, clear of the body at its beginning and its end.
+struct Path {
+  Eigen::Matrix<double, 3, 4> waves;
+
+  explicit Path(std::mt19937& random, double scale = 3e-4) {
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < 12; ++i) waves(i % 3, i / 3) = scale * normal(random);
+  }
+  [[nodiscard]] Vector3<> at(double s, double down) const {
+    Vector3<> place = waves * Eigen::Vector4d(std::sin(s), std::cos(s), std::sin(2.0 * s), std::cos(2.0 * s));
+    place.z() -= down * 0.5 * (1.0 - std::cos(s));
+    return place;
+  }
+};
+
+struct Counts {
+  int stuck = 0, slid = 0, free = 0;
+  void see(const BodyAnswer& a) { ++(!a.touching ? free : (a.sliding ? slid : stuck)); }
+  [[nodiscard]] int least() const { return std::min({stuck, slid, free}); }
+};
+
+// What the tip gives to friction covers at every tick what the modes along the surface hold: the same body without friction beside it
+// holds the rest. Elastic and of a standard linear solid.
+TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
+  const Cap cap;
+  std::mt19937 random(32);
+  for (const double instant : {1.0, 2.5}) {
+    const auto make = [&](bool tangential) {
+      return palpate::Modal(cap.nodes, cap.full.data(), cap.shapes.data(), cap.frequencies, 1e-3, 0.0, 0.0, instant, 0.03, tangential);
+    };
+    palpate::Modal plain = make(false), draggable = make(true);
+    BodyContact<palpate::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
+    BodyTip tip;
+    double lost = 0.0;
+    Counts counts;
+    for (int number = 0; number < 300; ++number) {
+      tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
+      tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
+      const Path path(random);
+      smooth.reset();
+      rough.reset();
+      double in = 0.0, most = 0.0;
+      Vector3<> before = Vector3<>::Zero();
+      const int ticks = 100;
+      for (int k = 0; k <= ticks; ++k) {
+        tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
+        tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
+        const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+        ASSERT_NEAR(a.force.norm(), (b.force - b.friction).norm(), 1e-5 * a.force.norm() + 1e-9);
+        if (k > 0) in -= b.friction.dot(tip.centre - before);
+        before = tip.centre;
+        most = std::max(most, in);
+        ASSERT_GE(in, draggable.energy() - plain.energy() - 1e-5 * most - 1e-12) << number << " " << k;
+        counts.see(b);
+      }
+      lost += in;
+    }
+    EXPECT_GT(lost, 1e-4);
+    EXPECT_GT(counts.least(), 1000);
+  }
+}
+
+// Without memory, on a curved surface, with either tip: as on a compliance.
+TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
+  const Cap cap;
+  palpate::Spline spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
+  BodyContact<palpate::Spline> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
+  std::mt19937 random(33);
+  BodyTip tip;
+  double lost = 0.0;
+  Counts counts;
+  for (int number = 0; number < 300; ++number) {
+    tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
+    tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
+    const Path path(random);
+    smooth.reset();
+    rough.reset();
+    double in = 0.0, most = 0.0;
+    Vector3<> before = Vector3<>::Zero();
+    const int ticks = 200;
+    for (int k = 0; k <= ticks; ++k) {
+      tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
+      tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
+      const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+      if (k > 0) in -= b.friction.dot(tip.centre - before);
+      before = tip.centre;
+      most = std::max(most, in);
+      const double slack = tip.kind == BodyTip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
+      ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number << " " << k;
+      counts.see(b);
+    }
+    lost += in;
+  }
+  EXPECT_GT(lost, 1e-5);
+  EXPECT_GT(counts.least(), 1000);
+}
+
+// A lattice's nodes really move along the surface: the tip gives friction at least what the nodes take, and the body never has more than
+// what all forces on its nodes have done.
+TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
+  const Cube cube(3);
+  palpate::Lattice lattice = cube.lattice(1e-3, 0.0, 1e-4);
+  BodyContact<palpate::Lattice> contact(cube.nodes, lattice, {0.7, 0.5});
+  std::mt19937 random(34);
+  BodyTip tip;
+  tip.radius = 12e-3;
+  double lost = 0.0;
+  Counts counts;
+  std::vector<Vector3<>> before(static_cast<std::size_t>(cube.nodes.size())), after(before.size());
+  const auto look = [&](std::vector<Vector3<>>& at) {
+    for (std::int32_t i = 0; i < cube.nodes.size(); ++i) at[static_cast<std::size_t>(i)] = lattice.displacement(i);
+  };
+  for (int number = 0; number < 100; ++number) {
+    const Path path(random, 8e-4);
+    contact.reset();
+    look(before);
+    double in = 0.0, along = 0.0, all = 0.0, most = 0.0;
+    Vector3<> place = Vector3<>::Zero();
+    const int ticks = 100;
+    for (int k = 0; k <= ticks; ++k) {
+      tip.centre = path.at(2.0 * M_PI * k / ticks, 2e-3) + Vector3<>(7e-3, 8e-3, 15e-3 + tip.radius);
+      const BodyAnswer& a = contact.step(tip);
+      look(after);
+      for (int c = 0; c < a.nodes; ++c) {
+        const std::int32_t node = contact.pressed()[c];
+        const Vector3<> moved = after[static_cast<std::size_t>(node)] - before[static_cast<std::size_t>(node)];
+        along += contact.dragged(node).dot(moved);
+        all += (contact.dragged(node) - contact.forces()[c] * cube.nodes.normal(node)).dot(moved);
+      }
+      std::swap(before, after);
+      if (k > 0) in -= a.friction.dot(tip.centre - place);
+      place = tip.centre;
+      most = std::max(most, std::abs(in));
+      ASSERT_GE(in, along - 1e-5 * most - 1e-13) << number << " " << k;
+      ASSERT_LE(lattice.energy(), all + 1e-6 * std::abs(all) + 1e-15);
+      counts.see(a);
+    }
+    lost += in - along;
+  }
+  EXPECT_GT(lost, 1e-5);
+  EXPECT_GT(counts.least(), 300);
+}
+
+}  // namespace

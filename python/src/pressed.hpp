@@ -10,7 +10,7 @@ struct PressedStep {
   double residual = 0.0;         ///< load less inner forces before it, N
   int newton_steps = 0;          ///< of conjugate gradients
   int compliance_steps = 0;      ///< of conjugate gradients
-  double compliance_left = 0.0;  ///< largest share of a unit force that its column of the compliance leaves
+  double compliance_left = 0.0;  ///< how far the worst column of the compliance was from itself, in the energy's norm, about
 };
 
 /// A pressed solid of one of the materials, compiled for one width of vector registers.

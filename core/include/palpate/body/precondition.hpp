@@ -78,8 +78,7 @@ class Precondition {
   /// Inverts each node's own block.
   void update(const BlockMatrix& matrix) noexcept {
     for (std::size_t i = 0; i < own_.size(); ++i) {
-      const float* m = matrix.block(matrix.find(static_cast<std::int32_t>(i), static_cast<std::int32_t>(i)));
-      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(m).inverse();
+      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(matrix.own(i)).inverse();
       std::copy(inverse.data(), inverse.data() + 9, own_[i].begin());
     }
   }
@@ -87,13 +86,14 @@ class Precondition {
   /// Inverts the coarse matrix too: ten times as long as update(), for now and then. False, and all as before, if it is not positive.
   bool update_coarse(const BlockMatrix& matrix) {
     const Eigen::Index unknowns = 3 * coarse_;
-    Eigen::MatrixXd coarse = Eigen::MatrixXd::Zero(unknowns, unknowns);
+    Eigen::MatrixXd half = Eigen::MatrixXd::Zero(unknowns, unknowns);
     std::vector<Eigen::Matrix3d> row(static_cast<std::size_t>(coarse_));
     std::vector<std::int32_t> touched;
     for (std::size_t i = 0; i < own_.size(); ++i) {
       touched.clear();
       matrix.row(static_cast<std::int32_t>(i), [&](std::int32_t j, const float* m) {
-        const Eigen::Matrix3d block = Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(m).cast<double>();
+        const double share_of_pair = static_cast<std::size_t>(j) == i ? 0.5 : 1.0;
+        const Eigen::Matrix3d block = share_of_pair * Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(m).cast<double>();
         for (const Share& share : near_[static_cast<std::size_t>(j)]) {
           if (share.weight == 0.0F) continue;
           auto& sum = row[static_cast<std::size_t>(share.point)];
@@ -107,9 +107,9 @@ class Precondition {
       for (const Share& share : near_[i])
         if (share.weight != 0.0F)
           for (const std::int32_t k : touched)
-            coarse.block<3, 3>(3 * share.point, 3 * k) += static_cast<double>(share.weight) * row[static_cast<std::size_t>(k)];
+            half.block<3, 3>(3 * share.point, 3 * k) += static_cast<double>(share.weight) * row[static_cast<std::size_t>(k)];
     }
-    coarse = 0.5 * (coarse + coarse.transpose()).eval();
+    const Eigen::MatrixXd coarse = half + half.transpose();
     const Eigen::LLT<Eigen::MatrixXd> factor(coarse);
     if (factor.info() != Eigen::Success) return false;
     const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
@@ -117,16 +117,26 @@ class Precondition {
     return true;
   }
 
-  /// z = what comes near to the inverse, times r.
-  template <class Number>
-  void apply(const Number* r, Number* z) noexcept {
-    std::vector<Number>& sums = space<Number>(sums_, sums_of_columns_);
-    std::vector<Number>& answers = space<Number>(answers_, answers_of_columns_);
-    std::fill(sums.begin(), sums.end(), Number{});
-    for (std::size_t i = 0; i < own_.size(); ++i)
-      for (const Share& share : near_[i])
-        for (std::size_t a = 0; a < 3; ++a) sums[3 * static_cast<std::size_t>(share.point) + a] += share.weight * r[3 * i + a];
-    const std::size_t unknowns = sums.size();
+  /// product = r . M r with M, what comes near to the inverse. `before(k)` is called before r[k] is looked at, and may change it.
+  template <class Number, class Before>
+  void measure(const Number* r, Number& product, Before before) noexcept {
+    Number* sums = space<Number>(sums_, sums_of_columns_).data();
+    Number* answers = space<Number>(answers_, answers_of_columns_).data();
+    const auto unknowns = static_cast<std::size_t>(3 * coarse_);
+    std::fill(sums, sums + unknowns, Number{});
+    Number own{};
+    for (std::size_t i = 0; i < own_.size(); ++i) {
+      for (std::size_t a = 0; a < 3; ++a) before(3 * i + a);
+      const Number u = r[3 * i], v = r[3 * i + 1], w = r[3 * i + 2];
+      const auto& m = own_[i];
+      own += (((m[0] * u + m[1] * v) + m[2] * w) * u + ((m[3] * u + m[4] * v) + m[5] * w) * v) + ((m[6] * u + m[7] * v) + m[8] * w) * w;
+      for (const Share& share : near_[i]) {
+        Number* to = sums + 3 * static_cast<std::size_t>(share.point);
+        to[0] += share.weight * u;
+        to[1] += share.weight * v;
+        to[2] += share.weight * w;
+      }
+    }
     for (std::size_t k = 0; k < unknowns; ++k) {
       const float* row = inverse_.data() + k * unknowns;
       Number part[4] = {};  // sums side by side
@@ -135,16 +145,32 @@ class Precondition {
         for (std::size_t p = 0; p < 4; ++p) part[p] += row[l + p] * sums[l + p];
       for (; l < unknowns; ++l) part[0] += row[l] * sums[l];
       answers[k] = (part[0] + part[1]) + (part[2] + part[3]);
+      own += sums[k] * answers[k];
     }
+    product = own;
+  }
+  template <class Number>
+  void measure(const Number* r, Number& product) noexcept {
+    measure(r, product, [](std::size_t) {});
+  }
+
+  /// Calls take(k, (M r)[k]) for each k; r as it was measured last.
+  template <class Number, class Take>
+  void each_answer(const Number* r, Take take) noexcept {
+    const Number* answers = space<Number>(answers_, answers_of_columns_).data();
     for (std::size_t i = 0; i < own_.size(); ++i) {
       const auto& m = own_[i];
-      const Number* v = r + 3 * i;
-      Number* to = z + 3 * i;
-      for (std::size_t a = 0; a < 3; ++a) {
-        Number sum = (m[3 * a] * v[0] + m[3 * a + 1] * v[1]) + m[3 * a + 2] * v[2];
-        for (const Share& share : near_[i]) sum += share.weight * answers[3 * static_cast<std::size_t>(share.point) + a];
-        to[a] = sum;
+      const Number u = r[3 * i], v = r[3 * i + 1], w = r[3 * i + 2];
+      Number a = (m[0] * u + m[1] * v) + m[2] * w, b = (m[3] * u + m[4] * v) + m[5] * w, c = (m[6] * u + m[7] * v) + m[8] * w;
+      for (const Share& share : near_[i]) {
+        const Number* from = answers + 3 * static_cast<std::size_t>(share.point);
+        a += share.weight * from[0];
+        b += share.weight * from[1];
+        c += share.weight * from[2];
       }
+      take(3 * i, a);
+      take(3 * i + 1, b);
+      take(3 * i + 2, c);
     }
   }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/body/beyond.hpp"
-#include "palpate/body/conjugate_gradients.hpp"
+#include "palpate/body/kept_columns.hpp"
 #include "palpate/body/snapshot.hpp"
 #include "palpate/body/solid.hpp"
 
@@ -27,27 +27,23 @@ struct SolidSurface {
 
 /// How much work a step of a pressed solid is.
 struct Effort {
-  int near = 32;             ///< nodes near each tip whose compliance is solved for, at most Snapshot::most_inner in all
-  float newton = 0.1F;       ///< to which share of its residual Newton's direction is solved
-  int newton_steps = 30;     ///< of conjugate gradients, at most
-  float compliance = 0.05F;  ///< to which share of the unit force each column of the compliance is solved
-  int compliance_steps = 6;  ///< of conjugate gradients, at most: columns of new nodes take a few slow steps
+  int near = 32;          ///< nodes near each tip whose compliance is solved for, at most Snapshot::most_inner in all
+  float newton = 0.1F;    ///< how far from Newton's direction it may stay, in the energy's norm
+  int newton_steps = 30;  ///< of conjugate gradients, at most
+  KeptColumns::Effort compliance{};
 };
 
 /// A solid that tips press, at a low rate: each step takes the contact on the last snapshot, goes one Newton step towards rest under its
 /// forces, and makes the next snapshot there.
 ///
-/// The snapshot's compliance is that of the tangent: columns z_j = K^-1 b_j of the nodes near the tips are kept from step to step, and
-/// bettered by conjugate gradients, sixteen side by side. What is left over in them, r_j = b_j - K z_j, is used once more: the compliance
-/// b_i.z_j + z_i.r_j is symmetric and wrong by the square of the columns' errors only, and always too small. Nodes farther out, where a
-/// quick tip may be before the next snapshot comes, have no columns: see Beyond.
+/// The snapshot's compliance is that of the tangent, of nodes near the tips. Nodes farther out, where a quick tip may be before the next
+/// snapshot comes, have no columns: see Beyond.
 template <template <class> class Material, int lanes>
 class PressedSolid {
  public:
   struct Report {
     typename Solid<Material, lanes>::Step newton;
-    int compliance_steps = 0;      ///< of conjugate gradients, over all groups of sixteen
-    double compliance_left = 0.0;  ///< largest share of a unit force that its column leaves
+    KeptColumns::Report compliance;
   };
 
   PressedSolid(const SolidMesh& mesh, SolidSurface surface, const Effort& effort)
@@ -58,17 +54,13 @@ class PressedSolid {
         load_(solid_.unknowns()),
         guess_(solid_.unknowns()),
         left_(solid_.unknowns()),
-        solver_(solid_.unknowns()) {
+        columns_(solid_.unknowns(), static_cast<std::size_t>(std::min(BodyTips::most * effort.near, Snapshot::most_inner))) {
     node_of_.resize(mesh.points.size());
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(mesh.points.size()); ++i)
       node_of_[static_cast<std::size_t>(solid_.point_of(i))] = i;
     around_.resize(mesh.points.size());
     for (std::size_t f = 0; f < surface_.triangles.size(); ++f)
       for (const std::int32_t p : surface_.triangles[f]) around_[static_cast<std::size_t>(p)].push_back(static_cast<std::int32_t>(f));
-    const std::size_t groups = (static_cast<std::size_t>(std::min(BodyTips::most * effort.near, Snapshot::most_inner)) + width - 1) / width;
-    column_.assign(groups, std::vector<Columns>(solid_.unknowns(), Columns{}));
-    rest_.assign(groups, std::vector<Columns>(solid_.unknowns(), Columns{}));
-    slot_.fill(-1);
     next_.compliance.assign(static_cast<std::size_t>(Snapshot::capacity) * Snapshot::capacity, 0.0);
     state_ = next_;
   }
@@ -87,7 +79,7 @@ class PressedSolid {
     if (!at_rest()) report.newton = solid_.step(load_.data(), effort_.newton, effort_.newton_steps, guess_.data());
     choose_near(tips);
     place_nodes(tips);
-    better_columns(report);
+    report.compliance = columns_.better(solid_.tangent(), solid_.precondition(), unit_, solved_, effort_.compliance);
     linearise();
     std::swap(state_, next_);
     to = state_;
@@ -96,8 +88,7 @@ class PressedSolid {
 
   void reset() {
     solid_.reset();
-    slot_.fill(-1);
-    for (auto& group : column_) std::fill(group.begin(), group.end(), Columns{});
+    columns_.keep({});
     before_ = 0;
     seen_ = BodyTips{};
     state_ = Snapshot{};
@@ -105,7 +96,6 @@ class PressedSolid {
   }
 
  private:
-  static constexpr std::size_t width = sizeof(Columns) / sizeof(float);
   static constexpr double ahead_steps = 3.0;  // that a quick tip may go before it feels the snapshot
 
   /// The load of the contact's forces along the last snapshot's ways, and what the columns say that it changes.
@@ -123,11 +113,7 @@ class PressedSolid {
       const auto n = static_cast<std::size_t>(i);
       load(state_.name[n], -force[n] * state_.nodes.normal(i));
       const double change = force[n] - state_.force[n];
-      if (change == 0.0) continue;
-      const auto slot = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), state_.name[n]) - slot_.begin());
-      if (slot == slot_.size()) continue;  // it had no column
-      const std::vector<Columns>& group = column_[slot / width];
-      for (std::size_t k = 0; k < guess_.size(); ++k) guess_[k] += static_cast<float>(change) * group[k][slot % width];
+      if (change != 0.0 && columns_.has(state_.name[n])) columns_.add(state_.name[n], static_cast<float>(change), guess_.data());
     }
     force_ = force;
   }
@@ -181,7 +167,7 @@ class PressedSolid {
     return length > 0.0 ? Vector3<>(sum / length) : Vector3<>(Vector3<>::UnitZ());
   }
 
-  /// The nodes nearest to the tips get slots; those that have one keep it as long as they are near enough.
+  /// The nodes nearest to the tips get columns; those that have one keep it as long as they are near enough.
   void choose_near(const BodyTips& tips) {
     const auto n = static_cast<std::int32_t>(surface_.point.size());
     wanted_.clear();
@@ -194,7 +180,7 @@ class PressedSolid {
       for (std::int32_t i = 0; i < n; ++i) {
         const Vector3<> at = points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(i)])] + moved(i);
         double far = std::min((at - now).squaredNorm(), (at - then).squaredNorm());
-        if (std::find(slot_.begin(), slot_.end(), i) != slot_.end()) far *= 0.8;
+        if (columns_.has(i)) far *= 0.8;
         near_.emplace_back(far, i);
       }
       const auto take = std::min(static_cast<std::ptrdiff_t>(each), static_cast<std::ptrdiff_t>(n));
@@ -203,19 +189,9 @@ class PressedSolid {
     }
     std::sort(wanted_.begin(), wanted_.end());
     wanted_.erase(std::unique(wanted_.begin(), wanted_.end()), wanted_.end());
-    for (std::int32_t& s : slot_)
-      if (s >= 0 && !std::binary_search(wanted_.begin(), wanted_.end(), s)) s = -1;
-    for (const std::int32_t name : wanted_) {
-      if (std::find(slot_.begin(), slot_.end(), name) != slot_.end()) continue;
-      const auto slot = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), -1) - slot_.begin());
-      slot_[slot] = name;
-      for (Columns& c : column_[slot / width]) c[slot % width] = 0.0F;
-    }
+    columns_.keep(wanted_);
     choose_beyond(tips);
     seen_ = tips;
-    groups_ = 0;
-    for (std::size_t s = 0; s < slot_.size(); ++s)
-      if (slot_[s] >= 0) groups_ = s / width + 1;
   }
 
   /// Those of the others that lie nearest to where the tips go if they go on for a few steps more: as many as a snapshot has room for.
@@ -239,9 +215,10 @@ class PressedSolid {
     covered_ = wanted_;
     for (std::size_t k = 0; k < room; ++k) covered_.push_back(near_[k].second);
     std::sort(covered_.begin(), covered_.end());
+    solved_.clear();
     for (std::size_t i = 0; i < covered_.size(); ++i) {
-      slot_at_[i] = static_cast<std::size_t>(std::find(slot_.begin(), slot_.end(), covered_[i]) - slot_.begin());
-      next_.inner[i] = slot_at_[i] < slot_.size();
+      next_.inner[i] = std::binary_search(wanted_.begin(), wanted_.end(), covered_[i]);
+      if (next_.inner[i]) solved_.push_back(i);
     }
   }
 
@@ -270,44 +247,13 @@ class PressedSolid {
       if (way.norm() > 0.1 * tip.radius) ways.back() = way.normalized();
     }
     next_.nodes = BodyNodes(std::move(places), std::move(ways), areas);
-  }
-
-  /// Calls take(k, value) for each entry of the unit force along the inward normal of the node in place i.
-  template <class Take>
-  void each_entry(std::size_t i, Take take) const {
-    const Vector3<>& outward = next_.nodes.normal(static_cast<std::int32_t>(i));
-    each_share(next_.name[i], [&](std::size_t k, double weight) {
-      for (std::size_t a = 0; a < 3; ++a) take(k + a, -weight * outward[static_cast<int>(a)]);
-    });
-  }
-
-  void better_columns(Report& report) {
-    for (std::size_t g = 0; g < groups_; ++g) {
-      std::vector<Columns>&z = column_[g], &r = rest_[g];
-      Columns square{};
-      for (std::size_t l = 0; l < width; ++l)
-        if (slot_[g * width + l] < 0)
-          for (Columns& c : z) c[l] = 0.0F;
-      solid_.tangent().multiply(z.data(), r.data());
-      for (Columns& c : r) c = -c;
-      bool used = false;
-      for (std::size_t i = 0; i < covered_.size(); ++i) {
-        if (!next_.inner[i] || slot_at_[i] / width != g) continue;
-        used = true;
-        each_entry(i, [&](std::size_t k, double value) {
-          r[k][slot_at_[i] % width] += static_cast<float>(value);
-          square[slot_at_[i] % width] += static_cast<float>(value * value);
-        });
-      }
-      if (!used) continue;  // none of the sixteen is near
-      const auto solved =
-          solver_.solve(solid_.tangent(), solid_.precondition(), z.data(), r.data(), square, effort_.compliance, effort_.compliance_steps);
-      report.compliance_steps += solved.steps;
-      Columns left;
-      solver_.dot(r.data(), r.data(), left);
-      for (std::size_t l = 0; l < width; ++l)
-        if (square[l] > 0.0F)
-          report.compliance_left = std::max(report.compliance_left, std::sqrt(static_cast<double>(left[l] / square[l])));
+    unit_.clear();
+    for (std::size_t i = 0; i < covered_.size(); ++i) {
+      const Vector3<>& outward = next_.nodes.normal(static_cast<std::int32_t>(i));
+      each_share(next_.name[i], [&](std::size_t k, double weight) {
+        for (std::size_t a = 0; a < 3; ++a) unit_.entries.push_back({k + a, static_cast<float>(-weight * outward[static_cast<int>(a)])});
+      });
+      unit_.begin.push_back(unit_.entries.size());
     }
   }
 
@@ -318,39 +264,7 @@ class PressedSolid {
     std::fill(load_.begin(), load_.end(), 0.0);
     for (std::size_t i = 0; i < count; ++i) load(next_.name[i], -next_.force[i] * next_.nodes.normal(static_cast<std::int32_t>(i)));
     for (std::size_t k = 0; k < load_.size(); ++k) left_[k] = static_cast<float>(load_[k] - solid_.gradient()[k]);
-    // z_i . r_j of all slots, and z_i . left.
-    for (std::size_t g = 0; g < groups_; ++g) {
-      Columns ahead{};
-      for (std::size_t k = 0; k < left_.size(); ++k) ahead += left_[k] * column_[g][k];
-      for (std::size_t l = 0; l < width; ++l) ahead_[g * width + l] = ahead[l];
-      for (std::size_t h = 0; h < groups_; ++h) {
-        std::array<Columns, width> sum{};
-        for (std::size_t k = 0; k < left_.size(); ++k)
-          for (std::size_t l = 0; l < width; ++l) sum[l] += rest_[h][k][l] * column_[g][k];
-        for (std::size_t l = 0; l < width; ++l)
-          for (std::size_t m = 0; m < width; ++m)
-            product_[(g * width + m) * Snapshot::most_inner + h * width + l] = static_cast<double>(sum[l][m]);
-      }
-    }
-    for (std::size_t i = 0; i < count; ++i)
-      for (std::size_t j = 0; j < count; ++j) {
-        if (!next_.inner[j]) continue;
-        double sum = next_.inner[i] ? product_[slot_at_[i] * Snapshot::most_inner + slot_at_[j]] : 0.0;
-        each_entry(i, [&](std::size_t k, double value) {
-          sum += value * static_cast<double>(column_[slot_at_[j] / width][k][slot_at_[j] % width]);
-        });
-        next_.compliance[i * Snapshot::capacity + j] = sum;
-        if (!next_.inner[i]) next_.compliance[j * Snapshot::capacity + i] = sum;
-      }
-    for (std::size_t i = 0; i < count; ++i) {
-      if (!next_.inner[i]) continue;
-      for (std::size_t j = 0; j < i; ++j) {
-        if (!next_.inner[j]) continue;
-        double &one = next_.compliance[i * Snapshot::capacity + j], &two = next_.compliance[j * Snapshot::capacity + i];
-        one = two = 0.5 * (one + two);
-      }
-      next_.ahead[i] = static_cast<double>(ahead_[slot_at_[i]]);
-    }
+    columns_.project(unit_, solved_, left_, next_.compliance.data(), Snapshot::capacity, next_.ahead.data());
     beyond_.complete(next_);
     for (std::size_t i = 0; i < count; ++i) {
       double sum = 0.0;
@@ -376,15 +290,11 @@ class PressedSolid {
   std::vector<float> guess_, left_;                 // m, N
   std::vector<std::pair<double, std::int32_t>> near_;
   std::vector<std::int32_t> wanted_, covered_;  // names, rising: of nodes with columns, and all of the next state
+  std::vector<std::size_t> solved_;             // places of the former among the latter
+  BodyTips seen_;                               // of the last step
+  UnitForces unit_;                             // along the inward normals of the nodes that are covered
+  KeptColumns columns_;
   Beyond beyond_;
-  std::array<std::int32_t, Snapshot::most_inner> slot_{};  // name that each column belongs to; -1: none
-  BodyTips seen_;                                          // of the last step
-  std::size_t groups_ = 0;                                 // of sixteen columns in use
-  std::array<std::size_t, Snapshot::capacity> slot_at_{};  // column of each place of the next state
-  std::vector<std::vector<Columns>> column_, rest_;        // by sixteen, m and N
-  std::array<float, Snapshot::most_inner> ahead_{};        // by column, m
-  std::vector<double> product_ = std::vector<double>(static_cast<std::size_t>(Snapshot::most_inner) * Snapshot::most_inner);
-  ConjugateGradients<Columns> solver_;
 };
 
 }  // namespace palpate

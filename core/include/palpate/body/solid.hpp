@@ -62,7 +62,7 @@ class Solid {
         }
     std::sort(pairs.begin(), pairs.end());
     pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    matrix_ = BlockMatrix(free_, std::move(pairs));
+    matrix_ = BlockMatrix(free_, pairs);
     precondition_ = Precondition(places);
     const std::size_t cells = mesh.tetrahedra.size();
     group_.resize((cells + lanes - 1) / lanes);
@@ -104,10 +104,9 @@ class Solid {
     settle();
   }
 
-  /// One Newton step towards rest under `load` [N], solved to `tolerance` of the residual or `most` steps of conjugate gradients, and
-  /// shortened until the energy less the load's work falls. A tangent that is seen not to be positive is made so, tetrahedron by
-  /// tetrahedron, and solved again.
-  /// `guess` [m], if given, is where the solver starts.
+  /// One Newton step towards rest under `load` [N], solved to `tolerance` of the way (in the energy's norm) or `most` steps of conjugate
+  /// gradients, and shortened until the energy less the load's work falls. A tangent that is seen not to be positive is made so,
+  /// tetrahedron by tetrahedron, and solved again. `guess` [m], if given, is where the solver starts.
   Step step(const double* load, float tolerance, int most, const float* guess = nullptr) {
     Step done;
     double square = 0.0;
@@ -158,20 +157,25 @@ class Solid {
 
   /// `lanes` tetrahedra side by side.
   struct Group {
-    std::array<std::array<std::int32_t, lanes>, 4> node{};    // of each corner
-    std::array<std::array<std::int32_t, lanes>, 16> block{};  // in the matrix, of each pair of corners; -1: one is held
+    std::array<std::array<std::int32_t, lanes>, 4> node{};    // of each corner, rising
+    std::array<std::array<std::int32_t, lanes>, 10> block{};  // in the matrix, of each pair of corners; -1: one is held
     std::array<Vector3<Scalar>, 3> slope;                     // of the shape functions of corners 1 to 3, 1/m
     Scalar volume, shear, lame;                               // m^3, Pa, Pa
   };
+
+  /// The place of corners a <= b among the ten pairs.
+  static constexpr std::size_t pair(std::size_t a, std::size_t b) noexcept { return a * (7 - a) / 2 + b; }
 
   void add(const SolidMesh& mesh, const std::vector<std::int32_t>& number, std::size_t cell, std::size_t at, bool counts) {
     Group& group = group_[at / lanes];
     const auto lane = static_cast<int>(at % lanes);
     const auto l = static_cast<std::size_t>(lane);
-    const auto& corners = mesh.tetrahedra[cell];
+    auto corners = mesh.tetrahedra[cell];
+    const auto of = [&](std::int32_t point) { return number[static_cast<std::size_t>(point)]; };
+    std::sort(corners.begin(), corners.end(), [&](std::int32_t p, std::int32_t q) { return of(p) < of(q); });
     Eigen::Matrix3d edges;
     for (std::size_t c = 0; c < 4; ++c) {
-      group.node[c][l] = number[static_cast<std::size_t>(corners[c])];
+      group.node[c][l] = of(corners[c]);
       if (c > 0)
         edges.col(static_cast<int>(c) - 1) =
             mesh.points[static_cast<std::size_t>(corners[c])] - mesh.points[static_cast<std::size_t>(corners[0])];
@@ -179,15 +183,15 @@ class Solid {
     const Eigen::Matrix3d slopes = edges.inverse();  // one in each row
     for (int c = 0; c < 3; ++c)
       for (int a = 0; a < 3; ++a) group.slope[static_cast<std::size_t>(c)][a].set(lane, slopes(c, a));
-    const double volume = edges.determinant() / 6.0;
+    const double volume = std::abs(edges.determinant()) / 6.0;
     group.volume.set(lane, counts ? volume : 0.0);
     rounding_ += 1e-14 * volume * (2.0 * mesh.shear[cell] + mesh.lame[cell]);
     group.shear.set(lane, mesh.shear[cell]);
     group.lame.set(lane, mesh.lame[cell]);
     for (std::size_t a = 0; a < 4; ++a)
-      for (std::size_t b = 0; b < 4; ++b) {
+      for (std::size_t b = a; b < 4; ++b) {
         const std::int32_t i = group.node[a][l], j = group.node[b][l];
-        group.block[4 * a + b][l] = i < free_ && j < free_ ? static_cast<std::int32_t>(matrix_.find(i, j)) : -1;
+        group.block[pair(a, b)][l] = j < free_ ? static_cast<std::int32_t>(matrix_.find(i, j)) : -1;
       }
   }
 
@@ -199,16 +203,16 @@ class Solid {
   /// The Newton direction into way_. False if the tangent was seen not to be positive.
   bool find_way(const double* load, float tolerance, int most, const float* guess, Step& done) {
     for (std::size_t k = 0; k < unknowns(); ++k) left_[k] = static_cast<float>(load[k] - gradient_[k]);
-    float square = 0.0F;
-    solver_.dot(left_.data(), left_.data(), square);
+    float limit = 0.0F, unused = 0.0F;
+    precondition_.measure(left_.data(), limit);
     if (guess != nullptr) {
       std::copy(guess, guess + unknowns(), way_.begin());
-      matrix_.multiply(way_.data(), pull_.data());
+      matrix_.multiply(way_.data(), pull_.data(), unused);
       for (std::size_t k = 0; k < unknowns(); ++k) left_[k] -= pull_[k];
     } else {
       std::fill(way_.begin(), way_.end(), 0.0F);
     }
-    const auto solved = solver_.solve(matrix_, precondition_, way_.data(), left_.data(), square, tolerance, most);
+    const auto solved = solver_.solve(matrix_, precondition_, way_.data(), left_.data(), tolerance * tolerance * limit, most);
     done.solver_steps += solved.steps;
     return !solved.negative;
   }
@@ -247,25 +251,24 @@ class Solid {
           for (int a = 0; a < 3; ++a) gradient[3 * static_cast<std::size_t>(node) + static_cast<std::size_t>(a)] += force[c][a][l];
         }
       // Blocks of corners 1 to 3; those of corner 0 make the sums zero.
-      std::array<Matrix3<Scalar>, 16> block;
+      std::array<Matrix3<Scalar>, 10> block;
       for (std::size_t a = 1; a < 4; ++a)
-        for (std::size_t b = a; b < 4; ++b) {
-          block[4 * a + b] = material.tangent(group.slope[a - 1], group.slope[b - 1], share) * group.volume;
-          if (b > a) block[4 * b + a] = block[4 * a + b].transpose();
+        for (std::size_t b = a; b < 4; ++b)
+          block[pair(a, b)] = material.tangent(group.slope[a - 1], group.slope[b - 1], share) * group.volume;
+      const Matrix3<Scalar>&xy = block[pair(1, 2)], &xz = block[pair(1, 3)], &yz = block[pair(2, 3)];
+      block[pair(0, 1)] = -((block[pair(1, 1)] + xy.transpose()) + xz.transpose());
+      block[pair(0, 2)] = -((xy + block[pair(2, 2)]) + yz.transpose());
+      block[pair(0, 3)] = -((xz + yz) + block[pair(3, 3)]);
+      block[pair(0, 0)] = -((block[pair(0, 1)] + block[pair(0, 2)]) + block[pair(0, 3)]);
+      for (std::size_t p = 0; p < block.size(); ++p) {
+        std::array<float, 9 * static_cast<std::size_t>(lanes)> number;
+        for (std::size_t k = 0; k < 9; ++k) narrow(block[p](static_cast<int>(k / 3), static_cast<int>(k % 3)), number.data() + k * lanes);
+        for (std::size_t l = 0; l < lanes; ++l) {
+          if (group.block[p][l] < 0) continue;
+          float* to = matrix_.block(static_cast<std::size_t>(group.block[p][l]));
+          for (std::size_t k = 0; k < 9; ++k) to[k] += number[k * lanes + l];
         }
-      for (std::size_t a = 1; a < 4; ++a) {
-        block[4 * a] = -((block[4 * a + 1] + block[4 * a + 2]) + block[4 * a + 3]);
-        block[a] = block[4 * a].transpose();
       }
-      block[0] = -((block[4] + block[8]) + block[12]);
-      for (std::size_t p = 0; p < 16; ++p)
-        for (int l = 0; l < lanes; ++l) {
-          const std::int32_t at = group.block[p][static_cast<std::size_t>(l)];
-          if (at < 0) continue;
-          float* to = matrix_.block(static_cast<std::size_t>(at));
-          for (int a = 0; a < 3; ++a)
-            for (int b = 0; b < 3; ++b) to[3 * a + b] += static_cast<float>(block[p](a, b)[l]);
-        }
     }
     return energy;
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #if defined(__SSE2__)
 #include <immintrin.h>
@@ -24,21 +25,25 @@ template <>
 struct Lanes<2> {
   using Vector [[gnu::vector_size(16)]] = double;
   using Bits [[gnu::vector_size(16)]] = std::int64_t;
+  using Single [[gnu::vector_size(8)]] = float;
 };
 template <>
 struct Lanes<4> {
   using Vector [[gnu::vector_size(32)]] = double;
   using Bits [[gnu::vector_size(32)]] = std::int64_t;
+  using Single [[gnu::vector_size(16)]] = float;
 };
 template <>
 struct Lanes<8> {
   using Vector [[gnu::vector_size(64)]] = double;
   using Bits [[gnu::vector_size(64)]] = std::int64_t;
+  using Single [[gnu::vector_size(32)]] = float;
 };
 template <>
 struct Lanes<16> {
   using Vector [[gnu::vector_size(128)]] = double;
   using Bits [[gnu::vector_size(128)]] = std::int64_t;
+  using Single [[gnu::vector_size(64)]] = float;
 };
 
 }  // namespace detail
@@ -198,6 +203,13 @@ template <int lanes>
 template <int lanes>
 [[gnu::always_inline]] inline Mask<lanes> finite(const Pack<lanes>& x) {
   return abs(x) <= Pack<lanes>(1.7976931348623157e308);
+}
+
+/// Writes all lanes in single precision.
+template <int lanes>
+[[gnu::always_inline]] inline void narrow(const Pack<lanes>& x, float* to) {
+  const auto single = __builtin_convertvector(x.v, typename detail::Lanes<lanes>::Single);
+  std::memcpy(to, &single, sizeof single);
 }
 
 /// Numbers of a table, each lane's own: `place` is a whole number of at least 0.

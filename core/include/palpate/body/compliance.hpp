@@ -2,10 +2,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "palpate/body/nodes.hpp"
 #include "palpate/body/tangential.hpp"
+#include "palpate/math/shared.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -48,12 +48,13 @@ class Compliance {
   /// Both ways.
   void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { across_.set(i, j, block); }
   [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
+  [[nodiscard]] bool surely_above_all(std::size_t, double place) const noexcept { return place <= 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}
 
  private:
   std::size_t count_ = 0;
-  std::vector<float> along_;  // n x n, m/N
+  Shared<float> along_;  // n x n, m/N
   Tangential across_;
 };
 

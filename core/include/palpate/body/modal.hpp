@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "palpate/body/compliance.hpp"
@@ -13,6 +14,7 @@
 #include "palpate/body/oscillator.hpp"
 #include "palpate/body/relaxing.hpp"
 #include "palpate/body/tangential.hpp"
+#include "palpate/math/shared.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
@@ -35,11 +37,13 @@ class Modal {
         modes_(frequencies.size()),
         stride_((modes_ + lanes - 1) / lanes * lanes),
         instant_(instant),
-        shape_(count_ * stride_, 0.0F),
+        shape_(count_ * stride_),
         longest_(count_),
         tail_(count_),
+        seen_(count_),
+        asked_(count_),
         compliance_(count_ * count_),
-        across_(tangential ? 2 * count_ * stride_ : 0, 0.0F),
+        across_(tangential ? 2 * count_ * stride_ : 0),
         free_(tangential ? 2 * stride_ : stride_, 0.0F),
         push_(free_.size(), 0.0F),
         square_(static_cast<Eigen::Index>(free_.size())) {
@@ -57,6 +61,16 @@ class Modal {
     for (std::size_t i = 0; i < count_; ++i) {
       longest_[i] = length(shape_.data() + i * stride_, 0, stride_);
       tail_[i] = length(shape_.data() + i * stride_, head(), stride_);
+    }
+    for (std::size_t g = 0; g < nodes.groups(); ++g) {
+      Group group;
+      group.begin = static_cast<std::int32_t>(members_.size());
+      nodes.group(g, [&](std::int32_t node) {
+        members_.push_back(node);
+        group.longest = std::max(group.longest, longest_[static_cast<std::size_t>(node)]);
+      });
+      group.end = static_cast<std::int32_t>(members_.size());
+      groups_.push_back(group);
     }
     for (Values& v : by_) v = Values::Zero(size());
     for (Values& v : state_) v = Values::Zero(size());
@@ -106,8 +120,8 @@ class Modal {
     return static_cast<double>(compliance_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
   }
 
-  [[nodiscard]] double at_rest(std::int32_t i) const noexcept {
-    const double moving = sum(i, stride_);
+  [[nodiscard]] double at_rest(std::int32_t i) noexcept {
+    const double moving = asked(i);
     return relaxes() ? moving + left_.at_rest(i) : moving;
   }
 
@@ -120,12 +134,30 @@ class Modal {
     return relaxes() ? Eigen::Vector2d(moving + left_.tangential_at_rest(i)) : moving;
   }
 
-  /// Whether at_rest(i) is surely no less than `place` [m]: by Cauchy and Schwarz from the lengths of shape and state, or from those
-  /// beyond the first modes. So few of the nodes under a tip ask all modes.
-  [[nodiscard]] bool surely_above(std::int32_t i, double place) const noexcept {
+  /// Whether at_rest(i) is surely no less than `place` [m]: from where the node surely was, which it leaves no faster than the modes move
+  /// (Cauchy and Schwarz), or from the first modes and the lengths of shape and state beyond them. So few of the nodes under a tip ask all
+  /// modes.
+  [[nodiscard]] bool surely_above(std::int32_t i, double place) noexcept {
     if (relaxes()) return false;
+    if (least(i) >= place) return true;
     const auto at = static_cast<std::size_t>(i);
-    return -longest_[at] * moving_ >= place || (stride_ > head() && sum(i, head()) - tail_[at] * moving_tail_ >= place);
+    const double first = stride_ > head() ? sum(i, head()) - tail_[at] * moving_tail_ : -longest_[at] * moving_;
+    if (first >= place + soon * longest_[at] * step_) {  // for some ticks to come, too
+      seen_[at] = {first - rounding * longest_[at] * moving_, travelled_};
+      return true;
+    }
+    return asked(i) >= place;
+  }
+
+  /// The same of all nodes of a group.
+  [[nodiscard]] bool surely_above_all(std::size_t group, double place) noexcept {
+    if (relaxes()) return false;
+    Group& all = groups_[group];
+    if (all.seen.place - all.longest * (travelled_ - all.seen.travelled) >= place) return true;
+    double lowest = std::numeric_limits<double>::infinity();
+    for (std::int32_t k = all.begin; k < all.end; ++k) lowest = std::min(lowest, least(members_[static_cast<std::size_t>(k)]));
+    all.seen = {lowest, travelled_};
+    return lowest >= place;
   }
 
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
@@ -154,19 +186,14 @@ class Modal {
         q[k] = faded(by_[0][k] * a + by_[1][k] * b + by_[2][k] * c + by_[3][k] * f);
         v[k] = faded(by_[4][k] * a + by_[5][k] * b + by_[6][k] * c + by_[7][k] * f);
         z[k] = faded(by_[8][k] * a + by_[9][k] * b + by_[10][k] * c + by_[11][k] * f);
-        free_[static_cast<std::size_t>(k)] = static_cast<float>(by_[0][k] * q[k] + by_[1][k] * v[k] + by_[2][k] * z[k]);
+        go(static_cast<std::size_t>(k), by_[0][k] * q[k] + by_[1][k] * v[k] + by_[2][k] * z[k]);
       }
     } else {
-      const double *const qq = by_[0].data(), *const qv = by_[1].data(), *const qf = by_[3].data();
-      const double *const vq = by_[4].data(), *const vv = by_[5].data(), *const vf = by_[7].data();
-      for (Eigen::Index k = 0; k < size(); ++k) {
-        const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
-        const double a = faded(qq[k] * q[k] + qv[k] * v[k] + qf[k] * f), b = faded(vq[k] * q[k] + vv[k] * v[k] + vf[k] * f);
-        q[k] = a;
-        v[k] = b;
-        free_[static_cast<std::size_t>(k)] = static_cast<float>(qq[k] * a + qv[k] * b);
-      }
+      for (std::size_t k = 0; k < free_.size(); k += lanes) ring(k);
     }
+    ++tick_;
+    step_ = length(push_.data(), 0, stride_);
+    travelled_ += step_;
     moving_tail_ = length(free_.data(), head(), stride_);
     moving_ = std::hypot(moving_tail_, length(free_.data(), 0, head()));
   }
@@ -174,7 +201,11 @@ class Modal {
   void reset() noexcept {
     for (Values& v : state_) v.setZero();
     std::fill(free_.begin(), free_.end(), 0.0F);
-    moving_ = moving_tail_ = 0.0;
+    moving_ = moving_tail_ = travelled_ = step_ = 0.0;
+    tick_ = 0;
+    std::fill(asked_.begin(), asked_.end(), Asked());
+    std::fill(seen_.begin(), seen_.end(), Seen());
+    for (Group& group : groups_) group.seen = Seen();
     left_.reset();
   }
 
@@ -187,6 +218,73 @@ class Modal {
  private:
   using Values = Eigen::ArrayXd;
   static constexpr std::size_t lanes = 16;
+  static constexpr double rounding = 4e-6;  // of a sum over thousands of modes in single precision, side by side in lanes
+  static constexpr double soon = 16.0;      // ticks
+
+  /// A node was surely no lower than `place` [m] when the modes had travelled so far [sqrt(kg) m].
+  struct Seen {
+    double place = 0.0, travelled = 0.0;
+  };
+  /// Where a node was in a tick, by all modes.
+  struct Asked {
+    double place = 0.0;
+    std::int64_t tick = -1;
+  };
+  /// Neighbours: members_ from begin to end, the longest of their shapes' rows, and the lowest of them.
+  struct Group {
+    std::int32_t begin = 0, end = 0;
+    double longest = 0.0;
+    Seen seen;
+  };
+
+  /// Displacement of a node by all modes, m; they are asked once in a tick.
+  [[nodiscard]] double asked(std::int32_t i) noexcept {
+    const auto at = static_cast<std::size_t>(i);
+    if (asked_[at].tick != tick_) {
+      asked_[at] = {sum(i, stride_), tick_};
+      seen_[at] = {asked_[at].place - rounding * longest_[at] * moving_, travelled_};
+    }
+    return asked_[at].place;
+  }
+
+  /// A node is surely no lower than this without forces, m.
+  [[nodiscard]] double least(std::int32_t i) const noexcept {
+    const Seen& seen = seen_[static_cast<std::size_t>(i)];
+    return seen.place - longest_[static_cast<std::size_t>(i)] * (travelled_ - seen.travelled);
+  }
+
+  /// One period of the elastic modes from `first` on, as many as there are lanes, side by side in vector registers.
+  void ring(std::size_t first) noexcept {
+    const auto at = static_cast<Eigen::Index>(first);
+    const double *const qq = &by_[0][at], *const qv = &by_[1][at], *const qf = &by_[3][at];
+    const double *const vq = &by_[4][at], *const vv = &by_[5][at], *const vf = &by_[7][at];
+    double *const q = &state_[0][at], *const v = &state_[1][at];
+    float *const free = &free_[first], *const push = &push_[first];
+    double place[lanes], speed[lanes];
+    float next[lanes], change[lanes];
+    for (std::size_t l = 0; l < lanes; ++l) {
+      const auto f = static_cast<double>(push[l]);
+      place[l] = faded(qq[l] * q[l] + qv[l] * v[l] + qf[l] * f);
+      speed[l] = faded(vq[l] * q[l] + vv[l] * v[l] + vf[l] * f);
+    }
+    for (std::size_t l = 0; l < lanes; ++l) {
+      next[l] = static_cast<float>(qq[l] * place[l] + qv[l] * speed[l]);
+      change[l] = next[l] - free[l];
+    }
+    for (std::size_t l = 0; l < lanes; ++l) {
+      q[l] = place[l];
+      v[l] = speed[l];
+      free[l] = next[l];
+      push[l] = change[l];
+    }
+  }
+
+  /// A mode's next place; how far that is from the last one is left where its push was.
+  void go(std::size_t k, double place) noexcept {
+    const auto next = static_cast<float>(place);
+    push_[k] = next - free_[k];
+    free_[k] = next;
+  }
 
   /// Nothing of it is left below 1e-34: a mode that has rung out must not slow the tick down by numbers below the normal ones.
   [[nodiscard]] static double faded(double x) noexcept { return (x + 1e-18) - 1e-18; }
@@ -204,9 +302,14 @@ class Modal {
     float part[lanes] = {};  // sums side by side, for vector registers
     for (std::size_t k = 0; k < count; k += lanes)
       for (std::size_t l = 0; l < lanes; ++l) part[l] += one[k + l] * other[k + l];
-    double sum = 0.0;
-    for (const float p : part) sum += static_cast<double>(p);
-    return sum;
+    return added(part);
+  }
+
+  /// Of the lanes, pair by pair.
+  [[nodiscard]] static double added(float* part) noexcept {
+    for (std::size_t half = lanes / 2; half >= 1; half /= 2)
+      for (std::size_t l = 0; l < half; ++l) part[l] += part[l + half];
+    return static_cast<double>(part[0]);
   }
 
   using Shapes = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -232,28 +335,36 @@ class Modal {
   [[nodiscard]] static double length(const float* row, std::size_t first, std::size_t last) noexcept {
     float part[lanes] = {};
     for (std::size_t k = first; k < last; k += lanes)
-      for (std::size_t l = 0; l < lanes; ++l) part[l] += row[k + l] * row[k + l];
-    double sum = 0.0;
-    for (const float p : part) sum += static_cast<double>(p);
-    return 1.00001 * std::sqrt(sum);
+      for (std::size_t l = 0; l < lanes; ++l) {
+        const float x = 0x1p40F * row[k + l];  // squares that are no numbers below the normal ones
+        part[l] += x * x;
+      }
+    return (1.00001 * 0x1p-40) * std::sqrt(added(part));
   }
 
   std::size_t count_ = 0;  // nodes
   std::size_t modes_ = 0;
   std::size_t stride_ = 0;  // modes, filled up with zeros
   double instant_ = 1.0;
-  std::vector<float> shape_;                 // n x stride: displacement along the inward normal, 1/sqrt(kg)
-  std::vector<double> longest_, tail_;       // lengths of the shapes' rows, whole and beyond the first modes, 1/sqrt(kg)
-  std::vector<float> compliance_;            // n x n, m/N: at the end of a period, by a force held over it
-  std::vector<float> across_;                // 2n x stride: the same in the tangent planes, or nothing
+  Shared<float> shape_;                 // n x stride: displacement along the inward normal, 1/sqrt(kg)
+  std::vector<double> longest_, tail_;  // lengths of the shapes' rows, whole and beyond the first modes, 1/sqrt(kg)
+  std::vector<Seen> seen_;              // by node
+  std::vector<Asked> asked_;            // by node
+  std::vector<Group> groups_;
+  std::vector<std::int32_t> members_;        // nodes, by group
+  Shared<float> compliance_;                 // n x n, m/N: at the end of a period, by a force held over it
+  Shared<float> across_;                     // 2n x stride: the shapes in the tangent planes, or nothing
   Tangential tangential_;                    // as compliance_, in the tangent planes, or nothing
   std::vector<float> free_;                  // where each mode will be after the next period without forces, sqrt(kg) m; then the twins
   std::vector<float> push_;                  // on each mode, N/sqrt(kg); then on the twins
   double moving_ = 0.0, moving_tail_ = 0.0;  // lengths of free_, whole and beyond the first modes, sqrt(kg) m
-  Values square_;                            // of the frequencies, 1/s^2
-  std::array<Values, 12> by_;                // of each mode: next place, speed, dashpot by place, speed, dashpot, force
-  std::array<Values, 3> state_;              // place, speed, dashpot
-  Relaxing left_;                            // what the modes leave out, where it creeps
+  double travelled_ = 0.0;                   // sum of the lengths of its changes, sqrt(kg) m
+  double step_ = 0.0;                        // the last of them, sqrt(kg) m
+  std::int64_t tick_ = 0;
+  Values square_;                // of the frequencies, 1/s^2
+  std::array<Values, 12> by_;    // of each mode: next place, speed, dashpot by place, speed, dashpot, force
+  std::array<Values, 3> state_;  // place, speed, dashpot
+  Relaxing left_;                // what the modes leave out, where it creeps
 };
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -63,13 +64,35 @@ class BodyNodes {
     for (int a = 0; a < 3; ++a) count_[a] = static_cast<std::int32_t>((high[a] - low_[a]) / cell_) + 1;
     const std::size_t cells =
         static_cast<std::size_t>(count_[0]) * static_cast<std::size_t>(count_[1]) * static_cast<std::size_t>(count_[2]);
-    begin_.assign(cells + 1, 0);
-    for (const Vector3<>& p : points_) ++begin_[cell_of(p) + 1];
-    for (std::size_t c = 0; c < cells; ++c) begin_[c + 1] += begin_[c];
-    list_.resize(points_.size());
-    std::vector<std::int32_t> next(begin_.begin(), begin_.end() - 1);
-    for (std::size_t i = 0; i < points_.size(); ++i)
-      list_[static_cast<std::size_t>(next[cell_of(points_[i])]++)] = static_cast<std::int32_t>(i);
+    std::vector<std::int32_t> count(cells, 0), next(cells, 0);
+    for (const Vector3<>& p : points_) ++count[cell_of(p)];
+    first_.assign(cells + 1, 0);
+    std::int32_t at = 0;
+    for (std::size_t c = 0; c < cells; ++c) {
+      first_[c + 1] = first_[c] + (count[c] > 0 ? 1 : 0);
+      if (count[c] == 0) continue;
+      Group group;
+      group.begin = next[c] = at;
+      group.end = at += count[c];
+      groups_.push_back(group);
+    }
+    places_.resize(points_.size());
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const std::size_t c = cell_of(points_[i]);
+      Group& group = groups_[static_cast<std::size_t>(first_[c])];
+      const bool one = next[c] == group.begin;
+      group.low = one ? points_[i] : Vector3<>(group.low.cwiseMin(points_[i]));
+      group.high = one ? points_[i] : Vector3<>(group.high.cwiseMax(points_[i]));
+      places_[static_cast<std::size_t>(next[c]++)] = {points_[i], normals_[i], widths_[i], static_cast<std::int32_t>(i)};
+    }
+    for (Group& group : groups_) face(group);
+  }
+
+  /// How many groups of neighbours there are, and the nodes of one: calls take(node) for each.
+  [[nodiscard]] std::size_t groups() const noexcept { return groups_.size(); }
+  template <class Take>
+  void group(std::size_t number, Take take) const {
+    for (std::int32_t k = groups_[number].begin; k < groups_[number].end; ++k) take(places_[static_cast<std::size_t>(k)].node);
   }
 
   [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(points_.size()); }
@@ -81,39 +104,51 @@ class BodyNodes {
 
   /// Calls `take(node, depth)` for each node that lies under the tip, in or before it. A node whose normal turns away from `tip.outward`,
   /// such as one on the far side of a thin body, is not under it. `deep` is how deep the tip was in before [m]: so far out nodes are
-  /// looked for, and a tip does not lose those that it has passed.
-  template <class Take>
-  void under(const BodyTip& tip, Take take, double deep = 0.0) const noexcept {
+  /// looked for, and a tip does not lose those that it has passed. Of a group of which `skip(group, depth)` is true, none of whose nodes is
+  /// deeper than that, no node is taken.
+  template <class Skip, class Take>
+  void under(const BodyTip& tip, double deep, Skip skip, Take take) const noexcept {
     const bool flat = tip.kind == BodyTip::Kind::flat;
     // As wide as a sphere's cone is where it comes out of the surface.
     const double wide = flat ? tip.radius + 0.5 * widest_ : std::max(tip.radius, ((1.0 - cosine) * tip.radius + cosine * deep) / sine);
-    visit(tip.centre, tip.centre + deep * tip.outward, wide, [&](std::int32_t node) {
-      const Vector3<> away = point(node) - tip.centre;
-      const Vector3<>& n = normal(node);
-      const double facing = n.dot(tip.outward);
-      if (facing < cosine) return;
-      if (!flat) {
-        const double height = away.dot(n), aside = away.squaredNorm() - height * height;
-        if (aside >= wide * wide) return;
-        if (height > tip.radius && (away - away.dot(tip.outward) * tip.outward).squaredNorm() >= wide * wide) return;
-        take(node, height + lower(tip.radius, std::max(aside, 0.0)));
-      } else {
-        const double height = away.dot(tip.outward);
-        const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
-        if (part(tip, node, distance) > least_part) take(node, height / facing);
+    visit(tip.centre, tip.centre + deep * tip.outward, wide, [&](std::size_t number) {
+      const Group& group = groups_[number];
+      if (skip(number, flat ? deepest_before_end(tip, group) : deepest_in_sphere(tip, group))) return;
+      for (std::int32_t k = group.begin; k < group.end; ++k) {
+        const Place& place = places_[static_cast<std::size_t>(k)];
+        const Vector3<> away = place.point - tip.centre;
+        const double facing = place.normal.dot(tip.outward);
+        if (facing < cosine) continue;
+        if (!flat) {
+          const double height = away.dot(place.normal), aside = away.squaredNorm() - height * height;
+          if (aside >= wide * wide) continue;
+          if (height > tip.radius && (away - away.dot(tip.outward) * tip.outward).squaredNorm() >= wide * wide) continue;
+          take(place.node, height + lower(tip.radius, std::max(aside, 0.0)));
+        } else {
+          const double height = away.dot(tip.outward);
+          const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
+          if (part(tip, place.width, distance) > least_part) take(place.node, height / facing);
+        }
       }
     });
+  }
+  template <class Take>
+  void under(const BodyTip& tip, Take take) const noexcept {
+    under(tip, 0.0, [](std::size_t, double) { return false; }, take);
   }
 
   /// The node nearest to `place` [m], looked for up to about `reach` [m] away; -1 if there is none.
   [[nodiscard]] std::int32_t nearest(const Vector3<>& place, double reach) const noexcept {
     std::int32_t found = -1;
     double least = 0.0;
-    visit(place, place, reach, [&](std::int32_t node) {
-      const double square = (point(node) - place).squaredNorm();
-      if (found >= 0 && square >= least) return;
-      found = node;
-      least = square;
+    visit(place, place, reach, [&](std::size_t number) {
+      if (found >= 0 && square_to(place, groups_[number]) >= least) return;
+      for (std::int32_t k = groups_[number].begin; k < groups_[number].end; ++k) {
+        const double square = (places_[static_cast<std::size_t>(k)].point - place).squaredNorm();
+        if (found >= 0 && square >= least) continue;
+        found = places_[static_cast<std::size_t>(k)].node;
+        least = square;
+      }
     });
     return found;
   }
@@ -136,7 +171,7 @@ class BodyNodes {
     // As far as the plane of the end; `cover` fades over the width of the node's patch.
     const double facing = n.dot(tip.outward), height = away.dot(tip.outward);
     const Vector3<> aside = away - height * tip.outward;
-    const double distance = aside.norm(), p = part(tip, node, distance);
+    const double distance = aside.norm(), p = part(tip, widths_[static_cast<std::size_t>(node)], distance);
     near.depth = height / facing;
     near.slope = -tip.outward / facing;
     if (p < 1.0) {
@@ -147,7 +182,34 @@ class BodyNodes {
   }
 
  private:
-  /// Calls `take(node)` for each node in the cells that a box reaches: `reach` [m] around two places.
+  /// A node as a look at it needs it: one line of the cache.
+  struct alignas(64) Place {
+    Vector3<> point = Vector3<>::Zero();
+    Vector3<> normal = Vector3<>::Zero();
+    double width = 0.0;
+    std::int32_t node = 0;
+  };
+  /// The nodes of one cell, side by side, the box around them, and where they face.
+  struct Group {
+    Vector3<> low = Vector3<>::Zero(), high = Vector3<>::Zero();
+    std::int32_t begin = 0, end = 0;
+    Vector3<> facing = Vector3<>::Zero();  // mean of the normals
+    double spread = 0.0;                   // the most that a normal differs from it
+    double rise = 0.0;                     // the most that a node lies along its normal beyond the middle of the box, m
+  };
+
+  void face(Group& group) const {
+    for (std::int32_t k = group.begin; k < group.end; ++k) group.facing += places_[static_cast<std::size_t>(k)].normal;
+    group.facing /= group.end - group.begin;
+    const Vector3<> middle = 0.5 * (group.low + group.high);
+    for (std::int32_t k = group.begin; k < group.end; ++k) {
+      const Place& place = places_[static_cast<std::size_t>(k)];
+      group.spread = std::max(group.spread, (place.normal - group.facing).norm());
+      group.rise = std::max(group.rise, (place.point - middle).dot(place.normal));
+    }
+  }
+
+  /// Calls `take(group)` for each group in the cells that a box reaches: `reach` [m] around two places.
   template <class Take>
   void visit(const Vector3<>& one, const Vector3<>& other, double reach, Take take) const noexcept {
     if (points_.empty()) return;
@@ -160,19 +222,42 @@ class BodyNodes {
       to[a] = static_cast<std::int32_t>(std::min(last, count_[a] - 1.0));
     }
     for (std::int32_t x = from[0]; x <= to[0]; ++x)
-      for (std::int32_t y = from[1]; y <= to[1]; ++y)
-        for (std::int32_t z = from[2]; z <= to[2]; ++z) {
-          const std::size_t c = (static_cast<std::size_t>(x) * static_cast<std::size_t>(count_[1]) + static_cast<std::size_t>(y)) *
-                                    static_cast<std::size_t>(count_[2]) +
-                                static_cast<std::size_t>(z);
-          for (std::int32_t k = begin_[c]; k < begin_[c + 1]; ++k) take(list_[static_cast<std::size_t>(k)]);
-        }
+      for (std::int32_t y = from[1]; y <= to[1]; ++y) {
+        const std::size_t row = (static_cast<std::size_t>(x) * static_cast<std::size_t>(count_[1]) + static_cast<std::size_t>(y)) *
+                                static_cast<std::size_t>(count_[2]);
+        const auto end = static_cast<std::size_t>(first_[row + static_cast<std::size_t>(to[2]) + 1]);
+        for (auto group = static_cast<std::size_t>(first_[row + static_cast<std::size_t>(from[2])]); group < end; ++group) take(group);
+      }
+  }
+
+  /// Square of the distance from `place` to the box around a group, m^2.
+  [[nodiscard]] static double square_to(const Vector3<>& place, const Group& group) noexcept {
+    return (group.low - place).cwiseMax(place - group.high).cwiseMax(0.0).squaredNorm();
+  }
+
+  /// No node of a group is deeper in a sphere, or its cone, than this, m. If the sphere's centre lies before its tangent plane, a node at a
+  /// distance d beyond the radius r is at most -(d^2 - r^2) / 2d deep in the sphere, and in its cone, where that goes on, (r - d sine) /
+  /// cosine.
+  [[nodiscard]] static double deepest_in_sphere(const BodyTip& tip, const Group& group) noexcept {
+    const double square = square_to(tip.centre, group), more = square - tip.radius * tip.radius;
+    const Vector3<> away = 0.5 * (group.low + group.high) - tip.centre;
+    const bool before = away.dot(group.facing) + away.norm() * group.spread + group.rise < 0.0;
+    if (!(more > 0.0 && before)) return std::numeric_limits<double>::infinity();
+    const double distance = std::sqrt(square);
+    return std::max(-0.5 * more / distance, (tip.radius - sine * distance) / cosine);
+  }
+
+  /// No node of a group is deeper before a flat end than this, m.
+  [[nodiscard]] static double deepest_before_end(const BodyTip& tip, const Group& group) noexcept {
+    const Vector3<> half = 0.5 * (group.high - group.low);
+    const double height = tip.outward.dot(group.low + half - tip.centre) + tip.outward.cwiseAbs().dot(half);
+    return height > 0.0 ? height / cosine : height;
   }
 
   /// Where the edge of a flat end crosses the patch of a node at `distance` from its axis: 0 outside, 1 and more inside. A pressed patch
   /// reaches past its node: the edge counts an eighth of a patch farther in, so that coarse and fine meshes feel alike.
-  [[nodiscard]] double part(const BodyTip& tip, std::int32_t node, double distance) const noexcept {
-    return (tip.radius - distance) / widths_[static_cast<std::size_t>(node)] + 0.38;
+  [[nodiscard]] static double part(const BodyTip& tip, double width, double distance) noexcept {
+    return (tip.radius - distance) / width + 0.38;
   }
 
   /// How far the lower side of a sphere lies under its middle, where a node is aside by the root of `square` [m^2]. Short of the
@@ -204,8 +289,9 @@ class BodyNodes {
   Vector3<> low_ = Vector3<>::Zero();  // the grid's corner, m
   double cell_ = 1.0;                  // m
   std::int32_t count_[3] = {1, 1, 1};
-  std::vector<std::int32_t> begin_;  // of each cell in list_
-  std::vector<std::int32_t> list_;   // nodes, by cell
+  std::vector<std::int32_t> first_;  // group of each cell, or of the next one that has nodes
+  std::vector<Group> groups_;        // cells that have nodes
+  std::vector<Place> places_;        // nodes, by cell
 };
 
 }  // namespace palpate

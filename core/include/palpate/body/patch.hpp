@@ -48,7 +48,8 @@ concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 ///   double at_rest(i)         where node i will be then without any force, m
 ///   void advance(nodes, forces, count)   one period with these forces
 ///   void reset()
-/// A kind whose at_rest takes long may tell nodes that need not be asked: bool surely_above(i, place), at_rest(i) >= place [m].
+/// A kind may tell nodes that need not be asked: bool surely_above(i, place), at_rest(i) >= place [m], and bool surely_above_all(group,
+/// place), the same of all nodes of a group (BodyNodes::group).
 /// For friction also
 ///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
 /// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
@@ -78,8 +79,9 @@ class BodyContact {
   }
 
   void reset() noexcept {
-    count_ = answered_ = 0;
-    deep_ = 0.0;
+    count_ = 0;
+    deepest_ = deep_ = 0.0;
+    solver_.start(0, [](int) { return false; });
     answer_ = {};
     slip_.reset();
     placed_ = false;
@@ -119,23 +121,13 @@ class BodyContact {
   /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's.
   void find(const BodyTip& tip) noexcept {
     answer_ = {};
-    int found = 0;
-    deepest_ = 0.0;
-    const double deep = std::exchange(deep_, 0.0);
-    const auto take = [&](std::int32_t node, double depth) {
-      deep_ = std::max(deep_, depth);
-      if constexpr (requires { kind_->surely_above(node, depth); })
-        if (kind_->surely_above(node, depth + 0.25 * deepest_)) return;
-      depth -= kind_->at_rest(node);
-      deepest_ = std::max(deepest_, depth);
-      if (!(depth > -0.25 * deepest_)) return;
-      if (found == capacity_seen) found = keep(found);
-      if (found < capacity_seen)
-        seen_[static_cast<std::size_t>(found++)] = {node, depth};
-      else
-        answer_.solved = false;
-    };
-    nodes_->under(tip, take, deep);
+    const double deep = deep_;
+    double expected = 1.1 * deepest_;  // the last tick's, and some more: seldom is a second look needed
+    int found = look(tip, deep, expected);
+    while (deepest_ > expected) {
+      expected = 1.1 * deepest_;
+      found = look(tip, deep, expected);
+    }
     found = deepest_ > 0.0 ? keep(found) : 0;
     if (found > capacity) {  // the deepest stay
       answer_.solved = false;
@@ -144,15 +136,42 @@ class BodyContact {
       found = capacity;
     }
     std::sort(seen_.begin(), seen_.begin() + found, [](const Seen& a, const Seen& b) { return a.node < b.node; });
-    same_ = found == count_;
-    for (int a = 0; a < found; ++a) {
+    match(found);
+    for (int a = 0; a < count_; ++a) {
       Near& near = near_[static_cast<std::size_t>(a)];
-      near = nodes_->at(tip, seen_[static_cast<std::size_t>(a)].node);
+      near = nodes_->at(tip, node_[static_cast<std::size_t>(a)]);
       near.depth = seen_[static_cast<std::size_t>(a)].depth;
-      same_ = same_ && near.node == node_[static_cast<std::size_t>(a)] && near.cover == cover_[static_cast<std::size_t>(a)];
       solver_.depth(a) = near.depth;
+      solver_.own(a, own_[static_cast<std::size_t>(a)] / near.cover);
     }
-    next_ = found;
+  }
+
+  /// Lists the nodes whose depth is above minus a quarter of `expected` [m], and finds the deepest one's; returns how many.
+  int look(const BodyTip& tip, double deep, double expected) noexcept {
+    const double above = 0.25 * expected;
+    int found = 0;
+    deepest_ = deep_ = 0.0;
+    nodes_->under(
+        tip, deep,
+        [&](std::size_t group, double depth) {
+          if (depth > 0.0) return false;
+          if constexpr (requires { kind_->surely_above_all(group, depth); }) return kind_->surely_above_all(group, depth + above);
+          return false;
+        },
+        [&](std::int32_t node, double depth) {
+          deep_ = std::max(deep_, depth);
+          if constexpr (requires { kind_->surely_above(node, depth); })
+            if (kind_->surely_above(node, depth + above)) return;
+          depth -= kind_->at_rest(node);
+          deepest_ = std::max(deepest_, depth);
+          if (!(depth > -above)) return;
+          if (found == capacity_seen) found = keep(found);
+          if (found < capacity_seen)
+            seen_[static_cast<std::size_t>(found++)] = {node, depth};
+          else
+            answer_.solved = false;
+        });
+    return found;
   }
 
   /// Drops what turned out to be too high; returns how many stay.
@@ -161,27 +180,38 @@ class BodyContact {
     return static_cast<int>(end - seen_.begin());
   }
 
-  void solve() noexcept {
-    if (!same_) {
-      // The nodes of the last step that were pressed are tried first; without any, those that Hertz would press: deeper than half.
-      bool touched = false;
-      for (int a = 0; a < answered_; ++a) touched = touched || forces_[static_cast<std::size_t>(a)] > 0.0;
-      for (int a = 0; a < next_; ++a) {
-        const Near& near = near_[static_cast<std::size_t>(a)];
-        node_[static_cast<std::size_t>(a)] = near.node;
-        cover_[static_cast<std::size_t>(a)] = near.cover;
-        for (int b = 0; b < a; ++b)
-          solver_.compliance(a, b) = solver_.compliance(b, a) = kind_->compliance(near.node, node_[static_cast<std::size_t>(b)]);
-        own_[static_cast<std::size_t>(a)] = kind_->compliance(near.node, near.node);
-        solver_.compliance(a, a) = own_[static_cast<std::size_t>(a)] / near.cover;
-      }
-      count_ = next_;
-      solver_.start(count_, [&](int a) {
-        const Near& near = near_[static_cast<std::size_t>(a)];
-        if (!touched) return near.depth > 0.5 * deepest_;
-        return std::binary_search(pressed_.begin(), pressed_.begin() + answered_, near.node);
-      });
+  /// Lets places go whose nodes are not among the first `found` that were seen, and makes places for new ones, in the nodes' order. What
+  /// stays keeps its compliance and its part of the factor: a tick in which nodes come and go fetches no more than those.
+  void match(int found) noexcept {
+    for (int a = count_ - 1, s = found - 1; a >= 0; --a) {
+      const auto at = static_cast<std::size_t>(a);
+      while (s >= 0 && seen_[static_cast<std::size_t>(s)].node > node_[at]) --s;
+      if (s >= 0 && seen_[static_cast<std::size_t>(s)].node == node_[at]) continue;
+      solver_.remove(a);
+      std::copy(node_.begin() + a + 1, node_.begin() + count_, node_.begin() + a);
+      std::copy(own_.begin() + a + 1, own_.begin() + count_, own_.begin() + a);
+      --count_;
     }
+    for (int a = 0; a < found; ++a) {
+      const auto at = static_cast<std::size_t>(a);
+      const std::int32_t node = seen_[at].node;
+      if (a < count_ && node_[at] == node) continue;
+      solver_.insert(a);
+      std::copy_backward(node_.begin() + a, node_.begin() + count_, node_.begin() + count_ + 1);
+      std::copy_backward(own_.begin() + a, own_.begin() + count_, own_.begin() + count_ + 1);
+      ++count_;
+      node_[at] = node;
+      own_[at] = solver_.compliance(a, a) = kind_->compliance(node, node);
+      for (int b = 0; b < count_; ++b)
+        if (b != a) solver_.compliance(a, b) = solver_.compliance(b, a) = kind_->compliance(node, node_[static_cast<std::size_t>(b)]);
+    }
+  }
+
+  void solve() noexcept {
+    // The nodes of the last step that were pressed are tried first; without any, those that Hertz would press: deeper than half.
+    if (!solver_.any_pressed())
+      for (int a = 0; a < count_; ++a)
+        if (near_[static_cast<std::size_t>(a)].depth > 0.5 * deepest_) solver_.attempt(a);
     answer_.solved = solver_.solve() && answer_.solved;
   }
 
@@ -204,7 +234,6 @@ class BodyContact {
     }
     answer_.touching = answer_.nodes > 0;
     if (answer_.touching) answer_.deflection /= total;
-    answered_ = answer_.nodes;
   }
 
   /// The tip has moved over the surface, and drags it along.
@@ -245,16 +274,12 @@ class BodyContact {
   Kind* kind_;
   Unilateral solver_;
   BodyAnswer answer_;
-  int count_ = 0;     // places in the solver
-  int next_ = 0;      // places found in this step
-  int answered_ = 0;  // pressed in the last step
-  bool same_ = false;
-  double deepest_ = 0.0;
-  double deep_ = 0.0;  // how deep the tip was in the last step against places at rest, m
+  int count_ = 0;         // places in the solver
+  double deepest_ = 0.0;  // m
+  double deep_ = 0.0;     // how deep the tip was in the last step against places at rest, m
   std::array<Seen, capacity_seen> seen_{};
   std::array<Near, capacity> near_{};
   std::array<std::int32_t, capacity> node_{};  // by place
-  std::array<double, capacity> cover_{};       // by place
   std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
   std::array<std::int32_t, capacity> pressed_{};
   std::array<double, capacity> forces_{};

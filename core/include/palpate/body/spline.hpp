@@ -56,6 +56,7 @@ class Spline {
     return block;
   }
   [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
+  [[nodiscard]] bool surely_above_all(std::size_t, double place) const noexcept { return place <= 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}
 

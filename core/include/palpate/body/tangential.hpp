@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "palpate/body/nodes.hpp"
+#include "palpate/math/shared.hpp"
 
 namespace palpate {
 
@@ -45,7 +45,7 @@ class Tangential {
 
  private:
   std::size_t count_ = 0;
-  std::vector<Eigen::Matrix<float, 2, 2, Eigen::DontAlign>> blocks_;  // n x n
+  Shared<Eigen::Matrix<float, 2, 2, Eigen::DontAlign>> blocks_;  // n x n
 };
 
 }  // namespace palpate

@@ -35,16 +35,61 @@ class Unilateral {
   template <class Pressed>
   void start(int places, Pressed pressed) noexcept {
     places_ = places;
-    active_ = 0;
+    active_ = edits_ = 0;
     for (int a = 0; a < places; ++a) {
       where_[static_cast<std::size_t>(a)] = -1;
       if (pressed(a)) press(a);
     }
   }
 
+  /// Takes place `a` out; those after it move up. All else stays as it was solved.
+  void remove(int a) noexcept {
+    if (where_[static_cast<std::size_t>(a)] >= 0) release(a);
+    for (int b = 0; b < places_; ++b) {
+      if (b == a) continue;
+      const int to = b < a ? b : b - 1;
+      for (int c = a; c + 1 < places_; ++c) compliance_(b, c) = compliance_(b, c + 1);
+      if (to != b) compliance_.row(to).head(places_ - 1) = compliance_.row(b).head(places_ - 1);
+    }
+    std::copy(where_.begin() + a + 1, where_.begin() + places_, where_.begin() + a);
+    for (int p = 0; p < active_; ++p)
+      if (order_[static_cast<std::size_t>(p)] > a) --order_[static_cast<std::size_t>(p)];
+    --places_;
+    edited();
+  }
+
+  /// Makes room for a free place `a`; those from there on move down. Give its compliance, both ways, before solve().
+  void insert(int a) noexcept {
+    for (int b = places_ - 1; b >= 0; --b) {
+      for (int c = places_; c > a; --c) compliance_(b, c) = compliance_(b, c - 1);
+      if (b >= a) compliance_.row(b + 1).head(places_ + 1) = compliance_.row(b).head(places_ + 1);
+    }
+    std::copy_backward(where_.begin() + a, where_.begin() + places_, where_.begin() + places_ + 1);
+    where_[static_cast<std::size_t>(a)] = -1;
+    for (int p = 0; p < active_; ++p)
+      if (order_[static_cast<std::size_t>(p)] >= a) ++order_[static_cast<std::size_t>(p)];
+    ++places_;
+    edited();
+  }
+
+  /// Sets what a place gives way by itself [m/N].
+  void own(int a, double compliance) noexcept {
+    if (compliance_(a, a) == compliance) return;
+    compliance_(a, a) = compliance;
+    stale_ = stale_ || where_[static_cast<std::size_t>(a)] >= 0;
+  }
+
+  /// Presses place `a` before solve() looks, as one of those to try first.
+  void attempt(int a) noexcept {
+    if (where_[static_cast<std::size_t>(a)] == -1) press(a);
+  }
+
+  [[nodiscard]] bool any_pressed() const noexcept { return active_ > 0; }
+
   /// Solves for all places of the last start(). False if the bound on moves was reached: the forces are then those of a smaller or larger
   /// set of places, with none of them pulling.
   bool solve() noexcept {
+    if (stale_ || edits_ > most_edits) anew();
     int fewest = places_ + 1, patience = 3;
     bool found = false;
     for (int move = 0; move < 10 * capacity && !found; ++move) {
@@ -70,6 +115,22 @@ class Unilateral {
 
  private:
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  static constexpr int most_edits = 64;  // of the factor, by places that come and go: its rounding does not add up
+
+  /// Factorises once more, with the same places.
+  void anew() noexcept {
+    std::array<bool, capacity> pressed{};
+    for (int a = 0; a < places_; ++a) pressed[static_cast<std::size_t>(a)] = where_[static_cast<std::size_t>(a)] >= 0;
+    start(places_, [&pressed](int a) { return pressed[static_cast<std::size_t>(a)]; });
+    stale_ = false;
+  }
+
+  /// Another place may be independent now of those that it was not.
+  void edited() noexcept {
+    ++edits_;
+    for (int a = 0; a < places_; ++a)
+      if (where_[static_cast<std::size_t>(a)] == -2) where_[static_cast<std::size_t>(a)] = -1;
+  }
 
   /// Adds place `a` at the end: one row of the factor. A place that is not independent of the others to rounding stays out.
   void press(int a) noexcept {
@@ -167,6 +228,8 @@ class Unilateral {
 
   int places_ = 0;
   int active_ = 0;
+  int edits_ = 0;                               // since the factor was made
+  bool stale_ = false;                          // the factor is of another compliance
   std::array<std::int32_t, capacity> order_{};  // place at each row of the factor
   std::array<std::int32_t, capacity> where_{};  // row of each place; -1 free; -2 free because not independent
   std::array<bool, capacity> wrong_{};

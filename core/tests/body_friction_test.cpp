@@ -332,4 +332,53 @@ TEST(BodyContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
   EXPECT_NEAR(contact.last().friction.x(), last, 1e-3 * std::abs(last));
 }
 
+// Under a flat end, too, whose edge crosses patches: at last all of it is as stiff as the elastic body, along the normal and the surface.
+TEST(BodyContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
+  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  palpate::Compliance elastic(space.nodes, full(space).data(), true);
+  palpate::Relaxing relaxing(elastic, 3.0, 0.05, 1e-3);
+  BodyContact<palpate::Compliance> still(space.nodes, elastic, {20.0, 20.0});
+  BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {20.0, 20.0});
+  BodyTip tip;
+  tip.kind = BodyTip::Kind::flat;
+  tip.radius = 4.3e-3;
+  tip.centre = {2e-4, 1e-4, -5e-4};
+  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  still.step(tip);
+  ASSERT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
+  tip.centre.x() += 1e-5;
+  for (int k = 0; k < 50; ++k) still.step(tip);
+  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  EXPECT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
+  EXPECT_NEAR(contact.last().friction.x(), still.last().friction.x(), 5e-3 * std::abs(still.last().friction.x()));
+}
+
+// What a flat end's edge feels of patches that creep is the slope of what they store: no closed path gives work.
+TEST(BodyContact, ARelaxingBodyGivesAFlatEndNothing) {
+  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  palpate::Relaxing relaxing(palpate::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05, 1e-3);
+  for (int trial = 0; trial < 8; ++trial) {
+    BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {0.0, 0.0});
+    contact.reset();
+    BodyTip tip;
+    tip.kind = BodyTip::Kind::flat;
+    tip.radius = 3.3e-3;
+    double work = 0.0, most = 0.0;
+    Vector3<> before = Vector3<>::Zero(), force = Vector3<>::Zero();
+    const int ticks = 3000;
+    for (int k = 0; k <= ticks; ++k) {
+      const double t = 2.0 * 3.141592653589793 * k / ticks, turns = 1.0 + trial % 4;
+      tip.centre = {3e-3 * std::sin(turns * t + trial), 2e-3 * std::sin(2.0 * t) * std::cos(0.7 * trial),
+                    1e-4 - 5e-4 * (1.0 - std::cos(t))};
+      const Vector3<> next = contact.step(tip).force;
+      if (k > 0) work -= 0.5 * (force + next).dot(tip.centre - before);
+      most = std::max(most, std::abs(work));
+      before = tip.centre;
+      force = next;
+    }
+    EXPECT_EQ(contact.last().nodes, 0);
+    EXPECT_GT(work, -1e-4 * most) << trial;
+  }
+}
+
 }  // namespace

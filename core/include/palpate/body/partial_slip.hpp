@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "palpate/body/creep.hpp"
 #include "palpate/body/nodes.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -54,6 +55,7 @@ class PartialSlip {
     const double coefficient = sliding_ ? friction_.slide : friction_.hold;
     const int before = count_;
     std::fill_n(radius_.begin(), count_, 0.0);
+    if constexpr (creeps<Kind>) creep_ = kind.creep();
     if constexpr (remembers<Kind>)
       for (int s = 0; s < count_; ++s) relax(kind, s);
     for (int c = 0; c < count; ++c) {
@@ -98,7 +100,8 @@ class PartialSlip {
     const int s = place_[static_cast<std::size_t>(node)];
     if (s < 0) return 0.0;
     const Eigen::Vector2d q = force_.segment<2>(2 * s);
-    return 0.5 * q.dot(own_[at(s)] * q) / (cover_[at(s)] * cover_[at(s)]);
+    const Eigen::Vector2d &crept = crept_[at(s)], whole = own_[at(s)] * crept / creep_.share;
+    return (0.5 * q.dot(own_[at(s)] * q) + creep_.stays * q.dot(whole) - creep_.stored(crept.dot(whole))) / (cover_[at(s)] * cover_[at(s)]);
   }
 
  private:
@@ -106,6 +109,9 @@ class PartialSlip {
 
   template <class Kind>
   static constexpr bool remembers = requires(const Kind& kind) { kind.tangential_at_rest(0); };
+
+  template <class Kind>
+  static constexpr bool creeps = requires(const Kind& kind) { kind.creep(); };
 
   static constexpr double accuracy = 1e-3;  // of forces, by the largest
   static constexpr double rounding = 1e-14;
@@ -135,6 +141,7 @@ class PartialSlip {
     }
     own_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
     cover_[at(s)] = 1.0;
+    crept_[at(s)].setZero();
     soften(s);
     force_.segment<2>(2 * s).setZero();
     behind(s).setZero();
@@ -146,7 +153,8 @@ class PartialSlip {
   /// A body that remembers has moved the node under the forces of the last tick; what it has not gone with the tip is behind.
   template <class Kind>
   void relax(const Kind& kind, int s) noexcept {
-    const Eigen::Vector2d now = kind.tangential_at_rest(node_[at(s)]) + pushed(s, count_);
+    crept_[at(s)] = creep_.stays * crept_[at(s)] + creep_.gains * force_.segment<2>(2 * s);
+    const Eigen::Vector2d now = kind.tangential_at_rest(node_[at(s)]) + besides(s, cover_[at(s)]) + pushed(s, count_);
     behind(s) += moved_.segment<2>(2 * s) - now;
     moved_.segment<2>(2 * s) = now;
   }
@@ -154,13 +162,19 @@ class PartialSlip {
   /// A smaller part of the patch yields more.
   void cover(int s, double part) noexcept {
     if (part == cover_[at(s)]) return;
+    const Eigen::Vector2d before = besides(s, cover_[at(s)]);
     cover_[at(s)] = part;
     const Eigen::Matrix2d block = own_[at(s)] / part;
-    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s);
+    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + besides(s, part) - before;
     behind(s) -= more;
     moved_.segment<2>(2 * s) += more;
     compliance_.block<2, 2>(2 * s, 2 * s) = block;
     soften(s);
+  }
+
+  /// How far a node has crept farther than a whole patch, because a part of it only is under the tip, m (BodyContact::creep).
+  [[nodiscard]] Eigen::Vector2d besides(int s, double part) const noexcept {
+    return ((1.0 / part - 1.0) * creep_.stays / creep_.share) * (own_[at(s)] * crept_[at(s)]);
   }
 
   /// The larger eigenvalue of a node's own compliance, m/N.
@@ -221,6 +235,7 @@ class PartialSlip {
     softest_[at(s)] = softest_[at(last)];
     cover_[at(s)] = cover_[at(last)];
     own_[at(s)] = own_[at(last)];
+    crept_[at(s)] = crept_[at(last)];
     force_.segment<2>(2 * s) = force_.segment<2>(2 * last);
     behind_.segment<2>(2 * s) = behind_.segment<2>(2 * last);
     moved_.segment<2>(2 * s) = moved_.segment<2>(2 * last);
@@ -240,11 +255,13 @@ class PartialSlip {
   std::array<double, capacity> radius_{};   // of the cones, N
   std::array<double, capacity> softest_{};  // m/N
   std::array<double, capacity> cover_{};
-  std::array<Eigen::Matrix2d, capacity> own_{};  // compliance of a whole patch by itself, m/N
-  ByPlace force_ = ByPlace::Zero();              // q, N
-  ByPlace behind_ = ByPlace::Zero();             // how far the node is behind the tip, m
-  ByPlace moved_ = ByPlace::Zero();              // how far the node has moved, m
-  ByPlace target_ = ByPlace::Zero();             // where it would have gone with the tip, m
+  std::array<Eigen::Matrix2d, capacity> own_{};    // compliance of a whole patch by itself, m/N
+  std::array<Eigen::Vector2d, capacity> crept_{};  // as the body's memory, of each patch, N
+  Creep creep_;
+  ByPlace force_ = ByPlace::Zero();   // q, N
+  ByPlace behind_ = ByPlace::Zero();  // how far the node is behind the tip, m
+  ByPlace moved_ = ByPlace::Zero();   // how far the node has moved, m
+  ByPlace target_ = ByPlace::Zero();  // where it would have gone with the tip, m
 };
 
 }  // namespace palpate

@@ -53,6 +53,7 @@ concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 /// For friction also
 ///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
 /// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
+/// A kind that creeps tells how what yields besides does: Creep creep().
 /// A tip may go as deep as it likes, step by step: nodes that it has passed still lie under it. Displacements are small: nodes move along
 /// their normals at rest. So the force is the slope of the stored energy by the tip's place, and no closed path of the tip gives work,
 /// whatever the mesh. Friction takes from it (PartialSlip); what the normal forces move sideways and the tangential ones inwards is left
@@ -121,6 +122,7 @@ class BodyContact {
   /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's.
   void find(const BodyTip& tip) noexcept {
     answer_ = {};
+    if constexpr (creeps) creep();
     const double deep = deep_;
     double expected = 1.1 * deepest_;  // the last tick's, and some more: seldom is a second look needed
     int found = look(tip, deep, expected);
@@ -141,6 +143,7 @@ class BodyContact {
       Near& near = near_[static_cast<std::size_t>(a)];
       near = nodes_->at(tip, node_[static_cast<std::size_t>(a)]);
       near.depth = seen_[static_cast<std::size_t>(a)].depth;
+      if constexpr (creeps) near.depth -= (1.0 / near.cover - 1.0) * crept(a);
       solver_.depth(a) = near.depth;
       solver_.own(a, own_[static_cast<std::size_t>(a)] / near.cover);
     }
@@ -174,6 +177,36 @@ class BodyContact {
     return found;
   }
 
+  static constexpr bool creeps = requires(const Kind& kind) { kind.creep(); };
+
+  /// A body that creeps remembers by node what its whole patch has crept; what a patch gives way more because the tip covers a part of it
+  /// only is remembered here, by place, as long as the tip presses it.
+  void creep() noexcept {
+    const Creep creep = kind_->creep();
+    for (int a = 0; a < count_; ++a) {
+      double& q = crept_[static_cast<std::size_t>(a)];
+      q = solver_.force(a) > 0.0 ? creep.stays * q + creep.gains * solver_.force(a) : 0.0;
+    }
+  }
+
+  /// How far a whole patch would have crept by its own force, m.
+  [[nodiscard]] double crept(int a) const noexcept {
+    const Creep creep = kind_->creep();
+    return own_[static_cast<std::size_t>(a)] / creep.share * creep.stays * crept_[static_cast<std::size_t>(a)];
+  }
+
+  /// Energy that a pressed place holds by one over the covered part, J: of its spring, and of what it remembers.
+  [[nodiscard]] double by_cover(int a, double force) const noexcept {
+    const double own = own_[static_cast<std::size_t>(a)];
+    double energy = 0.5 * force * force * own;
+    if constexpr (creeps) {
+      const Creep creep = kind_->creep();
+      const double q = crept_[static_cast<std::size_t>(a)];
+      energy += force * crept(a) - own / creep.share * creep.stored(q * q);
+    }
+    return energy;
+  }
+
   /// Drops what turned out to be too high; returns how many stay.
   int keep(int found) noexcept {
     const auto end = std::remove_if(seen_.begin(), seen_.begin() + found, [this](const Seen& s) { return !(s.depth > -0.25 * deepest_); });
@@ -190,6 +223,7 @@ class BodyContact {
       solver_.remove(a);
       std::copy(node_.begin() + a + 1, node_.begin() + count_, node_.begin() + a);
       std::copy(own_.begin() + a + 1, own_.begin() + count_, own_.begin() + a);
+      std::copy(crept_.begin() + a + 1, crept_.begin() + count_, crept_.begin() + a);
       --count_;
     }
     for (int a = 0; a < found; ++a) {
@@ -199,8 +233,10 @@ class BodyContact {
       solver_.insert(a);
       std::copy_backward(node_.begin() + a, node_.begin() + count_, node_.begin() + count_ + 1);
       std::copy_backward(own_.begin() + a, own_.begin() + count_, own_.begin() + count_ + 1);
+      std::copy_backward(crept_.begin() + a, crept_.begin() + count_, crept_.begin() + count_ + 1);
       ++count_;
       node_[at] = node;
+      crept_[at] = 0.0;
       own_[at] = solver_.compliance(a, a) = kind_->compliance(node, node);
       for (int b = 0; b < count_; ++b)
         if (b != a) solver_.compliance(a, b) = solver_.compliance(b, a) = kind_->compliance(node, node_[static_cast<std::size_t>(b)]);
@@ -226,8 +262,7 @@ class BodyContact {
       forces_[static_cast<std::size_t>(answer_.nodes++)] = f;
       // Minus the slope of the stored energy, max f.(g - C f/2), by the tip's place.
       answer_.force -= f * near.slope;
-      if (near.cover < 1.0)
-        answer_.force -= (0.5 * f * f * own_[static_cast<std::size_t>(a)] / (near.cover * near.cover)) * near.cover_slope;
+      if (near.cover < 1.0) answer_.force -= (by_cover(a, f) / (near.cover * near.cover)) * near.cover_slope;
       answer_.energy += 0.5 * f * near.depth;
       answer_.deflection -= (f * near.depth) * nodes_->normal(near.node);
       total += f;
@@ -281,6 +316,7 @@ class BodyContact {
   std::array<Near, capacity> near_{};
   std::array<std::int32_t, capacity> node_{};  // by place
   std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
+  std::array<double, capacity> crept_{};       // by place, N
   std::array<std::int32_t, capacity> pressed_{};
   std::array<double, capacity> forces_{};
   std::array<int, capacity> held_{};  // places of the pressed

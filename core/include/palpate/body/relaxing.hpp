@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "palpate/body/compliance.hpp"
+#include "palpate/body/creep.hpp"
 
 namespace palpate {
 
@@ -24,7 +25,11 @@ class Relaxing {
       : elastic_(std::move(elastic)),
         stays_(std::exp(-period / creep)),
         gains_((1.0 - stays_) * (1.0 - 1.0 / instant)),
-        share_(1.0 / instant + gains_) {}
+        share_(1.0 / instant + gains_),
+        late_(1.0 - 1.0 / instant) {}
+
+  /// Of what yields besides: patches that lie under a tip in part.
+  [[nodiscard]] Creep creep() const noexcept { return {share_, stays_, gains_, late_}; }
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return share_ * elastic_.compliance(i, j); }
 
@@ -83,7 +88,7 @@ class Relaxing {
   static constexpr double least = 1e-12;  // N: far below anything that is felt
 
   Compliance elastic_;
-  double stays_ = 0.0, gains_ = 0.0, share_ = 1.0;
+  double stays_ = 0.0, gains_ = 0.0, share_ = 1.0, late_ = 0.0;
   std::size_t count_ = 0;
   std::array<std::int32_t, capacity> node_{};
   std::array<double, capacity> crept_{};            // N

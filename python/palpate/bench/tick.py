@@ -64,28 +64,33 @@ def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    """Return microseconds a tick: "median_us", "p99.9_us", "slowest_us", by "loop" and "drawn"."""
+    """Return microseconds a tick: "median_us", "p99.9_us", "slowest_us", by "loop" and "drawn".
+
+    Ticks come one after the other, or paced by the clock, one a period, when they find the caches cold.
+    """
     duration = 3.0 if effort.quick else 20.0
     tell("an organ of 2,000 nodes", 0.0)
     points, normals, areas, full = _organ()
     core = _core.ElasticBody(points, normals, areas, full)
     rows: list[Row] = []
-    for law in ("lead–lag", "LQG"):
-        experiment = _experiment(duration, law)
+    cases = [("lead–lag", duration, False), ("LQG", duration, False), ("LQG", 3.0, True)]
+    for number, (law, lasts, paced) in enumerate(cases):
+        experiment = _experiment(lasts, law)
         anchor = np.array(experiment.setup.anchor.point)
         top = points[:, 2].max()
         body = _core.TouchedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
         experiment.setup.touch_body(body)
         for drawn in (False, True):
-            tell(f"{law}{', drawn' if drawn else ''}", 0.1 + 0.4 * (law == "LQG") + 0.2 * drawn)
+            name = f"{law}{', paced' if paced else ''}"
+            tell(f"{name}{', drawn' if drawn else ''}", 0.1 + (2 * number + drawn) * 0.9 / (2 * len(cases)))
             frames = _core.SurfaceFrames(full, 60.0) if drawn else None
             if frames is not None:
                 experiment.setup.watch(frames)
-            seconds = np.min([_time(experiment) for _ in range(PASSES)], axis=0)
+            seconds = np.min([_time(experiment, paced) for _ in range(PASSES)], axis=0)
             pressed = experiment.run()[0]
             rows.append(
                 {
-                    "loop": law,
+                    "loop": name,
                     "drawn": drawn,
                     "nodes": len(points),
                     "pressed": int(np.median(pressed[:, -2])),
@@ -99,8 +104,8 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     return Rows(rows)
 
 
-def _time(experiment: Experiment) -> NDArray[np.float64]:
-    return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, False))
+def _time(experiment: Experiment, paced: bool) -> NDArray[np.float64]:
+    return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, paced))
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from palpate.bodies.numbers import number
 
 __all__ = ["Condensation", "check_memory"]
 
-_PROGRAM = 0.2e9  # bytes of the program itself with its libraries
+_PROGRAM = 0.15e9  # bytes of the program itself with its libraries
 _SHARE = 0.9  # of the speed of a dense product in double precision that fronts reach, half of them in single
 
 

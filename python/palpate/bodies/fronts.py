@@ -78,11 +78,11 @@ class Fronts:
         for front in self._fronts:
             s, r, m = 3.0 * (front.end - front.begin), 3.0 * len(front.rest), 3.0 * len(front.loads)
             self.operations += s**3 / 3 + s**2 * (r + m) + s * (r + m) ** 2
-            most = max(most, waiting + 8.0 * (s**2 + 2.0 * s * (r + m) + r**2 + m * r) + 4.0 * (m * s + m**2))
-            waiting += 8.0 * (r**2 + m * r)
+            most = max(most, waiting + 8.0 * (s**2 + s * r + r**2) + 4.0 * (s**2 + s * (r + m) + m * r + m**2))
+            waiting += 8.0 * r**2 + 4.0 * m * r
             for child in front.children:
                 r, m = 3.0 * len(self._fronts[child].rest), 3.0 * len(self._fronts[child].loads)
-                waiting -= 8.0 * (r**2 + m * r)
+                waiting -= 8.0 * r**2 + 4.0 * m * r
         self.memory = most + 4.0 * (3.0 * self._loads.shape[1]) ** 2 + 12.0 * self._stiffness.nnz
 
     def compliance(self) -> Single:

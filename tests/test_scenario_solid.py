@@ -145,3 +145,44 @@ def test_what_cannot_be_is_refused(block: Path) -> None:
         SurfaceFrames(prepare(deep(block)))
     with pytest.raises(BodyError, match="neo-hookean or corotational"):
         bodies.load(block).nonlinear("1 ms", law="mooney")  # type: ignore[arg-type]
+
+
+def sideways(depth: float, reach: float, ticks: int) -> np.ndarray:
+    """In at once, held, then `reach` along x and back, of a flat end; (m, 3), m."""
+    still = np.tile([0.016, 0.0185, 0.03 - depth], (300, 1))
+    along = np.concatenate([np.linspace(0, 1, ticks), np.linspace(1, 0, ticks)])
+    return np.concatenate([still, still[-1] + reach * along[:, None] * [1.0, 0.0, 0.0]])
+
+
+def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None:
+    """Small: the way to sliding by a ratio and a sway against the true compliance along the surface; sliding is mu N."""
+    body = bodies.load(block)
+    path = sideways(5e-5, 8e-4, 400)
+    kinds = (body.nonlinear("1 ms", static_friction=0.5, dynamic_friction=0.4), body.rough(0.5, 0.4))
+    large, small = (kind.follow(path, "6 mm", outward=[0, 0, 1], tip="flat") for kind in kinds)
+    drag, true = large.friction[:, 0], small.friction[:, 0]
+    load = large.force[:, 2]
+    rate = np.abs(drag[301:] / load[301:])
+    assert rate.max() < 0.5 + 1e-9
+    np.testing.assert_allclose(rate[380], 0.4, rtol=1e-6)  # slides
+    stick = slice(300, 310)
+    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.05)
+    assert np.abs(drag - true).max() < 0.1 * load.max()
+
+
+def test_friction_takes_work_and_gives_none(block: Path) -> None:
+    """Deep, led back and forth by a hand: at each tick the work of the tip is at least what the body holds."""
+    led = [["0 s", "0 N", "0 N", "0 N"], ["0.3 s", "0 N", "0 N", "0 N"], ["0.5 s", "1.5 N", "0 N", "0 N"],
+           ["0.8 s", "-0.8 N", "0.5 N", "0 N"]]  # fmt: skip
+    setup = {**deep(block, static_friction=0.5, dynamic_friction=0.4), "run": {"duration": "0.9 s"}}
+    trace = simulate({**setup, "operator": {**HAND, "shape": "table", "table": led}})
+    force, tip = trace["object_force"], trace["tip"]
+    held = (trace["stored_energy"] + trace["saved_energy"])[:, 0]
+    work = np.concatenate([[0.0], np.cumsum((0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0)).sum(axis=1))])
+    most = trace["stored_energy"].max()
+    assert (work - held).min() > -0.01 * most
+    assert (work - held)[-1] > 0.1 * most
+    assert np.diff(work - held).min() > -0.01 * most
+    smooth = simulate({**setup, "object": deep(block)["object"], "operator": {**HAND, "shape": "table", "table": led}})
+    assert np.ptp(smooth["tip"][:, 0]) > 1.2 * np.ptp(tip[:, 0])
+    assert trace.stable

@@ -48,7 +48,8 @@ struct Slow {
 TEST(SolidNoAllocation, InAServoTickOnASolid) {
   using palpate::Premium, palpate::Joints, palpate::Vector3;
   const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  const palpate::LoopSolid<Slow> body(std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20);
+  const palpate::LoopSolid<Slow> body(std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20,
+                                      palpate::SnapshotSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
   const Premium arm(palpate::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
   for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
@@ -66,13 +67,16 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
     EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
     int touching = 0;
     long counted = 0;
+    double dragged = 0.0;
     for (int k = 0; k < 1000; ++k) {
       const long before = allocations;
       touching += servo.tick(pose + 0.02 * swing(k), Vector3<>::Zero()).touching ? 1 : 0;
       counted += allocations - before;
+      dragged += servo.body()->answer().friction.norm();
       servo.in_turn();
     }
     EXPECT_EQ(counted, 0);
+    EXPECT_GT(dragged, 0.0);
     EXPECT_GT(touching, 200);
     EXPECT_LT(touching, 950);
     ASSERT_TRUE(pressed.fetch());

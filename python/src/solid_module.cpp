@@ -296,7 +296,8 @@ struct NonlinearCore : BodyInLoop {
   palpate::LoopSolid<AnyPressed> body;
   bool begun = false;
 
-  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every) : points(count), body(std::move(solid), every) {}
+  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every, palpate::SnapshotSlip slip)
+      : points(count), body(std::move(solid), every, std::move(slip)) {}
 
   [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override { return body.fresh(); }
 
@@ -316,14 +317,18 @@ void bind_nonlinear(nb::module_& m) {
           "__init__",
           [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near, int every) {
+             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double hold,
+             double slide) {
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
-            new (self) NonlinearCore(points.shape(0), std::move(solid), every);
+            new (self)
+                NonlinearCore(points.shape(0), std::move(solid), every,
+                              hold > 0.0 ? palpate::SnapshotSlip({hold, slide}, ratio, sway, point.shape(0)) : palpate::SnapshotSlip());
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
-          "weights"_a, "triangles"_a, "near"_a, "every"_a)
+          "weights"_a, "triangles"_a, "near"_a, "every"_a, "ratio"_a = 1.0, "sway"_a = 0.0, "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0)
       .def(
           "follow",
           [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat) {

@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
+from scipy.optimize import nnls
 
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
@@ -283,6 +284,27 @@ class Body:
         return springy
 
     @cached_property
+    def along_surface(self) -> tuple[float, float]:
+        """How it yields along its surface: (ratio, sway, m/N), so that T = ratio C + sway, with C along the normals.
+
+        Fitted to the compliance of 16 nodes near each of 16, both directions alike, by least squares, neither below 0.
+        """
+        spots = np.unique(np.linspace(0, len(self.nodes) - 1, 16).astype(int))
+        normal, along = [], []
+        for spot in spots:
+            near = np.argsort(np.linalg.norm(self.nodes - self.nodes[spot], axis=1))[:16]
+            rows = (3 * near[:, None] + np.arange(3)).ravel()
+            blocks = self.compliance[np.ix_(rows, rows)].astype(float).reshape(len(near), 3, len(near), 3)
+            out = self.normals[spot]
+            one = np.einsum("a,iajb,b->ij", out, blocks, out)
+            normal.append(one.ravel())
+            along.append((np.einsum("iaja->ij", blocks) - one).ravel() / 2.0)
+        one, two = np.concatenate(normal), np.concatenate(along)
+        scale = float(np.abs(one).max())
+        fit, _ = nnls(np.stack([one, np.full_like(one, scale)], axis=1), two)
+        return float(fit[0]), float(fit[1]) * scale
+
+    @cached_property
     def spline_law(self) -> SplineLaw:
         """The law of force of `spline`, calibrated on the compliance."""
         return self._spline_law(None)
@@ -322,12 +344,15 @@ class Body:
         law: Law = "neo-hookean",
         slow_step: float | str = "20 ms",
         near: float = 32,
+        static_friction: float = 0.0,
+        dynamic_friction: float | None = None,
     ) -> Body:
         """Return the same body under large displacements, without inertia, for ticks of `period`, s or text.
 
         Linear tetrahedra on the body's mesh (`palpate.bodies.Solid`), pressed as `palpate.bodies.PressedSolid`: each
         `slow_step`, s or text, rounded to whole ticks, one step towards rest, whose snapshot of the `near` nodes
-        around the tip (4 to 64) a tick feels from the next one on. In turn with the ticks, so always the same.
+        around the tip (4 to 64) a tick feels from the next one on. In turn with the ticks, so always the same. Friction
+        is as in `rough`, but in one plane, and the body yields there by `along_surface`.
 
         Raises:
             BodyError: the law is unknown, a slow step is shorter than a tick, or a number is impossible.
@@ -359,6 +384,8 @@ class Body:
             np.ascontiguousarray(on_surface[self.triangles[contents.touchable]], dtype=np.int32),
             int(near),
             round(slow / tick),
+            *self.along_surface,
+            *_coefficients(static_friction, dynamic_friction),
         )
         return large
 

@@ -98,6 +98,7 @@ def deformed(pressed: Pressed) -> Figure:
             axis.labelpad = 2 if name == "z" else 8
             axis.pane.set_visible(False)
         solid.locator_params(nbins=4)
+        solid.locator_params(axis="z", nbins=2)
         figure.colorbar(shade, ax=solid, shrink=0.6, pad=0.02, location="bottom", aspect=30, label=label)
     return figure
 

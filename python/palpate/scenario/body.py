@@ -17,7 +17,7 @@ __all__ = ["KINDS", "BodyChoice"]
 # kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`; a law of large
 # displacements is `Body.nonlinear(period, law=kind, **options)`.
 _FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", False)}
-_SLOW: Final = {"slow_step": ("s", False), "near": ("", False)}
+_SLOW: Final = {"slow_step": ("s", False), "near": ("", False), **_FRICTION}
 KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
     "compliance": _FRICTION,
     "modal": {

@@ -7,20 +7,24 @@
 #include <utility>
 
 #include "palpate/body/blended.hpp"
+#include "palpate/body/snapshot_slip.hpp"
 #include "palpate/body/touched.hpp"
 #include "palpate/body/two_rates.hpp"
 
 namespace palpate {
 
-/// A solid under large displacements in a servo loop. In virtual time a slow step lasts `every` ticks: it sees the tip where it is at its
-/// first tick, and the servo gets its snapshot after the last.
+/// A solid under large displacements in a servo loop, with friction if it has any. In virtual time a slow step lasts `every` ticks: it sees
+/// the tip where it is at its first tick, and the servo gets its snapshot after the last.
 ///
 /// `Slow` is that of TwoRates, and
 ///   std::unique_ptr<Slow> fresh() const   the same at rest, with a state of its own
 template <class Slow>
 class LoopSolid final : public LoopBody {
  public:
-  LoopSolid(std::unique_ptr<Slow> slow, int every) : rates_(std::move(slow)), every_(every) { tips_.count = 1; }
+  LoopSolid(std::unique_ptr<Slow> slow, int every, SnapshotSlip slip = {})
+      : rates_(std::move(slow)), every_(every), slip_(std::move(slip)) {
+    tips_.count = 1;
+  }
 
   const BodyAnswer& step(const BodyTip& tip) noexcept override {
     tips_.tip[0] = tip;
@@ -36,6 +40,8 @@ class LoopSolid final : public LoopBody {
       forces_[k] = force;
       load_[k] = push;
     });
+    face(tip);
+    if (slip_.on()) drag(tip);
     return answer_;
   }
 
@@ -44,9 +50,11 @@ class LoopSolid final : public LoopBody {
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }  ///< along the inward normals, N
   [[nodiscard]] Vector3<> load(int k) const noexcept override { return load_[static_cast<std::size_t>(k)]; }
   [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept override {
-    return outward_of(rates_.newest().nodes, tip, answer_.nodes, [this](int k) { return Vector3<>(-load(k)); });
+    return answer_.nodes > 0 ? outward_ : outward_of(rates_.newest().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
   }
-  [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override { return std::make_unique<LoopSolid>(rates_.slow().fresh(), every_); }
+  [[nodiscard]] std::unique_ptr<LoopBody> fresh() const override {
+    return std::make_unique<LoopSolid>(rates_.slow().fresh(), every_, at_rest());
+  }
 
   /// The servo has a snapshot from the beginning: that of the body at rest, near the tip.
   void begin(const BodyTip& tip) override {
@@ -69,9 +77,48 @@ class LoopSolid final : public LoopBody {
     rates_.reset();
     answer_ = {};
     tick_ = 0;
+    slip_.reset();
+    placed_ = false;
   }
 
  private:
+  [[nodiscard]] SnapshotSlip at_rest() const {
+    SnapshotSlip slip = slip_;
+    slip.reset();
+    return slip;
+  }
+
+  /// As the pressed nodes face.
+  void face(const BodyTip& tip) noexcept {
+    Vector3<> sum = Vector3<>::Zero();
+    for (int k = 0; k < answer_.nodes; ++k) sum -= load(k);
+    const double length = sum.norm();
+    outward_ = length > 0.0 ? Vector3<>(sum / length) : tip.outward;
+  }
+
+  /// The tip has moved over the surface, and drags it along.
+  void drag(const BodyTip& tip) noexcept {
+    const Vector3<> way = placed_ ? Vector3<>(tip.centre - centre_) : Vector3<>::Zero();
+    centre_ = tip.centre;
+    placed_ = centre_.allFinite();
+    slip_.step(rates_.newest(), tip.kind == BodyTip::Kind::flat ? tip.outward : outward_, pressed_.data(), forces_.data(), answer_.nodes,
+               way);
+    double total = 0.0;
+    Vector3<> along = Vector3<>::Zero();
+    for (int k = 0; k < answer_.nodes; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      const Vector3<> force = slip_.force(pressed_[i]), moved = slip_.moved(pressed_[i]);
+      along += forces_[i] * moved;
+      total += forces_[i];
+      answer_.friction -= force;
+      answer_.energy += 0.5 * force.dot(moved);
+      load_[i] += force;
+    }
+    if (total > 0.0) answer_.deflection += along / total;
+    answer_.force += answer_.friction;
+    answer_.sliding = slip_.sliding();
+  }
+
   static constexpr std::size_t most = 2 * Snapshot::capacity;  // nodes pressed on two snapshots that are blended
 
   TwoRates<Slow> rates_;
@@ -79,6 +126,10 @@ class LoopSolid final : public LoopBody {
   std::int64_t tick_ = 0;
   BodyTips tips_;
   BodyAnswer answer_;
+  SnapshotSlip slip_;
+  Vector3<> outward_ = Vector3<>::UnitZ();  // as the pressed nodes face
+  bool placed_ = false;                     // the tip has been somewhere before
+  Vector3<> centre_ = Vector3<>::Zero();    // where it was, m
   std::array<std::int32_t, most> pressed_{};
   std::array<double, most> forces_{};   // N
   std::array<Vector3<>, most> load_{};  // N

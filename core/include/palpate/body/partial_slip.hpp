@@ -48,8 +48,8 @@ class PartialSlip {
 
   /// Goes on by one period: the tip has moved by `way` [m] and presses `count` nodes with `forces` [N]; `covers` are the parts of their
   /// patches under a flat end.
-  template <class Kind>
-  void step(const BodyNodes& nodes, const Kind& kind, const std::int32_t* pressed, const double* forces, const double* covers, int count,
+  template <class Nodes, class Kind>
+  void step(const Nodes& nodes, const Kind& kind, const std::int32_t* pressed, const double* forces, const double* covers, int count,
             const Vector3<>& way) noexcept {
     if (count == 0) return reset();
     const double coefficient = sliding_ ? friction_.slide : friction_.hold;
@@ -80,6 +80,29 @@ class PartialSlip {
     for (int s = 0; s < count_; ++s) place_[static_cast<std::size_t>(node_[at(s)])] = -1;
     count_ = 0;
     sliding_ = false;
+  }
+
+  /// The body yields otherwise from now on: the forces stay, or become smaller, so that they store no more than before.
+  template <class Kind>
+  void renew(const Kind& kind) noexcept {
+    const Eigen::Index size = 2 * count_;
+    const double before = force_.head(size).dot(moved_.head(size));
+    for (int s = 0; s < count_; ++s) {
+      for (int t = 0; t <= s; ++t) {
+        const Eigen::Matrix2d block = kind.tangential(node_[at(s)], node_[at(t)]);
+        compliance_.block<2, 2>(2 * s, 2 * t) = block;
+        compliance_.block<2, 2>(2 * t, 2 * s) = block.transpose();
+      }
+      own_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
+      compliance_.block<2, 2>(2 * s, 2 * s) /= cover_[at(s)];
+      soften(s);
+    }
+    for (int s = 0; s < count_; ++s) moved_.segment<2>(2 * s) = pushed(s, count_);
+    const double after = force_.head(size).dot(moved_.head(size));
+    if (!(after > before)) return;
+    const double less = std::sqrt(std::max(before, 0.0) / after);
+    force_.head(size) *= less;
+    moved_.head(size) *= less;
   }
 
   /// Whether the whole patch slid in the last tick and has not come to rest since.

@@ -9,7 +9,7 @@ import pytest
 from palpate.bodies import Body, punch
 from palpate.bodies.body import Presses
 from palpate.bodies.passivity import energy_out, small_body
-from palpate.bodies.validation import flat_end
+from palpate.bodies.validation import flat_end, lattice_near_rest, other_kinds, spline_in_full
 
 PATHS = int(os.environ.get("PALPATE_CLOSED_PATHS", "60"))
 
@@ -39,6 +39,25 @@ def test_a_flat_end_of_another_radius_is_that_of_the_reference() -> None:
     coarse, fine = (punch.stiffness(15e-3, cells) for cells in (2, 3))
     limit = fine - (coarse - fine) / (1.5**2.5 - 1.0)
     assert flat_end(punch.SIDE / 12, radius=15e-3) == pytest.approx(limit, rel=0.05)
+
+
+def test_lattices_and_splines_are_as_far_from_the_solid_as_is_said() -> None:
+    rows = other_kinds([0.45])
+    assert len(rows) == 8
+    for row in rows:
+        assert abs(row["off"]) < row["asked"], row["what"]
+
+
+def test_what_is_compared_is_what_lattices_and_splines_do(body: Body) -> None:
+    """Their compliances, put together in Python, beside the core's own contact."""
+    at = ([0.02, 0.02, 0.02], 60e-3, 5e-4)
+    for other, kind in (
+        (lattice_near_rest(body), body.lattice(1e-3, by_mass=20.0, by_stiffness=2e-3)),
+        (spline_in_full(body), body.spline()),
+    ):
+        one, two = other.press(*at), kind.press(*at)
+        assert two.force[2] == pytest.approx(one.force[2], rel=0.03)
+        assert two.displacement == pytest.approx(one.displacement, abs=0.03 * 5e-4)
 
 
 @pytest.mark.parametrize("name", ["compliance", "modal", "standard linear solid"])

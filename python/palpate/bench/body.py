@@ -16,6 +16,7 @@ __all__ = ["SECTION"]
 
 Array = NDArray[np.float64]
 SIZE, CELLS = (0.1, 0.1, 0.05), 5e-3  # m; 4,851 vertices, 24,000 tetrahedra
+SMALL = (0.06, 0.06, 0.03)
 FINE = (2.5e-3, 2.5e-3, 10e-3)
 TICKS = 20_000
 PERIOD = 1e-3
@@ -39,6 +40,13 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     same = rows[1]["median_us"]
     tell("300 modes", 0.6)
     rows.append(_row("modal, 300 modes", body.modal(PERIOD, by_stiffness=1e-4), CELLS, 10, ticks, ASKED_MODAL))
+    rough = body.modal(PERIOD, by_stiffness=1e-4, static_friction=0.5, dynamic_friction=0.4)
+    rows.append(_row("modal, 300 modes, friction", rough, CELLS, 10, ticks, None))
+    tell("a spline, and a lattice of 1,183 vertices", 0.7)
+    rows.append(_row("spline", body.spline(), CELLS, 10, ticks, None))
+    small = build(block(SMALL, CELLS), young=20e3, fixed="z < 0.001 mm", touch="z > 29.99 mm", order=1)
+    lattice = small.lattice(PERIOD, by_stiffness=2e-3)
+    rows.append(_row("lattice of 1,183 vertices", lattice, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
     seconds = body.record["seconds"]
     times = f"{built - seconds['modes']:.2g} s, and its 300 modes {seconds['modes']:.2g} s"
     notes = [f"the body of {len(body.nodes)} nodes was built in {times}"]
@@ -58,13 +66,21 @@ def _made(spacing: float | tuple[float, float, float], modes: int = 0) -> Body:
     return build(block(SIZE, cells), young=20e3, fixed="z < 0.001 mm", touch="z > 49.99 mm", order=1, modes=modes)
 
 
-def _row(what: str, body: Body, step: float, pressed: int, ticks: int, asked: float) -> dict[str, Any]:
+def _row(
+    what: str,
+    body: Body,
+    step: float,
+    pressed: int,
+    ticks: int,
+    asked: float | None,
+    size: tuple[float, float, float] = SIZE,
+) -> dict[str, Any]:
     """A sphere of six cells' radius that slides in a circle, as deep as presses about `pressed` nodes (Hertz)."""
     radius = 6.0 * step
     depth = pressed * step**2 / (np.pi * radius)
     turn = np.linspace(0.0, 2.0 * np.pi, ticks)
     around = 2.3 * step * np.stack([np.cos(turn), np.sin(turn), np.zeros(ticks)], axis=1)
-    path = around + np.array([SIZE[0] / 2, SIZE[1] / 2, SIZE[2] + radius - depth])
+    path = around + np.array([size[0] / 2, size[1] / 2, size[2] + radius - depth])
     nodes = body.follow(path, radius, outward=[0, 0, 1]).nodes
     axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
     times = []

@@ -1,4 +1,4 @@
-"""A picture of a phantom: pressed, and what a sweep over it feels."""
+"""Pictures of bodies: the phantom, pressed and swept over; and one press on three kinds of the same body."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from palpate.bodies.body import Body
 from palpate.report.style import COLOURS, FAINT, INK, PAPER, TITLE, new_figure
 
-__all__ = ["draw_sweep"]
+__all__ = ["draw_kinds", "draw_sweep"]
 
 
 def draw_sweep(
@@ -55,3 +55,48 @@ def draw_sweep(
     figure.savefig(Path(path), dpi=150, facecolor=PAPER)
     middle = len(along) // 2
     return float(forces[0][middle] / forces[1][middle])
+
+
+def draw_kinds(
+    body: Body,
+    path: str | Path,
+    *,
+    radius: float = 15e-3,
+    depth: float = 3e-3,
+    width: float = 0.06,
+    height: float = 0.03,
+) -> dict[str, float]:
+    """Draw a sphere pressed into a block as finite elements, lattice and spline: its top, and force by depth; as PNG.
+
+    `width` and `height` of the block, m. Returns each kind's force at `depth`, N.
+    """
+    kinds = {
+        "finite elements": body,
+        "lattice": body.lattice(1e-3, by_mass=20.0, by_stiffness=2e-3),
+        "spline": body.spline(),
+    }
+    figure, ((left, right),) = new_figure(1, 2, width=10.5, height=4.0, sharex=False)
+    middle = width / 2
+    row = np.flatnonzero(np.abs(body.nodes[:, 1] - middle) < 1e-6)
+    row = row[np.argsort(body.nodes[row, 0])]
+    around = np.linspace(-np.pi, 0.0, 200)
+    ball = (radius * np.cos(around), radius * (1.0 + np.sin(around)) - depth)
+    left.fill(*(1e3 * np.array(ball)), color=FAINT, alpha=0.25, lw=0)
+    depths = np.linspace(0.0, depth, 13)
+    found = {}
+    for (name, kind), colour, style in zip(kinds.items(), COLOURS, ("-", "--", ":"), strict=False):
+        presses = [kind.press([middle, middle, height], radius, d) for d in depths]
+        moved = presses[-1].displacement[row]
+        across, up = body.nodes[row, 0] + moved[:, 0] - middle, moved[:, 2]
+        left.plot(across * 1e3, up * 1e3, style, color=colour, lw=2, marker=".", ms=7, label=name)
+        right.plot(depths * 1e3, [felt.force[2] for felt in presses], style, color=colour, lw=2, label=name)
+        found[name] = float(presses[-1].force[2])
+    left.set(
+        xlabel="place along x [mm]", ylabel="height over the rest [mm]", xlim=(-28, 28), ylim=(-1.25e3 * depth, 1.8)
+    )
+    left.set_title(f"Under a sphere of {radius * 1e3:g} mm radius, {depth * 1e3:g} mm deep", **TITLE)
+    right.set(xlabel="depth [mm]", ylabel="force [N]", xlim=(0, depth * 1e3), ylim=(0, None))
+    right.set_title("Force on the sphere", **TITLE)
+    right.legend(loc="upper left", frameon=False)
+    figure.savefig(Path(path), dpi=150, facecolor=PAPER)
+    return found

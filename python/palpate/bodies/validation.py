@@ -5,25 +5,31 @@ These take minutes, so they are a command, not a test: `palpate body validate`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from palpate.bodies import punch
+from palpate.bodies.body import Body
 from palpate.bodies.build import build
 from palpate.bodies.passivity import energy_out, small_body
 from palpate.bodies.places import beyond, box
-from palpate.bodies.volume import grid
+from palpate.bodies.spline import weights
+from palpate.bodies.volume import block, grid
 
-__all__ = ["flat_end", "hertz", "validate"]
+__all__ = ["Answers", "flat_end", "hertz", "lattice_near_rest", "other_kinds", "spline_in_full", "validate"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 Row = dict[str, Any]
 _BOTTOM: Final = beyond("z", "<", 1e-9)
 _SPACINGS: Final = (punch.SIDE / 20, punch.SIDE / 24, punch.SIDE / 30)  # even numbers: a node is in the middle
+_HIGH: Final = 0.03  # m, of the block of `other_kinds`
 _REFINED: Final = (4, 6, 9)  # cells under the end of the reference, each 1.5 times finer
 
 
@@ -62,7 +68,75 @@ def validate(progress: Tell | None = None, *, paths: int = 10_000) -> list[Row]:
     tell("sphere on a deep block", 0.0)
     rows = [_row("sphere on a deep block, over Hertz", hertz(5e-3 / 3) - 1.0, 0.05)]
     rows += _flat_ends(tell)
+    rows += other_kinds(progress=tell)
     return rows + _closed_paths(tell, paths)
+
+
+class Answers(NamedTuple):
+    """What the block of 60 x 60 x 30 mm does, and how far another kind of the same body is from it, as fractions."""
+
+    stretch: float  # mean displacement of its top, pulled evenly
+    shear: float  # the same, dragged evenly along x
+    press: float  # force of a flat end of 10 mm radius, 1 mm deep in its middle
+    surface: float  # displacement of the top under that end: largest difference, by 1 mm
+
+
+_ALLOWED: Final = {"lattice": Answers(0.05, 0.05, 0.15, 0.1), "spline": Answers(0.15, 0.55, 0.4, 0.3)}
+
+
+def lattice_near_rest(body: Body) -> Body:
+    """Return a body with the compliance that its lattice has for small displacements held for long."""
+    begin, vertices, shares = body._patches()
+    load = sparse.csr_matrix((shares, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
+    free = np.flatnonzero(np.repeat(~body.contents.held, 3))
+    full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
+    found = full @ splu(body.network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
+    return Body(replace(body.contents, compliance=found.astype(np.float32)))
+
+
+def spline_in_full(body: Body) -> Body:
+    """Return a body with the compliance of its spline: along the normals and along the surface, nothing between."""
+    law, n = body.spline_law, len(body.nodes)
+    b = weights(body.nodes, law.spacing)
+    shared, layer = (b @ b.T).toarray(), np.diag(1.0 / body.contents.areas)
+    normal = np.einsum("ia,jb->iajb", body.normals, body.normals)
+    along, across = law.give * shared + law.layer * layer, law.give_across * shared + law.layer_across * layer
+    facing = np.einsum("ia,ja->ij", body.normals, body.normals)
+    part = np.eye(3) - np.einsum("ia,ib->iab", body.normals, body.normals)
+    found = (along * facing)[:, None, :, None] * normal / np.where(facing, facing, 1.0)[:, None, :, None]
+    found = found + across[:, None, :, None] * np.einsum("iac,jcb->iajb", part, part)
+    return Body(replace(body.contents, compliance=found.reshape(3 * n, 3 * n).astype(np.float32)))
+
+
+def other_kinds(ratios: Sequence[float] = (0.0, 0.3, 0.45, 0.49), *, progress: Tell | None = None) -> list[Row]:
+    """Return rows, as `validate`: lattices and splines over quadratic finite elements on the same block.
+
+    `ratios` are Poisson's.
+    """
+    rows = []
+    for poisson in ratios:
+        if progress is not None:
+            progress(f"lattice and spline, Poisson's ratio {poisson:g}", 0.62)
+        top = beyond("z", ">", _HIGH - 1e-9)
+        solid = build(block((0.06, 0.06, _HIGH), 5e-3), young=5e3, poisson=poisson, fixed=_BOTTOM, touch=top)
+        for kind, other in (("lattice", lattice_near_rest(solid)), ("spline", spline_in_full(solid))):
+            for (what, off), asked in zip(_answers(other, solid)._asdict().items(), _ALLOWED[kind], strict=True):
+                rows.append(_row(f"{kind}, Poisson's ratio {poisson:g}, {what}: over quadratic elements", off, asked))
+    return rows
+
+
+def _answers(other: Body, solid: Body) -> Answers:
+    share = solid.contents.areas / solid.contents.areas.sum()
+    means, pressed = [], []
+    for body in (other, solid):
+        whole = body.compliance.reshape(len(share), 3, len(share), 3).astype(float)
+        mean = np.einsum("i,iajb,j->ab", share, whole, share)
+        felt = body.press([0.03, 0.03, _HIGH], 10e-3, 1e-3, tip="flat")
+        means.append(mean)
+        pressed.append((felt.force[2], felt.displacement))
+    (one, moved), (two, expected) = pressed
+    ratio = means[0] / np.where(np.eye(3), means[1], 1.0)
+    return Answers(ratio[2, 2] - 1, ratio[0, 0] - 1, one / two - 1, float(np.abs(moved - expected).max() / 1e-3))
 
 
 def _flat_ends(tell: Tell) -> list[Row]:

@@ -128,16 +128,14 @@ class KeptColumns {
     const std::size_t count = forces.size(), row = count + 1;
     // b_i . z_j, and z_j . left at the end of its row.
     reach_.resize(slot_.size() * row);
-    for (std::size_t j = 0; j < slot_.size(); ++j) {
-      const std::vector<Columns>& column = column_[slot_[j] / width];
+    for (std::size_t g = 0; g < groups_; ++g)
       for (std::size_t i = 0; i < count; ++i) {
-        double sum = 0.0;
-        forces.each(
-            i, [&](std::size_t k, float share) { sum += static_cast<double>(share) * static_cast<double>(column[k][slot_[j] % width]); });
-        reach_[j * row + i] = sum;
+        Columns sum{};
+        forces.each(i, [&](std::size_t k, float share) { sum += share * column_[g][k]; });
+        for (std::size_t j = 0; j < slot_.size(); ++j)
+          if (slot_[j] / width == g) reach_[j * row + i] = static_cast<double>(sum[slot_[j] % width]);
       }
-      reach_[j * row + count] = static_cast<double>(ahead_[slot_[j]]);
-    }
+    for (std::size_t j = 0; j < slot_.size(); ++j) reach_[j * row + count] = static_cast<double>(ahead_[slot_[j]]);
     orthonormalise(own, row);
     const auto product = [&](std::size_t i, std::size_t j) {
       double sum = 0.0;

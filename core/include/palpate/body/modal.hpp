@@ -154,9 +154,11 @@ class Modal {
     if (relaxes()) return false;
     Group& all = groups_[group];
     if (all.seen.place - all.longest * (travelled_ - all.seen.travelled) >= place) return true;
+    if (tick_ < all.again) return false;
     double lowest = std::numeric_limits<double>::infinity();
     for (std::int32_t k = all.begin; k < all.end; ++k) lowest = std::min(lowest, least(members_[static_cast<std::size_t>(k)]));
     all.seen = {lowest, travelled_};
+    if (lowest < place) all.again = tick_ + pause;
     return lowest >= place;
   }
 
@@ -205,7 +207,10 @@ class Modal {
     tick_ = 0;
     std::fill(asked_.begin(), asked_.end(), Asked());
     std::fill(seen_.begin(), seen_.end(), Seen());
-    for (Group& group : groups_) group.seen = Seen();
+    for (Group& group : groups_) {
+      group.seen = Seen();
+      group.again = 0;
+    }
     left_.reset();
   }
 
@@ -220,6 +225,7 @@ class Modal {
   static constexpr std::size_t lanes = 16;
   static constexpr double rounding = 4e-6;  // of a sum over thousands of modes in single precision, side by side in lanes
   static constexpr double soon = 16.0;      // ticks
+  static constexpr std::int64_t pause = 8;  // ticks in which a group that is not all above is left to its nodes
 
   /// A node was surely no lower than `place` [m] when the modes had travelled so far [sqrt(kg) m].
   struct Seen {
@@ -235,6 +241,7 @@ class Modal {
     std::int32_t begin = 0, end = 0;
     double longest = 0.0;
     Seen seen;
+    std::int64_t again = 0;  // the tick from which on it is looked at once more
   };
 
   /// Displacement of a node by all modes, m; they are asked once in a tick.

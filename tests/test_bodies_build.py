@@ -259,6 +259,7 @@ def test_expected_memory_is_what_the_system_counts() -> None:
         ({"young": "5 mm"}, "pressure"),
         ({"density": 0.0}, "density is positive"),
         ({"regions": ["z < 1 mm = -2 kPa"]}, "Young's modulus is positive"),
+        ({"regions": ["sphere 100 0 0 radius 5 mm = 25 kPa"]}, "no point of integration lies in it"),
         ({"touch": "z > 50 mm"}, "no vertex of the surface can be touched"),
         ({"order": 3}, "order 1"),
         ({"memory": "1 kB"}, "over the budget"),
@@ -289,6 +290,18 @@ def test_flat_tetrahedra_are_refused_and_turned_ones_are_turned() -> None:
 def test_a_body_of_a_kilometre_is_warned_of() -> None:
     with pytest.warns(BodyWarning, match="say its unit"):
         block((150.0, 100.0, 80.0), 50.0)
+
+
+def test_a_mesh_of_too_many_tetrahedra_is_refused_before_it_is_made() -> None:
+    """A surface in mm read as m, and a spacing a hundred times too fine: both would run for hours, out of memory."""
+    import trimesh
+
+    with pytest.raises(BodyError, match="tetrahedra: take a larger spacing"):
+        block((0.06, 0.06, 0.03), 1e-4)
+    pytest.importorskip("pytetwild", exc_type=ImportError)
+    sphere = trimesh.creation.icosphere(2, 40.0)
+    with pytest.raises(BodyError, match="spacing and unit are meant"):
+        bodies.fill(sphere.vertices, sphere.faces, 0.01)
 
 
 def test_tetrahedra_come_from_a_file(tmp_path: Path) -> None:

@@ -197,6 +197,7 @@ kind = "body"
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "modall"', "line 13: object.body.kind: \"modall\""),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "relaxing"', "instant is missing: relaxing needs"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\ncreep = "2 s"', 'line 13: unknown key "creep"'),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nslow_step = "20 ms"', "only neo-hookean, corotational"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nyoung = "2 kPa"', "line 13: object.body.young has no mea"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "relaxing"\ninstant = 0.5\ncreep = "1 s"',
          "at least as stiff as at last"),

@@ -157,11 +157,13 @@ class Body:
 
         A tip drags the surface along and slips under it from the edge of the contact inwards (Cattaneo 1938, Mindlin
         1949). `static_friction` counts until all of the contact slides, `dynamic_friction` from then on, until all of
-        it holds again. Other kinds take the same two numbers.
+        it holds again. Other kinds take the same two numbers when they are made.
 
         Raises:
-            BodyError: a coefficient is negative, or the dynamic one is above the static one.
+            BodyError: a coefficient is negative, the dynamic one is above the static one, or it is of another kind.
         """
+        if not isinstance(self.__dict__.get("core", None), _core.ElasticBody | None):
+            raise BodyError("rough makes the kind without inertia; to another kind give its static_friction= at once")
         rough = Body(self.contents)
         rough.core = _core.ElasticBody(*self._arrays(), *_coefficients(static_friction, dynamic_friction))
         return rough
@@ -409,18 +411,25 @@ class Body:
 
         Returns:
             The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. A press from rest drags
-            nothing, so there is no friction in it, but in a lattice's, whose nodes move sideways. Displacements are
-            taken as small against the body and the tip. Fewer than four pressed nodes are warned of.
+            nothing, so there is no friction in it, but in a lattice's, whose nodes move sideways. Of `modal` and
+            `relaxing` it is the force of the tick that reaches the depth, not that at rest. Displacements are taken
+            as small against the body and the tip. Fewer than four pressed nodes are warned of.
 
         Raises:
             PoseError: the point is not three finite numbers.
-            BodyError: the radius is not positive, or more nodes lie under the tip than are looked at (128).
+            BodyError: the point is farther from the body than that is across, the radius is not positive, the tip is
+                neither shape, or more nodes lie under it than are looked at (128).
         """
         x = np.asarray(point, dtype=float)
         if x.shape != (3,) or not np.isfinite(x).all():
             raise PoseError(f"a point is three finite numbers in m, not {np.asarray(point)}")
         size, deep = length(radius, "radius"), length(depth, "depth")
         at, facet = self.surface.nearest(x[None])
+        apart = float(np.linalg.norm(at[0] - x))
+        if apart > self.extent:
+            raise BodyError(
+                f"the point lies {apart:.3g} m from the body, which is {self.extent:.3g} m across: points are in m"
+            )
         a, b, c = self.surface.vertices[self.surface.triangles[facet[0]]]
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal)
@@ -435,7 +444,14 @@ class Body:
         felt = self.follow(way, size, outward=normal, tip=tip)
         if self.settles is not None:
             felt = self._settle(centre, size, normal, tip, self.settles)
-        if deep > 0 and felt.nodes[-1] < 4:
+        if deep > 0 and felt.nodes[-1] == 0:
+            warnings.warn(
+                "the tip presses no node: the surface is fixed or not touchable there, the mesh is too coarse, or the "
+                "contact was lost",
+                BodyWarning,
+                stacklevel=2,
+            )
+        elif deep > 0 and felt.nodes[-1] < 4:
             warnings.warn(
                 f"the tip presses {felt.nodes[-1]} nodes, too few for a force to believe: take a finer mesh, "
                 "a larger tip or a deeper press",
@@ -470,6 +486,8 @@ class Body:
         size = length(radius, "radius")
         if not 0 < size < np.inf:
             raise BodyError(f"a tip has a positive radius, not {size} m")
+        if tip not in ("sphere", "flat"):
+            raise BodyError(f'a tip is "sphere" or "flat", not "{tip}"')
         if outward is None and tip == "flat":
             corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centres)[1]]]
             outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

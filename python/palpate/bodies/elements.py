@@ -156,7 +156,14 @@ class Elements:
     def young(self) -> Array:
         """Young's modulus at the points of integration (elements, points), Pa."""
         x = np.asarray(self._basis.global_coordinates())  # 3 x elements x points
-        return self.material.young_at(x.reshape(3, -1).T, self._depth).reshape(x.shape[1:])
+        points = x.reshape(3, -1).T
+        for region in self.material.regions:
+            if not region.where.inside(points).any():
+                raise BodyError(
+                    f"region {region.where}: no point of integration lies in it, so it would stiffen nothing: it is "
+                    "outside of the body, or too small for the mesh"
+                )
+        return self.material.young_at(points, self._depth).reshape(x.shape[1:])
 
     def _depth(self, points: Array) -> Array:
         from palpate.touch.mesh import Mesh

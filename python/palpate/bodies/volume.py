@@ -26,6 +26,7 @@ Indices = NDArray[np.int64]
 
 # The faces of a tetrahedron of positive volume, anticlockwise seen from outside.
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+_MOST = 2e7  # tetrahedra; far more than any build has memory for
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +114,7 @@ def block(
     depths = sorted({0.0, sides[2], *(length(value, "layers") for value in layers)})
     if depths[0] < 0 or depths[-1] > sides[2]:
         raise BodyError(f"layers lie between 0 and the block's height of {sides[2]:g} m under its top")
+    _check_count(6.0 * float(np.prod([side / step for side, step in zip(sides, steps, strict=True)])), "the block")
     lines = [np.linspace(0.0, side, max(1, round(side / step)) + 1) for side, step in zip(sides, steps, strict=True)]
     stack = [np.linspace(a, b, max(1, round((b - a) / steps[2])) + 1) for a, b in pairwise(depths)]
     lines[2] = sides[2] - np.unique(np.concatenate(stack))[::-1]
@@ -122,6 +124,7 @@ def block(
 def grid(lines: Sequence[Array], source: str = "grid") -> Volume:
     """Return cells between the planes at `lines` (three rising lists, m) along x, y and z, cut as in `block`."""
     nx, ny, nz = (len(line) for line in lines)
+    _check_count(6.0 * (nx - 1) * (ny - 1) * (nz - 1), source)
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(nx * ny * nz).reshape(nx, ny, nz)
     corner = [
@@ -168,6 +171,7 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: s
         ) from None
     corners, faces = np.array(vertices, dtype=float, order="C"), np.array(triangles, dtype=np.int32, order="C")
     enclosed = _enclosed(corners, faces)
+    _check_count(6.0 * 2.0**0.5 * abs(enclosed) / spacing**3, source)  # as many as regular ones would be
     try:
         with TemporaryDirectory() as place, chdir(place):  # it leaves a file where it is called
             points, cells = tetrahedralize(corners, faces, edge_length_abs=spacing, quiet=True)[:2]
@@ -182,6 +186,14 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: s
             f"{found.size * 1e6:.4g} cm^3: close its borders, or ask for a smaller spacing"
         )
     return found
+
+
+def _check_count(count: float, source: str) -> None:
+    if count > _MOST:
+        raise BodyError(
+            f"{source}: it would take about {count:.1g} tetrahedra: take a larger spacing, and see that size, "
+            "spacing and unit are meant"
+        )
 
 
 def _enclosed(vertices: Array, triangles: NDArray[Any]) -> float:

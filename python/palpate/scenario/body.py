@@ -101,6 +101,11 @@ class BodyChoice(Section):
         if not isinstance(table, Mapping) or table.get("kind", "compliance") not in KINDS:
             return table
         known = KINDS[table.get("kind", "compliance")]
+        for key in table:
+            if key not in known and key not in cls.model_fields and any(key in of for of in KINDS.values()):
+                takers = ", ".join(kind for kind, of in KINDS.items() if key in of)
+                kind = table.get("kind", "compliance")
+                raise ValueError(f'unknown key "{key}"; {kind} takes no such thing, only {takers}')
         loose = {key: value for key, value in table.items() if key in known}
         nested = table.get("options", {})
         if not isinstance(nested, Mapping):

@@ -155,7 +155,7 @@ def sideways(depth: float, reach: float, ticks: int) -> np.ndarray:
 
 
 def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None:
-    """Small: the way to sliding by a ratio and a sway against the true compliance along the surface; sliding is mu N."""
+    """Small: way to sliding by a ratio and a sway against the true compliance along the surface; sliding is mu N."""
     body = bodies.load(block)
     path = sideways(5e-5, 8e-4, 400)
     kinds = (body.nonlinear("1 ms", static_friction=0.5, dynamic_friction=0.4), body.rough(0.5, 0.4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -70,6 +71,25 @@ def test_modal_at_last_is_compliance(body: Body) -> None:
     still = body.follow(tip[:1], 0.008, outward=[0, 0, 1])
     assert felt.force[-1] == pytest.approx(still.force[0], rel=1e-4, abs=1e-6)
     assert np.abs(felt.force[:20, 2] - still.force[0, 2]).max() > 0.05 * still.force[0, 2]
+
+
+@pytest.mark.filterwarnings("ignore:the tip presses 1 nodes")
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_a_body_that_is_held_has_gone_in_as_far_as_the_tip(body: Body, tip: Literal["sphere", "flat"]) -> None:
+    """At rest every kind's pressed patch has moved as that of the body without a memory; `press` is that rest."""
+    place = [0.0102, 0.0097, 0.02]
+    way = np.tile(np.add(place, [0, 0, (0.008 if tip == "sphere" else 0.0) - 0.001]), (4000, 1))
+    still = body.follow(way[:1], 0.008, outward=[0, 0, 1], tip=tip)
+    assert still.deflection[0, 2] < -5e-4
+    moving = body.modal("1 ms", by_mass=20.0, by_stiffness=1e-3)
+    relaxing = body.relaxing("1 ms", instant=2.0, creep="0.2 s")
+    for kind in (moving, relaxing):
+        felt = kind.follow(way, 0.008, outward=[0, 0, 1], tip=tip)
+        assert felt.deflection[-1] == pytest.approx(still.deflection[0], rel=2e-3, abs=1e-6)
+        pressed = kind.press(place, 0.008, 0.001, tip=tip)
+        assert pressed.force == pytest.approx(still.force[0], rel=1e-9, abs=1e-12)
+    felt = body.lattice("1 ms", by_mass=20.0).follow(way, 0.008, outward=[0, 0, 1], tip=tip)
+    assert felt.deflection[-1, 2] == pytest.approx(still.deflection[0, 2], rel=0.05)
 
 
 def test_a_modal_body_that_relaxes_comes_from_its_ringing_to_the_closed_form(body: Body) -> None:

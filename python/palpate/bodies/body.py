@@ -410,16 +410,18 @@ class Body:
             tip: "sphere" or "flat".
 
         Returns:
-            The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m. A press from rest drags
-            nothing, so there is no friction in it, but in a lattice's, whose nodes move sideways. Of `modal` and
-            `relaxing` it is the force of the tick that reaches the depth, not that at rest. Displacements are taken
-            as small against the body and the tip. Fewer than four pressed nodes are warned of.
+            The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m, both at rest: of `modal`
+            and `relaxing`, those of the body without inertia and creep. A press from rest drags nothing, so there is
+            no friction in it, but in a lattice's, whose nodes move sideways. Displacements are taken as small against
+            the body and the tip. Fewer than four pressed nodes are warned of.
 
         Raises:
             PoseError: the point is not three finite numbers.
             BodyError: the point is farther from the body than that is across, the radius is not positive, the tip is
                 neither shape, or more nodes lie under it than are looked at (128).
         """
+        if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
+            return Body(self.contents).press(point, radius, depth, tip=tip)
         x = np.asarray(point, dtype=float)
         if x.shape != (3,) or not np.isfinite(x).all():
             raise PoseError(f"a point is three finite numbers in m, not {np.asarray(point)}")

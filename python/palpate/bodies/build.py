@@ -70,6 +70,11 @@ def build(
         BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
         OutputError: the file cannot be written.
     """
+    if order not in (1, 2):
+        raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order}")
+    if modes < 0:
+        raise BodyError(f"modes: {modes}; from 0, none, to some hundred")
+    number(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(
         number(young, "Pa", "young"),

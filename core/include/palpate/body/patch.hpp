@@ -142,6 +142,7 @@ class BodyContact {
     for (int a = 0; a < count_; ++a) {
       Near& near = near_[static_cast<std::size_t>(a)];
       near = nodes_->at(tip, node_[static_cast<std::size_t>(a)]);
+      inward_[static_cast<std::size_t>(a)] = near.depth;
       near.depth = seen_[static_cast<std::size_t>(a)].depth;
       if constexpr (creeps) near.depth -= (1.0 / near.cover - 1.0) * crept(a);
       solver_.depth(a) = near.depth;
@@ -264,7 +265,7 @@ class BodyContact {
       answer_.force -= f * near.slope;
       if (near.cover < 1.0) answer_.force -= (by_cover(a, f) / (near.cover * near.cover)) * near.cover_slope;
       answer_.energy += 0.5 * f * near.depth;
-      answer_.deflection -= (f * near.depth) * nodes_->normal(near.node);
+      answer_.deflection -= (f * inward_[static_cast<std::size_t>(a)]) * nodes_->normal(near.node);
       total += f;
     }
     answer_.touching = answer_.nodes > 0;
@@ -317,6 +318,7 @@ class BodyContact {
   std::array<std::int32_t, capacity> node_{};  // by place
   std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
   std::array<double, capacity> crept_{};       // by place, N
+  std::array<double, capacity> inward_{};      // how far a place goes in if it is pressed, from where it is at rest, m
   std::array<std::int32_t, capacity> pressed_{};
   std::array<double, capacity> forces_{};
   std::array<int, capacity> held_{};  // places of the pressed

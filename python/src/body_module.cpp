@@ -16,6 +16,7 @@
 #include <palpate/body/touched.hpp>
 #include <vector>
 
+#include "answers.hpp"
 #include "body_in_loop.hpp"
 #include "surface_frames.hpp"
 
@@ -36,16 +37,6 @@ std::vector<palpate::Vector3<>> points(const Points& a) {
   std::vector<palpate::Vector3<>> list(a.shape(0));
   for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
   return list;
-}
-
-/// A numpy array of `shape` that owns its memory.
-template <class T>
-std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
-  std::size_t count = 1;
-  for (const std::size_t s : shape) count *= s;
-  auto* data = new T[count > 0 ? count : 1]();
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
 }
 
 std::vector<double> numbers(const Numbers& a) {
@@ -79,10 +70,6 @@ struct BodyCore : BodyInLoop {
   }
 };
 
-palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
-  return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};
-}
-
 /// What all kinds share.
 template <class Kind>
 nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* name) {
@@ -93,22 +80,14 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             const std::size_t n = centres.shape(0);
             const bool faces = outward.shape(0) == 0 && !flat;
             if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = new_array<double>({n, 14});
+            auto [rows, row] = new_array<double>({n, answer_width});
             const nb::gil_scoped_release unlocked;
             palpate::BodyTip tip = tip_of(radius, flat, palpate::Vector3<>::Zero(), palpate::Vector3<>::UnitZ());
-            for (std::size_t i = 0; i < n; ++i, row += 14) {
+            for (std::size_t i = 0; i < n; ++i, row += answer_width) {
               tip.centre = Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i);
               tip.outward =
                   faces ? self.contact.outward(tip) : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
-              const palpate::BodyAnswer& a = self.contact.step(tip);
-              Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
-              Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
-              row[6] = a.energy;
-              row[7] = a.nodes;
-              row[8] = a.touching ? 1.0 : 0.0;
-              row[9] = a.solved ? 1.0 : 0.0;
-              Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
-              row[13] = a.sliding ? 1.0 : 0.0;
+              put(self.contact.step(tip), row);
             }
             return rows;
           },
@@ -133,17 +112,7 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a, "How long each step took, s, the clock's own time included.")
       .def(
-          "pressed",
-          [](const BodyCore<Kind>& self) {
-            const auto n = static_cast<std::size_t>(self.contact.last().nodes);
-            auto [nodes, i] = new_array<std::int64_t>({n});
-            auto [forces, f] = new_array<double>({n});
-            for (std::size_t k = 0; k < n; ++k) {
-              i[k] = self.contact.pressed()[k];
-              f[k] = self.contact.forces()[k];
-            }
-            return nb::make_tuple(nodes, forces);
-          },
+          "pressed", [](const BodyCore<Kind>& self) { return pressed_by(self.contact); },
           "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
       .def(
           "dragged",

@@ -8,6 +8,7 @@
 #include <thread>
 #include <type_traits>
 
+#include "answers.hpp"
 #include "batch.hpp"
 #include "body_in_loop.hpp"
 #include "pressed.hpp"
@@ -67,12 +68,6 @@ palpate::SolidMesh mesh_of(const Points& points, const Cells& cells, const Numbe
 
 void check(const SolidCore& self, const Points& vectors) {
   if (vectors.shape(0) != self.points) throw nb::value_error("one vector for each point is needed");
-}
-
-std::pair<Out, double*> vectors(std::size_t points) {
-  auto* data = new double[3 * points]();
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-  return {Out(data, {points, 3}, owner), data};
 }
 
 palpate::SolidSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
@@ -159,14 +154,8 @@ class Ways {
   palpate::BodyTips tips_;
 };
 
-std::pair<Out, double*> table(std::size_t rows, std::size_t columns) {
-  auto* data = new double[rows * columns + 1]();
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-  return {Out(data, {rows, columns}, owner), data};
-}
-
 Out step_row(const palpate::solid::PressedStep& step) {
-  auto [out, row] = table(1, 4);
+  auto [out, row] = new_array<double>({1, 4});
   row[0] = step.residual;
   row[1] = step.newton_steps;
   row[2] = step.compliance_steps;
@@ -192,7 +181,7 @@ void bind_pressed(nb::module_& m) {
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int every) {
             Ways ways(centres, outward, radii, flat);
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
-            auto [rows, row] = table(ways.ticks(), ways.columns());
+            auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
               if (k % static_cast<std::size_t>(every) == 0 && self.pressing.steps() > 0) self.pressing.hand_over();
@@ -209,7 +198,7 @@ void bind_pressed(nb::module_& m) {
           "settle",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int steps) {
             Ways ways(centres, outward, radii, flat);
-            auto [rows, row] = table(ways.ticks(), ways.columns());
+            auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
               for (int i = 0; i < steps; ++i) {
@@ -227,8 +216,8 @@ void bind_pressed(nb::module_& m) {
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
             using Clock = SlowThread::Clock;
             Ways ways(centres, outward, radii, flat);
-            auto [rows, row] = table(ways.ticks(), ways.columns());
-            auto [times, t] = table(ways.ticks(), 2);
+            auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
+            auto [times, t] = new_array<double>({ways.ticks(), 2});
             std::vector<double> slow;
             {
               const nb::gil_scoped_release unlocked;
@@ -251,7 +240,7 @@ void bind_pressed(nb::module_& m) {
               }
               if (other) slow = other->join();
             }
-            auto [seconds, s] = table(slow.size(), 1);
+            auto [seconds, s] = new_array<double>({slow.size(), 1});
             std::copy(slow.begin(), slow.end(), s);
             return nb::make_tuple(rows, times, seconds);
           },
@@ -263,7 +252,7 @@ void bind_pressed(nb::module_& m) {
           "Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.")
       .def("displacement",
            [](PressedCore& self) {
-             auto [out, data] = vectors(self.points);
+             auto [out, data] = new_array<double>({self.points, 3});
              self.pressing.slow().displacement(data);
              return out;
            })
@@ -273,10 +262,10 @@ void bind_pressed(nb::module_& m) {
           [](PressedCore& self) {
             const palpate::Snapshot& s = self.pressing.newest();
             const auto n = static_cast<std::size_t>(s.nodes.size());
-            auto [names, i] = table(n, 1);
-            auto [compliance, c] = table(n, n);
-            auto [normals, o] = table(n, 3);
-            auto [inner, e] = table(n, 1);
+            auto [names, i] = new_array<double>({n, 1});
+            auto [compliance, c] = new_array<double>({n, n});
+            auto [normals, o] = new_array<double>({n, 3});
+            auto [inner, e] = new_array<double>({n, 1});
             for (std::size_t a = 0; a < n; ++a) {
               e[a] = s.inner[a] ? 1.0 : 0.0;
               i[a] = s.name[a];
@@ -335,21 +324,12 @@ void bind_nonlinear(nb::module_& m) {
             const std::size_t n = centres.shape(0);
             const bool faces = outward.shape(0) == 0 && !flat;
             if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = table(n, 14);
+            auto [rows, row] = new_array<double>({n, answer_width});
             const nb::gil_scoped_release unlocked;
-            for (std::size_t i = 0; i < n; ++i, row += 14) {
+            for (std::size_t i = 0; i < n; ++i, row += answer_width) {
               const palpate::Vector3<> out =
                   faces ? palpate::Vector3<>::UnitZ() : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
-              const palpate::BodyAnswer& a = self.tick({flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius,
-                                                        Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i), out});
-              Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
-              Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
-              row[6] = a.energy;
-              row[7] = a.nodes;
-              row[8] = a.touching ? 1.0 : 0.0;
-              row[9] = a.solved ? 1.0 : 0.0;
-              Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
-              row[13] = a.sliding ? 1.0 : 0.0;
+              put(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i), out)), row);
             }
             return rows;
           },
@@ -357,22 +337,12 @@ void bind_nonlinear(nb::module_& m) {
           "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do "
           "that it presses, as in a loop.")
       .def(
-          "pressed",
-          [](const NonlinearCore& self) {
-            const auto n = static_cast<std::size_t>(self.body.last().nodes);
-            auto* nodes = new std::int64_t[n + 1];
-            const nb::capsule owner(nodes, [](void* p) noexcept { delete[] static_cast<std::int64_t*>(p); });
-            auto* forces = new double[n + 1];
-            const nb::capsule other(forces, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-            std::copy_n(self.body.pressed(), n, nodes);
-            std::copy_n(self.body.forces(), n, forces);
-            return nb::make_tuple(nb::ndarray<nb::numpy, std::int64_t>(nodes, {n}, owner), Out(forces, {n}, other));
-          },
+          "pressed", [](const NonlinearCore& self) { return pressed_by(self.body); },
           "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
       .def(
           "displacement",
           [](const NonlinearCore& self) {
-            auto [out, data] = vectors(self.points);
+            auto [out, data] = new_array<double>({self.points, 3});
             self.body.rates().slow().displacement(data);
             return out;
           },
@@ -402,7 +372,7 @@ void bind_solid(nb::module_& m) {
           "evaluate",
           [](SolidCore& self, const Points& displacement) {
             check(self, displacement);
-            auto [forces, f] = vectors(self.points);
+            auto [forces, f] = new_array<double>({self.points, 3});
             return nb::make_tuple(self.solid->evaluate(displacement.data(), f), forces);
           },
           "displacement"_a, "Energy, J, and inner forces on the free points, N.")
@@ -410,7 +380,7 @@ void bind_solid(nb::module_& m) {
           "tangent",
           [](SolidCore& self, const Points& way) {
             check(self, way);
-            auto [forces, f] = vectors(self.points);
+            auto [forces, f] = new_array<double>({self.points, 3});
             self.solid->tangent(way.data(), f);
             return forces;
           },
@@ -426,7 +396,7 @@ void bind_solid(nb::module_& m) {
           "Newton's steps to rest under a load, N; how many, or -1 if it did not come to rest.")
       .def("displacement",
            [](const SolidCore& self) {
-             auto [out, data] = vectors(self.points);
+             auto [out, data] = new_array<double>({self.points, 3});
              self.solid->displacement(data);
              return out;
            })

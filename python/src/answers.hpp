@@ -1,0 +1,53 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <palpate/body/patch.hpp>
+#include <utility>
+
+/// What bodies of every kind tell Python about a tip.
+
+/// A numpy array of `shape` that owns its memory.
+template <class T>
+std::pair<nanobind::ndarray<nanobind::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
+  std::size_t count = 1;
+  for (const std::size_t s : shape) count *= s;
+  auto* data = new T[count > 0 ? count : 1]();
+  const nanobind::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return {nanobind::ndarray<nanobind::numpy, T>(data, shape, owner), data};
+}
+
+inline palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
+  return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};
+}
+
+/// Numbers of an answer: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+constexpr std::size_t answer_width = 14;
+
+inline void put(const palpate::BodyAnswer& a, double* row) {
+  Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
+  Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+  row[6] = a.energy;
+  row[7] = a.nodes;
+  row[8] = a.touching ? 1.0 : 0.0;
+  row[9] = a.solved ? 1.0 : 0.0;
+  Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
+  row[13] = a.sliding ? 1.0 : 0.0;
+}
+
+/// The pressed nodes of the last step, and the forces along their inward normals, N.
+template <class Contact>
+nanobind::tuple pressed_by(const Contact& contact) {
+  const auto n = static_cast<std::size_t>(contact.last().nodes);
+  auto [nodes, i] = new_array<std::int64_t>({n});
+  auto [forces, f] = new_array<double>({n});
+  std::copy_n(contact.pressed(), n, i);
+  std::copy_n(contact.forces(), n, f);
+  return nanobind::make_tuple(nodes, forces);
+}

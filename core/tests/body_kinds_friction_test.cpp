@@ -137,6 +137,29 @@ struct Counts {
   [[nodiscard]] int least() const { return std::min({stuck, slid, free}); }
 };
 
+/// Leads a tip, by turns a sphere and a flat end, over a path on a body without and with friction, from rest. At each tick
+/// see(tip, without, with, in, most): what the tip has given to friction until then and the most of that so far, J. Returns the last.
+template <class Kind, class See>
+double follow(BodyContact<Kind>& smooth, BodyContact<Kind>& rough, const Path& path, int number, int ticks, See see) {
+  BodyTip tip;
+  tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
+  tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
+  smooth.reset();
+  rough.reset();
+  double in = 0.0, most = 0.0;
+  Vector3<> before = Vector3<>::Zero();
+  for (int k = 0; k <= ticks; ++k) {
+    tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
+    tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
+    const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+    if (k > 0) in -= b.friction.dot(tip.centre - before);
+    before = tip.centre;
+    most = std::max(most, in);
+    see(tip, a, b, in, most);
+  }
+  return in;
+}
+
 // What the tip gives to friction covers at every tick what the modes along the surface hold: the same body without friction beside it
 // holds the rest. Elastic and of a standard linear solid.
 TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
@@ -148,31 +171,15 @@ TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
     };
     palpate::Modal plain = make(false), draggable = make(true);
     BodyContact<palpate::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
-    BodyTip tip;
     double lost = 0.0;
     Counts counts;
-    for (int number = 0; number < 300; ++number) {
-      tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
-      tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
-      const Path path(random);
-      smooth.reset();
-      rough.reset();
-      double in = 0.0, most = 0.0;
-      Vector3<> before = Vector3<>::Zero();
-      const int ticks = 100;
-      for (int k = 0; k <= ticks; ++k) {
-        tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
-        tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
-        const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
-        ASSERT_NEAR(a.force.norm(), (b.force - b.friction).norm(), 1e-5 * a.force.norm() + 1e-9);
-        if (k > 0) in -= b.friction.dot(tip.centre - before);
-        before = tip.centre;
-        most = std::max(most, in);
-        ASSERT_GE(in, draggable.energy() - plain.energy() - 1e-5 * most - 1e-12) << number << " " << k;
-        counts.see(b);
-      }
-      lost += in;
-    }
+    for (int number = 0; number < 300; ++number)
+      lost += follow(smooth, rough, Path(random), number, 100,
+                     [&](const BodyTip&, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
+                       ASSERT_NEAR(a.force.norm(), (b.force - b.friction).norm(), 1e-5 * a.force.norm() + 1e-9);
+                       ASSERT_GE(in, draggable.energy() - plain.energy() - 1e-5 * most - 1e-12) << number;
+                       counts.see(b);
+                     });
     EXPECT_GT(lost, 1e-4);
     EXPECT_GT(counts.least(), 1000);
   }
@@ -184,31 +191,16 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   palpate::Spline spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
   BodyContact<palpate::Spline> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
   std::mt19937 random(33);
-  BodyTip tip;
   double lost = 0.0;
   Counts counts;
-  for (int number = 0; number < 300; ++number) {
-    tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
-    tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
-    const Path path(random);
-    smooth.reset();
-    rough.reset();
-    double in = 0.0, most = 0.0;
-    Vector3<> before = Vector3<>::Zero();
-    const int ticks = 200;
-    for (int k = 0; k <= ticks; ++k) {
-      tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
-      tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
-      const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
-      if (k > 0) in -= b.friction.dot(tip.centre - before);
-      before = tip.centre;
-      most = std::max(most, in);
-      const double slack = tip.kind == BodyTip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
-      ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number << " " << k;
-      counts.see(b);
-    }
-    lost += in;
-  }
+  for (int number = 0; number < 300; ++number)
+    lost += follow(smooth, rough, Path(random), number, 200,
+                   [&](const BodyTip& tip, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
+                     const double slack =
+                         tip.kind == BodyTip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
+                     ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number;
+                     counts.see(b);
+                   });
   EXPECT_GT(lost, 1e-5);
   EXPECT_GT(counts.least(), 1000);
 }

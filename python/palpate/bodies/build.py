@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate.bodies.body import Body
 from palpate.bodies.condense import Condensation, check_memory
-from palpate.bodies.elements import Elements
+from palpate.bodies.elements import Elements, check_order
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
@@ -70,8 +70,7 @@ def build(
         BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
         OutputError: the file cannot be written.
     """
-    if order not in (1, 2):
-        raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order}")
+    check_order(order)
     if modes < 0:
         raise BodyError(f"modes: {modes}; from 0, none, to some hundred")
     number(memory, "byte", "memory")

@@ -22,10 +22,16 @@ from palpate.bodies.material import Material
 from palpate.bodies.places import Place
 from palpate.bodies.volume import Volume
 
-__all__ = ["Elements"]
+__all__ = ["Elements", "check_order"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+def check_order(order: int) -> None:
+    """Raise BodyError if there are no elements of this order."""
+    if order not in (1, 2):
+        raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +49,7 @@ class Elements:
     order: int = 2
 
     def __post_init__(self) -> None:
-        if self.order not in (1, 2):
-            raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {self.order}")
+        check_order(self.order)
         self._check_held()
         if len(self.touchable) == 0:
             raise BodyError(f"no vertex of the surface can be touched: all are fixed or outside of {self.touch}")

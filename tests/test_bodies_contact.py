@@ -75,16 +75,14 @@ def test_force_has_no_step_where_nodes_come_and_go(body: Body) -> None:
 def test_what_cannot_be_pressed_is_refused(body: Body) -> None:
     with pytest.raises(PoseError, match="three finite numbers"):
         body.press([0.0, np.nan, 0.0], 5e-3, 1e-3)
-    with pytest.raises(BodyError, match="positive radius"):
+    with pytest.raises(BodyError, match="radius: 0 m must be positive"):
         body.press([0.02, 0.02, TOP], 0.0, 1e-3)
     with pytest.raises(BodyError, match="length"):
         body.press([0.02, 0.02, TOP], "5 kPa", 1e-3)
     with pytest.raises(BodyError, match="points are in m"):
         body.press([20.0, 20.0, 1e3 * TOP], 5e-3, 1e-3)
-    with pytest.raises(BodyError, match='not "cone"'):
+    with pytest.raises(BodyError, match="not 'cone'"):
         body.press([0.02, 0.02, TOP], 5e-3, 1e-3, tip="cone")  # type: ignore[arg-type]
-    with pytest.raises(BodyError, match="give its static_friction"):
-        body.relaxing(1e-3, instant=2.0, creep=0.1).rough(0.5)
     apart = body.press([0.02, 0.02, TOP], 5e-3, -1e-3)
     assert not apart.force.any()
     assert not apart.displacement.any()

@@ -206,16 +206,16 @@ def test_a_thread_of_its_own_brings_the_servo_to_the_same_force() -> None:
 
 def test_what_is_refused() -> None:
     solid = Solid(VOLUME, MATERIAL, BOTTOM, TOP)
-    with pytest.raises(BodyError, match="4 to 64 nodes"):
+    with pytest.raises(BodyError, match="near: 65 must be a whole number, from 4 to 64"):
         PressedSolid(solid, near=65)
     body = PressedSolid(solid)
     with pytest.raises(PoseError, match="two tips"):
         body.follow(np.zeros((5, 3, 3)), RADIUS, outward=UP)
-    with pytest.raises(BodyError, match="positive radius"):
+    with pytest.raises(BodyError, match="radius: 0 m must be positive"):
         body.follow(np.zeros((5, 3)), 0.0, outward=UP)
-    with pytest.raises(BodyError, match="one tick or more"):
+    with pytest.raises(BodyError, match="every: 0 must be"):
         body.follow(np.zeros((5, 3)), RADIUS, outward=UP, every=0)
-    with pytest.raises(BodyError, match="period is positive"):
+    with pytest.raises(BodyError, match='period: "0 s" must be positive'):
         body.live(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
 
 

@@ -91,7 +91,7 @@ def test_near_the_tip_it_is_crudely_the_solid_and_far_away_it_is_still(body: Bod
         solid, shaped = body.press(MIDDLE, radius, 1e-3, tip="flat"), spline.press(MIDDLE, radius, 1e-3, tip="flat")
         assert shaped.force[2] == pytest.approx(solid.force[2], rel=0.45)
         assert np.linalg.norm(shaped.displacement - solid.displacement) < 0.4 * np.linalg.norm(solid.displacement)
-    fine = body.spline(spacing="3 mm")
+    fine = body.spline(control_spacing="3 mm")
     far = np.linalg.norm(fine.nodes - MIDDLE, axis=1) > 0.005 + 4 * 3e-3 * np.sqrt(2)
     assert far.any()
     moved = fine.press(MIDDLE, 5e-3, 1e-3, tip="flat").displacement
@@ -103,9 +103,9 @@ def test_it_scales_with_stiffness_and_takes_any_period(body: Body, spline: Body)
     soft = spline.press(MIDDLE, "8 mm", "1 mm").force
     assert hard.press(MIDDLE, "8 mm", "1 mm").force == pytest.approx(4.0 * soft, rel=1e-4, abs=1e-9)
     assert body.spline("0.1 ms").press(MIDDLE, "8 mm", "1 mm").force == pytest.approx(soft, rel=1e-12)
-    with pytest.raises(BodyError, match="spacing is positive"):
-        body.spline(spacing=0.0)
-    with pytest.raises(BodyError, match="period is positive"):
+    with pytest.raises(BodyError, match="control_spacing: 0 m must be positive"):
+        body.spline(control_spacing=0.0)
+    with pytest.raises(BodyError, match="period: -1 s must be positive"):
         body.spline(-1.0)
 
 

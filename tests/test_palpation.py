@@ -35,7 +35,7 @@ def test_a_body_is_as_many_times_as_stiff_as_its_material() -> None:
     stiffer = made[0].stiffer(3.0)
     np.testing.assert_allclose(stiffer.compliance, made[1].compliance, atol=2e-6 * np.abs(made[1].compliance).max())
     np.testing.assert_allclose(stiffer.contents.frequencies, made[1].contents.frequencies, rtol=1e-6)
-    with pytest.raises(BodyError, match="positive, finite number of times"):
+    with pytest.raises(BodyError, match="stiffer: 0 must be positive"):
         made[0].stiffer(0.0)
 
 

@@ -135,7 +135,7 @@ def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
 def test_what_cannot_be_is_refused(block: Path) -> None:
     with pytest.raises(ScenarioError, match=r"slow_step: it lasts one tick \(0.001 s\) or more, not 0.0001 s"):
         simulate(deep(block, slow_step="0.1 ms"))
-    with pytest.raises(ScenarioError, match="near: a snapshot covers 4 to 64 nodes, a whole number, not 65"):
+    with pytest.raises(ScenarioError, match="near: 65 must be a whole number, from 4 to 64"):
         simulate(deep(block, near=65))
     with pytest.raises(ScenarioError, match=r'unknown key "creep" in \[object.body\]'):
         simulate(deep(block, creep="1 s"))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
@@ -77,7 +78,10 @@ def quantity(value: object, unit: str, field: str, *, error: type[PalpateError] 
 
 def in_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
     """Return `value` in the SI unit `unit`: a number as it is, text as `quantity` reads it, which says what raises."""
-    return float(value) if isinstance(value, SupportsFloat) else quantity(value, unit, field, error=error)
+    if isinstance(value, SupportsFloat) and not isinstance(value, bool):
+        with suppress(TypeError):  # an array of several
+            return float(value)
+    return quantity(value, unit, field, error=error)
 
 
 def vector(

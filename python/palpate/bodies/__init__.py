@@ -8,7 +8,7 @@ from palpate.bodies.phantom import phantom
 from palpate.bodies.places import Place, ball, beyond, box, on_surface, place
 from palpate.bodies.pressed import Live, PressedSolid, Touches
 from palpate.bodies.solid import Law, Solid, Strain
-from palpate.bodies.volume import Volume, block, fill, read_volume
+from palpate.bodies.volume import Volume, block, fill, grid, read_volume
 
 __all__ = [
     "Body",
@@ -33,6 +33,7 @@ __all__ = [
     "box",
     "build",
     "fill",
+    "grid",
     "load",
     "on_surface",
     "phantom",

@@ -16,12 +16,24 @@ from scipy.optimize import nnls
 
 from palpate import _core
 from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.bodies.kind import PLAIN, Kind
 from palpate.bodies.network import Network, network, patches
-from palpate.bodies.numbers import length, positive
+from palpate.bodies.numbers import (
+    check_tip,
+    directions,
+    friction,
+    length,
+    lengths,
+    not_negative,
+    positive,
+    stiffening,
+    whole,
+)
 from palpate.bodies.spline import SplineLaw, calibrate
 from palpate.bodies.store import Contents, read, write
 from palpate.bodies.volume import Volume
 from palpate.errors import PoseError
+from palpate.touch.diagnosis import lengths as sizes
 from palpate.touch.mesh import Mesh
 
 __all__ = ["Body", "Law", "Press", "Presses"]
@@ -61,8 +73,9 @@ class Presses(NamedTuple):
 class Body:
     """The touchable surface of an elastic solid: n nodes, and how far each moves under a force on each."""
 
-    def __init__(self, contents: Contents) -> None:
+    def __init__(self, contents: Contents, kind: Kind = PLAIN) -> None:
         self.contents = contents
+        self.kind = kind
         self.settles: float | None = None  # period of a body that `press` lets come to rest, s
 
     @classmethod
@@ -71,11 +84,14 @@ class Body:
         return cls(read(path))
 
     def write(self, path: str | Path) -> Path:
-        """Write the body (.h5), whole or not at all."""
+        """Write the body (.h5), whole or not at all; what it is made of, not of which kind it is, nor its friction."""
         return write(self.contents, path)
 
     def __repr__(self) -> str:
-        return f"<Body: {len(self.nodes)} nodes, {self.extent:.3g} m across, of {self.record['source']}>"
+        x, y, z = np.ptp(self.points, axis=0).tolist()
+        modes = len(self.contents.frequencies)
+        counts = f"{len(self.nodes)} touchable nodes, {modes} modes" if modes else f"{len(self.nodes)} touchable nodes"
+        return f"<Body: {self.kind}; {counts}, {sizes((x, y, z))}, of {self.record['source']}>"
 
     @property
     def points(self) -> Array:
@@ -132,52 +148,73 @@ class Body:
     @cached_property
     def core(self) -> Core:
         """The contact of one tip, in C++."""
-        return _core.ElasticBody(*self._arrays())
+        return _core.ElasticBody(*self._arrays(), *self.kind.friction)
 
-    def stiffer(self, factor: float) -> Body:
-        """Return the same body of a material `factor` times as stiff everywhere: exact, for it is linear.
+    def stiffer(self, factor: float | str) -> Body:
+        """Return the same body, of the same kind, of a material `factor` times as stiff everywhere, which is exact.
 
         Raises:
-            BodyError: the factor is not positive and finite.
+            BodyError: the factor is not between a millionth and a million.
         """
-        if not 0 < factor < np.inf:
-            raise BodyError(f"a body is a positive, finite number of times as stiff, not {factor:g}")
-        return Body(
+        times = positive(factor, "", "stiffer")
+        if not 1e-6 <= times <= 1e6:
+            raise BodyError(f"stiffer: {times:g}; a body is a millionth to a million times as stiff as it was built")
+        return self._alike(
             replace(
                 self.contents,
-                compliance=(self.compliance / np.float32(factor)).astype(np.float32),
-                young=self.contents.young * factor,
-                frequencies=self.contents.frequencies * np.sqrt(factor),
-                record={**self.record, "stiffer": factor * self.record.get("stiffer", 1.0)},
-            )
+                compliance=(self.compliance / np.float32(times)).astype(np.float32),
+                young=self.contents.young * times,
+                frequencies=self.contents.frequencies * np.sqrt(times),
+                record={**self.record, "stiffer": times * self.record.get("stiffer", 1.0)},
+            ),
+            self.kind.friction,
         )
 
-    def rough(self, static_friction: float, dynamic_friction: float | None = None) -> Body:
-        """Return the same body with dry friction, node by node; `dynamic_friction` is as the static one if None.
+    def rough(self, static_friction: float | str, dynamic_friction: float | str | None = None) -> Body:
+        """Return the same body, of the same kind, with dry friction; `dynamic_friction` is as the static one if None.
 
         A tip drags the surface along and slips under it from the edge of the contact inwards (Cattaneo 1938, Mindlin
         1949). `static_friction` counts until all of the contact slides, `dynamic_friction` from then on, until all of
-        it holds again. Other kinds take the same two numbers when they are made.
+        it holds again. A kind that is made of a rough body is as rough, unless it is given numbers of its own.
 
         Raises:
-            BodyError: a coefficient is negative, the dynamic one is above the static one, or it is of another kind.
+            BodyError: a coefficient is negative, or the dynamic one is above the static one.
         """
-        if not isinstance(self.__dict__.get("core", None), _core.ElasticBody | None):
-            raise BodyError("rough makes the kind without inertia; to another kind give its static_friction= at once")
-        rough = Body(self.contents)
-        rough.core = _core.ElasticBody(*self._arrays(), *_coefficients(static_friction, dynamic_friction))
-        return rough
+        return self._alike(self.contents, friction(static_friction, dynamic_friction))
+
+    def _alike(self, contents: Contents, coefficients: tuple[float, float]) -> Body:
+        """Return a body of the same kind: of other contents, or with other coefficients of friction."""
+        plain = Body(contents, PLAIN._replace(friction=coefficients))
+        if self.kind.name == PLAIN.name:
+            return plain
+        if contents is self.contents and "network" in self.__dict__:
+            plain.network = self.network
+        made: Body = getattr(plain, self.kind.name)(**self.kind.options)
+        return made
+
+    def _kind(
+        self,
+        name: str,
+        options: Mapping[str, float | str],
+        static_friction: float | str | None,
+        dynamic_friction: float | str | None,
+    ) -> Kind:
+        """Return the kind of a body that is made of this one: with its friction where none is given."""
+        if static_friction is not None:
+            return Kind(name, options, friction(static_friction, dynamic_friction))
+        mine = self.kind.friction
+        return Kind(name, options, mine if dynamic_friction is None else friction(mine[0], dynamic_friction))
 
     def modal(
         self,
         period: float | str,
         *,
-        by_mass: float = 0.0,
-        by_stiffness: float = 0.0,
-        instant: float = 1.0,
+        by_mass: float | str = 0.0,
+        by_stiffness: float | str = 0.0,
+        instant: float | str = 1.0,
         creep: float | str = 1.0,
-        static_friction: float = 0.0,
-        dynamic_friction: float | None = None,
+        static_friction: float | str | None = None,
+        dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
 
@@ -189,22 +226,24 @@ class Body:
             BodyError: the body was built without modes, or a number is impossible.
         """
         if len(self.contents.frequencies) == 0:
-            raise BodyError("the body was built without modes; build it with modes=100, or palpate body build --modes")
-        tick = positive(period, "s", "period")
-        if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
-            raise BodyError("Rayleigh damping is not negative and finite")
-        moving = Body(self.contents)
+            raise BodyError(
+                "the body was built without modes: build it with modes=100 (palpate body build --modes 100; of a "
+                "scenario's block or phantom, modes = 100)"
+            )
+        tick, most, late = positive(period, "s", "period"), stiffening(instant), positive(creep, "s", "creep")
+        damping = _damping(by_mass, by_stiffness)
+        options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1], "instant": most, "creep": late}
+        moving = Body(self.contents, self._kind("modal", options, static_friction, dynamic_friction))
         shapes = np.ascontiguousarray(self.contents.shapes)
         moving.core = _core.ModalBody(
             *self._arrays(),
             shapes,
             np.ascontiguousarray(self.contents.frequencies),
             tick,
-            by_mass,
-            by_stiffness,
-            _instant(instant),
-            positive(creep, "s", "creep"),
-            *_coefficients(static_friction, dynamic_friction),
+            *damping,
+            most,
+            late,
+            *moving.kind.friction,
         )
         return moving
 
@@ -212,10 +251,10 @@ class Body:
         self,
         period: float | str,
         *,
-        instant: float,
+        instant: float | str,
         creep: float | str,
-        static_friction: float = 0.0,
-        dynamic_friction: float | None = None,
+        static_friction: float | str | None = None,
+        dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body made of a standard linear solid, for ticks of `period`, s or text.
 
@@ -226,24 +265,20 @@ class Body:
         Raises:
             BodyError: a number is impossible.
         """
-        viscous = Body(self.contents)
-        viscous.core = _core.RelaxingBody(
-            *self._arrays(),
-            _instant(instant),
-            positive(creep, "s", "creep"),
-            positive(period, "s", "period"),
-            *_coefficients(static_friction, dynamic_friction),
-        )
+        tick, most, late = positive(period, "s", "period"), stiffening(instant), positive(creep, "s", "creep")
+        options = {"period": tick, "instant": most, "creep": late}
+        viscous = Body(self.contents, self._kind("relaxing", options, static_friction, dynamic_friction))
+        viscous.core = _core.RelaxingBody(*self._arrays(), most, late, tick, *viscous.kind.friction)
         return viscous
 
     def lattice(
         self,
         period: float | str,
         *,
-        by_mass: float = 0.0,
-        by_stiffness: float = 0.0,
-        static_friction: float = 0.0,
-        dynamic_friction: float | None = None,
+        by_mass: float | str = 0.0,
+        by_stiffness: float | str = 0.0,
+        static_friction: float | str | None = None,
+        dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body as masses, springs and dampers on its mesh, for ticks of `period`, s or text.
 
@@ -254,13 +289,12 @@ class Body:
         Raises:
             BodyError: a number is impossible, or the network would take more than 4 GB.
         """
-        tick = positive(period, "s", "period")
-        if not (0 <= by_mass < np.inf and 0 <= by_stiffness < np.inf):
-            raise BodyError("damping is not negative and finite")
+        tick, damping = positive(period, "s", "period"), _damping(by_mass, by_stiffness)
+        options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1]}
         size = 4 * len(self.nodes) * len(self.contents.vertices)
         if size > 4e9:
             raise BodyError(f"the lattice would take {size / 1e9:.3g} GB: take a coarser mesh, or touch less of it")
-        springy = Body(self.contents)
+        springy = Body(self.contents, self._kind("lattice", options, static_friction, dynamic_friction))
         springy.network = self.network
         springy.settles = tick
         net, (nodes, normals, areas, _), (begin, vertices, shares) = self.network, self._arrays(), self._patches()
@@ -279,9 +313,8 @@ class Body:
             vertices,
             shares,
             tick,
-            by_mass,
-            by_stiffness,
-            *_coefficients(static_friction, dynamic_friction),
+            *damping,
+            *springy.kind.friction,
         )
         return springy
 
@@ -311,32 +344,41 @@ class Body:
         """The law of force of `spline`, calibrated on the compliance."""
         return self._spline_law(None)
 
-    def _spline_law(self, spacing: float | None) -> SplineLaw:
-        return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, spacing)
+    def _spline_law(self, control_spacing: float | None) -> SplineLaw:
+        return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, control_spacing)
 
     def spline(
         self,
         period: float | str | None = None,
         *,
-        spacing: float | str | None = None,
-        static_friction: float = 0.0,
-        dynamic_friction: float | None = None,
+        control_spacing: float | str | None = None,
+        static_friction: float | str | None = None,
+        dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body as a free-form deformation with a law of force: the cheapest kind, and the crudest.
 
         See `palpate.bodies.spline` for the law, which is calibrated on this body's compliance. There is no state, so
-        the `period` means nothing. `spacing` of the control points, m or text; that which fits best if None. Friction
-        is as in `rough`.
+        the `period` means nothing. `control_spacing` of the control points, m or text; that which fits best if None:
+        from a quarter of the nodes' distance, below which no two nodes share a control point, to the body's extent.
+        Friction is as in `rough`.
 
         Raises:
             BodyError: a number is impossible.
         """
-        if period is not None:
-            positive(period, "s", "period")
-        shaped = Body(self.contents)
-        shaped.spline_law = self.spline_law if spacing is None else self._spline_law(positive(spacing, "m", "spacing"))
-        coefficients = _coefficients(static_friction, dynamic_friction)
-        shaped.core = _core.SplineBody(*self._arrays()[:3], *shaped.spline_law, *coefficients)
+        options = {} if period is None else {"period": positive(period, "s", "period")}
+        law = self.spline_law
+        if control_spacing is not None:
+            options["control_spacing"] = wide = positive(control_spacing, "m", "control_spacing")
+            least = 0.25 * float(np.sqrt(self.contents.areas.mean()))
+            if not least <= wide <= self.extent:
+                raise BodyError(
+                    f"control_spacing: {1e3 * wide:g} mm; it must lie between {1e3 * least:.3g} mm, a quarter of the "
+                    f"nodes' distance, and the body's extent of {1e3 * self.extent:.3g} mm"
+                )
+            law = self._spline_law(wide)
+        shaped = Body(self.contents, self._kind("spline", options, static_friction, dynamic_friction))
+        shaped.spline_law = law
+        shaped.core = _core.SplineBody(*self._arrays()[:3], *law, *shaped.kind.friction)
         return shaped
 
     def nonlinear(
@@ -345,9 +387,9 @@ class Body:
         *,
         law: Law = "neo-hookean",
         slow_step: float | str = "20 ms",
-        near: float = 32,
-        static_friction: float = 0.0,
-        dynamic_friction: float | None = None,
+        near: float | str = 32,
+        static_friction: float | str | None = None,
+        dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body under large displacements, without inertia, for ticks of `period`, s or text.
 
@@ -361,15 +403,15 @@ class Body:
         """
         if law not in ("neo-hookean", "corotational"):
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
-        if not (float(near).is_integer() and 4 <= near <= 64):
-            raise BodyError(f"near: a snapshot covers 4 to 64 nodes, a whole number, not {near:g}")
+        covered = whole(near, "near", 4, 64)
         tick, slow = positive(period, "s", "period"), positive(slow_step, "s", "slow_step")
         if not round(slow / tick) >= 1:
             raise BodyError(f"slow_step: it lasts one tick ({tick:g} s) or more, not {slow:g} s")
+        options = {"period": tick, "law": law, "slow_step": slow, "near": covered}
         contents, poisson = self.contents, float(self.record["poisson"])
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
-        large = Body(contents)
+        large = Body(contents, self._kind("nonlinear", options, static_friction, dynamic_friction))
         large.settles = tick
         large.core = _core.NonlinearBody(
             np.ascontiguousarray(contents.vertices),
@@ -384,10 +426,10 @@ class Body:
             vertices,
             shares,
             np.ascontiguousarray(on_surface[self.triangles[contents.touchable]], dtype=np.int32),
-            int(near),
+            covered,
             round(slow / tick),
             *self.along_surface,
-            *_coefficients(static_friction, dynamic_friction),
+            *large.kind.friction,
         )
         return large
 
@@ -404,7 +446,7 @@ class Body:
         """Press a rigid tip `depth` into the body along the normal at the surface's nearest point to `point`.
 
         Args:
-            point: (3,), m.
+            point: (3,), m or text such as "5 mm".
             radius: of the sphere, or of the flat end of a rod, m or text such as "5 mm".
             depth: of the tip's lowest point or end under the surface at rest, m or text.
             tip: "sphere" or "flat".
@@ -417,21 +459,23 @@ class Body:
 
         Raises:
             PoseError: the point is not three finite numbers.
-            BodyError: the point is farther from the body than that is across, the radius is not positive, the tip is
-                neither shape, or more nodes lie under it than are looked at (128).
+            BodyError: the point is farther from the body than that is across, the press deeper than that, the radius
+                is not positive, the tip is neither shape, or more nodes lie under it than are looked at (128).
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
             return Body(self.contents).press(point, radius, depth, tip=tip)
-        x = np.asarray(point, dtype=float)
+        x = lengths(point, "point")
         if x.shape != (3,) or not np.isfinite(x).all():
-            raise PoseError(f"a point is three finite numbers in m, not {np.asarray(point)}")
-        size, deep = length(radius, "radius"), length(depth, "depth")
+            raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
+        size, deep = positive(radius, "m", "radius"), length(depth, "depth")
         at, facet = self.surface.nearest(x[None])
         apart = float(np.linalg.norm(at[0] - x))
         if apart > self.extent:
             raise BodyError(
                 f"the point lies {apart:.3g} m from the body, which is {self.extent:.3g} m across: points are in m"
             )
+        if deep > self.extent:
+            raise BodyError(f"depth: {deep:g} m is more than the body is across, {self.extent:.3g} m: lengths are in m")
         a, b, c = self.surface.vertices[self.surface.triangles[facet[0]]]
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal)
@@ -476,27 +520,23 @@ class Body:
     def follow(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: Shape = "sphere"
     ) -> Presses:
-        """Go one period for each place of the tip's centre in `path` (m, 3), m; the loop is the core's.
+        """Go one period for each place of the tip's centre in `path` (m, 3), m or text; the loop is the core's.
 
         `outward` (3,) or (m, 3) is the direction out of the body where it is pressed, and the axis of a flat end. If
         None, that of the nodes that a sphere presses, or of the nearest node; for a flat end the normal at the
         surface's nearest point. A tip may go in as deep as it likes, by less than its radius from place to place.
         """
-        centres = np.ascontiguousarray(path, dtype=float)
+        centres = np.ascontiguousarray(lengths(path, "path"))
         if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
             raise PoseError(f"a path is (m, 3) finite numbers in m; this has shape {centres.shape}")
-        size = length(radius, "radius")
-        if not 0 < size < np.inf:
-            raise BodyError(f"a tip has a positive radius, not {size} m")
-        if tip not in ("sphere", "flat"):
-            raise BodyError(f'a tip is "sphere" or "flat", not "{tip}"')
+        size = positive(radius, "m", "radius")
+        check_tip(tip)
         if outward is None and tip == "flat":
             corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centres)[1]]]
             outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         axes = np.empty((0, 3))
         if outward is not None:
-            axes = np.array(np.broadcast_to(np.asarray(outward, dtype=float), centres.shape), order="C")
-            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+            axes = directions(outward, centres.shape)
         rows = self.core.follow(centres, axes, size, tip == "flat")
         if not rows[:, 9].all():
             raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
@@ -521,16 +561,5 @@ class Body:
         return total.reshape(-1, 3)
 
 
-def _coefficients(static: float, dynamic: float | None) -> tuple[float, float]:
-    after = static if dynamic is None else dynamic
-    if not 0.0 <= after <= static < np.inf:
-        raise BodyError(
-            f"coefficients of friction are 0 or more, the dynamic one at most the static one, not {static}, {after}"
-        )
-    return float(static), float(after)
-
-
-def _instant(instant: float) -> float:
-    if not 1.0 <= instant < np.inf:
-        raise BodyError(f"at once, tissue is at least as stiff as at last: instant is 1 or more, not {instant:g}")
-    return float(instant)
+def _damping(by_mass: float | str, by_stiffness: float | str) -> tuple[float, float]:
+    return not_negative(by_mass, "1/s", "by_mass"), not_negative(by_stiffness, "s", "by_stiffness")

@@ -16,15 +16,13 @@ from palpate.bodies.elements import Elements, check_order
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
-from palpate.bodies.numbers import number
+from palpate.bodies.numbers import positive, whole
 from palpate.bodies.places import Place, place
 from palpate.bodies.store import Contents, write
-from palpate.bodies.volume import Volume, fill, read_volume
+from palpate.bodies.volume import SURFACES, Volume, fill, read_volume
 from palpate.touch.mesh import Mesh
 
 __all__ = ["build", "volume_of"]
-
-_SURFACES = (".stl", ".obj", ".ply", ".off", ".glb")
 
 
 def build(
@@ -32,7 +30,7 @@ def build(
     *,
     young: float | str,
     fixed: str | Place | Sequence[str | Place],
-    poisson: float = 0.45,
+    poisson: float | str = 0.45,
     density: float | str = 1000.0,
     regions: Sequence[str | Region] = (),
     skin: str | Skin | None = None,
@@ -71,17 +69,10 @@ def build(
         OutputError: the file cannot be written.
     """
     check_order(order)
-    if modes < 0:
-        raise BodyError(f"modes: {modes}; from 0, none, to some hundred")
-    number(memory, "byte", "memory")
+    modes = whole(modes, "modes", 0)
+    positive(memory, "byte", "memory")
     stages = _Stages(progress)
-    material = Material(
-        number(young, "Pa", "young"),
-        float(poisson),
-        number(density, "kg/m^3", "density"),
-        tuple(Region.read(region) if isinstance(region, str) else region for region in regions),
-        Skin.read(skin) if isinstance(skin, str) else skin,
-    )
+    material = Material(young, poisson, density, regions, skin)
     places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed)
     if not places:
         raise BodyError("nothing is fixed: the body would float away; fix a part of it, such as z < 1 mm")
@@ -162,7 +153,7 @@ def volume_of(
     if isinstance(source, (str, Path)):
         if unit is None:
             raise BodyError(f"{source}: say the unit that the file is written in, such as mm")
-        if Path(source).suffix.lower() not in _SURFACES:
+        if Path(source).suffix.lower() not in SURFACES:
             return read_volume(source, unit=unit)
         mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
     else:
@@ -172,9 +163,9 @@ def volume_of(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
             "so it has no inside to fill: close it"
         )
-    step = mesh.extent / 15 if spacing is None else number(spacing, "m", "spacing")
-    if not 0 < step <= mesh.extent:
-        raise BodyError(f"the spacing lies between 0 and the body's extent of {mesh.extent:.4g} m, not {step:g} m")
+    step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
+    if step > mesh.extent:
+        raise BodyError(f"spacing: {step:g} m is more than the body is across, {mesh.extent:.4g} m")
     return fill(mesh.vertices, mesh.triangles, step, source=name)
 
 

@@ -15,7 +15,7 @@ from scipy.linalg import blas, lapack
 from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.fronts import Fronts
-from palpate.bodies.numbers import number
+from palpate.bodies.numbers import positive
 
 __all__ = ["Condensation", "check_memory"]
 
@@ -25,7 +25,7 @@ _SHARE = 0.9  # of the speed of a dense product in double precision that fronts 
 
 def check_memory(vertices: int, working: float, budget: float | str) -> None:
     """Raise BodyError with a proposal if `working` bytes for a body of so many touchable vertices are over `budget`."""
-    allowed = number(budget, "byte", "memory")
+    allowed = positive(budget, "byte", "memory")
     if working > allowed:
         raise BodyError(
             f"the build takes about {_bytes(working)}, over the budget of {_bytes(allowed)}; the compliance of "

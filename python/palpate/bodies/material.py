@@ -9,71 +9,93 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
+from palpate.bodies.numbers import number, positive
 from palpate.bodies.places import Place, place
-from palpate.units import quantity
 
 __all__ = ["Material", "Region", "Skin"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Region:
-    """A place of another Young's modulus, Pa: a nodule."""
+    """A place, or its text, of another Young's modulus, Pa or text: a nodule."""
 
     where: Place
     young: float
 
-    def __post_init__(self) -> None:
-        _check_young(self.young, f"region {self.where}")
+    def __init__(self, where: Place | str, young: float | str) -> None:
+        found = place(where)
+        _set(self, where=found, young=_young(young, f"region {found}"))
 
     @classmethod
     def read(cls, text: str) -> Region:
         """Read "sphere 50 50 40 radius 7.5 mm = 25 kPa"."""
-        where, _, young = text.partition("=")
-        return cls(place(where.strip()), quantity(young.strip(), "Pa", f"region {where.strip()}", error=BodyError))
+        where, young = _halves(text, "region", "sphere 50 50 40 radius 7.5 mm = 25 kPa")
+        return cls(where, young)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Skin:
-    """A layer of `thickness`, m, under the touchable surface, of another Young's modulus, Pa."""
+    """A layer of `thickness`, m or text, under the touchable surface, of another Young's modulus, Pa or text."""
 
     thickness: float
     young: float
 
-    def __post_init__(self) -> None:
-        if not 0 < self.thickness < np.inf:
-            raise BodyError(f"a skin has a positive thickness, not {self.thickness} m")
-        _check_young(self.young, "skin")
+    def __init__(self, thickness: float | str, young: float | str) -> None:
+        _set(self, thickness=positive(thickness, "m", "skin"), young=_young(young, "skin"))
 
     @classmethod
     def read(cls, text: str) -> Skin:
         """Read "2 mm = 50 kPa"."""
-        thick, _, young = text.partition("=")
-        return cls(
-            quantity(thick.strip(), "m", "skin", error=BodyError),
-            quantity(young.strip(), "Pa", "skin", error=BodyError),
-        )
+        return cls(*_halves(text, "skin", "2 mm = 50 kPa"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Material:
-    """Young's modulus, Pa, Poisson's ratio, density, kg/m^3; regions and a skin, the later one wins where two meet."""
+    """What a solid is made of; regions and a skin, or their texts: the later one wins where two meet.
+
+    Args:
+        young: Young's modulus, Pa, or text such as "5 kPa".
+        poisson: Poisson's ratio, above -1 and below 0.5.
+        density: kg/m^3, or text with its unit.
+        regions: of another stiffness.
+        skin: under the touchable surface.
+
+    Raises:
+        BodyError: a number is impossible, or a text cannot be read.
+    """
 
     young: float
-    poisson: float = 0.45
-    density: float = 1000.0
-    regions: Sequence[Region] = ()
-    skin: Skin | None = None
+    poisson: float
+    density: float
+    regions: tuple[Region, ...]
+    skin: Skin | None
 
-    def __post_init__(self) -> None:
-        _check_young(self.young, "young")
-        if not -1.0 < self.poisson < 0.5:
+    def __init__(
+        self,
+        young: float | str,
+        poisson: float | str = 0.45,
+        density: float | str = 1000.0,
+        regions: Sequence[Region | str] = (),
+        skin: Skin | str | None = None,
+    ) -> None:
+        ratio = number(poisson, "", "poisson")
+        if not -1.0 < ratio < 0.5:
             raise BodyError(
-                f"Poisson's ratio is below 0.5 (soft tissue: 0.45 to 0.495) and above -1, not {self.poisson:g}"
+                f"poisson: Poisson's ratio is below 0.5 (soft tissue: 0.45 to 0.495) and above -1, not {ratio:g}"
             )
-        if not 0 < self.density < np.inf:
-            raise BodyError(f"the density is positive, in kg/m^3 (soft tissue: about 1000), not {self.density:g}")
+        heavy = number(density, "kg/m^3", "density")
+        if heavy <= 0.0:
+            raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {heavy:g}")
+        _set(
+            self,
+            young=_young(young, "young"),
+            poisson=ratio,
+            density=heavy,
+            regions=tuple(Region.read(region) if isinstance(region, str) else region for region in regions),
+            skin=Skin.read(skin) if isinstance(skin, str) else skin,
+        )
 
     def young_at(self, points: Array, depth: Callable[[Array], Array]) -> Array:
         """Return Young's modulus (n,), Pa, at `points` (n, 3), m; `depth` tells how far points lie under the skin."""
@@ -85,6 +107,20 @@ class Material:
         return young
 
 
-def _check_young(value: float, name: str) -> None:
-    if not 0 < value < np.inf:
-        raise BodyError(f"{name}: Young's modulus is positive and finite, in Pa (liver: about 5 kPa), not {value:g}")
+def _young(value: float | str, field: str) -> float:
+    found = number(value, "Pa", field)
+    if found <= 0.0:
+        raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: about 5 kPa), not {found:g}")
+    return found
+
+
+def _halves(text: str, field: str, example: str) -> tuple[str, str]:
+    left, equals, right = (part.strip() for part in text.partition("="))
+    if not (left and equals and right):
+        raise BodyError(f'{field}: "{text}" is written as "{example}"')
+    return left, right
+
+
+def _set(made: object, **values: object) -> None:
+    for name, value in values.items():
+        object.__setattr__(made, name, value)

@@ -27,7 +27,7 @@ def modes(elements: Elements, count: int) -> tuple[Array, NDArray[np.float32]]:
     By shift and invert around zero (Ericsson & Ruhe 1980) with a factor of the stiffness; the consistent mass.
     """
     if not 0 < count < len(elements.free) - 1:
-        raise BodyError(f"a body of {len(elements.free)} unknowns has fewer than {count} modes to ask for")
+        raise BodyError(f"modes: a body of {len(elements.free)} unknowns has fewer than {count} of them")
     factor = Factor(elements.stiffness[elements.free][:, elements.free])
     mass = elements.mass[elements.free][:, elements.free]
     squares, basis, shares = _softest(factor.solve, mass, count)

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError
+from palpate.errors import PoseError
 from palpate.units import in_si
 
-__all__ = ["length", "number", "positive"]
+__all__ = [
+    "check_tip",
+    "directions",
+    "friction",
+    "length",
+    "lengths",
+    "not_negative",
+    "number",
+    "positive",
+    "stiffening",
+    "whole",
+]
+
+Array = NDArray[np.float64]
 
 
 def number(value: float | str, unit: str, field: str) -> float:
-    """Return `value` in the SI unit `unit`; BodyError, naming `field`, if it is text that cannot be read."""
-    return in_si(value, unit, field, error=BodyError)
+    """Return `value` in the SI unit `unit`; BodyError, naming `field`, if it cannot be read or is not finite."""
+    found = in_si(value, unit, field, error=BodyError)
+    if not isfinite(found):
+        raise BodyError(f"{field}: {found} is not a finite number")
+    return found
 
 
 def length(value: float | str, field: str) -> float:
@@ -21,8 +42,80 @@ def length(value: float | str, field: str) -> float:
 
 
 def positive(value: float | str, unit: str, field: str) -> float:
-    """Return `value` as `number` does; BodyError, too, if it is not positive and finite."""
+    """Return `value` as `number` does; BodyError, too, if it is not positive."""
     found = number(value, unit, field)
-    if not 0 < found < inf:
-        raise BodyError(f"{field} is positive and finite, not {found:g}")
+    if found <= 0.0:
+        raise BodyError(f"{field}: {_said(value, unit)} must be positive")
     return found
+
+
+def not_negative(value: float | str, unit: str, field: str) -> float:
+    """Return `value` as `number` does; BodyError, too, if it is negative."""
+    found = number(value, unit, field)
+    if found < 0.0:
+        raise BodyError(f"{field}: {_said(value, unit)} must not be negative")
+    return found
+
+
+def whole(value: float | str, field: str, low: int, high: int | None = None) -> int:
+    """Return a whole number from `low` to `high`; BodyError, naming `field`, if it is none."""
+    found = number(value, "", field)
+    if not found.is_integer() or found < low or (high is not None and found > high):
+        reach = f"{low} or more" if high is None else f"from {low} to {high}"
+        raise BodyError(f"{field}: {_said(value, '')} must be a whole number, {reach}")
+    return int(found)
+
+
+def stiffening(instant: float | str) -> float:
+    """Return how many times as stiff a standard linear solid is at once; BodyError if that is less than once."""
+    found = number(instant, "", "instant")
+    if found < 1.0:
+        raise BodyError(f"instant: at once, tissue is at least as stiff as at last, so 1 or more, not {found:g}")
+    return found
+
+
+def friction(static: float | str, dynamic: float | str | None) -> tuple[float, float]:
+    """Return both coefficients of dry friction, the dynamic one as the static one if None.
+
+    Raises BodyError if one is negative, or the dynamic one is above the static one.
+    """
+    most = not_negative(static, "", "static_friction")
+    after = most if dynamic is None else not_negative(dynamic, "", "dynamic_friction")
+    if after > most:
+        raise BodyError(f"dynamic_friction: {after:g} must not exceed static_friction ({most:g})")
+    return most, after
+
+
+def lengths(values: ArrayLike, field: str) -> Array:
+    """Return an array in m of numbers or of text such as "1 mm"; raises as `number`, or PoseError if it is ragged."""
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind in "fiu":
+            return given.astype(float)
+        given = np.asarray(values, dtype=object)  # so that numbers between text stay numbers
+    except ValueError:
+        raise PoseError(f"{field}: its rows must have the same length") from None
+    return np.array([length(value, field) for value in given.ravel()], dtype=float).reshape(given.shape)
+
+
+def directions(outward: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return unit vectors of `shape`, (..., 3), from one direction or as many; PoseError if one has no length."""
+    try:
+        found: Array = np.asarray(outward, dtype=float)
+        axes: Array = np.array(np.broadcast_to(found, shape), order="C")
+    except (TypeError, ValueError):
+        raise PoseError(f"outward: a direction is three numbers, such as (0, 0, 1), not {outward!r}") from None
+    size = np.linalg.norm(axes, axis=-1, keepdims=True)
+    if not (np.isfinite(size) & (size > 0.0)).all():
+        raise PoseError("outward: a direction is three finite numbers, not all of them zero")
+    return np.asarray(axes / size)
+
+
+def check_tip(tip: object) -> None:
+    """Raise BodyError if a tip has no such shape."""
+    if tip not in ("sphere", "flat"):
+        raise BodyError(f'tip: a tip is "sphere" or "flat", not {tip!r}')
+
+
+def _said(value: Any, unit: str) -> str:
+    return f'"{value}"' if isinstance(value, str) else f"{value:g} {unit}".rstrip()

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
+from palpate.bodies.numbers import length, lengths, positive
 from palpate.units import quantity
 
 __all__ = ["Place", "ball", "beyond", "box", "on_surface", "place"]
 
 Array = NDArray[np.float64]
-_AXES = "xyz"
-_EXAMPLES = (
+_AXES: Final = "xyz"
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_BEFORE_UNIT: Final = re.compile(r"(?<=[\d.])(?![eE][+-]?\d)(?=[A-Za-zµμ])")  # in "12mm", not in "1e-3"
+_EXAMPLES: Final = (
     '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", or "surface" before one of these'
 )
 
@@ -32,56 +37,76 @@ class Place:
         return self.text
 
 
-def box(low: Sequence[float], high: Sequence[float]) -> Place:
-    """Return the box between the corners `low` and `high` (3,), m."""
-    a, b = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+def box(low: Sequence[float | str], high: Sequence[float | str]) -> Place:
+    """Return the box between the corners `low` and `high` (3,), m or text."""
+    a, b = lengths(low, "box"), lengths(high, "box")
     if a.shape != (3,) or b.shape != (3,) or not (a <= b).all():
         raise BodyError(f"a box goes from its lower to its upper corner (3 numbers each); this from {a} to {b}")
     return Place(f"box {_row(a)} to {_row(b)} m", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
 
 
-def ball(centre: Sequence[float], radius: float) -> Place:
-    """Return the sphere of `radius`, m, around `centre` (3,), m."""
-    c = np.asarray(centre, dtype=float)
-    if c.shape != (3,) or not radius > 0:
-        raise BodyError(f"a sphere has a centre of three numbers and a positive radius, not {c} and {radius}")
-    return Place(f"sphere {_row(c)} radius {radius:g} m", lambda x: ((x - c) ** 2).sum(axis=1) <= radius**2)
+def ball(centre: Sequence[float | str], radius: float | str) -> Place:
+    """Return the sphere of `radius`, m or text, around `centre` (3,), m or text."""
+    c, r = lengths(centre, "sphere"), positive(radius, "m", "radius")
+    if c.shape != (3,) or not np.isfinite(c).all():
+        raise BodyError(f"a sphere has a centre of three numbers, not {c}")
+    return Place(f"sphere {_row(c)} radius {r:g} m", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
 
 
-def beyond(axis: str, sign: str, value: float) -> Place:
-    """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<" or ">"; `value`, m."""
+def beyond(axis: str, sign: str, value: float | str) -> Place:
+    """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<" or ">"; `value`, m or text."""
     if axis not in tuple(_AXES) or sign not in ("<", ">"):
         raise BodyError(f"one side of a plane is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
-    i, s = _AXES.index(axis), 1.0 if sign == ">" else -1.0
-    return Place(f"{axis} {sign} {value:g} m", lambda x: s * (x[:, i] - value) > 0)
+    at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign == ">" else -1.0
+    return Place(f"{axis} {sign} {at:g} m", lambda x: s * (x[:, i] - at) > 0)
 
 
-def on_surface(where: Place) -> Place:
+def on_surface(where: Place | str) -> Place:
     """Return the part of `where` that lies on the body's surface."""
-    return Place(f"surface {where.text}", where.inside, surface=True)
+    whole = place(where)
+    return Place(f"surface {whole.text}", whole.inside, surface=True)
 
 
 def place(text: str | Place) -> Place:
-    """Read a place from text such as "box 0 0 -1 to 100 100 1 mm"; BodyError says how it is written."""
+    """Read a place from text such as "box 0 0 -1 to 100 100 1 mm"; BodyError says how it is written.
+
+    A number without a unit has that of the next one.
+    """
     if isinstance(text, Place):
         return text
-    words = text.replace(",", " ").replace("<", " < ").replace(">", " > ").split()
-    try:
-        if words[0] == "surface":
-            return on_surface(place(" ".join(words[1:])))
-        if words[0] == "box" and len(words) == 9 and words[4] == "to":
-            return box(_metres(words[1:4], words[8]), _metres(words[5:8], words[8]))
-        if words[0] == "sphere" and len(words) == 7 and words[4] == "radius":
-            return ball(_metres(words[1:4], words[6]), _metres(words[5:6], words[6])[0])
-        if len(words) == 4 and words[1] in ("<", ">"):
-            return beyond(words[0], words[1], _metres(words[2:3], words[3])[0])
-    except IndexError:
-        pass
+    if not isinstance(text, str):
+        raise BodyError(f"{text!r} is no place; write {_EXAMPLES}")
+    words = _BEFORE_UNIT.sub(" ", text.replace(",", " ").replace("<", " < ").replace(">", " > ")).split()
+    name, rest = (words or [""])[0], words[1:]
+    if name == "surface" and rest and rest[0] != "surface":
+        return on_surface(" ".join(rest))
+    if name == "box" and "to" in rest:
+        low, high = _groups(rest, "to", text)
+        if len(low) == len(high) == 3:
+            return box(low, high)
+    if name == "sphere" and "radius" in rest:
+        centre, radius = _groups(rest, "radius", text)
+        if len(centre) == 3 and len(radius) == 1:
+            return ball(centre, radius[0])
+    if len(words) in (3, 4) and words[1] in ("<", ">"):
+        (value,), _ = _groups([*words[2:], "end"], "end", text)
+        return beyond(name, words[1], value)
     raise BodyError(f'"{text}" is no place; write {_EXAMPLES}')
 
 
-def _metres(numbers: Sequence[str], unit: str) -> list[float]:
-    return [quantity(f"{number} {unit}", "m", "place", error=BodyError) for number in numbers]
+def _groups(words: list[str], between: str, text: str) -> tuple[list[float], list[float]]:
+    """Return the lengths, m, before and after the word `between`."""
+    before: list[float] = []
+    after: list[float] = []
+    unit, group = "", after
+    for word in reversed(words):
+        if word == between:
+            group = before
+        elif _NUMBER.fullmatch(word):
+            group.insert(0, quantity(f"{word} {unit}".rstrip(), "m", f'"{text}"', error=BodyError))
+        else:
+            unit = word
+    return before, after
 
 
 def _row(values: Array) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.body import Shape
 from palpate.bodies.errors import BodyError
-from palpate.bodies.numbers import length, positive
+from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, whole
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
 
@@ -56,9 +56,7 @@ class PressedSolid:
         BodyError: an impossible number of nodes.
     """
 
-    def __init__(self, solid: Solid, *, near: int = 32) -> None:
-        if not 4 <= near <= 64:
-            raise BodyError(f"a snapshot covers 4 to 64 nodes near a tip, not {near}")
+    def __init__(self, solid: Solid, *, near: float | str = 32) -> None:
         self.solid = solid
         elements = solid.elements
         load = elements.load
@@ -71,7 +69,7 @@ class PressedSolid:
             np.ascontiguousarray(load.indices, dtype=np.int32),
             np.ascontiguousarray(load.data),
             np.ascontiguousarray(elements.triangles, dtype=np.int32),
-            near,
+            whole(near, "near", 4, 64),
         )
 
     def press(
@@ -87,7 +85,7 @@ class PressedSolid:
         """Press a rigid tip in at `point` of the surface at rest, in ten parts, and let the body settle.
 
         Args:
-            point: (3,), m.
+            point: (3,), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
             depth: m or text.
             outward: (3,), out of the body there.
@@ -97,12 +95,14 @@ class PressedSolid:
         Returns:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
         """
-        size, deep = length(radius, "radius"), length(depth, "depth")
-        normal = np.asarray(outward, dtype=float) / np.linalg.norm(np.asarray(outward, dtype=float))
+        x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), length(depth, "depth")
+        if x.shape != (3,):
+            raise PoseError(f'a point is three numbers in m, or text such as "5 mm", not {point!r}')
+        normal = directions(outward, (3,))
         low = np.linspace(0.1, 1.0, 10)[:, None] * deep
-        path = np.asarray(point, dtype=float) + normal * ((size if tip == "sphere" else 0.0) - low)
+        ways = _ways(x + normal * ((size if tip == "sphere" else 0.0) - low), size, normal, tip)
         self.core.reset()
-        rows = self.core.settle(*_ways(path, size, normal, tip), steps)
+        rows = self.core.settle(*ways, whole(steps, "steps", 1))
         return rows[-1, 0:3], self.displacement()
 
     def follow(
@@ -120,16 +120,15 @@ class PressedSolid:
         servo gets its snapshot `every` ticks later.
 
         Args:
-            path: (m, 3) for one tip, (m, t, 3) for t of them (at most two), m.
+            path: (m, 3) for one tip, (m, t, 3) for t of them (at most two), m or text.
             radius: of the tips, m or text; one, or one for each.
             outward: out of the body where it is pressed: (3,), (m, 3) or (m, t, 3).
             tip: "sphere" or "flat", all alike.
             every: ticks.
         """
-        if every < 1:
-            raise BodyError(f"a slow step lasts one tick or more, not {every}")
+        ticks = whole(every, "every", 1)
         ways = _ways(path, radius, outward, tip)
-        return _touches(self.core.follow(*ways, every), ways[0].shape[1])
+        return _touches(self.core.follow(*ways, ticks), ways[0].shape[1])
 
     def live(
         self,
@@ -159,18 +158,18 @@ class PressedSolid:
 def _ways(
     path: ArrayLike, radius: float | str | Sequence[float | str], outward: ArrayLike, tip: Shape
 ) -> tuple[Array, Array, Array, bool]:
-    centres = np.asarray(path, dtype=float)
+    centres = lengths(path, "path")
     if centres.ndim == 2:
         centres = centres[:, None]
     if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3 or not np.isfinite(centres).all():
         raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, finite numbers in m; this is {centres.shape}")
-    sizes = [radius] * centres.shape[1] if isinstance(radius, (int, float, str)) else list(radius)
-    radii = np.array([length(size, "radius") for size in sizes])
-    if len(radii) != centres.shape[1] or not ((radii > 0) & (radii < np.inf)).all():
-        raise BodyError(f"each tip has a positive radius, not {radii} m")
-    axes = np.asarray(outward, dtype=float)
-    axes = np.array(np.broadcast_to(axes[:, None] if axes.ndim == 2 else axes, centres.shape), order="C")
-    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    sizes = lengths(radius, "radius").ravel().tolist()
+    radii = np.array([positive(size, "m", "radius") for size in sizes] * (centres.shape[1] if len(sizes) == 1 else 1))
+    if len(radii) != centres.shape[1]:
+        raise BodyError(f"radius: {len(radii)} of them for {centres.shape[1]} tips; give one, or one for each")
+    check_tip(tip)
+    axes = np.asarray(outward)
+    axes = directions(axes[:, None] if axes.ndim == 2 else axes, centres.shape)
     return np.ascontiguousarray(centres), axes, radii, tip == "flat"
 
 

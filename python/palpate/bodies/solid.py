@@ -64,6 +64,9 @@ class Solid:
         )
         self.core = _core.Solid(*self.arrays())
 
+    def __repr__(self) -> str:
+        return f"<Solid: {self.law}, of {self.elements.volume!r}>"
+
     def arrays(self) -> tuple[Array, Indices, Array, Array, NDArray[np.bool_], bool]:
         """Points, tetrahedra, shear modulus and Lame's lambda of each, Pa, points held, whether co-rotational."""
         volume, poisson = self.elements.volume, self.elements.material.poisson

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
+from palpate.bodies.volume import SURFACES, VOLUMES
 from palpate.files import write_whole
 
 __all__ = ["VERSION", "Contents", "read", "write"]
@@ -20,6 +22,7 @@ __all__ = ["VERSION", "Contents", "read", "write"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
+_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 VERSION: Final = 2
 _UNITS: Final = {
     "points": "m",
@@ -72,8 +75,11 @@ def write(contents: Contents, path: str | Path) -> Path:
 def read(path: str | Path) -> Contents:
     """Read a body; BodyError if there is no such file, it is cut short, or it is something else."""
     file = Path(path)
+    if file.is_dir():
+        raise BodyError(f"{file}: a folder; give the body's file (.h5) in it")
     if not file.is_file():
         raise BodyError(f"{file}: there is no such file; palpate body build makes one")
+    _check_signature(file)
     try:
         with h5py.File(file, "r") as store:
             if store.attrs.get("format") != _FORMAT:
@@ -88,12 +94,29 @@ def read(path: str | Path) -> Contents:
     except (OSError, KeyError, ValueError) as problem:
         if isinstance(problem, BodyError):
             raise
-        raise BodyError(
-            f"{file}: not a whole HDF5 file of a body, perhaps cut short ({problem}); build it again"
-        ) from None
+        raise BodyError(f"{file}: not a whole file of a body, perhaps cut short ({problem}); build it again") from None
     contents = Contents(**arrays, record=record)
     _check(contents, file)
     return contents
+
+
+def _check_signature(file: Path) -> None:
+    """Say what a file that is not HDF5 is instead, and what to do."""
+    try:
+        with file.open("rb") as opened:
+            begin = opened.read(len(_SIGNATURE))
+    except OSError as problem:
+        raise BodyError(f"{file}: cannot be read: {problem.strerror}") from None
+    if begin == _SIGNATURE:
+        return
+    if not begin:
+        raise BodyError(f"{file}: an empty file; palpate body build makes a body")
+    if file.suffix.lower() in (*SURFACES, *VOLUMES):
+        raise BodyError(
+            f"{file}: a mesh, which is no body yet; make one of it, for example with: "
+            f"""palpate body build {shlex.quote(str(file))} --unit mm --young "5 kPa" --fixed "z < 1 mm\""""
+        )
+    raise BodyError(f"{file}: not a body (.h5); palpate body build makes one from a mesh")
 
 
 def _check(c: Contents, file: Path) -> None:

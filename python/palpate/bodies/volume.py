@@ -10,26 +10,42 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError, BodyWarning
-from palpate.bodies.numbers import length
+from palpate.bodies.numbers import length, lengths, positive
+from palpate.touch.diagnosis import lengths as sizes
 from palpate.units import quantity
 
-__all__ = ["Volume", "block", "fill", "grid", "read_volume"]
+__all__ = ["SURFACES", "VOLUMES", "Volume", "block", "fill", "grid", "read_volume"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+SURFACES: Final = (".stl", ".obj", ".ply", ".off", ".glb")
+VOLUMES: Final = (
+    ".msh",
+    ".vtk",
+    ".vtu",
+    ".mesh",
+    ".med",
+    ".inp",
+    ".node",
+    ".ele",
+    ".xdmf",
+    ".bdf",
+    ".nas",
+)  # some of them
 
 # The faces of a tetrahedron of positive volume, anticlockwise seen from outside.
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _MOST = 2e7  # tetrahedra; far more than any build has memory for
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Volume:
     """Points (n, 3), m, and tetrahedra (m, 4) of indices into them.
 
@@ -68,6 +84,12 @@ class Volume:
                 stacklevel=3,
             )
 
+    def __repr__(self) -> str:
+        x, y, z = np.ptp(self.points, axis=0).tolist()
+        return (
+            f"<Volume: {len(self.tetrahedra)} tetrahedra, {len(self.points)} points, {sizes((x, y, z))}, {self.source}>"
+        )
+
     @property
     def extent(self) -> float:
         """Diagonal of the box around it, m."""
@@ -99,21 +121,21 @@ class Volume:
 
 
 def block(
-    size: Sequence[float | str], spacing: float | str | Sequence[float | str], *, layers: Sequence[float | str] = ()
+    size: float | str | Sequence[float | str],
+    spacing: float | str | Sequence[float | str],
+    *,
+    layers: Sequence[float | str] = (),
 ) -> Volume:
-    """Return a block from (0, 0, 0) to `size` (3,), m or text with units, of cells of about `spacing` (1 or 3).
+    """Return a block from (0, 0, 0) to `size`, of cells of about `spacing`: one or three, m or text with units, each.
 
     Each cell is cut into six tetrahedra around one diagonal, all alike (Kuhn 1960). `layers` are depths under the top,
     m, where a plane of points shall lie, such as the lower side of a skin.
     """
-    sides = [length(value, "size") for value in size]
-    each = [spacing] * 3 if isinstance(spacing, (int, float, str)) else list(spacing)
-    steps = [length(value, "spacing") for value in each]
-    if len(sides) != 3 or len(steps) != 3 or min(sides) <= 0 or min(steps) <= 0:
-        raise BodyError("a block has three sides and one or three spacings, all positive")
+    sides = _three(size, "size")
+    steps = _three(spacing, "spacing")
     depths = sorted({0.0, sides[2], *(length(value, "layers") for value in layers)})
     if depths[0] < 0 or depths[-1] > sides[2]:
-        raise BodyError(f"layers lie between 0 and the block's height of {sides[2]:g} m under its top")
+        raise BodyError(f"layers: they lie between 0 and the block's height of {sides[2]:g} m under its top")
     _check_count(6.0 * float(np.prod([side / step for side, step in zip(sides, steps, strict=True)])), "the block")
     lines = [np.linspace(0.0, side, max(1, round(side / step)) + 1) for side, step in zip(sides, steps, strict=True)]
     stack = [np.linspace(a, b, max(1, round((b - a) / steps[2])) + 1) for a, b in pairwise(depths)]
@@ -123,6 +145,8 @@ def block(
 
 def grid(lines: Sequence[Array], source: str = "grid") -> Volume:
     """Return cells between the planes at `lines` (three rising lists, m) along x, y and z, cut as in `block`."""
+    if len(lines) != 3 or any(len(line) < 2 or not (np.diff(line) > 0).all() for line in lines):
+        raise BodyError("a grid lies between planes at three rising lists of two places or more, in m")
     nx, ny, nz = (len(line) for line in lines)
     _check_count(6.0 * (nx - 1) * (ny - 1) * (nz - 1), source)
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -157,12 +181,13 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
     return Volume(np.asarray(whole.points, dtype=float)[:, :3] * scale, np.concatenate(cells), file.name)
 
 
-def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: str = "given surface") -> Volume:
-    """Fill a closed surface with tetrahedra of edges of about `spacing`, m, by fTetWild (Hu et al. 2020).
+def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, source: str = "given surface") -> Volume:
+    """Fill a closed surface with tetrahedra of edges of about `spacing`, m or text, by fTetWild (Hu et al. 2020).
 
     The surface of the result follows the given one to a thousandth of its extent. Raises BodyError if fTetWild is not
     installed, or what it makes has another volume than the surface encloses (the surface is open or pierces itself).
     """
+    step = positive(spacing, "m", "spacing")
     try:
         from pytetwild import tetrahedralize
     except ImportError:
@@ -171,10 +196,10 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: s
         ) from None
     corners, faces = np.array(vertices, dtype=float, order="C"), np.array(triangles, dtype=np.int32, order="C")
     enclosed = _enclosed(corners, faces)
-    _check_count(6.0 * 2.0**0.5 * abs(enclosed) / spacing**3, source)  # as many as regular ones would be
+    _check_count(6.0 * 2.0**0.5 * abs(enclosed) / step**3, source)  # as many as regular ones would be
     try:
         with TemporaryDirectory() as place, chdir(place):  # it leaves a file where it is called
-            points, cells = tetrahedralize(corners, faces, edge_length_abs=spacing, quiet=True)[:2]
+            points, cells = tetrahedralize(corners, faces, edge_length_abs=step, quiet=True)[:2]
     except Exception as problem:  # the mesher's own errors
         raise BodyError(f"{source}: the surface cannot be filled ({problem})") from problem
     if len(cells) == 0:
@@ -188,10 +213,18 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float, *, source: s
     return found
 
 
+def _three(values: float | str | Sequence[float | str], field: str) -> list[float]:
+    """Return three positive lengths, m, from as many or from one."""
+    each = lengths(values, field).ravel().tolist()
+    if len(each) not in (1, 3):
+        raise BodyError(f"{field}: a block has three of them, or one for all, not {len(each)}")
+    return [positive(value, "m", field) for value in each] * (3 // len(each))
+
+
 def _check_count(count: float, source: str) -> None:
     if count > _MOST:
         raise BodyError(
-            f"{source}: it would take about {count:.1g} tetrahedra: take a larger spacing, and see that size, "
+            f"spacing: {source} would take about {count:.1g} tetrahedra: take a larger spacing, and see that size, "
             "spacing and unit are meant"
         )
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
@@ -14,22 +14,33 @@ from palpate.units import parse, write
 
 __all__ = ["KINDS", "BodyChoice"]
 
-# kind: option: (unit, whether it must be given). A kind of this name is `Body.kind(period, **options)`; a law of large
-# displacements is `Body.nonlinear(period, law=kind, **options)`.
-_FRICTION: Final = {"static_friction": ("", False), "dynamic_friction": ("", False)}
-_SLOW: Final = {"slow_step": ("s", False), "near": ("", False), **_FRICTION}
-KINDS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
+
+class Option(NamedTuple):
+    """A number that a kind takes, in `unit`; `fits` or it `must` be otherwise; `needed` if it has no default."""
+
+    unit: str
+    fits: Callable[[float], bool] = lambda value: value >= 0.0
+    must: str = "must not be negative"
+    needed: bool = False
+
+
+_POSITIVE: Final[tuple[Callable[[float], bool], str]] = (lambda value: value > 0.0, "must be positive")
+_INSTANT: Final = Option(
+    "", lambda value: value >= 1.0, "must be 1 or more: at once, tissue is at least as stiff as at last"
+)
+_NEAR: Final = Option("", lambda value: value in range(4, 65), "must be a whole number, from 4 to 64")
+_FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
+_DAMPING: Final = {"by_mass": Option("1/s"), "by_stiffness": Option("s")}
+_CREEP: Final = {"instant": _INSTANT, "creep": Option("s", *_POSITIVE)}
+_SLOW: Final = {"slow_step": Option("s", *_POSITIVE), "near": _NEAR, **_FRICTION}
+# A kind of this name is `Body.kind(period, **options)`; a law of large displacements is
+# `Body.nonlinear(period, law=kind, **options)`.
+KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
-    "modal": {
-        "by_mass": ("1/s", False),
-        "by_stiffness": ("s", False),
-        "instant": ("", False),
-        "creep": ("s", False),
-        **_FRICTION,
-    },
-    "lattice": {"by_mass": ("1/s", False), "by_stiffness": ("s", False), **_FRICTION},
-    "relaxing": {"instant": ("", True), "creep": ("s", True), **_FRICTION},
-    "spline": {"spacing": ("m", False), **_FRICTION},
+    "modal": {**_DAMPING, **_CREEP, **_FRICTION},
+    "lattice": {**_DAMPING, **_FRICTION},
+    "relaxing": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
+    "spline": {"control_spacing": Option("m", *_POSITIVE), **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
@@ -44,13 +55,25 @@ _SHAPES: Final[dict[str, dict[str, str]]] = {
 
 
 def _more_than_none(value: float) -> float:
-    if value == 0.0:
+    if value <= 0.0:
         raise ValueError("must be positive")
     return value
 
 
+def _poisson(value: float) -> float:
+    if value >= 0.5:
+        raise ValueError("must be below 0.5 (soft tissue: 0.45 to 0.495)")
+    return value
+
+
+def _count(value: int) -> int:
+    if value < 0:
+        raise ValueError("must not be negative")
+    return value
+
+
 def _options_text(options: Mapping[str, float]) -> dict[str, Any]:
-    units = {key: unit for known in KINDS.values() for key, (unit, _) in known.items()}
+    units = {key: option.unit for known in KINDS.values() for key, option in known.items()}
     return {key: write(value, units[key]) if units[key] else value for key, value in options.items()}
 
 
@@ -78,10 +101,10 @@ class BodyChoice(Section):
     file: str | None = None
     size: Size3 | None = None
     young: Pressure | None = None
-    poisson: Number | None = None
+    poisson: Annotated[Number, AfterValidator(_poisson)] | None = None
     spacing: Length | None = None
-    modes: Whole | None = None
-    contrast: Number | None = None
+    modes: Annotated[Whole, AfterValidator(_count)] | None = None
+    contrast: Annotated[Number, AfterValidator(_more_than_none)] | None = None
     depth: Length | None = None
     diameter: Length | None = None
     skin: OneLength | None = None
@@ -98,27 +121,30 @@ class BodyChoice(Section):
     @classmethod
     def _sort(cls, table: Any) -> Any:
         """Gather the options of the kind under `options`, in SI."""
-        if not isinstance(table, Mapping) or table.get("kind", "compliance") not in KINDS:
+        kind = table.get("kind", "compliance") if isinstance(table, Mapping) else None
+        if not isinstance(kind, str) or kind not in KINDS:
             return table
-        known = KINDS[table.get("kind", "compliance")]
+        known = KINDS[kind]
         for key in table:
             if key not in known and key not in cls.model_fields and any(key in of for of in KINDS.values()):
                 takers = ", ".join(kind for kind, of in KINDS.items() if key in of)
-                kind = table.get("kind", "compliance")
                 raise ValueError(f'unknown key "{key}"; {kind} takes no such thing, only {takers}')
         loose = {key: value for key, value in table.items() if key in known}
         nested = table.get("options", {})
         if not isinstance(nested, Mapping):
-            raise ValueError("options must be a table")
+            raise ValueError(f"options: {nested!r} is not a table")
         given = {**nested, **loose}
         options = {}
         for key, value in given.items():
             if key not in known:
-                raise ValueError(f'unknown key "{key}"; {table.get("kind", "compliance")} takes {", ".join(known)}')
+                raise ValueError(f'unknown key "{key}"; {kind} takes {", ".join(known)}')
             try:
-                options[key] = parse(value, known[key][0])
+                options[key] = parse(value, known[key].unit)
             except ValueError as problem:
                 raise ValueError(f"{key}: {problem}") from None
+            if not known[key].fits(options[key]):
+                shown = f'"{value}"' if isinstance(value, str) else value
+                raise ValueError(f"{key}: {shown} {known[key].must}")
         return {**{key: value for key, value in table.items() if key not in known}, "options": options}
 
     @field_validator("kind")
@@ -149,11 +175,13 @@ class BodyChoice(Section):
                 raise ValueError(f"{key} is missing; write for example {key} = {example}")
         for key in sorted({key for keys in _SHAPES.values() for key in keys} - set(mine)):
             if getattr(self, key) is not None:
-                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"')
-        for key, (unit, needed) in KINDS[self.kind].items():
-            if needed and key not in self.options:
-                example = f'"20 {unit}"' if unit else "2.0"
+                hint = "; a spline takes control_spacing" if (key, self.kind) == ("spacing", "spline") else ""
+                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"{hint}')
+        for key, option in KINDS[self.kind].items():
+            if option.needed and key not in self.options:
+                example = f'"20 {option.unit}"' if option.unit else "2.0"
                 raise ValueError(f"{key} is missing: {self.kind} needs it, for example {key} = {example}")
-            if self.options.get(key, 0.0) < 0.0:
-                raise ValueError(f"{key}: {self.options[key]:g} must not be negative")
+        static, dynamic = (self.options.get(key, 0.0) for key in _FRICTION)
+        if dynamic > static:
+            raise ValueError(f"dynamic_friction: {dynamic:g} must not exceed static_friction ({static:g})")
         return self

@@ -1,0 +1,163 @@
+"""What people meet at the edge of bodies: quantities as text, mistakes in one sentence, what a body says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from palpate import bodies
+from palpate.bodies import Body, BodyError, Material, PressedSolid, Region, Skin, Solid, ball, beyond, block, box, place
+from palpate.errors import PalpateError, PoseError
+
+MIDDLE = [0.02, 0.02, 0.02]
+TEXT = ["20 mm", "2 cm", "0.02 m"]
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40 x 40 x 20 mm of 10 kPa, bonded below, touched on its top, with vibration modes."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    volume = block(("40 mm", "40 mm", "20 mm"), "5 mm")
+    bodies.build(volume, young="10 kPa", fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, modes=10, output=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def body(file: Path) -> Body:
+    return bodies.load(file)
+
+
+KINDS: dict[str, Callable[[Body], Body]] = {
+    "compliance": lambda body: body,
+    "modal": lambda body: body.modal("1 ms", by_stiffness="2 ms"),
+    "relaxing": lambda body: body.relaxing("1 ms", instant="1.5", creep="50 ms"),
+    "lattice": lambda body: body.lattice("1 ms", by_mass="20 1/s"),
+    "spline": lambda body: body.spline(),
+    "nonlinear": lambda body: body.nonlinear("1 ms", near="16"),
+}
+
+
+def dragged(body: Body) -> float:
+    """Force along x of a flat end that is dragged along x, 1 mm deep, N."""
+    way = np.linspace([0.015, 0.02, 0.019], [0.018, 0.02, 0.019], 60)
+    body.core.reset()
+    return float(body.follow(way, "8 mm", outward=(0, 0, 1), tip="flat").friction[-1, 0])
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_friction_stays_when_a_kind_is_made_of_a_rough_body(body: Body, name: str) -> None:
+    """Before or after the kind, the same friction; numbers of its own count more; `stiffer` keeps kind and friction."""
+    make = KINDS[name]
+    rough = make(body.rough("0.5", 0.4))
+    assert rough.kind.friction == (0.5, 0.4)
+    assert dragged(rough) < -0.01
+    assert dragged(rough) == dragged(make(body).rough(0.5, 0.4))
+    hard = rough.stiffer(2.0)
+    assert dragged(hard) == pytest.approx(2.0 * dragged(rough), rel=0.05)
+    assert hard.kind == rough.kind
+    assert make(body).kind.friction == (0.0, 0.0)
+    if name == "modal":
+        assert body.rough(0.5).modal("1 ms", static_friction=0.0).kind.friction == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("compliance", "compliance, friction 0.5, 0.4 sliding"),
+        ("modal", "modal (period 1 ms, by_stiffness 2 ms), friction"),
+        ("relaxing", "relaxing (period 1 ms, instant 1.5, creep 50 ms), friction"),
+        ("lattice", "lattice (period 1 ms, by_mass 20 1/s), friction"),
+        ("spline", "spline, friction"),
+        ("nonlinear", "nonlinear (period 1 ms, neo-hookean, slow_step 20 ms, near 16), friction"),
+    ],
+)
+def test_a_body_says_what_it_is(body: Body, name: str, told: str) -> None:
+    assert f"<Body: {told}" in repr(KINDS[name](body.rough(0.5, 0.4)))
+    assert repr(body) == (
+        "<Body: compliance, no friction; 81 touchable nodes, 10 modes, 40 × 40 × 20 mm, of block of 40 x 40 x 20 mm>"
+    )
+
+
+def test_quantities_are_text_or_si(body: Body) -> None:
+    """The same body, place, material and press from text as from numbers."""
+    assert Material("5 kPa", "0.3", "1 g/cm^3") == Material(5e3, 0.3, 1000.0)
+    assert Material(5e3, skin="2 mm = 50 kPa").skin == Skin("2 mm", "50 kPa") == Skin(2e-3, 50e3)
+    assert Region("z < 1 mm", "25 kPa").young == Region.read("z < 1 mm = 25 kPa").young == 25e3
+    assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 0.01 0 0 radius 0.005 m"
+    assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 0.01 0.01 0.01 m"
+    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("z<1e-3m")) == "z < 0.001 m"
+    assert str(place("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 0.01 0 0 radius 0.005 m"
+    felt, same = body.press(TEXT, "8 mm", "1 mm", tip="flat"), body.press(MIDDLE, 8e-3, 1e-3, tip="flat")
+    assert felt.force == pytest.approx(same.force, rel=1e-12)
+    assert np.array_equal(body.follow([TEXT], "8 mm").force, body.follow([MIDDLE], 8e-3).force)
+    assert body.stiffer("2").contents.young[0] == pytest.approx(2e4)
+    solid = Solid(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm")
+    forces = [PressedSolid(solid).press(at, 8e-3, 1e-4, outward=(0, 0, 2), steps=3)[0] for at in (TEXT[:3], MIDDLE)]
+    assert np.array_equal(*forces)
+    assert repr(solid) == (
+        "<Solid: neo-hookean, of <Volume: 48 tetrahedra, 27 points, 20 × 20 × 20 mm, block of 20 x 20 x 20 mm>>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (lambda body: Material("5 mm"), 'young: "5 mm" is a length'),
+        (lambda body: Material(np.nan), "young: nan is not a finite number"),
+        (lambda body: Material(5e3, [0.3]), r"poisson: \[0.3\] is not a quantity"),
+        (lambda body: Skin.read("2 mm"), 'skin: "2 mm" is written as "2 mm = 50 kPa"'),
+        (lambda body: Region.read("z < 1 mm = "), 'region: "z < 1 mm = " is written as'),
+        (lambda body: place("z < -12"), '"z < -12": "-12" has no unit.*write it as "-12 mm"'),
+        (lambda body: place("box 0 0 0 to 1 1 1"), '"1" has no unit'),
+        (lambda body: place("z < 5 kPa"), '"z < 5 kPa": "5 kPa" is a pressure'),
+        (lambda body: place("surface surface z < 1 mm"), "is no place; write"),
+        (lambda body: place(3.0), "3.0 is no place; write"),
+        (lambda body: bodies.phantom(depth="10 cm"), "depth: 100 mm; the nodule lies between.*: from 2 to 35 mm"),
+        (lambda body: bodies.phantom(diameter="49 mm"), "diameter: 49 mm; between a skin of 2 mm"),
+        (lambda body: bodies.phantom(depth=np.nan), "depth: nan is not a finite number"),
+        (lambda body: bodies.phantom(contrast=0.0), "contrast: 0 must be positive"),
+        (lambda body: bodies.phantom(spacing=np.nan), "spacing: nan is not a finite number"),
+        (lambda body: block((0.1, 0.1), 0.01), "size: a block has three of them, or one for all, not 2"),
+        (lambda body: bodies.grid([[0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]), "three rising lists"),
+        (lambda body: bodies.build(block(0.02, 0.01), young=1e3, fixed="z < 1 mm", modes=2.5), "modes: 2.5 must be"),
+        (lambda body: body.modal("1 ms", by_mass="5 Pa"), 'by_mass: "5 Pa" is a pressure'),
+        (lambda body: body.modal("1 ms", instant=0.5), "instant: at once, tissue is at least as stiff"),
+        (lambda body: body.lattice(True), "period: True is not a quantity"),
+        (lambda body: body.rough(0.3, "0.4"), r"dynamic_friction: 0.4 must not exceed static_friction \(0.3\)"),
+        (lambda body: body.spline(dynamic_friction=0.4), "must not exceed"),
+        (lambda body: body.nonlinear("1 ms", near=4.5), "near: 4.5 must be a whole number, from 4 to 64"),
+        (lambda body: body.spline(control_spacing="1 mm"), "control_spacing: 1 mm; it must lie between 1.11 mm"),
+        (lambda body: body.spline(control_spacing="61 mm"), "and the body's extent of 60 mm"),
+        (lambda body: body.stiffer(-2.0), "stiffer: -2 must be positive"),
+        (lambda body: body.stiffer(1e300), "stiffer: 1e.300; a body is"),
+        (lambda body: body.press(["20", "20", "20"], 8e-3, 1e-3), 'point: "20" has no unit'),
+        (lambda body: body.press("20 mm", 8e-3, 1e-3), "a point is three finite numbers"),
+        (lambda body: body.press(MIDDLE, [8e-3, 8e-3], 1e-3), "radius: .* is not a quantity"),
+        (lambda body: body.press(MIDDLE, np.array([8e-3, 8e-3]), 1e-3), "radius: array.* is not a quantity"),
+        (lambda body: body.press(MIDDLE, 8e-3, np.inf), "depth: inf is not a finite number"),
+        (lambda body: body.press(MIDDLE, 8e-3, 1.0), "depth: 1 m is more than the body is across"),
+        (lambda body: body.follow([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
+        (lambda body: body.follow([MIDDLE], 8e-3, outward=(0, 0, 0)), "not all of them zero"),
+        (lambda body: body.follow([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
+    ],
+)
+def test_a_mistake_is_one_sentence(body: Body, wrong: Callable[[Body], object], sentence: str) -> None:
+    with pytest.raises(PalpateError, match=sentence) as caught:
+        wrong(body)
+    assert isinstance(caught.value, BodyError | PoseError)
+
+
+def test_a_pressed_solid_refuses_what_is_no_tip() -> None:
+    solid = PressedSolid(Solid(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm"))
+    for options, sentence in (
+        ({"tip": "Flat"}, "not 'Flat'"),
+        ({"outward": (0, 0)}, "three numbers"),
+        ({"radius": ["8 mm"] * 2}, "2 of them for 1 tips"),
+        ({"every": 0}, "every: 0 must be a whole number, 1 or more"),
+    ):
+        with pytest.raises(PalpateError, match=sentence):
+            solid.follow([MIDDLE], **{"radius": "8 mm", "outward": (0, 0, 1), **options})
+    with pytest.raises(BodyError, match="steps: 0"):
+        solid.press(MIDDLE, "8 mm", "1 mm", outward=(0, 0, 1), steps=0)

@@ -84,14 +84,19 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
     """
     choice = scenario.object.body
     assert choice is not None
+    field = "object.body" if choice.file is None else "object.body.file"
     try:
         path = Path(choice.file) if choice.file is not None else kept_at(choice)
         if choice.file is None and not path.is_file():
             _make(choice, path, tell)
+        _read(_state(path))
+        field = "object.body.kind"
         options = tuple(sorted(choice.options.items()))
         return _of_kind(_state(path), choice.stiffer, choice.kind, options, scenario.period)
     except PalpateError as problem:
-        field = "object.body" if choice.file is None else "object.body.file"
+        key, _, sentence = str(problem).partition(": ")  # what is wrong with one number begins with its name
+        if key in choice.options or key in _recipe(choice) or key == "stiffer":
+            raise scenario.mistake(f"object.body.{key}", sentence) from None
         raise scenario.mistake(field, str(problem)) from None
 
 

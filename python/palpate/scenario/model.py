@@ -393,6 +393,7 @@ class Scenario(Section):
     controller: Controller = Field(default_factory=Controller)
     run: Run = Field(default_factory=Run)
     _source: str = PrivateAttr("")
+    _name: str = PrivateAttr("scenario")
     _text: str | None = PrivateAttr(None)
 
     @model_validator(mode="after")
@@ -488,7 +489,7 @@ class Scenario(Section):
         from palpate.scenario.reader import find_line
 
         line = None if self._text is None else find_line(self._text, field.split("."))
-        place = "" if line is None else f"{self._source or 'scenario'}, line {line}: "
+        place = "" if line is None else f"{self._name}, line {line}: "
         return ScenarioError(f"{place}{field}: {sentence}")
 
     def load_device(self) -> Device:

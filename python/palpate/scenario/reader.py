@@ -59,7 +59,7 @@ def read_text(text: str, name: str = "scenario", base: str | Path | None = None)
         reason = str(problem).split(" (at ")[0]
         raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
     scenario = _validate(tables, name, text, base)
-    scenario._text = text
+    scenario._text, scenario._name = text, name
     return scenario
 
 

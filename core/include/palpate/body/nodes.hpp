@@ -137,6 +137,31 @@ class BodyNodes {
     under(tip, 0.0, [](std::size_t, double) { return false; }, take);
   }
 
+  /// The same of nodes that forces hold where they are, `rise(node)` [m] further in along their normals than without them: how deep the tip
+  /// would be in then, wherever a node is now. All are looked at, so that none is lost however far it was pushed: for a few.
+  template <class Rise, class Take>
+  void under_all(const BodyTip& tip, Rise rise, Take take) const noexcept {
+    for (const Place& place : places_) {
+      const Vector3<> away = place.point - tip.centre;
+      const double facing = place.normal.dot(tip.outward);
+      if (facing < cosine) continue;
+      if (tip.kind == BodyTip::Kind::sphere) {
+        const double along = away.dot(place.normal), aside = std::max(away.squaredNorm() - along * along, 0.0);
+        const double height = along + rise(place.node);
+        if (height > tip.radius) {  // no wider than the cone there
+          const Vector3<> free = away + rise(place.node) * place.normal;
+          const double wide = (tip.radius + cosine * height) / sine;
+          if ((free - free.dot(tip.outward) * tip.outward).squaredNorm() >= wide * wide) continue;
+        }
+        take(place.node, height + lower(tip.radius, aside));
+      } else {
+        const double height = away.dot(tip.outward);
+        const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
+        if (part(tip, place.width, distance) > least_part) take(place.node, height / facing + rise(place.node));
+      }
+    }
+  }
+
   /// The node nearest to `place` [m], looked for up to about `reach` [m] away; -1 if there is none.
   [[nodiscard]] std::int32_t nearest(const Vector3<>& place, double reach) const noexcept {
     std::int32_t found = -1;

@@ -56,9 +56,13 @@ class SnapshotContact {
   /// `share` of the compliance is taken about the snapshot's state. `before` are names of nodes that were pressed in the last step,
   /// rising, to try first.
   const TipsAnswer& solve(const Snapshot& body, const BodyTips& tips, double share, const std::int32_t* before, int count) noexcept {
+    if (body.number != number_) needed_.fill(false);
     find(body, tips, share);
-    if (body.number != number_ || share != share_ || !same_) start(body, share, before, count);
-    answer_.solved = solver_.solve();
+    do {
+      place(body, tips);
+      if (body.number != number_ || share != share_ || !same_) start(body, share, before, count);
+      answer_.solved = solver_.solve();
+    } while (left_out(body));
     answer(body, tips.count);
     return answer_;
   }
@@ -80,19 +84,29 @@ class SnapshotContact {
     const auto size = static_cast<std::size_t>(body.nodes.size());
     std::fill(tip_of_.begin(), tip_of_.begin() + static_cast<std::ptrdiff_t>(size), -1);
     double deepest = 0.0;
-    for (int t = 0; t < tips.count && size > 0; ++t)
-      body.nodes.under(tips.tip[static_cast<std::size_t>(t)], [&](std::int32_t node, double depth) {
-        const auto i = static_cast<std::size_t>(node);
-        depth -= body.ahead[i] - share * body.given[i];
-        deepest = std::max(deepest, depth);
-        if (tip_of_[i] >= 0 && !(depth > depth_[i])) return;
-        tip_of_[i] = t;
-        depth_[i] = depth;
-      });
+    for (int t = 0; t < tips.count; ++t)
+      body.nodes.under_all(
+          tips.tip[static_cast<std::size_t>(t)],
+          [&](std::int32_t node) {
+            return share * body.given[static_cast<std::size_t>(node)] - body.ahead[static_cast<std::size_t>(node)];
+          },
+          [&](std::int32_t node, double depth) {
+            const auto i = static_cast<std::size_t>(node);
+            deepest = std::max(deepest, depth);
+            if (tip_of_[i] >= 0 && !(depth > depth_[i])) return;
+            tip_of_[i] = t;
+            depth_[i] = depth;
+          });
+    deepest_ = deepest;
+  }
+
+  /// Those of them that go into the solver: which are as deep in as nodes are that are pressed as a rule, and which were needed besides.
+  void place(const Snapshot& body, const BodyTips& tips) noexcept {
     next_ = 0;
     same_ = true;
-    for (std::size_t i = 0; i < size; ++i) {
-      if (tip_of_[i] < 0 || !(depth_[i] > -0.25 * deepest) || !(deepest > 0.0)) continue;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(body.nodes.size()); ++i) {
+      needed_[i] = needed_[i] && tip_of_[i] >= 0;
+      if (tip_of_[i] < 0 || !(deepest_ > 0.0) || !(depth_[i] > -0.25 * deepest_ || needed_[i])) continue;
       const auto a = static_cast<std::size_t>(next_);
       Place& place = place_[a];
       const std::int32_t node_before = place.near.node;
@@ -103,7 +117,23 @@ class SnapshotContact {
       solver_.depth(next_++) = depth_[i];
     }
     same_ = same_ && next_ == count_;
-    deepest_ = deepest;
+  }
+
+  /// Whether the forces push a node into a tip that is not in the solver, as they may where the tip presses nodes from opposite sides. It
+  /// is in from now on. No node moves farther than the root of what it gives way by itself times f.C f (Cauchy and Schwarz).
+  bool left_out(const Snapshot& body) noexcept {
+    double most = 0.0;
+    for (int a = 0; a < count_; ++a) most += share_ * solver_.force(a) * solver_.depth(a);
+    bool any = false;
+    for (std::int32_t i = 0; i < body.nodes.size() && most > 0.0; ++i) {
+      const auto n = static_cast<std::size_t>(i);
+      if (tip_of_[n] < 0 || depth_[n] > -0.25 * deepest_ || needed_[n]) continue;
+      if (depth_[n] * depth_[n] >= body.between(i, i) * most) continue;
+      double moved = 0.0;
+      for (int a = 0; a < count_; ++a) moved += solver_.force(a) * body.between(i, place_[static_cast<std::size_t>(a)].near.node);
+      if (share_ * moved < depth_[n]) any = needed_[n] = true;
+    }
+    return any;
   }
 
   void start(const Snapshot& body, double share, const std::int32_t* before, int count) noexcept {
@@ -168,6 +198,7 @@ class SnapshotContact {
   bool same_ = false;
   std::array<int, capacity> tip_of_{};    // by node; -1: under none
   std::array<double, capacity> depth_{};  // by node, m
+  std::array<bool, capacity> needed_{};   // by node
   std::array<Place, capacity> place_{};   // in the solver
   std::array<double, capacity> own_{};    // compliance of a place by itself, m/N
   std::array<std::int32_t, capacity> pressed_{};

@@ -30,6 +30,34 @@ def elements() -> Elements:
     return Elements(VOLUME, Material(5e3), [BOTTOM], TOP)
 
 
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_at_rest_every_kind_stores_what_its_forces_did(body: Body, tip: Literal["sphere", "flat"]) -> None:
+    """Held for long: half of forces times displacements; of a flat end, half of its forces times how deep it is in.
+
+    And what the body without inertia stores; where the end's edge crosses patches, kinds with inertia give way less.
+    """
+    deep, radius = 3e-4, 0.2 if tip == "sphere" else 0.012
+    still = np.array([0.014, 0.016, 0.02 + (radius if tip == "sphere" else 0.0) - deep])
+    settling = {"by_mass": 50.0, "by_stiffness": 2e-3}
+    kinds = {
+        "modal": body.modal(PERIOD, **settling),
+        "standard linear solid": body.modal(PERIOD, **settling, instant=3.0, creep=0.02),
+        "relaxing": body.relaxing(PERIOD, instant=3.0, creep=0.02),
+        "lattice": body.lattice(PERIOD, **settling),
+    }
+    elastic = body.follow(still[None], radius, outward=[0, 0, 1], tip=tip)
+    for name, kind in kinds.items():
+        felt = kind.follow(np.tile(still, (2000, 1)), radius, outward=[0, 0, 1], tip=tip)
+        assert felt.nodes[-1] >= 4
+        assert abs(np.diff(felt.energy[-10:])).max() < 1e-6 * felt.energy[-1]
+        nodes, forces = kind.core.pressed()
+        inward = -(kind.displacement()[nodes] * kind.normals[nodes]).sum(axis=1)
+        done = 0.5 * (forces @ inward if tip == "sphere" else forces.sum() * deep)
+        assert felt.energy[-1] == pytest.approx(done, rel=1e-2 if name == "lattice" else 1e-5), name
+        if name != "lattice" and (tip == "sphere" or name == "relaxing"):
+            assert felt.energy[-1] == pytest.approx(elastic.energy[0], rel=1e-5), name
+
+
 def test_modes_are_those_of_the_dense_problem(body: Body, elements: Elements) -> None:
     k = elements.stiffness[elements.free][:, elements.free].toarray()
     m = elements.mass[elements.free][:, elements.free].toarray()

@@ -11,6 +11,7 @@ from one_node import one_node
 from palpate import bodies, simulate
 from palpate.errors import ScenarioError
 from palpate.loop.body import kept_at, scenario_body
+from palpate.loop.palpation import work_so_far
 from palpate.scenario import Scenario
 from palpate.stability import StabilityError, certify
 from scipy.spatial.transform import Rotation
@@ -116,11 +117,59 @@ def test_energy_is_accounted_for(block: Path) -> None:
         found[kind] = trace.summary()["palpation"]
         assert not trace["touching"][-1, 0]
         assert trace["touching"].any()
-        assert found[kind]["stored_J"] == 0.0
+        assert trace["stored_energy"][-1, 0] == found[kind]["stored_J"]
     most = float(trace["stored_energy"].max())
     assert most > 1e-5
+    assert found["compliance"]["stored_J"] == 0.0
+    assert 0.0 < found["relaxing"]["stored_J"] < 1e-3 * most  # has yet to creep back
     assert abs(found["compliance"]["lost_J"]) < 1e-3 * most
     assert found["relaxing"]["lost_J"] > 0.05 * most
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("modal", {}),
+        ("modal", {"by_stiffness": "2 ms", "static_friction": 0.5}),
+        ("modal", {"by_mass": "20 1/s", "instant": 2.0, "creep": "20 ms"}),
+        ("relaxing", {"instant": 3.0, "creep": "20 ms"}),
+        ("relaxing", {"instant": 3.0, "creep": "20 ms", "static_friction": 0.5}),
+        ("lattice", {"by_stiffness": "2 ms"}),
+    ],
+)
+def test_what_a_body_has_lost_it_does_not_give_back(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
+    """In, along and out: at every tick work = stored + lost, and the lost only grows; at last little is stored."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.1 s", "0 N", "0 N", "-0.4 N"], ["0.15 s", "0.1 N", "0 N", "-0.4 N"],
+             ["0.3 s", "0 N", "0 N", "0.4 N"], ["0.4 s", "0 N", "0 N", "0.4 N"]]  # fmt: skip
+    moved = {"reference": {"shape": "table", "table": table}, "run": {"duration": "0.4 s"}}
+    setup = tables(on(block, kind=kind, **options) | {"tip": tip}, **moved)
+    if tip == "sphere":
+        setup["object"]["position"][2] = "-8.5 mm"
+    trace = simulate(setup)
+    stored = trace["stored_energy"][:, 0]
+    lost = work_so_far(trace) - stored
+    most = stored.max()
+    assert most > 1e-5
+    assert np.diff(lost).min() > -1e-5 * most
+    touched = trace["touching"][:, 0] > 0.0
+    assert not touched[-50:].any()
+    assert stored[touched].min() > 0.0
+    found = trace.summary()["palpation"]
+    assert found["work_J"] == pytest.approx(found["stored_J"] + found["lost_J"])
+    if options:
+        assert stored[-1] < 1e-3 * most
+        assert found["lost_J"] > 0.02 * most
+    else:  # undamped, it rings on; lost is what steps of the force do to what has no inertia
+        assert 0.0 < found["lost_J"] < 0.04 * most
+
+
+def test_a_trace_of_fewer_samples_tells_the_same_work(block: Path) -> None:
+    """Forces of a body that holds them over a tick belong half a tick before: a fourth of two ticks, not half."""
+    press = tables(on(block, kind="relaxing", instant=3.0, creep="20 ms"))
+    work = [simulate({**press, "run": {"duration": "0.25 s", "record_every": n}}).summary()["palpation"]["work_J"]
+            for n in (1, 2)]  # fmt: skip
+    assert work[1] == pytest.approx(work[0], rel=5e-3)
 
 
 def test_the_summary_says_how_the_press_ended(block: Path) -> None:

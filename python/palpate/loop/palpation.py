@@ -13,12 +13,13 @@ from palpate.loop.sliding import LAST
 if TYPE_CHECKING:
     from palpate.loop.trace import Trace
 
-__all__ = ["FEW", "JND", "Palpation", "felt_along", "palpation"]
+__all__ = ["FEW", "JND", "Palpation", "felt_along", "palpation", "work_so_far"]
 
 Array = NDArray[np.float64]
 JND = 0.23  # of stiffness: what a hand just notices (Jones & Hunter 1990)
 SWEEP = 10e-3  # m: a shorter way is a press, not a sweep
 FEW = 4  # nodes under the tip: fewer carry no force to believe
+HOLDING = ("modal", "relaxing", "lattice")  # kinds that hold each force over the tick that ends with its sample
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,13 @@ class Palpation:
         nodes: pressed there.
         path: length of the tip's way in contact.
         felt_median, felt_most: of force over deflection along the way, N/m (`felt_along`); None for a way under 10 mm.
-        work: of the tip on the body, its force taken as linear between samples.
-        stored: in the body at the end.
+        work: of the tip on the body (`work_so_far`).
+        stored: in the body at the end: its elastic energy, internal springs of a standard linear solid with it, and
+            its kinetic energy.
         saved: put in besides, and kept at the end for snapshots to come (large displacements).
-        lost: work less what is stored and saved: what the body took for good (viscous kinds; what was saved when the
-            tip left), or, below zero, gave. Without any of these it is what adding up finite steps misses.
+        lost: work less what is stored and saved: what the body took for good (damping, creep, friction; what was saved
+            when the tip left), or, below zero, gave. Without any of these it is what adding up finite steps misses; of
+            kinds that hold forces over a tick also what their steps df put into what has no inertia, df C df / 2 each.
         held: `work` less what it is when each force is held until the next sample, as motors hold it: what sampling
             adds to a loop that shows the body's force as it is. None if not every tick was recorded.
         final_deflection: mean over the last 0.1 s.
@@ -92,7 +95,7 @@ def palpation(trace: Trace) -> Palpation | None:
     size = np.linalg.norm(force, axis=1)
     at = int(np.argmax(deep))
     move = np.diff(tip, axis=0)
-    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * move))
+    work = float(work_so_far(trace)[-1])
     kept, spare = float(stored[-1, 0] - stored[0, 0]), float(saved[-1, 0] - saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
@@ -117,6 +120,21 @@ def palpation(trace: Trace) -> Palpation | None:
         touching_at_end=bool(on[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
     )
+
+
+def work_so_far(trace: Trace) -> Array:
+    """Return the work of the tip on the body until each sample (n,), J.
+
+    The force F is taken as linear between samples: the sum of (F_k + F_k-1) . (x_k - x_k-1) / 2. A body with a state
+    (`modal`, `relaxing`, `lattice`) goes through a tick with the force held that its end asks for, so that the tick's
+    work is F_k . (x_k - x_k-1), and F at a sample is that of half a tick before: of samples n ticks apart the later one
+    counts (1 + 1/n) / 2.
+    """
+    force, tip = trace["object_force"], trace["tip"]
+    choice, run = trace.scenario.get("object", {}).get("body") or {}, trace.scenario.get("run", {})
+    later = 0.5 + (0.5 / int(run.get("record_every", 1)) if choice.get("kind") in HOLDING else 0.0)
+    each = ((later * force[1:] + (1.0 - later) * force[:-1]) * np.diff(tip, axis=0)).sum(axis=1)
+    return np.concatenate([[0.0], np.cumsum(each)])
 
 
 def felt_along(trace: Trace) -> tuple[Array, Array]:

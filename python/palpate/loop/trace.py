@@ -37,7 +37,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "normal": ("", "unit normal of the mesh there, outward; zero where apart"),
     "depth": ("m", "of the tip under the proxy, along the normal"),
     "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
-    "stored_energy": ("J", "that pressing has stored in the body"),
+    "stored_energy": ("J", "in the body: elastic and kinetic"),
     "saved_energy": ("J", "put into the body besides, kept for snapshots to come (large displacements)"),
     "pressed_nodes": ("", "number of the body's nodes that the tip presses"),
     "solved": ("", "1; 0: more nodes lay under the tip than are looked at"),

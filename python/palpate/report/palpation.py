@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.loop.palpation import JND, felt_along
+from palpate.loop.palpation import JND, felt_along, work_so_far
 from palpate.report.figures import thin
 from palpate.report.numbers import Number, numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
@@ -132,11 +132,9 @@ def felt(trace: Trace) -> Figure:
 
 def body_energy(trace: Trace) -> Figure:
     """Return work on the body and energy stored in it against time, mJ; between them lies what it lost."""
-    force, tip = trace["object_force"], trace["tip"]
-    work = np.concatenate([[0.0], np.cumsum(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1))])
     figure, rows = new_figure(1, 1, height=2.3)
     panel = rows[0][0]
-    panel.plot(*thin(trace.time, 1e3 * work), color=COLOURS[2], label="work of the tip", linewidth=2.4)
+    panel.plot(*thin(trace.time, 1e3 * work_so_far(trace)), color=COLOURS[2], label="work of the tip", linewidth=2.4)
     panel.plot(*thin(trace.time, 1e3 * trace["stored_energy"][:, 0]), color=INK, label="stored", linestyle=(0, (4, 3)))
     saved = trace["saved_energy"][:, 0]
     if saved.any():

@@ -8,8 +8,12 @@ struct Creep {
   double share = 1.0, stays = 0.0, gains = 0.0;
   double late = 0.0;  ///< the part that it gives later on
 
-  /// Energy [J m/N] in its dashpot's spring, by its compliance [m/N].
-  [[nodiscard]] double stored(double square) const noexcept { return late > 0.0 ? 0.5 * square / late : 0.0; }
+  /// Energy in the spring beside its dashpot: q.C q / 2 late, from `crept` = q.C q with its compliance C at last.
+  [[nodiscard]] double stored(double crept) const noexcept { return late > 0.0 ? 0.5 * crept / late : 0.0; }
+
+  /// The same and that of the spring in line with both, which gives way at once: (1 - late) f.C f / 2, from `pressed` = f.C f. (Kelvin's
+  /// form of the standard linear solid: the dashpot has no energy.)
+  [[nodiscard]] double energy(double pressed, double crept) const noexcept { return 0.5 * (1.0 - late) * pressed + stored(crept); }
 };
 
 }  // namespace palpate

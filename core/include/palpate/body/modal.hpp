@@ -177,6 +177,12 @@ class Modal {
       float* twins = push_.data() + stride_;
       for (std::size_t k = 0; k < stride_; ++k) twins[k] += first * one[k] + second * two[k];
     }
+    rung_ = 0.0;
+    if (count > 0)
+      for (Eigen::Index k = 0; k < size(); ++k) {
+        const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
+        rung_ += by_[3][k] * f * f;
+      }
     double* const q = state_[0].data();
     double* const v = state_[1].data();
     double* const z = state_[2].data();
@@ -203,7 +209,7 @@ class Modal {
   void reset() noexcept {
     for (Values& v : state_) v.setZero();
     std::fill(free_.begin(), free_.end(), 0.0F);
-    moving_ = moving_tail_ = travelled_ = step_ = 0.0;
+    moving_ = moving_tail_ = travelled_ = step_ = rung_ = 0.0;
     tick_ = 0;
     std::fill(asked_.begin(), asked_.end(), Asked());
     std::fill(seen_.begin(), seen_.end(), Seen());
@@ -212,6 +218,13 @@ class Modal {
       group.again = 0;
     }
     left_.reset();
+  }
+
+  /// Energy in the body at the end of the last period, J; `yielded` is f.C f with the compliance C within the period [N m]. To that of the
+  /// modes comes what they leave out, without inertia: what its springs hold under the last forces.
+  [[nodiscard]] double energy(double yielded) const noexcept {
+    const double rest = yielded - rung_;
+    return energy() + (relaxes() ? left_.energy(rest) : 0.5 * rest);
   }
 
   /// Kinetic and elastic energy of the modes, J.
@@ -367,6 +380,7 @@ class Modal {
   double moving_ = 0.0, moving_tail_ = 0.0;  // lengths of free_, whole and beyond the first modes, sqrt(kg) m
   double travelled_ = 0.0;                   // sum of the lengths of its changes, sqrt(kg) m
   double step_ = 0.0;                        // the last of them, sqrt(kg) m
+  double rung_ = 0.0;                        // f.C f with what the modes give within the last period, N m
   std::int64_t tick_ = 0;
   Values square_;                // of the frequencies, 1/s^2
   std::array<Values, 12> by_;    // of each mode: next place, speed, dashpot by place, speed, dashpot, force

@@ -118,6 +118,24 @@ class PartialSlip {
     return s < 0 ? Eigen::Vector2d::Zero() : Eigen::Vector2d(moved_.segment<2>(2 * s));
   }
 
+  /// q.T q of the last step, with the body's compliance T within a period [N m].
+  [[nodiscard]] double yielded() const noexcept {
+    const Eigen::Index size = 2 * count_;
+    double sum = force_.head(size).dot(moved_.head(size) - rest_.head(size));
+    for (int s = 0; s < count_; ++s) sum -= (1.0 / cover_[at(s)] - 1.0) * own(s, force_.segment<2>(2 * s));
+    return sum;
+  }
+
+  /// Energy [J] after the last step in what patches give way more that lie under the tip in part.
+  [[nodiscard]] double in_parts() const noexcept {
+    double sum = 0.0;
+    for (int s = 0; s < count_; ++s) {
+      const Eigen::Vector2d q = force_.segment<2>(2 * s), next = creep_.stays * crept_[at(s)] + creep_.gains * q;
+      sum += (1.0 / cover_[at(s)] - 1.0) * creep_.energy(own(s, q), own(s, next)) / creep_.share;
+    }
+    return sum;
+  }
+
   /// Energy [J] that changes per covered part of a node's patch at constant place: what a flat end feels that leaves it.
   [[nodiscard]] double by_cover(std::int32_t node) const noexcept {
     const int s = place_[static_cast<std::size_t>(node)];
@@ -142,6 +160,9 @@ class PartialSlip {
 
   static std::size_t at(int s) noexcept { return static_cast<std::size_t>(s); }
   Eigen::VectorBlock<ByPlace, 2> behind(int s) noexcept { return behind_.segment<2>(2 * s); }
+
+  /// q.T q with the compliance of a whole patch by itself, N m.
+  [[nodiscard]] double own(int s, const Eigen::Vector2d& q) const noexcept { return q.dot(own_[at(s)] * q); }
 
   /// How far the forces on the first places move one, m.
   [[nodiscard]] Eigen::Vector2d pushed(int s, int places) const noexcept {
@@ -168,8 +189,9 @@ class PartialSlip {
     soften(s);
     force_.segment<2>(2 * s).setZero();
     behind(s).setZero();
-    moved_.segment<2>(2 * s) = pushed(s, s);
-    if constexpr (remembers<Kind>) moved_.segment<2>(2 * s) += kind.tangential_at_rest(node);
+    rest_.segment<2>(2 * s).setZero();
+    if constexpr (remembers<Kind>) rest_.segment<2>(2 * s) = kind.tangential_at_rest(node);
+    moved_.segment<2>(2 * s) = pushed(s, s) + rest_.segment<2>(2 * s);
     return s;
   }
 
@@ -177,7 +199,8 @@ class PartialSlip {
   template <class Kind>
   void relax(const Kind& kind, int s) noexcept {
     crept_[at(s)] = creep_.stays * crept_[at(s)] + creep_.gains * force_.segment<2>(2 * s);
-    const Eigen::Vector2d now = kind.tangential_at_rest(node_[at(s)]) + besides(s, cover_[at(s)]) + pushed(s, count_);
+    rest_.segment<2>(2 * s) = kind.tangential_at_rest(node_[at(s)]) + besides(s, cover_[at(s)]);
+    const Eigen::Vector2d now = rest_.segment<2>(2 * s) + pushed(s, count_);
     behind(s) += moved_.segment<2>(2 * s) - now;
     moved_.segment<2>(2 * s) = now;
   }
@@ -185,10 +208,11 @@ class PartialSlip {
   /// A smaller part of the patch yields more.
   void cover(int s, double part) noexcept {
     if (part == cover_[at(s)]) return;
-    const Eigen::Vector2d before = besides(s, cover_[at(s)]);
+    const Eigen::Vector2d crept = besides(s, part) - besides(s, cover_[at(s)]);
     cover_[at(s)] = part;
+    rest_.segment<2>(2 * s) += crept;
     const Eigen::Matrix2d block = own_[at(s)] / part;
-    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + besides(s, part) - before;
+    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + crept;
     behind(s) -= more;
     moved_.segment<2>(2 * s) += more;
     compliance_.block<2, 2>(2 * s, 2 * s) = block;
@@ -262,6 +286,7 @@ class PartialSlip {
     force_.segment<2>(2 * s) = force_.segment<2>(2 * last);
     behind_.segment<2>(2 * s) = behind_.segment<2>(2 * last);
     moved_.segment<2>(2 * s) = moved_.segment<2>(2 * last);
+    rest_.segment<2>(2 * s) = rest_.segment<2>(2 * last);
     const Eigen::Index size = 2 * last;
     compliance_.block(2 * s, 0, 2, size) = compliance_.block(2 * last, 0, 2, size);
     compliance_.block(0, 2 * s, size, 2) = compliance_.block(0, 2 * last, size, 2);
@@ -284,6 +309,7 @@ class PartialSlip {
   ByPlace force_ = ByPlace::Zero();   // q, N
   ByPlace behind_ = ByPlace::Zero();  // how far the node is behind the tip, m
   ByPlace moved_ = ByPlace::Zero();   // how far the node has moved, m
+  ByPlace rest_ = ByPlace::Zero();    // the part of it that forces of earlier ticks did, m
   ByPlace target_ = ByPlace::Zero();  // where it would have gone with the tip, m
 };
 

@@ -18,7 +18,7 @@ struct BodyAnswer {
   Vector3<> force = Vector3<>::Zero();       ///< of the body on the tip, N
   Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the pressed patch, weighted by its forces, m
   Vector3<> friction = Vector3<>::Zero();    ///< the part of `force` that drags along the surface, N
-  double energy = 0.0;                       ///< that pressing has stored, J (of the contact: f.g/2)
+  double energy = 0.0;                       ///< in the body at the end of the tick, kinetic and of its springs, J
   double saved = 0.0;                        ///< put in besides, and kept for what snapshots to come ask for (BlendedContact), J
   int nodes = 0;                             ///< pressed
   bool sliding = false;                      ///< the whole patch slides: dynamic friction
@@ -48,9 +48,10 @@ concept Draggable = requires(const Kind& kind) { kind.tangential(0, 0); };
 ///   double at_rest(i)         where node i will be then without any force, m
 ///   void advance(nodes, forces, count)   one period with these forces
 ///   void reset()
-/// A kind may tell nodes that need not be asked: bool surely_above(i, place), at_rest(i) >= place [m], and bool surely_above_all(group,
-/// place), the same of all nodes of a group (BodyNodes::group).
-/// For friction also
+/// A kind with a state tells what it holds: double energy(), or double energy(yielded), J, after advance(), where `yielded` is f.C f with
+/// the compliance of the period [N m]. One without holds half of that. A kind may tell nodes that need not be asked: bool surely_above(i,
+/// place), at_rest(i) >= place [m], and bool surely_above_all(group, place), the same of all nodes of a group (BodyNodes::group). For
+/// friction also
 ///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
 /// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
 /// A kind that creeps tells how what yields besides does: Creep creep().
@@ -76,6 +77,7 @@ class BodyContact {
     if constexpr (Draggable<Kind>)
       if (slip_.on()) drag(tip);
     advance();
+    store();
     return answer_;
   }
 
@@ -264,7 +266,6 @@ class BodyContact {
       // Minus the slope of the stored energy, max f.(g - C f/2), by the tip's place.
       answer_.force -= f * near.slope;
       if (near.cover < 1.0) answer_.force -= (by_cover(a, f) / (near.cover * near.cover)) * near.cover_slope;
-      answer_.energy += 0.5 * f * near.depth;
       answer_.deflection -= (f * inward_[static_cast<std::size_t>(a)]) * nodes_->normal(near.node);
       total += f;
     }
@@ -288,7 +289,6 @@ class BodyContact {
       total += forces_[static_cast<std::size_t>(c)];
       answer_.friction -= nodes_->across(node) * force;
       if (near(c).cover < 1.0) answer_.friction -= slip_.by_cover(node) * near(c).cover_slope;
-      answer_.energy += 0.5 * force.dot(moved);
       tangential_[static_cast<std::size_t>(c)] = force;
     }
     if (total > 0.0) answer_.deflection += along / total;
@@ -300,6 +300,30 @@ class BodyContact {
     if constexpr (requires { kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), 0); })
       if (slip_.on()) return kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), answer_.nodes);
     kind_->advance(pressed_.data(), forces_.data(), answer_.nodes);
+  }
+
+  /// The body's energy at the end of the period, and that of what patches give way more that lie under the tip in part.
+  void store() noexcept {
+    double yielded = 0.0, besides = 0.0;
+    for (int c = 0; c < answer_.nodes; ++c) {
+      const auto a = static_cast<std::size_t>(held_[static_cast<std::size_t>(c)]);
+      const double f = forces_[static_cast<std::size_t>(c)], more = (1.0 / near_[a].cover - 1.0) * own_[a];
+      yielded += f * (near_[a].depth - more * f);
+      Creep creep;
+      if constexpr (creeps) creep = kind_->creep();
+      const double next = creep.stays * crept_[a] + creep.gains * f;
+      besides += more * creep.energy(f * f, next * next) / creep.share;
+    }
+    if (slip_.on()) {
+      yielded += slip_.yielded();
+      besides += slip_.in_parts();
+    }
+    if constexpr (requires { kind_->energy(yielded); })
+      answer_.energy = kind_->energy(yielded) + besides;
+    else if constexpr (requires { kind_->energy(); })
+      answer_.energy = kind_->energy() + besides;
+    else
+      answer_.energy = 0.5 * yielded + besides;
   }
 
   [[nodiscard]] const Near& near(int pressed) const noexcept {

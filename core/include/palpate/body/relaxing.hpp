@@ -16,6 +16,8 @@ namespace palpate {
 /// the time `creep` [s] under a constant force. Poisson's ratio stays, so displacements are the elastic ones of (Lee 1955)
 ///   f / instant + q,   creep q' = (1 - 1 / instant) f - q,
 /// exact over one period with the forces held. Nodes remember their q until it is a millionth of the largest.
+/// With the elastic compliance C that is a spring of C / instant in line with one of (1 - 1 / instant) C that has a dashpot beside it
+/// (Kelvin's form): springs hold f.C f / 2 instant + q.C q / 2 (1 - 1 / instant), dashpots take the rest.
 class Relaxing {
  public:
   static constexpr std::size_t capacity = 512;  ///< nodes that are remembered; beyond it the least are forgotten
@@ -49,10 +51,11 @@ class Relaxing {
 
   /// `nodes` rise; `across` are forces in their tangent planes, or none.
   void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* across, int count) noexcept {
-    double most = 0.0;
     for (std::size_t k = 0; k < count_; ++k) {
-      most = std::max(most, crept_[k] *= stays_);
+      crept_[k] *= stays_;
       across_[k] *= stays_;
+      pressed_[k] = 0.0;
+      dragged_[k].setZero();
     }
     for (int c = 0; c < count; ++c) {
       const auto end = node_.begin() + static_cast<std::ptrdiff_t>(count_);
@@ -66,10 +69,27 @@ class Relaxing {
         node_[k] = nodes[c];
         crept_[k] = 0.0;
         across_[k].setZero();
+        dragged_[k].setZero();
       }
-      crept_[k] += gains_ * forces[c];
-      if (across != nullptr) across_[k] += gains_ * across[c];
-      most = std::max(most, crept_[k]);
+      pressed_[k] = forces[c];
+      if (across != nullptr) dragged_[k] = across[c];
+    }
+    // From q = stays q + gains f: q.C q = stays^2 q.C q + gains f.C (2 stays q + gains f).
+    remembered_ *= stays_ * stays_;
+    for (int c = 0; c < count; ++c) {
+      double sum = 0.0;
+      Eigen::Vector2d along = Eigen::Vector2d::Zero();
+      for (std::size_t k = 0; k < count_; ++k) {
+        sum += elastic_.compliance(nodes[c], node_[k]) * (2.0 * crept_[k] + gains_ * pressed_[k]);
+        if (across != nullptr) along += elastic_.tangential(nodes[c], node_[k]) * (2.0 * across_[k] + gains_ * dragged_[k]);
+      }
+      remembered_ += gains_ * forces[c] * sum;
+      if (across != nullptr) remembered_ += gains_ * across[c].dot(along);
+    }
+    double most = 0.0;
+    for (std::size_t k = 0; k < count_; ++k) {
+      most = std::max(most, crept_[k] += gains_ * pressed_[k]);
+      across_[k] += gains_ * dragged_[k];
     }
     std::size_t kept = 0;
     for (std::size_t k = 0; k < count_; ++k) {
@@ -79,10 +99,17 @@ class Relaxing {
       crept_[kept++] = crept_[k];
     }
     count_ = kept;
+    remembered_ = count_ > 0 ? std::max(remembered_, 0.0) : 0.0;
   }
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
 
-  void reset() noexcept { count_ = 0; }
+  void reset() noexcept {
+    count_ = 0;
+    remembered_ = 0.0;
+  }
+
+  /// Energy in its springs at the end of the last period, J; `yielded` is f.C f with the compliance C within the period [N m].
+  [[nodiscard]] double energy(double yielded) const noexcept { return creep().energy(yielded / share_, remembered_); }
 
  private:
   static constexpr double least = 1e-12;  // N: far below anything that is felt
@@ -93,6 +120,9 @@ class Relaxing {
   std::array<std::int32_t, capacity> node_{};
   std::array<double, capacity> crept_{};            // N
   std::array<Eigen::Vector2d, capacity> across_{};  // the same in the tangent plane, N
+  double remembered_ = 0.0;                         // q.C q of all that was crept, in the tangent planes too, N m
+  std::array<double, capacity> pressed_{};          // forces of the period on the nodes that are remembered, N
+  std::array<Eigen::Vector2d, capacity> dragged_{};
 };
 
 }  // namespace palpate

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
+from threading import Timer
 
 import numpy as np
 import pytest
+import trimesh
+from one_node import one_node
 from palpate import bodies
 from palpate.bodies import Body, BodyError, Material, PressedSolid, Region, Skin, Solid, ball, beyond, block, box, place
+from palpate.cli.main import app
 from palpate.errors import PalpateError, PoseError
 
 MIDDLE = [0.02, 0.02, 0.02]
@@ -85,10 +91,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
     assert Material("5 kPa", "0.3", "1 g/cm^3") == Material(5e3, 0.3, 1000.0)
     assert Material(5e3, skin="2 mm = 50 kPa").skin == Skin("2 mm", "50 kPa") == Skin(2e-3, 50e3)
     assert Region("z < 1 mm", "25 kPa").young == Region.read("z < 1 mm = 25 kPa").young == 25e3
-    assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 0.01 0 0 radius 0.005 m"
-    assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 0.01 0.01 0.01 m"
-    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("z<1e-3m")) == "z < 0.001 m"
-    assert str(place("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 0.01 0 0 radius 0.005 m"
+    assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
+    assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 10 10 10 mm"
+    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("z<1e-3m")) == "z < 1 mm"
+    assert str(place("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 10 0 0 radius 5 mm"
     felt, same = body.press(TEXT, "8 mm", "1 mm", tip="flat"), body.press(MIDDLE, 8e-3, 1e-3, tip="flat")
     assert felt.force == pytest.approx(same.force, rel=1e-12)
     assert np.array_equal(body.follow([TEXT], "8 mm").force, body.follow([MIDDLE], 8e-3).force)
@@ -147,6 +153,77 @@ def test_a_mistake_is_one_sentence(body: Body, wrong: Callable[[Body], object], 
     with pytest.raises(PalpateError, match=sentence) as caught:
         wrong(body)
     assert isinstance(caught.value, BodyError | PoseError)
+
+
+COMMANDS: list[tuple[str, str]] = [
+    ("build none.stl --young 5kPa", "none.stl: there is no such file"),
+    ("build folder --unit mm --young 5kPa", "folder: a folder; give the mesh's file"),
+    ("build . --unit mm --young 5kPa", ".: a folder"),
+    ("build block.h5 --unit mm --young 5kPa", "block.h5: no mesh; if it is a body, it is built already"),
+    ("build ball.stl --young 5kPa --fixed z<1mm", "ball.stl: say the unit"),
+    ("build ball.stl --unit kPa --young 5kPa --fixed z<1mm", 'unit: "kPa" is no unit of length'),
+    ("build ball.stl --unit mm --young 5kPa", "nothing is fixed"),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<-12", 'no unit, and a length is needed; write it as "-12 mm"'),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<nan", '"z<nan" is no place'),
+    ("build ball.stl --unit mm --young 5kPa --fixed w<1mm", '"w<1mm" is no place'),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm --skin 2mm", 'is written as "2 mm = 50 kPa"'),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o w.txt", "a body is an HDF5 file, named for example w.h5"),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o folder.h5", "cannot be written: Is a directory"),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o w.txt/b.h5", "w.txt is a file, not a folder"),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm", "ball.stl: the file holds no triangles that can be read"),
+    ("build w.txt --unit mm --young 5kPa --fixed z<1mm", "w.txt: no mesh by its name: closed surfaces are .stl"),
+    ("build bad.msh --unit mm --young 5kPa --fixed z<1mm", "bad.msh: not a whole volume mesh that meshio can read"),
+    ("phantom --depth nan", 'depth: "nan" is not a finite number'),
+    ("phantom --depth inf", 'depth: "inf" is not a finite number'),
+    ("phantom --contrast 0", "contrast: 0 must be positive"),
+    ("phantom -o w.txt", "w.txt: a body is an HDF5 file"),
+    (
+        "show ball.stl",
+        "a mesh, which is no body yet; make one of it, for example with: palpate body build ball.stl --unit mm",
+    ),
+    ("show folder", "folder: a folder; give the body's file"),
+    ("show w.txt", "w.txt: not a body (.h5)"),
+    ("validate --paths 0", "paths: 0 must be a whole number, 1 or more"),
+]
+
+
+def test_a_command_ends_in_one_sentence_and_spoils_nothing(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2, the sentence, no file made or changed, and nothing else printed but stages."""
+    monkeypatch.chdir(file.parent)
+    Path("folder.h5").mkdir()
+    Path("folder").mkdir()
+    for name, text in (("w.txt", "notes"), ("ball.stl", "solid"), ("bad.msh", "$MeshFormat\n4.1 0 8\n")):
+        Path(name).write_text(text)
+    before = {path: path.stat().st_mtime_ns for path in file.parent.iterdir()}
+    for command, sentence in COMMANDS:
+        assert app(["body", *command.split()], standalone_mode=False) == 2
+        said = " ".join(capfd.readouterr().err.split())
+        assert sentence in said, said
+        assert "Traceback" not in said
+    assert {path: path.stat().st_mtime_ns for path in file.parent.iterdir()} == before
+
+
+def test_a_body_of_a_short_record_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that a program of its own wrote: what is not said there is not needed."""
+    assert app(["body", "show", str(one_node(100.0, tmp_path / "ö β.h5"))], standalone_mode=False) in (None, 0)
+    assert "one node: 1 tetrahedra, 4 vertices, 1 of them touchable" in capsys.readouterr().out
+
+
+def test_ctrl_c_while_meshing_reaches_python() -> None:
+    """fTetWild takes the signal for itself where it runs: here it would end the tests."""
+    pytest.importorskip("pytetwild", exc_type=ImportError)
+    sphere = trimesh.creation.icosphere(3, 0.02)
+    timer = Timer(0.7, os.kill, (os.getpid(), signal.SIGINT))
+
+    def fill() -> None:
+        timer.start()
+        bodies.fill(sphere.vertices, sphere.faces, "1 mm")
+        timer.join()  # on a quicker machine
+
+    with pytest.raises(KeyboardInterrupt):
+        fill()
 
 
 def test_a_pressed_solid_refuses_what_is_no_tip() -> None:

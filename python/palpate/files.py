@@ -8,11 +8,13 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from errno import EACCES, EISDIR, ENOTDIR
+from os import strerror
 from pathlib import Path
 
 from palpate.errors import OutputError
 
-__all__ = ["write_folder", "write_whole"]
+__all__ = ["check_writable", "write_folder", "write_whole"]
 
 Writer = Callable[[Path], object]
 
@@ -38,6 +40,23 @@ def write_whole(path: str | Path, write: Writer) -> Path:
                 part.unlink()
             raise
     return target
+
+
+def check_writable(path: str | Path) -> None:
+    """Say before long work that `write_whole` could not put a file there.
+
+    Raises:
+        OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
+    """
+    target = Path(path)
+    with _told(target):
+        if target.is_dir():
+            raise IsADirectoryError(EISDIR, strerror(EISDIR))
+        there = next(folder for folder in target.absolute().parents if folder.exists())
+        if not there.is_dir():
+            raise NotADirectoryError(ENOTDIR, f"{there} is a file, not a folder")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise PermissionError(EACCES, f"no permission to write to the folder {there}")
 
 
 def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:

@@ -187,8 +187,8 @@ class Body:
         plain = Body(contents, PLAIN._replace(friction=coefficients))
         if self.kind.name == PLAIN.name:
             return plain
-        if contents is self.contents and "network" in self.__dict__:
-            plain.network = self.network
+        if contents is self.contents:  # what took time to find
+            plain.__dict__ |= {name: self.__dict__[name] for name in ("network", "spline_law") if name in self.__dict__}
         made: Body = getattr(plain, self.kind.name)(**self.kind.options)
         return made
 
@@ -366,8 +366,9 @@ class Body:
             BodyError: a number is impossible.
         """
         options = {} if period is None else {"period": positive(period, "s", "period")}
-        law = self.spline_law
-        if control_spacing is not None:
+        if control_spacing is None:
+            law = self.spline_law
+        else:
             options["control_spacing"] = wide = positive(control_spacing, "m", "control_spacing")
             least = 0.25 * float(np.sqrt(self.contents.areas.mean()))
             if not least <= wide <= self.extent:

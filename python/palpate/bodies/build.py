@@ -16,10 +16,10 @@ from palpate.bodies.elements import Elements, check_order
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
-from palpate.bodies.numbers import positive, whole
+from palpate.bodies.numbers import positive, unit_of_length, whole
 from palpate.bodies.places import Place, place
-from palpate.bodies.store import Contents, write
-from palpate.bodies.volume import SURFACES, Volume, fill, read_volume
+from palpate.bodies.store import Contents, check_target, write
+from palpate.bodies.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
 from palpate.touch.mesh import Mesh
 
 __all__ = ["build", "volume_of"]
@@ -68,14 +68,19 @@ def build(
         BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
         OutputError: the file cannot be written.
     """
+    _check_source(source, unit)
+    if output is not None:
+        check_target(output)
     check_order(order)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, skin)
-    places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed)
+    places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed or ())
     if not places:
-        raise BodyError("nothing is fixed: the body would float away; fix a part of it, such as z < 1 mm")
+        raise BodyError(
+            'nothing is fixed, so the body would float away: fix a part of it, fixed="z < 1 mm" (--fixed "z < 1 mm")'
+        )
     where = None if touch is None else place(touch)
     held = [place(text) for text in places]
     stages.begin("meshing", "meshing")
@@ -100,8 +105,8 @@ def build(
         "young_Pa": material.young,
         "poisson": material.poisson,
         "density_kg_per_m3": material.density,
-        "regions": [f"{region.where} = {region.young:g} Pa" for region in material.regions],
-        "skin": None if material.skin is None else f"{material.skin.thickness:g} m = {material.skin.young:g} Pa",
+        "regions": [str(region) for region in material.regions],
+        "skin": None if material.skin is None else str(material.skin),
         "fixed": [str(p) for p in held],
         "touch": None if where is None else str(where),
         "order": order,
@@ -150,9 +155,9 @@ def volume_of(
     """Return the tetrahedra of `source`, filling a surface; see `build`."""
     if isinstance(source, Volume):
         return source
+    _check_source(source, unit)
     if isinstance(source, (str, Path)):
-        if unit is None:
-            raise BodyError(f"{source}: say the unit that the file is written in, such as mm")
+        assert unit is not None  # checked
         if Path(source).suffix.lower() not in SURFACES:
             return read_volume(source, unit=unit)
         mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
@@ -167,6 +172,18 @@ def volume_of(
     if step > mesh.extent:
         raise BodyError(f"spacing: {step:g} m is more than the body is across, {mesh.extent:.4g} m")
     return fill(mesh.vertices, mesh.triangles, step, source=name)
+
+
+def _check_source(source: object, unit: str | None) -> None:
+    """Raise BodyError if there is nothing to read, before all else."""
+    if isinstance(source, Volume | Mesh):
+        return
+    if not isinstance(source, str | Path):
+        raise BodyError(f"a body is made of a Volume, a Mesh or a mesh's file, not of {source!r}")
+    check_mesh_file(source)
+    if unit is None:
+        raise BodyError(f'{source}: say the unit that the file is written in, such as unit="mm" (--unit mm)')
+    unit_of_length(unit)
 
 
 def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> Contents:

@@ -28,6 +28,9 @@ class Region:
         found = place(where)
         _set(self, where=found, young=_young(young, f"region {found}"))
 
+    def __str__(self) -> str:
+        return f"{self.where} = {1e-3 * self.young:g} kPa"
+
     @classmethod
     def read(cls, text: str) -> Region:
         """Read "sphere 50 50 40 radius 7.5 mm = 25 kPa"."""
@@ -44,6 +47,9 @@ class Skin:
 
     def __init__(self, thickness: float | str, young: float | str) -> None:
         _set(self, thickness=positive(thickness, "m", "skin"), young=_young(young, "skin"))
+
+    def __str__(self) -> str:
+        return f"{1e3 * self.thickness:g} mm = {1e-3 * self.young:g} kPa"
 
     @classmethod
     def read(cls, text: str) -> Skin:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError
 from palpate.errors import PoseError
-from palpate.units import in_si
+from palpate.units import in_si, parse
 
 __all__ = [
     "check_tip",
@@ -22,6 +22,7 @@ __all__ = [
     "number",
     "positive",
     "stiffening",
+    "unit_of_length",
     "whole",
 ]
 
@@ -55,6 +56,14 @@ def not_negative(value: float | str, unit: str, field: str) -> float:
     if found < 0.0:
         raise BodyError(f"{field}: {_said(value, unit)} must not be negative")
     return found
+
+
+def unit_of_length(unit: str) -> float:
+    """Return how many m the unit is, such as "mm"; BodyError if it is none."""
+    try:
+        return parse(f"1 {unit}", "m")
+    except ValueError:
+        raise BodyError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
 
 
 def whole(value: float | str, field: str, low: int, high: int | None = None) -> int:

@@ -42,7 +42,7 @@ def box(low: Sequence[float | str], high: Sequence[float | str]) -> Place:
     a, b = lengths(low, "box"), lengths(high, "box")
     if a.shape != (3,) or b.shape != (3,) or not (a <= b).all():
         raise BodyError(f"a box goes from its lower to its upper corner (3 numbers each); this from {a} to {b}")
-    return Place(f"box {_row(a)} to {_row(b)} m", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
+    return Place(f"box {_row(a)} to {_row(b)} mm", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
 
 
 def ball(centre: Sequence[float | str], radius: float | str) -> Place:
@@ -50,7 +50,7 @@ def ball(centre: Sequence[float | str], radius: float | str) -> Place:
     c, r = lengths(centre, "sphere"), positive(radius, "m", "radius")
     if c.shape != (3,) or not np.isfinite(c).all():
         raise BodyError(f"a sphere has a centre of three numbers, not {c}")
-    return Place(f"sphere {_row(c)} radius {r:g} m", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
+    return Place(f"sphere {_row(c)} radius {1e3 * r:g} mm", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
 
 
 def beyond(axis: str, sign: str, value: float | str) -> Place:
@@ -58,7 +58,7 @@ def beyond(axis: str, sign: str, value: float | str) -> Place:
     if axis not in tuple(_AXES) or sign not in ("<", ">"):
         raise BodyError(f"one side of a plane is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
     at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign == ">" else -1.0
-    return Place(f"{axis} {sign} {at:g} m", lambda x: s * (x[:, i] - at) > 0)
+    return Place(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > 0)
 
 
 def on_surface(where: Place | str) -> Place:
@@ -88,9 +88,10 @@ def place(text: str | Place) -> Place:
         centre, radius = _groups(rest, "radius", text)
         if len(centre) == 3 and len(radius) == 1:
             return ball(centre, radius[0])
-    if len(words) in (3, 4) and words[1] in ("<", ">"):
-        (value,), _ = _groups([*words[2:], "end"], "end", text)
-        return beyond(name, words[1], value)
+    if name in tuple(_AXES) and len(words) in (3, 4) and words[1] in ("<", ">"):
+        _, value = _groups(words[2:], "", text)
+        if len(value) == 1:
+            return beyond(name, words[1], value[0])
     raise BodyError(f'"{text}" is no place; write {_EXAMPLES}')
 
 
@@ -110,4 +111,4 @@ def _groups(words: list[str], between: str, text: str) -> tuple[list[float], lis
 
 
 def _row(values: Array) -> str:
-    return " ".join(f"{value:g}" for value in values)
+    return " ".join(f"{1e3 * value:g}" for value in values)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
 from palpate.bodies.volume import SURFACES, VOLUMES
-from palpate.files import write_whole
+from palpate.files import check_writable, write_whole
 
-__all__ = ["VERSION", "Contents", "read", "write"]
+__all__ = ["VERSION", "Contents", "check_target", "read", "write"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -55,8 +55,17 @@ class Contents:
     record: Mapping[str, Any]  # how it was made
 
 
+def check_target(path: str | Path) -> None:
+    """Raise BodyError or OutputError if a body cannot be written to `path`: before the work of building it."""
+    file = Path(path)
+    if file.suffix.lower() != ".h5":
+        raise BodyError(f"{file}: a body is an HDF5 file, named for example {(file.stem or 'body') + '.h5'}")
+    check_writable(file)
+
+
 def write(contents: Contents, path: str | Path) -> Path:
-    """Write a body to `path`, whole or not at all; raises OutputError."""
+    """Write a body to `path` (.h5), whole or not at all; raises as `check_target`."""
+    check_target(path)
 
     def fill(part: Path) -> None:
         with h5py.File(part, "w") as store:
@@ -94,7 +103,8 @@ def read(path: str | Path) -> Contents:
     except (OSError, KeyError, ValueError) as problem:
         if isinstance(problem, BodyError):
             raise
-        raise BodyError(f"{file}: not a whole file of a body, perhaps cut short ({problem}); build it again") from None
+        missing = "" if isinstance(problem, OSError) else f" ({problem})"
+        raise BodyError(f"{file}: not a whole file of a body, perhaps cut short{missing}; build it again") from None
     contents = Contents(**arrays, record=record)
     _check(contents, file)
     return contents

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 from palpate.bodies import punch
 from palpate.bodies.body import Body
 from palpate.bodies.build import build
+from palpate.bodies.numbers import whole
 from palpate.bodies.passivity import energy_out, small_body
 from palpate.bodies.places import beyond, box
 from palpate.bodies.spline import weights
@@ -64,6 +65,7 @@ def validate(progress: Tell | None = None, *, paths: int = 10_000) -> list[Row]:
 
     `paths`: random closed paths for each kind of body.
     """
+    whole(paths, "paths", 1)
     tell = progress if progress is not None else (lambda _text, _fraction: None)
     tell("sphere on a deep block", 0.0)
     rows = [_row("sphere on a deep block, over Hertz", hertz(5e-3 / 3) - 1.0, 0.05)]

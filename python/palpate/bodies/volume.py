@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from contextlib import chdir
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError, BodyWarning
-from palpate.bodies.numbers import length, lengths, positive
+from palpate.bodies.mesher import tetrahedra
+from palpate.bodies.numbers import length, lengths, positive, unit_of_length
 from palpate.touch.diagnosis import lengths as sizes
-from palpate.units import quantity
 
-__all__ = ["SURFACES", "VOLUMES", "Volume", "block", "fill", "grid", "read_volume"]
+__all__ = ["SURFACES", "VOLUMES", "Volume", "block", "check_mesh_file", "fill", "grid", "read_volume"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -164,21 +164,37 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
 
     Raises BodyError if there is no such file, it cannot be read, or it holds no tetrahedra.
     """
-    file, scale = Path(path), quantity(f"1 {unit}", "m", "unit", error=BodyError)
-    if not file.is_file():
-        raise BodyError(f"{file}: there is no such file")
+    check_mesh_file(path)
+    file, scale = Path(path), unit_of_length(unit)
     try:
         import meshio
     except ImportError:
         raise BodyError(f"{file}: volume meshes are read with meshio: pip install 'palpate[body]'") from None
+    if not any(file.name.lower().endswith(ending) for ending in meshio.extension_to_filetypes):
+        closed, filled = ", ".join(SURFACES), ", ".join(VOLUMES)
+        raise BodyError(f"{file}: no mesh by its name: closed surfaces are {closed}; tetrahedra {filled} and more")
+    said = StringIO()
     try:
-        whole = meshio.read(file)
+        with redirect_stdout(said), redirect_stderr(said):
+            whole = meshio.read(file)
         cells = [cells.data[:, :4] for cells in whole.cells if cells.type in ("tetra", "tetra10")]
-    except (Exception, SystemExit) as problem:  # readers raise whatever they like, and meshio exits
-        raise BodyError(f"{file}: not a readable volume mesh ({problem})") from problem
+    except (Exception, SystemExit) as problem:  # readers raise whatever they like, and meshio prints and exits
+        told = " ".join(said.getvalue().split()) if isinstance(problem, SystemExit) else str(problem)
+        raise BodyError(f"{file}: not a whole volume mesh that meshio can read ({told})") from None
     if not cells:
         raise BodyError(f"{file}: the file holds no tetrahedra; a closed surface (STL, OBJ, PLY) is filled with them")
     return Volume(np.asarray(whole.points, dtype=float)[:, :3] * scale, np.concatenate(cells), file.name)
+
+
+def check_mesh_file(path: str | Path) -> None:
+    """Raise BodyError if a mesh cannot lie in that file: there is none, or it is something else."""
+    file = Path(path)
+    if file.is_dir():
+        raise BodyError(f"{file}: a folder; give the mesh's file in it")
+    if not file.is_file():
+        raise BodyError(f"{file}: there is no such file")
+    if file.suffix.lower() == ".h5":
+        raise BodyError(f"{file}: no mesh; if it is a body, it is built already: palpate body show {file}")
 
 
 def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, source: str = "given surface") -> Volume:
@@ -188,23 +204,16 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, sou
     installed, or what it makes has another volume than the surface encloses (the surface is open or pierces itself).
     """
     step = positive(spacing, "m", "spacing")
-    try:
-        from pytetwild import tetrahedralize
-    except ImportError:
-        raise BodyError(
-            "a surface is filled by fTetWild: pip install 'palpate[mesher]', or bring tetrahedra (.msh, .vtk)"
-        ) from None
     corners, faces = np.array(vertices, dtype=float, order="C"), np.array(triangles, dtype=np.int32, order="C")
     enclosed = _enclosed(corners, faces)
     _check_count(6.0 * 2.0**0.5 * abs(enclosed) / step**3, source)  # as many as regular ones would be
     try:
-        with TemporaryDirectory() as place, chdir(place):  # it leaves a file where it is called
-            points, cells = tetrahedralize(corners, faces, edge_length_abs=step, quiet=True)[:2]
-    except Exception as problem:  # the mesher's own errors
-        raise BodyError(f"{source}: the surface cannot be filled ({problem})") from problem
+        points, cells = tetrahedra(corners, faces, step)
+    except BodyError as problem:
+        raise BodyError(f"{source}: {problem}") from None
     if len(cells) == 0:
         raise BodyError(f"{source}: the surface cannot be filled: no tetrahedron lies inside; is it closed?")
-    found = Volume(np.asarray(points), np.asarray(cells), source)
+    found = Volume(points, cells, source)
     if abs(found.size - enclosed) > 0.1 * abs(enclosed):
         raise BodyError(
             f"{source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but its filling has "

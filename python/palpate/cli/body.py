@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from palpate.cli.console import errors, output, progress, stages
+
+if TYPE_CHECKING:
+    from palpate.bodies import Body
 
 __all__ = ["build", "phantom", "show", "validate"]
 
@@ -54,7 +58,7 @@ def build(
         from palpate.bodies import BodyWarning
         from palpate.bodies import build as make
 
-        target = out if out is not None else source.with_suffix(".h5")
+        target = out if out is not None else source.parent / f"{source.stem}.h5"
         body = make(
             source,
             young=young,
@@ -75,7 +79,7 @@ def build(
     for warning in told:
         if issubclass(warning.category, BodyWarning):
             errors.print(f"[yellow]warning:[/] {escape(str(warning.message))}", soft_wrap=True)
-    _tell(body.record, len(body.nodes))
+    _tell(body)
     output.print(f"  {target}", style="dim", markup=False, soft_wrap=True)
 
 
@@ -91,19 +95,10 @@ def phantom(
     Example: palpate body phantom --contrast 5 --depth "10 mm" -o phantom.h5
     """
     with stages("starting") as tell:
-        from palpate.bodies import BodyError
         from palpate.bodies import phantom as make
-        from palpate.units import quantity
 
-        body = make(
-            young=quantity(young, "Pa", "young", error=BodyError),
-            contrast=contrast,
-            depth=quantity(depth, "m", "depth", error=BodyError),
-            spacing=quantity(spacing, "m", "spacing", error=BodyError),
-            output=out,
-            progress=tell,
-        )
-    _tell(body.record, len(body.nodes))
+        body = make(young=young, contrast=contrast, depth=depth, spacing=spacing, output=out, progress=tell)
+    _tell(body)
     output.print(f"  {out}", style="dim", markup=False, soft_wrap=True)
 
 
@@ -112,19 +107,56 @@ def show(file: Annotated[Path, typer.Argument(help="A body (.h5).")]) -> None:
     from palpate.bodies import load
 
     body = load(file)
-    _tell(body.record, len(body.nodes))
-    for key, value in body.record.items():
-        output.print(f"  {key}: {value}", style="dim", markup=False, soft_wrap=True)
+    _tell(body)
+    for name, text in _rows(body):
+        output.print(f"  {name:<12}{text}", markup=False, soft_wrap=True)
 
 
-def _tell(record: object, nodes: int) -> None:
-    assert isinstance(record, dict)
+def _tell(body: Body) -> None:
+    seconds = sum(time for stage, time in body.record.get("seconds", {}).items() if stage != "meshing")
     output.print(
-        f"[bold]{escape(str(record['source']))}[/]: {record['tetrahedra']} tetrahedra, {record['nodes']} nodes, "
-        f"{nodes} of them touchable; {36e-6 * nodes**2:.3g} MB, solved in "
-        f"{sum(s for stage, s in record['seconds'].items() if stage != 'meshing'):.3g} s",
+        f"[bold]{escape(str(body.record['source']))}[/]: {len(body.contents.tetrahedra):,} tetrahedra, "
+        f"{len(body.contents.vertices):,} vertices, {len(body.nodes):,} of them touchable; "
+        f"{36e-6 * len(body.nodes) ** 2:.3g} MB, solved in {seconds:.3g} s",
         soft_wrap=True,
     )
+
+
+def _rows(body: Body) -> Iterator[tuple[str, str]]:
+    """What a body is made of and how, for people: a name and a text each."""
+    import numpy as np
+
+    from palpate.touch.diagnosis import lengths
+
+    told = body.record.get
+    x, y, z = np.ptp(body.points, axis=0).tolist()
+    yield "size", f"{lengths((x, y, z))}, {1e6 * body.volume.size:.4g} cm³"
+    young = body.contents.young / 1e3
+    spread = f"{young.min():.4g}" if np.ptp(young) < 1e-6 * young.max() else f"{young.min():.4g} to {young.max():.4g}"
+    yield (
+        "material",
+        (f"Young's modulus {spread} kPa, Poisson's ratio {told('poisson')}, {told('density_kg_per_m3', 0.0):g} kg/m³"),
+    )
+    for region in told("regions") or ():
+        yield "region", str(region)
+    if told("skin"):
+        yield "skin", str(told("skin"))
+    yield "fixed", ", ".join(told("fixed") or ["?"])
+    yield "touchable", told("touch") or "all of its surface that is not fixed"
+    elements = {1: "linear", 2: "quadratic"}.get(told("order", 0), "?")
+    yield "elements", f"{elements}, {told('nodes', 0):,} nodes, {told('unknowns', 0):,} unknowns"
+    frequencies = body.contents.frequencies / (2 * np.pi)
+    yield (
+        "modes",
+        (
+            f"{len(frequencies)}, {frequencies.min():.3g} to {frequencies.max():.3g} Hz"
+            if len(frequencies)
+            else "none: the kind modal needs some (--modes 100)"
+        ),
+    )
+    stages = ", ".join(f"{stage} {time:.3g} s" for stage, time in told("seconds", {}).items())
+    yield "built in", f"{1e-9 * told('memory_bytes', 0.0):.2g} GB, {1e-9 * told('operations', 0.0):.3g} Gflop; {stages}"
+    yield "built with", ", ".join(f"{name} {version}" for name, version in told("versions", {}).items())
 
 
 def validate(

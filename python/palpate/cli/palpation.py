@@ -30,13 +30,13 @@ def palpation(
     with progress("starting") as tell:
         from palpate.palpation import palpation_page, press_all, sweep_phantom
 
-        held = press_all(progress=lambda text, share: tell(text, 0.3 * share))
         sweep = sweep_phantom(
             contrast=contrast,
             depth=depth,
             spacing=spacing,
-            progress=lambda text, share: tell(f"phantom: {text}", 0.3 + 0.6 * share),
+            progress=lambda text, share: tell(f"phantom: {text}", 0.6 * share),
         )
+        held = press_all(progress=lambda text, share: tell(text, 0.6 + 0.3 * share))
         tell("drawing", 0.9)
         page = palpation_page(held, sweep)
         found = {"bodies": [one.as_dict() for one in held], "phantom": sweep.as_dict()}

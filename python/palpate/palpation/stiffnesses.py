@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, Final
 
+from palpate.errors import ScenarioError
 from palpate.loop.body import scenario_body
 from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.palpation import Palpation, palpation
@@ -14,6 +15,7 @@ from palpate.loop.simulate import simulate
 from palpate.loop.trace import Trace
 from palpate.scenario import Scenario
 from palpate.stability import ContactStability, contact_stability
+from palpate.units import in_si
 
 __all__ = ["LAWS", "POSE", "YOUNG", "Held", "press_all", "press_scenario"]
 
@@ -81,19 +83,26 @@ def plain(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any] | None = None) -> dict[str, Any]:
+def press_scenario(
+    young: float | str, law: str, stiffness: float | str, body: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """Return one run as its file would have it.
 
     Args:
-        young: Young's modulus, Pa.
+        young: Young's modulus, Pa or text.
         law: of `LAWS`.
-        stiffness: of the contact as the press expects it, N/m.
+        stiffness: of the contact as the press expects it, N/m or text.
         body: [object.body] of 10 kPa; the block if not given.
+
+    Raises:
+        ScenarioError: the law is unknown, or a number is not positive or cannot be read.
     """
-    options = LAWS[law]
-    press = min(stiffness * DEPTH, MOST)
+    if law not in LAWS:
+        raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
+    options, modulus, expected = LAWS[law], _positive(young, "Pa", "young"), _positive(stiffness, "N/m", "stiffness")
+    press = min(expected * DEPTH, MOST)
     if options is None:  # the hand's own spring is pressed, too
-        press *= 1.0 + STIFFNESS / stiffness
+        press *= 1.0 + STIFFNESS / expected
     lead = STIFFNESS * SLIDE
     # time, part of the press, part of the slide
     course = (
@@ -109,7 +118,7 @@ def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any
     pressed = [[f"{t:g} s", *_force(0.0, part * press)] for t, part, _ in course]
     led = [[f"{t:g} s", *_force(way * lead, part * press if options is None else 0.0)] for t, part, way in course]
     return {
-        "title": f"A body of {young / 1e3:g} kPa, {law}",
+        "title": f"A body of {modulus / 1e3:g} kPa, {law}",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "impedance_display" if options is None else "force_tracking"},
@@ -118,11 +127,18 @@ def press_scenario(young: float, law: str, stiffness: float, body: dict[str, Any
         "object": {
             "kind": "body",
             "position": [f"{SLIDE / 2:g} m", "0 m", "-0.2 mm"],
-            "body": {**(BLOCK if body is None else body), "stiffer": young / _BLOCK_YOUNG},
+            "body": {**(BLOCK if body is None else body), "stiffer": modulus / _BLOCK_YOUNG},
         },
         "controller": {"kind": "none"} if options is None else dict(options),
         "run": {"duration": "4 s"},
     }
+
+
+def _positive(value: float | str, unit: str, field: str) -> float:
+    found = in_si(value, unit, field)
+    if not 0.0 < found < inf:
+        raise ScenarioError(f"{field}: {found:g} {unit} must be positive and finite")
+    return found
 
 
 def _force(x: float, z: float) -> list[str]:
@@ -130,13 +146,14 @@ def _force(x: float, z: float) -> list[str]:
 
 
 def press_all(
-    young: Sequence[float] = YOUNG,
+    young: Sequence[float | str] = YOUNG,
     laws: Sequence[str] = tuple(LAWS),
     *,
     body: dict[str, Any] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> list[Held]:
-    """Run every law on every body; `progress` is told what, and the share done."""
+    """Run every law on a body of every Young's modulus, Pa or text; `progress` is told what, and the share done."""
+    moduli = [_positive(modulus, "Pa", "young") for modulus in young]
     tell = progress if progress is not None else (lambda _text, _share: None)
     tell("making the block", 0.0)
     ten = scenario_body(Scenario.from_dict(press_scenario(_BLOCK_YOUNG, "shown as it is", 1.0, body)), tell)
@@ -144,8 +161,8 @@ def press_all(
     radius = 8e-3
     stiffness = float(ten.press((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
     runs = []
-    for number, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in young):
-        tell(f"{modulus / 1e3:g} kPa, {law}", number / (len(young) * len(laws)))
+    for number, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in moduli):
+        tell(f"{modulus / 1e3:g} kPa, {law}", number / (len(moduli) * len(laws)))
         trace = simulate(press_scenario(modulus, law, stiffness * modulus / _BLOCK_YOUNG, body))
         found = palpation(trace)
         if found is None:

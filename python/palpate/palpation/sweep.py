@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.errors import ScenarioError
 from palpate.loop.body import scenario_body
 from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.palpation import JND
@@ -16,6 +17,7 @@ from palpate.loop.simulate import simulate
 from palpate.loop.trace import Trace
 from palpate.palpation.stiffnesses import LAWS, PERIOD, POSE
 from palpate.scenario import Scenario
+from palpate.units import in_si, write
 
 __all__ = ["AWAY", "JND", "Felt", "Sweep", "felt", "sweep_phantom", "sweep_scenario"]
 
@@ -88,37 +90,48 @@ class Sweep:
 
 def sweep_phantom(
     *,
-    contrast: float = 5.0,
-    depth: str = "5 mm",
-    spacing: str = "5 mm",
+    contrast: float | str = 5.0,
+    depth: float | str = "5 mm",
+    spacing: float | str = "5 mm",
     progress: Callable[[str, float], None] | None = None,
 ) -> Sweep:
     """Sweep over the phantom with a nodule `contrast` times as stiff, its top `depth` deep, and over one without.
 
-    Both are kept where scenarios keep bodies (`palpate.loop.body.kept_at`); `progress` hears of their making.
+    `depth` and the `spacing` of its cells in m, or text. Both are kept where scenarios keep bodies
+    (`palpate.loop.body.kept_at`); `progress` hears of their making.
 
     Raises:
         ScenarioError: such a phantom cannot be made.
     """
-    body = {"shape": "phantom", "depth": depth, "spacing": spacing, "radius": "8 mm", "tip": "flat"}
+    deep, stiff = in_si(depth, "m", "depth"), in_si(contrast, "", "contrast")
+    cells = write(in_si(spacing, "m", "spacing"), "m")
+    body = {"shape": "phantom", "depth": write(deep, "m"), "spacing": cells, "radius": "8 mm", "tip": "flat"}
     traces = []
-    for times in (contrast, 1.0):
+    for times in (stiff, 1.0):
         scenario = Scenario.from_dict(sweep_scenario({**body, "contrast": times}))
         scenario_body(scenario, progress)
         traces.append(simulate(scenario))
     lump, plain = (felt(trace) for trace in traces)
-    return Sweep(f"A nodule {contrast:g} times as stiff, {depth} deep", traces[0], lump, plain)
+    return Sweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
 
 
-def sweep_scenario(body: dict[str, Any], *, press: float = 0.6, law: str = "LQG", title: str = "") -> dict[str, Any]:
-    """Return a press of `press`, N, and a sweep along x over the middle of a body, as their file would have it.
+def sweep_scenario(
+    body: dict[str, Any], *, press: float | str = 0.6, law: str = "LQG", title: str = ""
+) -> dict[str, Any]:
+    """Return a press of `press` and a sweep along x over the middle of a body, as their file would have it.
 
     Args:
         body: [object.body]: a phantom or a file, its origin in the middle of its top.
-        press: along -z, held by the controller.
+        press: along -z, N or text, held by the controller.
         law: "lead–lag" or "LQG".
         title: of the scenario.
+
+    Raises:
+        ScenarioError: the law is unknown, or the press cannot be read.
     """
+    if law not in LAWS:
+        raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
+    force = in_si(press, "N", "press")
     end = FROM + LENGTH / SPEED
     lead = STIFFNESS * LENGTH
     return {
@@ -126,7 +139,7 @@ def sweep_scenario(body: dict[str, Any], *, press: float = 0.6, law: str = "LQG"
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "force_tracking"},
-        "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-press:g} N"]},
+        "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-force:g} N"]},
         "operator": loose_grip(
             [
                 ["0 s", "0 N", "0 N", "0 N"],
@@ -141,16 +154,26 @@ def sweep_scenario(body: dict[str, Any], *, press: float = 0.6, law: str = "LQG"
     }
 
 
-def felt(trace: Trace, nodule: float = 7.5e-3) -> Felt:
-    """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m."""
+def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
+    """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m or text.
+
+    Raises:
+        ScenarioError: the trace is not that of such a sweep: the tip does not touch both over the nodule and beside it.
+    """
+    radius = in_si(nodule, "m", "nodule")
     moving = (trace.time > FROM + 0.2) & (trace["touching"][:, 0] > 0.0)
     place = trace["tip"][moving, 0] - trace["tip"][0, 0]
     deflection = np.linalg.norm(trace["deflection"][moving], axis=1)
     stiffness = np.linalg.norm(trace["object_force"][moving], axis=1) / deflection
-    away = (np.abs(place) > AWAY[0]) & (np.abs(place) < AWAY[1])
+    near, away = np.abs(place) < radius, (np.abs(place) > AWAY[0]) & (np.abs(place) < AWAY[1])
+    if not (near.any() and away.any()):
+        raise ScenarioError(
+            f"the tip touches nothing within {1e3 * radius:g} mm of the middle of the sweep, or "
+            f"{1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm beside it: this is no sweep over a phantom"
+        )
     return Felt(
         place,
         stiffness,
-        over=float(stiffness[np.abs(place) < nodule].max()),
+        over=float(stiffness[near].max()),
         beside=float(np.median(stiffness[away])),
     )

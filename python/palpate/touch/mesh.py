@@ -208,7 +208,7 @@ def _read(path: Path) -> tuple[Any, Any]:
     except Exception as problem:  # readers raise whatever they like
         raise MeshError(f"{path}: not a readable {kind or 'mesh'} file ({problem})") from problem
     if len(faces) == 0:
-        raise MeshError(f"{path}: the file holds no triangles")
+        raise MeshError(f"{path}: the file holds no triangles that can be read: it is empty, cut short or no mesh")
     return np.asarray(vertices), np.asarray(faces)
 
 

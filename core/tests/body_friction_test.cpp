@@ -181,7 +181,7 @@ TEST(BodyContact, HoldsBreaksAwayAndSlides) {
   EXPECT_TRUE(contact.last().sliding);
   for (int k = 0; k < 100; ++k) contact.step(tip);
   const Vector3<> force = contact.last().force;
-  for (int k = 0; k < 10000; ++k) contact.step(tip);
+  for (int k = 0; k < 2000; ++k) contact.step(tip);
   EXPECT_LT((contact.last().force - force).norm(), 1e-9 * force.norm());
   EXPECT_FALSE(contact.last().sliding);
   // And it breaks away again from there.
@@ -206,8 +206,8 @@ TEST(BodyContact, NodesComeAndGoWithoutASTepOfFriction) {
     Vector3<> before = Vector3<>::Zero();
     double most = 0.0, largest = 0.0;
     int least = 1000, greatest = 0;
-    for (int k = 0; k < 8000; ++k) {
-      tip.centre = {-4e-3 + 1e-6 * k, 0.3e-3, top - 1.5e-3};
+    for (int k = 0; k < 2500; ++k) {
+      tip.centre = {-1e-3 + 1e-6 * k, 0.3e-3, top - 1.5e-3};
       const Vector3<> friction = contact.step(tip).friction;
       if (k > 0) most = std::max(most, (friction - before).norm());
       largest = std::max(largest, friction.norm());
@@ -238,7 +238,7 @@ std::vector<float> full(const HalfSpace& space) {
   return c;
 }
 
-// Ten thousand random closed paths, pressing, sliding, lifting and coming back: what the tip has given to friction covers what is stored
+// Random closed paths, pressing, sliding, lifting and coming back: what the tip has given to friction covers what is stored
 // there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without friction.
 TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
   const HalfSpace space(4, 1e-3, 5e3, 0.3);
@@ -250,11 +250,7 @@ TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
   tip.radius = 3e-3;
   double lost = 0.0;
   int stuck = 0, slid = 0, free = 0;
-#if defined(__SANITIZE_ADDRESS__)  // takes ten times as long
   const int paths = 1500;
-#else
-  const int paths = 10000;
-#endif
   for (int path = 0; path < paths; ++path) {
     Eigen::Matrix<double, 3, 4> waves;
     for (int i = 0; i < 12; ++i) waves(i % 3, i / 3) = 3e-4 * normal(random);
@@ -327,13 +323,13 @@ TEST(BodyContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
   BodyTip tip;
   tip.radius = 8e-3;
   tip.centre.z() = tip.radius - 1.5e-3;
-  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  for (int k = 0; k < 500; ++k) contact.step(tip);
   still.step(tip);
   tip.centre.x() = 1e-5;
   for (int k = 0; k < 50; ++k) still.step(tip);
   const double first = contact.step(tip).friction.x(), last = still.last().friction.x();
   EXPECT_NEAR(first, 3.0 * last, 0.04 * 3.0 * std::abs(last));
-  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  for (int k = 0; k < 500; ++k) contact.step(tip);
   EXPECT_NEAR(contact.last().friction.x(), last, 1e-3 * std::abs(last));
 }
 
@@ -348,19 +344,19 @@ TEST(BodyContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
   tip.kind = BodyTip::Kind::flat;
   tip.radius = 4.3e-3;
   tip.centre = {2e-4, 1e-4, -5e-4};
-  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  for (int k = 0; k < 500; ++k) contact.step(tip);
   still.step(tip);
   ASSERT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
   tip.centre.x() += 1e-5;
   for (int k = 0; k < 50; ++k) still.step(tip);
-  for (int k = 0; k < 1000; ++k) contact.step(tip);
+  for (int k = 0; k < 500; ++k) contact.step(tip);
   EXPECT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
   EXPECT_NEAR(contact.last().friction.x(), still.last().friction.x(), 5e-3 * std::abs(still.last().friction.x()));
 }
 
 // What a flat end's edge feels of patches that creep is the slope of what they store: no closed path gives work.
 TEST(BodyContact, ARelaxingBodyGivesAFlatEndNothing) {
-  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  const HalfSpace space(13, 1e-3, 5e3, 0.45);
   palpate::Relaxing relaxing(palpate::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05, 1e-3);
   for (int trial = 0; trial < 8; ++trial) {
     BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {0.0, 0.0});
@@ -370,7 +366,7 @@ TEST(BodyContact, ARelaxingBodyGivesAFlatEndNothing) {
     tip.radius = 3.3e-3;
     double work = 0.0, most = 0.0;
     Vector3<> before = Vector3<>::Zero(), force = Vector3<>::Zero();
-    const int ticks = 3000;
+    const int ticks = 1000;
     for (int k = 0; k <= ticks; ++k) {
       const double t = 2.0 * 3.141592653589793 * k / ticks, turns = 1.0 + trial % 4;
       tip.centre = {3e-3 * std::sin(turns * t + trial), 2e-3 * std::sin(2.0 * t) * std::cos(0.7 * trial),

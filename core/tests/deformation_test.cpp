@@ -87,13 +87,13 @@ TEST(Deformation, AProxyRidesOnARigidMotion) {
   for (const double shading : {0.0, 0.4})
     for (const double radius : {0.0, 0.02}) {
       surface.shading = shading;
-      const Shape shape = shapes::ball(10, 0.5, 0.1);
+      const Shape shape = shapes::ball(6, 0.5, 0.1);
       World still(shape, surface), moving(shape, surface);
       Deformation deformation(moving.mesh);
       Proxy one = still.proxy(radius), two = moving.proxy(radius);
       const std::vector<std::int32_t> which = all_of(moving.mesh);
-      for (int k = 0; k < 120; ++k) {
-        const double a = 0.01 * k;
+      for (int k = 0; k < 60; ++k) {
+        const double a = 0.02 * k;
         const Vector3<> tip =
             (0.43 + 0.015 * std::cos(0.05 * k)) * Vector3<>(std::cos(a), std::sin(a), 0.3 * std::sin(3.0 * a)).normalized();
         const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.004 * k, Vector3<>(1, 2, 3).normalized()).toRotationMatrix();
@@ -137,7 +137,7 @@ TEST(Deformation, ASurfaceThatComesToTheTipTouchesIt) {
     for (const double radius : {0.0, 0.02}) {
       Surface surface;
       surface.shading = shading;
-      const Shape shape = shapes::ball(7, 0.5);
+      const Shape shape = shapes::ball(5, 0.5);
       World world(shape, surface);
       Deformation deformation(world.mesh);
       Proxy proxy = world.proxy(radius);

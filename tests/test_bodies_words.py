@@ -226,6 +226,31 @@ def test_ctrl_c_while_meshing_reaches_python() -> None:
         fill()
 
 
+def test_what_is_drawn_is_the_surface_with_its_fixed_vertices() -> None:
+    """Nodes where the press has moved them, fixed vertices where they were, in the numbering of the triangles."""
+    whole = bodies.build(block(("40 mm", "40 mm", "10 mm"), "10 mm"), young="5 kPa", fixed="z < 0.001 mm", order=1)
+    moved = whole.surface.vertices + whole.on_surface(1e-3 * np.ones_like(whole.nodes))
+    rest = whole.surface.vertices
+    assert (rest[:, 2] == 0.0).any()
+    assert np.array_equal(moved[rest[:, 2] == 0.0], rest[rest[:, 2] == 0.0])
+    assert moved[rest[:, 2] > 0.0] == pytest.approx(rest[rest[:, 2] > 0.0] + 1e-3)
+    felt = whole.press(["20 mm", "20 mm", "10 mm"], "12 mm", "1 mm", tip="flat")  # on nodes inside the top only
+    assert whole.on_surface(whole.pressure() * whole.contents.areas).sum() == pytest.approx(felt.force[2], rel=1e-6)
+    with pytest.raises(BodyError, match=r"each of the 25 nodes is needed, not \(3,\)"):
+        whole.on_surface([1.0, 2.0, 3.0])
+
+
+@pytest.mark.filterwarnings("ignore:the tip presses")
+def test_the_drawing_in_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    bodies.phantom(contrast=1.0, spacing="20 mm", output="phantom.h5")
+    text = (Path(__file__).parent.parent / "docs" / "bodies.md").read_text("utf-8")
+    code = text.split("## Drawing a press")[1].split("```python")[1].split("```")[0]
+    exec(compile(code, "docs/bodies.md", "exec"), {})
+    assert {path.name for path in tmp_path.iterdir()} == {"phantom.h5", "pressed.png", "mine.png", "pressed.vtu"}
+
+
 def test_a_pressed_solid_refuses_what_is_no_tip() -> None:
     solid = PressedSolid(Solid(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm"))
     for options, sentence in (

@@ -134,6 +134,21 @@ class Body:
         used, faces = np.unique(self.triangles[self.contents.touchable], return_inverse=True)
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
 
+    def on_surface(self, values: ArrayLike) -> Array:
+        """Return what nodes have (n, ...) at the vertices of `surface` (v, ...): zero at those that are fixed.
+
+        `body.surface.vertices + body.on_surface(displacement)` is where they are when it is pressed.
+
+        Raises:
+            BodyError: it is not one value, or one row, for each node.
+        """
+        each = np.asarray(values, dtype=float)
+        if each.ndim == 0 or len(each) != len(self.nodes):
+            raise BodyError(f"one value, or row, for each of the {len(self.nodes)} nodes is needed, not {each.shape}")
+        whole = np.zeros((len(self.points), *each.shape[1:]))
+        whole[self.contents.nodes] = each
+        return np.asarray(whole[np.unique(self.triangles[self.contents.touchable])])
+
     @cached_property
     def volume(self) -> Volume:
         """The mesh that it was made from."""
@@ -542,6 +557,13 @@ class Body:
         if not rows[:, 9].all():
             raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
         return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
+
+    def pressure(self) -> Array:
+        """Pressure of the tip on each node's patch (n,), Pa, in the last tick (`modal`'s and `relaxing`'s press has none)."""
+        nodes, forces = self.core.pressed()
+        found = np.zeros(len(self.nodes))
+        found[nodes] = forces / self.contents.areas[nodes]
+        return found
 
     def displacement(self) -> Array:
         """Mean displacement of each node's patch (n, 3), m, under the last tick's forces held for long.

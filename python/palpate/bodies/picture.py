@@ -23,9 +23,9 @@ def draw_sweep(
     left.remove()
     solid = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
     felt = lump.press([0.05, 0.05, height], radius, depth, tip="flat")
-    moved = (lump.nodes + felt.displacement) * 1e3
-    down = -felt.displacement[:, 2] * 1e3
-    triangles = np.searchsorted(lump.contents.nodes, lump.triangles[lump.contents.touchable])
+    displacement = lump.on_surface(felt.displacement)
+    moved, down = (lump.surface.vertices + displacement) * 1e3, -displacement[:, 2] * 1e3
+    triangles = lump.surface.triangles
     shade = solid.plot_trisurf(
         moved[:, 0], moved[:, 1], moved[:, 2] - height * 1e3, triangles=triangles, cmap="cividis", linewidth=0.15,
         edgecolor=FAINT, antialiased=True,

@@ -140,7 +140,11 @@ class PressedSolid:
         period: float | str = "1 ms",
         thread: bool = True,
     ) -> Live:
-        """As `follow`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none."""
+        """As `follow`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none.
+
+        It ends with the path, m periods after it began, and Ctrl-C is heard then. The next call goes on from where this
+        one left the body: to stop when you like, give a path in pieces.
+        """
         tick = positive(period, "s", "period")
         ways = _ways(path, radius, outward, tip)
         rows, times, steps = self.core.live(*ways, tick, thread)

@@ -54,10 +54,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
     body.follow(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
-    nodes, forces = body.core.pressed()
-    pressure = np.zeros(len(body.nodes))
-    pressure[nodes] = forces / body.contents.areas[nodes]
-    return Pressed(body, way[-1], body.displacement(), pressure)
+    return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:

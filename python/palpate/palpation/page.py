@@ -101,8 +101,9 @@ def _phantom(page: Page, sweep: Sweep) -> None:
     )
     trace = sweep.trace
     middle = int(np.argmin(np.abs(trace["tip"][:, 0] - trace["tip"][0, 0]) + 1e3 * (trace.time < 1.2)))
+    at = pressed_at(trace, middle)
     page.figure(
-        deformed(pressed_at(trace, middle)),
+        deformed(at.body, at.displacement, at.pressure),
         "The phantom's top with the tip over the nodule: displacement and pressure.",
     )
     page.figure(forces(trace), "The forces of the sweep.")

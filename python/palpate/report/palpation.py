@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from palpate.loop.palpation import JND, felt_along, work_so_far
 from palpate.report.figures import thin
@@ -15,7 +15,7 @@ from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from palpate.loop.body import Pressed
+    from palpate.bodies import Body
     from palpate.loop.trace import Trace
     from palpate.report.html import Page
 
@@ -46,8 +46,9 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
 
     deepest = int(np.argmax(np.linalg.norm(trace["deflection"], axis=1)))
     page.section("The body")
+    at = pressed_at(trace, deepest)
     page.figure(
-        deformed(pressed_at(trace, deepest)),
+        deformed(at.body, at.displacement, at.pressure),
         f"The body's surface at t = {trace.time[deepest]:.3g} s, where it is pressed deepest, in its own frame: how "
         "far it has moved, and the pressure of the tip on it.",
     )
@@ -69,15 +70,20 @@ def palpation_table(page: Page, found: dict[str, Any]) -> None:
     numbers_table(page, shown, found, "The press in numbers, from the first touch to the end of the run.")
 
 
-def deformed(pressed: Pressed) -> Figure:
-    """Return the touchable surface as it is pressed, in 3D: coloured by its displacement, and by the tip's pressure."""
-    body = pressed.body
+def deformed(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure:
+    """Return the touchable surface as it is pressed, in 3D: coloured by its displacement, and by the tip's pressure.
+
+    Args:
+        body: any kind.
+        displacement: of its nodes (n, 3), m, as `Body.press` and `pressed_at` give it.
+        pressure: on each node's patch (n,), Pa, as `Body.pressure`.
+    """
     figure, rows = new_figure(1, 2, width=9.6, height=3.9, sharex=False)
-    triangles = np.searchsorted(body.contents.nodes, body.triangles[body.contents.touchable])
-    x = 1e3 * (body.nodes + pressed.displacement)
+    triangles, moved = body.surface.triangles, body.on_surface(displacement)
+    x = 1e3 * (body.surface.vertices + moved)
     shades = (
-        (1e3 * np.linalg.norm(pressed.displacement, axis=1), "displacement [mm]", "cividis"),
-        (1e-3 * pressed.pressure, "pressure [kPa]", "magma_r"),
+        (1e3 * np.linalg.norm(moved, axis=1), "displacement [mm]", "cividis"),
+        (1e-3 * body.on_surface(pressure), "pressure [kPa]", "magma_r"),
     )
     for flat, (values, label, colours) in zip(rows[0], shades, strict=True):
         place = flat.get_subplotspec()
@@ -99,7 +105,7 @@ def deformed(pressed: Pressed) -> Figure:
             axis.pane.set_visible(False)
         solid.locator_params(nbins=4)
         solid.locator_params(axis="z", nbins=2)
-        figure.colorbar(shade, ax=solid, shrink=0.6, pad=0.02, location="bottom", aspect=30, label=label)
+        figure.colorbar(shade, ax=solid, shrink=0.6, pad=0.1, location="bottom", aspect=30, label=label)
     return figure
 
 

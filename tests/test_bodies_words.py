@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -16,8 +17,10 @@ from palpate import bodies
 from palpate.bodies import Body, BodyError, Material, PressedSolid, Region, Skin, Solid, ball, beyond, block, box, place
 from palpate.cli.main import app
 from palpate.errors import PalpateError, PoseError
+from palpate.touch.mesh import MeshError
 
 MIDDLE = [0.02, 0.02, 0.02]
+CUBE = block("20 mm", "10 mm")
 TEXT = ["20 mm", "2 cm", "0.02 m"]
 
 
@@ -147,12 +150,57 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: body.follow([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
         (lambda body: body.follow([MIDDLE], 8e-3, outward=(0, 0, 0)), "not all of them zero"),
         (lambda body: body.follow([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
+        (lambda body: body.press(MIDDLE, 1e-12, 1e-3), "radius: 1e-12 m; a tip that goes 0.001 m deep"),
+        (lambda body: body.lattice(1e-300), "period: 1e-300 s; a tick lasts from 0.1 us to 100 s"),
+        (lambda body: body.nonlinear("1 ms", slow_step=1e9), "slow_step: it lasts a million ticks"),
+        (lambda body: Material(1e300), "young: Young's modulus is positive"),
+        (lambda body: Material(5e3, density=1e-300), "density: the density is positive"),
+        (lambda body: Material(5e3, skin=2e-3), "skin: 0.002 is none; write"),  # type: ignore[arg-type]
+        (lambda body: Material(5e3, regions=[("z < 1 mm", 5e3)]), "regions: .* is none; write"),  # type: ignore[list-item]
+        (lambda body: bodies.build([1], young=1e3, fixed=""), r"a Volume, a Mesh or a mesh's file, not of \[1\]"),
+        (lambda body: bodies.build(CUBE, young=1e3, fixed=0.001), "0.001 is no place"),
+        (lambda body: bodies.build(CUBE, young=1e3, fixed="z < 1 m"), "can be touched: all are fixed$"),
+        (lambda body: bodies.Volume([["0 mm"] * 3] * 3 + [["1 s"] * 3], [[0, 1, 2, 3]]), 'points: "1 s" is a time'),
+        (lambda body: bodies.Volume(np.eye(4, 3), [[0, 1, 2, -1]]), "names point -1, but points are numbered 0 to 3"),
+        (lambda body: bodies.fill(np.eye(3), [[0, 1, 9]], 0.1), "triangle 0 is"),
+        (lambda body: Solid(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),
+        (lambda body: PressedSolid(CUBE), "solid: a palpate.bodies.Solid is pressed"),
+        (lambda body: Solid(CUBE, Material(5e3), "z < 1 mm").relax(0 * CUBE.points, most=2.5), "most: 2.5 must be"),
+        (lambda body: Solid(CUBE, Material(5e3), "z < 1 mm").relax("1 N"), "numbers are needed, three for each point"),
     ],
 )
 def test_a_mistake_is_one_sentence(body: Body, wrong: Callable[[Body], object], sentence: str) -> None:
     with pytest.raises(PalpateError, match=sentence) as caught:
         wrong(body)
-    assert isinstance(caught.value, BodyError | PoseError)
+    assert isinstance(caught.value, BodyError | PoseError | MeshError)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("young", None, "not a whole file of a body"),
+        ("points", 3.0, "points is not what a body has there"),
+        ("normals", np.zeros((81, 3)), "it holds numbers that no body has"),
+        ("areas", np.zeros(81), "it holds numbers that no body has"),
+        ("record", "{}", "record is not what a body has there"),
+        ("record", "{", "not a whole file of a body"),
+    ],
+)
+def test_a_file_that_holds_no_body_is_refused(
+    file: Path, tmp_path: Path, name: str, value: object, sentence: str
+) -> None:
+    import h5py
+
+    broken = Path(shutil.copy(file, tmp_path / "broken.h5"))
+    with h5py.File(broken, "r+") as store:
+        if name == "record":
+            store.attrs[name] = value
+        else:
+            del store[name]
+            if value is not None:
+                store[name] = value
+    with pytest.raises(BodyError, match=f"broken.h5: {sentence}"):
+        bodies.load(broken)
 
 
 COMMANDS: list[tuple[str, str]] = [

@@ -217,7 +217,7 @@ def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
     felt = first["touching"][:, 0] > 0.0
     assert first["tip"][felt][0, 2] == pytest.approx(first["tip"][0, 2] - 0.5e-3, abs=2e-5)
     path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(ScenarioError, match="build it again"):
+    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is made again"):
         simulate(scenario)
 
 
@@ -260,6 +260,7 @@ BLOCK = (
         (ON + "static_friction = 0.3\ndynamic_friction = 0.4", "line 14: object.body.dynamic_friction: 0.4 must"),
         (ON + 'kind = "spline"\ncontrol_spacing = "1 m"', "line 14: object.body.control_spacing: 1000 mm; it must lie"),
         (ON + 'kind = "spline"\nspacing = "5 mm"', "line 14: object.body.spacing has no meaning"),
+        (ON + "friction = 0.4", 'line 13: unknown key "friction" in [object.body]; did you mean static_friction?'),
         (ON + "stiffer = 0", "line 13: object.body.stiffer: 0 must be positive"),
         (ON + "stiffer = -2", "line 13: object.body.stiffer: -2 must "),
         (ON + "stiffer = 1e300", "line 13: object.body.stiffer: 1e+300; a body is"),
@@ -279,6 +280,15 @@ def test_a_mistake_is_told_with_its_line(
     (block.parent / "mesh.stl").write_bytes(b"solid")
     found = refusal(HEAD + lines, block.parent)
     assert sentence in found, found
+
+
+def test_the_cells_of_a_block_are_not_the_grid_of_its_spline() -> None:
+    """Both are lengths between points; the block's `spacing` was taken for the spline's."""
+    block = {"shape": "block", "size": ["30 mm", "30 mm", "10 mm"], "young": "5 kPa", "spacing": "10 mm"}
+    given = {**block, "radius": "10 mm", "kind": "spline", "control_spacing": "20 mm"}
+    choice = Scenario.from_dict(tables(given)).object.body
+    assert choice is not None
+    assert (choice.spacing, choice.options) == (0.01, {"control_spacing": 0.02})
 
 
 def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from errno import EACCES, EISDIR, ENOTDIR
+from errno import EACCES, EINVAL, EISDIR, ENOTDIR
 from os import strerror
 from pathlib import Path
 
@@ -50,6 +50,8 @@ def check_writable(path: str | Path) -> None:
     """
     target = Path(path)
     with _told(target):
+        if "\0" in str(target):
+            raise OSError(EINVAL, "a name has no null character in it")
         if target.is_dir():
             raise IsADirectoryError(EISDIR, strerror(EISDIR))
         there = next(folder for folder in target.absolute().parents if folder.exists())

@@ -27,6 +27,7 @@ from palpate.bodies.numbers import (
     not_negative,
     positive,
     stiffening,
+    tick_period,
     whole,
 )
 from palpate.bodies.spline import SplineLaw, calibrate
@@ -157,8 +158,8 @@ class Body:
     @cached_property
     def network(self) -> Network:
         """The masses and springs of `lattice`; a few seconds for thousands of vertices."""
-        density = float(self.record["density_kg_per_m3"])
-        return network(self.volume, self.contents.young, float(self.record["poisson"]), density)
+        density = self._recorded("density_kg_per_m3")
+        return network(self.volume, self.contents.young, self._recorded("poisson"), density)
 
     @cached_property
     def core(self) -> Core:
@@ -245,7 +246,7 @@ class Body:
                 "the body was built without modes: build it with modes=100 (palpate body build --modes 100; of a "
                 "scenario's block or phantom, modes = 100)"
             )
-        tick, most, late = positive(period, "s", "period"), stiffening(instant), positive(creep, "s", "creep")
+        tick, most, late = tick_period(period), stiffening(instant), positive(creep, "s", "creep")
         damping = _damping(by_mass, by_stiffness)
         options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1], "instant": most, "creep": late}
         moving = Body(self.contents, self._kind("modal", options, static_friction, dynamic_friction))
@@ -280,7 +281,7 @@ class Body:
         Raises:
             BodyError: a number is impossible.
         """
-        tick, most, late = positive(period, "s", "period"), stiffening(instant), positive(creep, "s", "creep")
+        tick, most, late = tick_period(period), stiffening(instant), positive(creep, "s", "creep")
         options = {"period": tick, "instant": most, "creep": late}
         viscous = Body(self.contents, self._kind("relaxing", options, static_friction, dynamic_friction))
         viscous.core = _core.RelaxingBody(*self._arrays(), most, late, tick, *viscous.kind.friction)
@@ -304,7 +305,7 @@ class Body:
         Raises:
             BodyError: a number is impossible, or the network would take more than 4 GB.
         """
-        tick, damping = positive(period, "s", "period"), _damping(by_mass, by_stiffness)
+        tick, damping = tick_period(period), _damping(by_mass, by_stiffness)
         options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1]}
         size = 4 * len(self.nodes) * len(self.contents.vertices)
         if size > 4e9:
@@ -380,7 +381,7 @@ class Body:
         Raises:
             BodyError: a number is impossible.
         """
-        options = {} if period is None else {"period": positive(period, "s", "period")}
+        options = {} if period is None else {"period": tick_period(period)}
         if control_spacing is None:
             law = self.spline_law
         else:
@@ -420,11 +421,13 @@ class Body:
         if law not in ("neo-hookean", "corotational"):
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
         covered = whole(near, "near", 4, 64)
-        tick, slow = positive(period, "s", "period"), positive(slow_step, "s", "slow_step")
+        tick, slow = tick_period(period), positive(slow_step, "s", "slow_step")
         if not round(slow / tick) >= 1:
             raise BodyError(f"slow_step: it lasts one tick ({tick:g} s) or more, not {slow:g} s")
+        if slow > 1e6 * tick:
+            raise BodyError(f"slow_step: it lasts a million ticks of {tick:g} s at most, not {slow:g} s")
         options = {"period": tick, "law": law, "slow_step": slow, "near": covered}
-        contents, poisson = self.contents, float(self.record["poisson"])
+        contents, poisson = self.contents, self._recorded("poisson")
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
         large = Body(contents, self._kind("nonlinear", options, static_friction, dynamic_friction))
@@ -448,6 +451,12 @@ class Body:
             *large.kind.friction,
         )
         return large
+
+    def _recorded(self, key: str) -> float:
+        try:
+            return float(self.record[key])
+        except (KeyError, TypeError, ValueError):
+            raise BodyError(f"the body's file does not tell {key}, which this kind needs: build it again") from None
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         on_surface = np.unique(self.volume.surface)
@@ -484,6 +493,8 @@ class Body:
         if x.shape != (3,) or not np.isfinite(x).all():
             raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
         size, deep = positive(radius, "m", "radius"), length(depth, "depth")
+        if deep > 1000 * size:
+            raise BodyError(f"radius: {size:g} m; a tip that goes {deep:g} m deep has at least a thousandth of that")
         at, facet = self.surface.nearest(x[None])
         apart = float(np.linalg.norm(at[0] - x))
         if apart > self.extent:
@@ -559,7 +570,7 @@ class Body:
         return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
 
     def pressure(self) -> Array:
-        """Pressure of the tip on each node's patch (n,), Pa, in the last tick (`modal`'s and `relaxing`'s press has none)."""
+        """Pressure of the tip on each node's patch (n,), Pa, in the last tick; the `press` of `modal` makes none."""
         nodes, forces = self.core.pressed()
         found = np.zeros(len(self.nodes))
         found[nodes] = forces / self.contents.areas[nodes]

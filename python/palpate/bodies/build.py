@@ -17,7 +17,7 @@ from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material, Region, Skin
 from palpate.bodies.modes import modes as find_modes
 from palpate.bodies.numbers import positive, unit_of_length, whole
-from palpate.bodies.places import Place, place
+from palpate.bodies.places import Place, place, places
 from palpate.bodies.store import Contents, check_target, write
 from palpate.bodies.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
 from palpate.touch.mesh import Mesh
@@ -32,7 +32,7 @@ def build(
     fixed: str | Place | Sequence[str | Place],
     poisson: float | str = 0.45,
     density: float | str = 1000.0,
-    regions: Sequence[str | Region] = (),
+    regions: str | Region | Sequence[str | Region] = (),
     skin: str | Skin | None = None,
     touch: str | Place | None = None,
     unit: str | None = None,
@@ -76,13 +76,12 @@ def build(
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, skin)
-    places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed or ())
-    if not places:
+    held = places(fixed)
+    if not held:
         raise BodyError(
             'nothing is fixed, so the body would float away: fix a part of it, fixed="z < 1 mm" (--fixed "z < 1 mm")'
         )
     where = None if touch is None else place(touch)
-    held = [place(text) for text in places]
     stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")

@@ -31,7 +31,7 @@ Indices = NDArray[np.int64]
 def check_order(order: int) -> None:
     """Raise BodyError if there are no elements of this order."""
     if order not in (1, 2):
-        raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order}")
+        raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,8 @@ class Elements:
         check_order(self.order)
         self._check_held()
         if len(self.touchable) == 0:
-            raise BodyError(f"no vertex of the surface can be touched: all are fixed or outside of {self.touch}")
+            outside = "" if self.touch is None else f" or outside of {self.touch}"
+            raise BodyError(f"no vertex of the surface can be touched: all are fixed{outside}")
 
     @cached_property
     def _mesh(self):  # type: ignore[no-untyped-def]  # scikit-fem has no types

@@ -83,7 +83,7 @@ class Material:
         young: float | str,
         poisson: float | str = 0.45,
         density: float | str = 1000.0,
-        regions: Sequence[Region | str] = (),
+        regions: Region | str | Sequence[Region | str] = (),
         skin: Skin | str | None = None,
     ) -> None:
         ratio = number(poisson, "", "poisson")
@@ -92,14 +92,20 @@ class Material:
                 f"poisson: Poisson's ratio is below 0.5 (soft tissue: 0.45 to 0.495) and above -1, not {ratio:g}"
             )
         heavy = number(density, "kg/m^3", "density")
-        if heavy <= 0.0:
+        if not 1e-3 <= heavy <= 1e6:
             raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {heavy:g}")
+        if skin is not None and not isinstance(skin, Skin | str):
+            raise BodyError(f'skin: {skin!r} is none; write "2 mm = 50 kPa", or Skin("2 mm", "50 kPa")')
+        each = [regions] if isinstance(regions, Region | str) else list(regions or ())
+        for region in each:
+            if not isinstance(region, Region | str):
+                raise BodyError(f'regions: {region!r} is none; write "sphere 50 50 40 radius 7.5 mm = 25 kPa"')
         _set(
             self,
             young=_young(young, "young"),
             poisson=ratio,
             density=heavy,
-            regions=tuple(Region.read(region) if isinstance(region, str) else region for region in regions),
+            regions=tuple(Region.read(region) if isinstance(region, str) else region for region in each),
             skin=Skin.read(skin) if isinstance(skin, str) else skin,
         )
 
@@ -115,8 +121,8 @@ class Material:
 
 def _young(value: float | str, field: str) -> float:
     found = number(value, "Pa", field)
-    if found <= 0.0:
-        raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: about 5 kPa), not {found:g}")
+    if not 1e-3 <= found <= 1e13:
+        raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: 5 kPa; diamond: 1 TPa), not {found:g}")
     return found
 
 

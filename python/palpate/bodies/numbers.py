@@ -22,6 +22,7 @@ __all__ = [
     "number",
     "positive",
     "stiffening",
+    "tick_period",
     "unit_of_length",
     "whole",
 ]
@@ -64,6 +65,14 @@ def unit_of_length(unit: str) -> float:
         return parse(f"1 {unit}", "m")
     except ValueError:
         raise BodyError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
+
+
+def tick_period(period: float | str) -> float:
+    """Return the period of a servo's tick, s; BodyError if that is nothing a servo could have."""
+    found = positive(period, "s", "period")
+    if not 1e-7 <= found <= 100.0:
+        raise BodyError(f"period: {found:g} s; a tick lasts from 0.1 us to 100 s")
+    return found
 
 
 def whole(value: float | str, field: str, low: int, high: int | None = None) -> int:
@@ -113,7 +122,10 @@ def directions(outward: ArrayLike, shape: tuple[int, ...]) -> Array:
         found: Array = np.asarray(outward, dtype=float)
         axes: Array = np.array(np.broadcast_to(found, shape), order="C")
     except (TypeError, ValueError):
-        raise PoseError(f"outward: a direction is three numbers, such as (0, 0, 1), not {outward!r}") from None
+        told = f"shape {np.shape(outward)}" if isinstance(outward, np.ndarray) else repr(outward)
+        raise PoseError(
+            f"outward: a direction is three numbers, such as (0, 0, 1), or one for each place, {shape}; not {told}"
+        ) from None
     size = np.linalg.norm(axes, axis=-1, keepdims=True)
     if not (np.isfinite(size) & (size > 0.0)).all():
         raise PoseError("outward: a direction is three finite numbers, not all of them zero")

@@ -14,7 +14,7 @@ from palpate.bodies.errors import BodyError
 from palpate.bodies.numbers import length, lengths, positive
 from palpate.units import quantity
 
-__all__ = ["Place", "ball", "beyond", "box", "on_surface", "place"]
+__all__ = ["Place", "ball", "beyond", "box", "on_surface", "place", "places"]
 
 Array = NDArray[np.float64]
 _AXES: Final = "xyz"
@@ -93,6 +93,14 @@ def place(text: str | Place) -> Place:
         if len(value) == 1:
             return beyond(name, words[1], value[0])
     raise BodyError(f'"{text}" is no place; write {_EXAMPLES}')
+
+
+def places(given: str | Place | Sequence[str | Place]) -> list[Place]:
+    """Return one or more places, or texts of them, as a list; raises as `place`."""
+    if given is None:
+        return []
+    each = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    return [place(one) for one in each]
 
 
 def _groups(words: list[str], between: str, text: str) -> tuple[list[float], list[float]]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.body import Shape
 from palpate.bodies.errors import BodyError
-from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, whole
+from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, tick_period, whole
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
 
@@ -57,6 +57,8 @@ class PressedSolid:
     """
 
     def __init__(self, solid: Solid, *, near: float | str = 32) -> None:
+        if not isinstance(solid, Solid):
+            raise BodyError(f"solid: a palpate.bodies.Solid is pressed, not {solid!r}")
         self.solid = solid
         elements = solid.elements
         load = elements.load
@@ -145,7 +147,7 @@ class PressedSolid:
         It ends with the path, m periods after it began, and Ctrl-C is heard then. The next call goes on from where this
         one left the body: to stop when you like, give a path in pieces.
         """
-        tick = positive(period, "s", "period")
+        tick = tick_period(period)
         ways = _ways(path, radius, outward, tip)
         rows, times, steps = self.core.live(*ways, tick, thread)
         return Live(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])

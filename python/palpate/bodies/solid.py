@@ -13,7 +13,8 @@ from palpate.bodies.body import Law
 from palpate.bodies.elements import Elements
 from palpate.bodies.errors import BodyError
 from palpate.bodies.material import Material
-from palpate.bodies.places import Place, place
+from palpate.bodies.numbers import positive, whole
+from palpate.bodies.places import Place, place, places
 from palpate.bodies.volume import Volume
 
 __all__ = ["Law", "Solid", "Strain"]
@@ -57,11 +58,10 @@ class Solid:
     ) -> None:
         if law not in ("neo-hookean", "corotational"):
             raise BodyError(f"a solid's law is neo-hookean or corotational, not {law!r}")
-        places = [fixed] if isinstance(fixed, (str, Place)) else list(fixed)
+        if not isinstance(volume, Volume) or not isinstance(material, Material):
+            raise BodyError(f"a solid is made of a Volume and a Material, not of {volume!r} and {material!r}")
         self.law: Law = law
-        self.elements = Elements(
-            volume, material, [place(p) for p in places], None if touch is None else place(touch), order=1
-        )
+        self.elements = Elements(volume, material, places(fixed), None if touch is None else place(touch), order=1)
         self.core = _core.Solid(*self.arrays())
 
     def __repr__(self) -> str:
@@ -97,7 +97,8 @@ class Solid:
         Newton's steps, each by preconditioned conjugate gradients, shortened until the energy falls; they end when what
         is left of the load is `tolerance` of it. Raises BodyError if `most` steps did not bring it to rest.
         """
-        if self.core.relax(self._vectors(load), tolerance, most) < 0:
+        limit = positive(tolerance, "", "tolerance")
+        if self.core.relax(self._vectors(load), limit, whole(most, "most", 1)) < 0:
             raise BodyError(f"the solid did not come to rest in {most} steps: put the load on little by little")
         return np.asarray(self.core.displacement())
 
@@ -106,7 +107,10 @@ class Solid:
         self.core.reset()
 
     def _vectors(self, values: ArrayLike) -> Array:
-        vectors = np.ascontiguousarray(values, dtype=float)
+        try:
+            vectors = np.ascontiguousarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise BodyError(f"numbers are needed, three for each point, not {values!r}") from None
         if vectors.shape != self.points.shape or not np.isfinite(vectors).all():
             raise BodyError(f"one finite vector for each of the {len(self.points)} points is needed")
         return vectors

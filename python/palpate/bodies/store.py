@@ -130,6 +130,10 @@ def _check_signature(file: Path) -> None:
 
 
 def _check(c: Contents, file: Path) -> None:
+    arrays = {field.name: getattr(c, field.name) for field in fields(c) if field.name != "record"}
+    broken = [name for name, array in arrays.items() if array.ndim == 0 or array.dtype.kind not in "bifu"]
+    if broken or not isinstance(c.record, dict) or "source" not in c.record:
+        raise BodyError(f"{file}: {broken[0] if broken else 'record'} is not what a body has there; build it again")
     n, s = len(c.nodes), len(c.points)
     sizes = (
         c.points.shape == (s, 3)
@@ -151,5 +155,10 @@ def _check(c: Contents, file: Path) -> None:
     there = (
         indices.min() >= 0 and indices.max() < s and c.tetrahedra.min() >= 0 and c.tetrahedra.max() < len(c.vertices)
     )
-    if not finite or not there or not (np.diag(c.compliance) > 0).all():
-        raise BodyError(f"{file}: it holds numbers that no body has (not finite, or no stiffness); build it again")
+    positive = all((a > 0).all() for a in (np.diag(c.compliance), c.areas, c.young, c.frequencies))
+    outward = np.abs(np.linalg.norm(c.normals, axis=1) - 1.0).max() < 1e-6 if finite else False
+    if not (finite and there and positive and outward):
+        raise BodyError(
+            f"{file}: it holds numbers that no body has (not finite, without stiffness or area, or no point); build "
+            "it again"
+        )

@@ -19,6 +19,7 @@ from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.mesher import tetrahedra
 from palpate.bodies.numbers import length, lengths, positive, unit_of_length
 from palpate.touch.diagnosis import lengths as sizes
+from palpate.touch.mesh import Mesh
 
 __all__ = ["SURFACES", "VOLUMES", "Volume", "block", "check_mesh_file", "fill", "grid", "read_volume"]
 
@@ -58,13 +59,14 @@ class Volume:
     source: str = "given points and tetrahedra"
 
     def __post_init__(self) -> None:
-        points, cells = np.array(self.points, dtype=float), np.array(self.tetrahedra)
+        points, cells = lengths(self.points, "points"), np.array(self.tetrahedra)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise BodyError(f"the points of a volume are (n, 3) finite numbers in m; these are {points.shape}")
         if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0 or not np.issubdtype(cells.dtype, np.integer):
             raise BodyError(f"tetrahedra are (m, 4) point numbers, at least one row; these are {cells.shape}")
         if cells.min() < 0 or cells.max() >= len(points):
-            raise BodyError(f"a tetrahedron names point {cells.max()}, but points are numbered 0 to {len(points) - 1}")
+            wrong = int(cells.min() if cells.min() < 0 else cells.max())
+            raise BodyError(f"a tetrahedron names point {wrong}, but points are numbered 0 to {len(points) - 1}")
         used, cells = np.unique(cells, return_inverse=True)
         points, cells = points[used], cells.reshape(-1, 4).astype(np.int64)
         volumes = _volumes(points, cells)
@@ -204,8 +206,11 @@ def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, sou
     installed, or what it makes has another volume than the surface encloses (the surface is open or pierces itself).
     """
     step = positive(spacing, "m", "spacing")
-    corners, faces = np.array(vertices, dtype=float, order="C"), np.array(triangles, dtype=np.int32, order="C")
+    surface = Mesh(vertices, triangles, open=True)
+    corners, faces = np.ascontiguousarray(surface.vertices), surface.triangles.astype(np.int32)
     enclosed = _enclosed(corners, faces)
+    if enclosed < 0.0:  # seen from inside
+        enclosed, faces = -enclosed, np.ascontiguousarray(faces[:, ::-1])
     _check_count(6.0 * 2.0**0.5 * abs(enclosed) / step**3, source)  # as many as regular ones would be
     try:
         points, cells = tetrahedra(corners, faces, step)

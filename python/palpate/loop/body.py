@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate import _core
-from palpate.errors import PalpateError
+from palpate.errors import OutputError, PalpateError
 
 if TYPE_CHECKING:
     from palpate.bodies import Body
@@ -82,8 +82,8 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
     choice = scenario.object.body
     assert choice is not None
     field = "object.body" if choice.file is None else "object.body.file"
+    path = Path(choice.file) if choice.file is not None else kept_at(choice)
     try:
-        path = Path(choice.file) if choice.file is not None else kept_at(choice)
         if choice.file is None and not path.is_file():
             _make(choice, path, tell)
         _read(_state(path))
@@ -94,7 +94,12 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         key, _, sentence = str(problem).partition(": ")  # what is wrong with one number begins with its name
         if key in choice.options or key in _recipe(choice) or key == "stiffer":
             raise scenario.mistake(f"object.body.{key}", sentence) from None
-        raise scenario.mistake(field, str(problem)) from None
+        hint = ""
+        if field == "object.body" and path.is_file():
+            hint = ": delete that file, and it is made again"
+        elif isinstance(problem, OutputError):
+            hint = "; bodies that are made on the spot are kept there: XDG_CACHE_HOME names another folder"
+        raise scenario.mistake(field, f"{problem}{hint}") from None
 
 
 def origin_of(choice: BodyChoice, body: Body) -> Array:

@@ -125,10 +125,16 @@ class BodyChoice(Section):
         if not isinstance(kind, str) or kind not in KINDS:
             return table
         known = KINDS[kind]
+        mine = [key for key in cls.model_fields if key != "options"]
         for key in table:
-            if key not in known and key not in cls.model_fields and any(key in of for of in KINDS.values()):
-                takers = ", ".join(kind for kind, of in KINDS.items() if key in of)
+            if key in known or key in cls.model_fields:
+                continue
+            takers = ", ".join(kind for kind, of in KINDS.items() if key in of)
+            if takers:
                 raise ValueError(f'unknown key "{key}"; {kind} takes no such thing, only {takers}')
+            close = difflib.get_close_matches(str(key), [*mine, *known], 1)
+            hint = f"did you mean {close[0]}?" if close else f"there are {', '.join([*mine, *known])}"
+            raise ValueError(f'unknown key "{key}"; {hint}')
         loose = {key: value for key, value in table.items() if key in known}
         nested = table.get("options", {})
         if not isinstance(nested, Mapping):

@@ -96,7 +96,7 @@ def test_quantities_are_text_or_si(body: Body) -> None:
     assert Region("z < 1 mm", "25 kPa").young == Region.read("z < 1 mm = 25 kPa").young == 25e3
     assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
     assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 10 10 10 mm"
-    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("z<1e-3m")) == "z < 1 mm"
+    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("Z<1e-3m")) == "z < 1 mm"
     assert str(place("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 10 0 0 radius 5 mm"
     felt, same = body.press(TEXT, "8 mm", "1 mm", tip="flat"), body.press(MIDDLE, 8e-3, 1e-3, tip="flat")
     assert felt.force == pytest.approx(same.force, rel=1e-12)

@@ -10,7 +10,8 @@ import pytest
 from one_node import one_node
 from palpate import bodies, simulate
 from palpate.bodies import BodyError
-from palpate.palpation import Sweep, felt, palpation_page, press_all, press_scenario, sweep_scenario
+from palpate.errors import ScenarioError
+from palpate.palpation import Sweep, felt, palpation_page, press_all, press_scenario, sweep_phantom, sweep_scenario
 from palpate.palpation.stiffnesses import LAWS
 from palpate.stability import StabilityError, certify, contact_stability
 
@@ -130,3 +131,28 @@ def test_the_page_says_what_was_found(block: dict[str, Any], sweep: Sweep, tmp_p
     assert "a hand can tell" in html
     assert html.count("<figure") == 5
     assert 0.0 < sweep.as_dict()["contrast"] < 10.0
+
+
+def test_what_is_given_to_the_experiments_is_text_or_si() -> None:
+    """The same scenario from text as from numbers; what cannot be is one sentence, before anything is made."""
+    assert press_scenario("10 kPa", "LQG", "0.4 N/mm") == press_scenario(YOUNG, "LQG", 400.0)
+    assert sweep_scenario({}, press="600 mN") == sweep_scenario({}, press=0.6)
+    for wrong, sentence in (
+        (lambda: press_scenario("10", "LQG", 400.0), 'young: "10" has no unit'),
+        (lambda: press_scenario(YOUNG, "PID", 400.0), 'law: "PID" is not one of shown as it is, lead–lag, LQG'),
+        (lambda: press_scenario(YOUNG, "LQG", 0.0), "stiffness: 0 N/m must be positive"),
+        (lambda: press_all(["2 kPa", -1.0]), "young: -1 Pa must be positive"),
+        (lambda: sweep_scenario({}, law="PID"), 'law: "PID" is not one of'),
+        (lambda: sweep_phantom(depth="5"), 'depth: "5" has no unit'),
+        (lambda: sweep_phantom(contrast=0.0), "contrast: 0.0 must be positive"),
+        (lambda: sweep_phantom(depth="1 m"), "depth: 1000 mm; the nodule lies between"),
+    ):
+        with pytest.raises(ScenarioError, match=sentence):
+            wrong()
+
+
+def test_what_is_no_sweep_is_told(block: dict[str, Any]) -> None:
+    """A press that slides 10 mm never is 20 mm beside its middle."""
+    trace = simulate(press_scenario(YOUNG, "LQG", 400.0, block))
+    with pytest.raises(ScenarioError, match="no sweep over a phantom"):
+        felt(trace)

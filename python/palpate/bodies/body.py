@@ -201,10 +201,10 @@ class Body:
     def _alike(self, contents: Contents, coefficients: tuple[float, float]) -> Body:
         """Return a body of the same kind: of other contents, or with other coefficients of friction."""
         plain = Body(contents, PLAIN._replace(friction=coefficients))
-        if self.kind.name == PLAIN.name:
-            return plain
         if contents is self.contents:  # what took time to find
             plain.__dict__ |= {name: self.__dict__[name] for name in ("network", "spline_law") if name in self.__dict__}
+        if self.kind.name == PLAIN.name:
+            return plain
         made: Body = getattr(plain, self.kind.name)(**self.kind.options)
         return made
 

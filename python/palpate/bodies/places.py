@@ -77,7 +77,7 @@ def place(text: str | Place) -> Place:
     if not isinstance(text, str):
         raise BodyError(f"{text!r} is no place; write {_EXAMPLES}")
     words = _BEFORE_UNIT.sub(" ", text.replace(",", " ").replace("<", " < ").replace(">", " > ")).split()
-    name, rest = (words or [""])[0], words[1:]
+    name, rest = (words or [""])[0].lower(), words[1:]
     if name == "surface" and rest and rest[0] != "surface":
         return on_surface(" ".join(rest))
     if name == "box" and "to" in rest:

@@ -59,14 +59,15 @@ def dragged(body: Body) -> float:
 def test_friction_stays_when_a_kind_is_made_of_a_rough_body(body: Body, name: str) -> None:
     """Before or after the kind, the same friction; numbers of its own count more; `stiffer` keeps kind and friction."""
     make = KINDS[name]
+    plain = make(body)
     rough = make(body.rough("0.5", 0.4))
     assert rough.kind.friction == (0.5, 0.4)
     assert dragged(rough) < -0.01
-    assert dragged(rough) == dragged(make(body).rough(0.5, 0.4))
+    assert dragged(rough) == dragged(plain.rough(0.5, 0.4))
     hard = rough.stiffer(2.0)
     assert dragged(hard) == pytest.approx(2.0 * dragged(rough), rel=0.05)
     assert hard.kind == rough.kind
-    assert make(body).kind.friction == (0.0, 0.0)
+    assert plain.kind.friction == (0.0, 0.0)
     if name == "modal":
         assert body.rough(0.5).modal("1 ms", static_friction=0.0).kind.friction == (0.0, 0.0)
 

@@ -61,7 +61,9 @@ class Volume:
     def __post_init__(self) -> None:
         points, cells = lengths(self.points, "points"), np.array(self.tetrahedra)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise BodyError(f"the points of a volume are (n, 3) finite numbers in m; these are {points.shape}")
+            raise BodyError(
+                f"the points of a volume are (n, 3) finite numbers in m; these are {points.shape}{_odd(points)}"
+            )
         if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0 or not np.issubdtype(cells.dtype, np.integer):
             raise BodyError(f"tetrahedra are (m, 4) point numbers, at least one row; these are {cells.shape}")
         if cells.min() < 0 or cells.max() >= len(points):
@@ -233,6 +235,11 @@ def _three(values: float | str | Sequence[float | str], field: str) -> list[floa
     if len(each) not in (1, 3):
         raise BodyError(f"{field}: a block has three of them, or one for all, not {len(each)}")
     return [positive(value, "m", field) for value in each] * (3 // len(each))
+
+
+def _odd(points: Array) -> str:
+    bad = np.flatnonzero(~np.isfinite(points).reshape(len(points), -1).all(axis=1)) if points.ndim else np.empty(0)
+    return f", {len(bad)} of them not finite, the first is number {bad[0]}" if len(bad) else ""
 
 
 def _check_count(count: float, source: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from palpate import bodies
 from palpate.bodies import BodyError, Law, Material, PressedSolid, Solid, block
+from palpate.bodies.body import Shape
 from palpate.bodies.places import beyond
 from palpate.errors import PoseError
 
@@ -52,6 +53,41 @@ def test_deep_presses_do_the_work_that_the_body_holds(law: Law) -> None:
         held.append(body.core.energy())
     assert felt[1] == pytest.approx((held[2] - held[0]) / 2e-4, rel=0.01)
     assert felt[0] < felt[1] < felt[2]
+
+
+SLIM = block((0.02, 0.02, 0.03), 0.005)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law, tip: Shape) -> None:
+    """Under the forces alone it would fall, so its exact tangent is no longer positive: at rest still.
+
+    The force is that of the solid's own assembly; a sphere's is the slope of its energy (a flat end's edge stores some
+    of its own); a body pressed in ticks feels the same.
+    """
+    solid = Solid(SLIM, MATERIAL, BOTTOM, TOP, law=law)
+    column, point, depths = PressedSolid(solid), [0.012, 0.01, 0.03], (9.7e-3, 10e-3, 10.3e-3)
+    held = []
+    for depth in depths:
+        force, displacement = column.press(point, RADIUS, depth, outward=UP, tip=tip)
+        strain = solid.evaluate(displacement)
+        held.append(strain.energy)
+        assert force[2] == pytest.approx(-strain.forces[:, 2].sum(), rel=0.02)
+    middle, _ = column.press(point, RADIUS, depths[1], outward=UP, tip=tip)
+    if tip == "sphere":
+        assert middle[2] == pytest.approx((held[2] - held[0]) / (depths[2] - depths[0]), rel=0.02)
+    body = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).nonlinear("1 ms", law=law)
+    assert body.press(point, RADIUS, depths[1], tip=tip).force[2] == pytest.approx(middle[2], rel=0.02)
+
+
+def test_a_press_through_which_the_tip_loses_the_body_is_refused() -> None:
+    column = PressedSolid(Solid(SLIM, MATERIAL, BOTTOM, TOP))
+    with pytest.raises(BodyError, match=r"pressed 15 mm deep the body gives way.*until 1\d.* mm: press less deep"):
+        column.press([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
+    slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).nonlinear("1 ms")
+    with pytest.raises(BodyError, match="pressed 20 mm deep the body gives way"):
+        slim.press([0.01, 0.01, 0.03], RADIUS, 20e-3, tip="flat")
 
 
 def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.optimize import nnls
 
 from palpate import _core
-from palpate.bodies.errors import BodyError, BodyWarning
+from palpate.bodies.errors import BodyError, BodyWarning, lost
 from palpate.bodies.kind import PLAIN, Kind
 from palpate.bodies.network import Network, network, patches
 from palpate.bodies.numbers import (
@@ -78,6 +78,7 @@ class Body:
         self.contents = contents
         self.kind = kind
         self.settles: float | None = None  # period of a body that `press` lets come to rest, s
+        self.eases = 0.0  # how long such a one takes for each radius that a tip goes in, s
 
     @classmethod
     def load(cls, path: str | Path) -> Body:
@@ -312,7 +313,7 @@ class Body:
             raise BodyError(f"the lattice would take {size / 1e9:.3g} GB: take a coarser mesh, or touch less of it")
         springy = Body(self.contents, self._kind("lattice", options, static_friction, dynamic_friction))
         springy.network = self.network
-        springy.settles = tick
+        springy.settles, springy.eases = tick, 0.25
         net, (nodes, normals, areas, _), (begin, vertices, shares) = self.network, self._arrays(), self._patches()
         springy.core = _core.LatticeBody(
             nodes,
@@ -431,7 +432,7 @@ class Body:
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
         large = Body(contents, self._kind("nonlinear", options, static_friction, dynamic_friction))
-        large.settles = tick
+        large.settles, large.eases = tick, 50 * round(slow / tick) * tick
         large.core = _core.NonlinearBody(
             np.ascontiguousarray(contents.vertices),
             np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
@@ -485,7 +486,8 @@ class Body:
         Raises:
             PoseError: the point is not three finite numbers.
             BodyError: the point is farther from the body than that is across, the press deeper than that, the radius
-                is not positive, the tip is neither shape, or more nodes lie under it than are looked at (128).
+                is not positive, the tip is neither shape, more nodes lie under it than are looked at (128), or a
+                lattice or a body under large displacements gives way so far that the tip loses it.
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
             return Body(self.contents).press(point, radius, depth, tip=tip)
@@ -508,15 +510,18 @@ class Body:
         normal /= np.linalg.norm(normal)
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
-        if isinstance(self.core, _core.NonlinearBody):  # goes down little by little
-            parts = np.repeat(np.linspace(0.9, 0.0, 10), 100)[:, None]
-            self.follow(centre + parts * deep * normal, size, outward=normal, tip=tip)
-        # A deep press goes in by less than the radius at a time.
-        steps = int(np.ceil(2.0 * deep / size)) if 0 < size < deep < np.inf else 1
+        radii = max(deep / size, 0.0)
+        if self.settles is None:  # a deep press goes in by less than the radius at a time
+            steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
+        else:  # from one place of rest to the next
+            steps = int(np.ceil(max(radii, 1.0) * self.eases / self.settles))
         way = centre + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
         felt = self.follow(way, size, outward=normal, tip=tip)
         if self.settles is not None:
+            held = 1e3 * deep * (np.flatnonzero(felt.nodes) + 1) / steps
             felt = self._settle(centre, size, normal, tip, self.settles)
+            if len(held) > 0 and felt.nodes[-1] == 0:
+                raise BodyError(lost(1e3 * deep, held[-1]))
         if deep > 0 and felt.nodes[-1] == 0:
             warnings.warn(
                 "the tip presses no node: the surface is fixed or not touchable there, the mesh is too coarse, or the "

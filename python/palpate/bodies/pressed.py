@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.bodies.body import Shape
-from palpate.bodies.errors import BodyError
+from palpate.bodies.errors import BodyError, lost
 from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, tick_period, whole
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
@@ -96,6 +96,9 @@ class PressedSolid:
 
         Returns:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
+
+        Raises:
+            BodyError: the body gives way so far that the tip loses it.
         """
         x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), length(depth, "depth")
         if x.shape != (3,):
@@ -105,6 +108,9 @@ class PressedSolid:
         ways = _ways(x + normal * ((size if tip == "sphere" else 0.0) - low), size, normal, tip)
         self.core.reset()
         rows = self.core.settle(*ways, whole(steps, "steps", 1))
+        held = 1e3 * low[rows[:, 7] > 0, 0]
+        if len(held) > 0 and rows[-1, 7] == 0:
+            raise BodyError(lost(1e3 * deep, held[-1]))
         return rows[-1, 0:3], self.displacement()
 
     def follow(

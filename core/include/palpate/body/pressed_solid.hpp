@@ -36,8 +36,11 @@ struct Effort {
 /// A solid that tips press, at a low rate: each step takes the contact on the last snapshot, goes one Newton step towards rest under its
 /// forces, and makes the next snapshot there.
 ///
-/// The snapshot's compliance is that of the tangent, of nodes near the tips. Nodes farther out, where a quick tip may be before the next
-/// snapshot comes, have no columns: see Beyond.
+/// The snapshot's compliance is that of the tangent, of nodes near the tips. A body that is pressed far may be stable under the tip only,
+/// not under its forces alone: then the exact tangent is not positive, and near there the compliance grows beyond all bounds. So once it
+/// would give back more than twice what the solid holds, which no account pays for (BlendedContact), the tangent is taken without so much
+/// of its geometric part that it stays positive, until the solid holds clearly less than that again. Nodes farther out, where a quick tip
+/// may be before the next snapshot comes, have no columns: see Beyond.
 template <template <class> class Material, int lanes>
 class PressedSolid {
  public:
@@ -79,8 +82,15 @@ class PressedSolid {
     if (!at_rest()) report.newton = solid_.step(load_.data(), effort_.newton, effort_.newton_steps, guess_.data());
     choose_near(tips);
     place_nodes(tips);
+    if (!exact_ && solid_.energy() < 0.7 * most_exact_) take_tangent(true);
     report.compliance = columns_.better(solid_.tangent(), solid_.precondition(), unit_, solved_, effort_.compliance);
     linearise();
+    if (exact_ && (report.newton.negative || given_back() > 2.0 * solid_.energy())) {
+      most_exact_ = solid_.energy();
+      take_tangent(false);
+      columns_.better(solid_.tangent(), solid_.precondition(), unit_, solved_, effort_.compliance);
+      linearise();
+    }
     std::swap(state_, next_);
     to = state_;
     return report;
@@ -88,6 +98,7 @@ class PressedSolid {
 
   void reset() {
     solid_.reset();
+    exact_ = true;
     columns_.keep({});
     before_ = 0;
     seen_ = BodyTips{};
@@ -97,6 +108,18 @@ class PressedSolid {
 
  private:
   static constexpr double ahead_steps = 3.0;  // that a quick tip may go before it feels the snapshot
+
+  void take_tangent(bool exact) {
+    exact_ = exact;
+    solid_.take_tangent(exact);
+  }
+
+  /// What the next snapshot gives back under its forces, J.
+  [[nodiscard]] double given_back() const noexcept {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < covered_.size(); ++i) sum += 0.5 * next_.force[i] * next_.given[i];
+    return sum;
+  }
 
   /// The load of the contact's forces along the last snapshot's ways, and what the columns say that it changes.
   void push() {
@@ -275,6 +298,8 @@ class PressedSolid {
   }
 
   Solid<Material, lanes> solid_;
+  bool exact_ = true;        // its tangent
+  double most_exact_ = 0.0;  // what it held when it was no longer, J
   SolidSurface surface_;
   Effort effort_;
   std::vector<Vector3<>> points_;                  // at rest, m

@@ -37,6 +37,7 @@ class Solid {
     int solver_steps = 0;   ///< of conjugate gradients
     double length = 0.0;    ///< of the Newton direction that was gone, 0 to 1
     double residual = 0.0;  ///< load less inner forces, before the step, N
+    bool negative = false;  ///< the tangent was seen not to be positive
   };
 
   explicit Solid(const SolidMesh& mesh) {
@@ -90,8 +91,16 @@ class Solid {
   [[nodiscard]] const BlockMatrix& tangent() const noexcept { return matrix_; }        ///< of the inner forces, N/m
   [[nodiscard]] Precondition& precondition() noexcept { return precondition_; }
 
-  /// Back to rest.
+  /// Takes the tangent exact, here and from now on, or with as much of its geometric part only as leaves it positive, tetrahedron by
+  /// tetrahedron. Where it rests does not change with that.
+  void take_tangent(bool exact) {
+    exact_ = exact;
+    settle();
+  }
+
+  /// Back to rest, with the exact tangent.
   void reset() {
+    exact_ = true;
     move_to(std::vector<double>(place_.size(), 0.0).data());
     precondition_.update_coarse(matrix_);
     usual_ = 0;
@@ -121,6 +130,7 @@ class Solid {
       usual_ = 0;
     }
     if (!find_way(load, tolerance, most, guess, done)) {
+      done.negative = true;
       evaluate(place_.data(), gradient_.data(), false);
       precondition_.update(matrix_);
       find_way(load, tolerance, most, nullptr, done);
@@ -136,7 +146,7 @@ class Solid {
     double length = 1.0;
     for (int halvings = 0; halvings < 12; ++halvings, length *= 0.5) {
       for (std::size_t k = 0; k < unknowns(); ++k) trial_[k] = place_[k] + length * static_cast<double>(way_[k]);
-      const double energy = evaluate(trial_.data(), trial_gradient_.data(), true);
+      const double energy = evaluate(trial_.data(), trial_gradient_.data(), exact_);
       double after = energy;
       for (std::size_t k = 0; k < unknowns(); ++k) after -= load[k] * trial_[k];
       if (after <= before + 1e-4 * length * slope + rounding_) {
@@ -196,7 +206,7 @@ class Solid {
   }
 
   void settle() {
-    energy_ = evaluate(place_.data(), gradient_.data(), true);
+    energy_ = evaluate(place_.data(), gradient_.data(), exact_);
     precondition_.update(matrix_);
   }
 
@@ -273,6 +283,7 @@ class Solid {
     return energy;
   }
 
+  bool exact_ = true;  // the tangent, or made positive
   std::int32_t free_ = 0;
   std::vector<std::int32_t> order_;  // point of each node, free ones first
   std::vector<Group> group_;

@@ -177,12 +177,7 @@ class Modal {
       float* twins = push_.data() + stride_;
       for (std::size_t k = 0; k < stride_; ++k) twins[k] += first * one[k] + second * two[k];
     }
-    rung_ = 0.0;
-    if (count > 0)
-      for (Eigen::Index k = 0; k < size(); ++k) {
-        const auto f = static_cast<double>(push_[static_cast<std::size_t>(k)]);
-        rung_ += by_[3][k] * f * f;
-      }
+    rung_ = count > 0 ? (by_[3] * Eigen::Map<const Eigen::ArrayXf>(push_.data(), size()).cast<double>().square()).sum() : 0.0;
     double* const q = state_[0].data();
     double* const v = state_[1].data();
     double* const z = state_[2].data();
@@ -229,8 +224,8 @@ class Modal {
 
   /// Kinetic and elastic energy of the modes, J.
   [[nodiscard]] double energy() const noexcept {
-    const double elastic = (square_ * state_[0].square()).sum() + (instant_ - 1.0) * (square_ * (state_[0] - state_[2]).square()).sum();
-    return 0.5 * (state_[1].square().sum() + elastic);
+    const double late = relaxes() ? (instant_ - 1.0) * (square_ * (state_[0] - state_[2]).square()).sum() : 0.0;
+    return 0.5 * ((state_[1].square() + square_ * state_[0].square()).sum() + late);
   }
 
  private:

@@ -10,6 +10,8 @@
 #include <random>
 #include <type_traits>
 
+#include "rounds.hpp"
+
 namespace {
 
 using palpate::BodyAnswer, palpate::BodyContact, palpate::BodyNodes, palpate::BodyTip, palpate::DryFriction, palpate::Vector3;
@@ -238,8 +240,9 @@ std::vector<float> full(const HalfSpace& space) {
   return c;
 }
 
-// Random closed paths, pressing, sliding, lifting and coming back: what the tip has given to friction covers what is stored
-// there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without friction.
+// Random closed paths (ten rounds are ten thousand), pressing, sliding, lifting and coming back: what the tip has given to friction covers
+// what is stored there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without
+// friction.
 TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
   const HalfSpace space(4, 1e-3, 5e3, 0.3);
   palpate::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
@@ -250,7 +253,7 @@ TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
   tip.radius = 3e-3;
   double lost = 0.0;
   int stuck = 0, slid = 0, free = 0;
-  const int paths = 1500;
+  const int paths = 1000 * rounds();
   for (int path = 0; path < paths; ++path) {
     Eigen::Matrix<double, 3, 4> waves;
     for (int i = 0; i < 12; ++i) waves(i % 3, i / 3) = 3e-4 * normal(random);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "lattice_cube.hpp"
+#include "rounds.hpp"
 
 namespace {
 
@@ -173,7 +174,7 @@ TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
     BodyContact<palpate::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
     double lost = 0.0;
     Counts counts;
-    for (int number = 0; number < 60; ++number)
+    for (int number = 0; number < 60 * rounds(); ++number)
       lost += follow(smooth, rough, Path(random), number, 100,
                      [&](const BodyTip&, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
                        ASSERT_NEAR(a.force.norm(), (b.force - b.friction).norm(), 1e-5 * a.force.norm() + 1e-9);
@@ -193,7 +194,7 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   std::mt19937 random(33);
   double lost = 0.0;
   Counts counts;
-  for (int number = 0; number < 60; ++number)
+  for (int number = 0; number < 60 * rounds(); ++number)
     lost += follow(smooth, rough, Path(random), number, 200,
                    [&](const BodyTip& tip, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
                      const double slack =
@@ -220,7 +221,7 @@ TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
   const auto look = [&](std::vector<Vector3<>>& at) {
     for (std::int32_t i = 0; i < cube.nodes.size(); ++i) at[static_cast<std::size_t>(i)] = lattice.displacement(i);
   };
-  for (int number = 0; number < 30; ++number) {
+  for (int number = 0; number < 30 * rounds(); ++number) {
     const Path path(random, 8e-4);
     contact.reset();
     look(before);

@@ -10,6 +10,8 @@
 #include <palpate/body/relaxing.hpp>
 #include <random>
 
+#include "rounds.hpp"
+
 namespace {
 
 // One node with one mode and a compliance that is that mode's: a damped oscillator on a stop.
@@ -158,7 +160,7 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
   std::normal_distribution<double> normal;
   double lost = 0.0, most = 0.0;
   int pressed = 0;
-  for (int path = 0; path < 1500; ++path) {
+  for (int path = 0; path < 1000 * rounds(); ++path) {
     contact.reset();
     const double a = 1e-3 * normal(random), b = 1e-3 * normal(random), c = 5e-4 * normal(random);
     double in = 0.0, before = 0.0;
@@ -179,8 +181,8 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
     lost += in;
   }
   EXPECT_GT(lost, 0.0);
-  EXPECT_GT(pressed, 15000);
-  EXPECT_LT(pressed, 135000);
+  EXPECT_GT(pressed, 10000 * rounds());
+  EXPECT_LT(pressed, 90000 * rounds());
 }
 
 // Nodes that need not ask all modes are not asked: what is pressed, and how much, is what asking every node gives.
@@ -410,7 +412,7 @@ TEST(Relaxing, GivesOutNoEnergyOverClosedPaths) {
   std::mt19937 random(6);
   std::normal_distribution<double> normal;
   double lost = 0.0;
-  for (int path = 0; path < 1500; ++path) {
+  for (int path = 0; path < 1000 * rounds(); ++path) {
     palpate::Relaxing body(palpate::Compliance(o.nodes, o.full(0.0).data()), 3.0, 0.02, 1e-3);
     palpate::BodyContact<palpate::Relaxing> contact(o.nodes, body);
     palpate::BodyTip tip;

@@ -83,6 +83,24 @@ TEST(Unilateral, HoldsItsConditionsWhileDepthsChange) {
   }
 }
 
+// A place that is left, and one that is met, change sides in one move: a second look finds nothing wrong.
+TEST(Unilateral, LooksTwiceWhereOnePlaceComesOrGoes) {
+  std::mt19937 random(5);
+  const int n = 30;
+  const Eigen::MatrixXd c = Eigen::MatrixXd::Identity(n, n) + 1e-3 * random_compliance(n, random);
+  Unilateral solver;
+  put(solver, c, Eigen::VectorXd::Ones(n));
+  solver.start(n, [](int) { return true; });
+  ASSERT_TRUE(solver.solve());
+  EXPECT_EQ(solver.looks(), 1);
+  for (const double depth : {-1.0, 1.0}) {
+    solver.depth(7) = depth;
+    ASSERT_TRUE(solver.solve());
+    EXPECT_EQ(solver.looks(), 2);
+    EXPECT_EQ(solver.force(7) > 0.0, depth > 0.0);
+  }
+}
+
 /// The top of an elastic half-space, z up: mean displacement of square patches under even pressure on another, by Love's closed form at
 /// centres for the own patch and Boussinesq's point load elsewhere. Nothing here comes from finite elements.
 struct HalfSpace {

@@ -2,11 +2,10 @@
 //   no pop-through: the proxy is never inside, and a tip inside is always in contact;
 //   no stick: without friction no facet under the proxy has a point nearer to the tip; with friction the tip is in the cone;
 //   no lost step: every tick ends before the bound on moves.
-// PALPATE_TOUCH_ROUNDS in the environment repeats it with other seeds: 1,000 rounds are ten million ticks.
+// A thousand rounds are ten million ticks.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
+#include "rounds.hpp"
 #include "touch_shapes.hpp"
 
 namespace {
@@ -101,11 +100,6 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
     }
   }
   ASSERT_EQ(proxy.unfinished(), 0);
-}
-
-int rounds() {
-  const char* asked = std::getenv("PALPATE_TOUCH_ROUNDS");
-  return asked != nullptr ? std::atoi(asked) : 1;
 }
 
 void wander_everywhere(double radius, double shading, std::uint64_t seed, int ticks) {

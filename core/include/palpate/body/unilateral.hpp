@@ -86,13 +86,16 @@ class Unilateral {
 
   [[nodiscard]] bool any_pressed() const noexcept { return active_ > 0; }
 
+  /// How many sets of places the last solve() looked at: one if those of the step before were right.
+  [[nodiscard]] int looks() const noexcept { return looks_; }
+
   /// Solves for all places of the last start(). False if the bound on moves was reached: the forces are then those of a smaller or larger
   /// set of places, with none of them pulling.
   bool solve() noexcept {
     if (stale_ || edits_ > most_edits) anew();
     int fewest = places_ + 1, patience = 3;
     bool found = false;
-    for (int move = 0; move < 10 * capacity && !found; ++move) {
+    for (looks_ = 0; looks_ < 10 * capacity && !found; ++looks_) {
       solve_active();
       const int wrong = look();
       if (wrong == 0) {
@@ -215,8 +218,12 @@ class Unilateral {
       start(places_, [&next](int a) { return next[static_cast<std::size_t>(a)]; });
       return;
     }
-    for (int a = 0; a < places_; ++a)
-      if (wrong_[static_cast<std::size_t>(a)] && where_[static_cast<std::size_t>(a)] >= 0) release(a);
+    for (int a = 0; a < places_; ++a) {
+      bool& wrong = wrong_[static_cast<std::size_t>(a)];
+      if (!wrong || where_[static_cast<std::size_t>(a)] < 0) continue;
+      release(a);
+      wrong = false;  // and is not pressed again below
+    }
     for (int a = 0; a < places_; ++a)
       if (wrong_[static_cast<std::size_t>(a)] && where_[static_cast<std::size_t>(a)] == -1) press(a);
   }
@@ -228,6 +235,7 @@ class Unilateral {
 
   int places_ = 0;
   int active_ = 0;
+  int looks_ = 0;
   int edits_ = 0;                               // since the factor was made
   bool stale_ = false;                          // the factor is of another compliance
   std::array<std::int32_t, capacity> order_{};  // place at each row of the factor

@@ -531,8 +531,8 @@ class Body:
             )
         elif deep > 0 and felt.nodes[-1] < 4:
             warnings.warn(
-                f"the tip presses {felt.nodes[-1]} nodes, too few for a force to believe: take a finer mesh, "
-                "a larger tip or a deeper press",
+                f"the tip presses {felt.nodes[-1]} of the body's nodes, too few for a force to believe: take a finer "
+                "mesh, a larger tip or a deeper press",
                 BodyWarning,
                 stacklevel=2,
             )

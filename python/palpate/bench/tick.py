@@ -24,7 +24,7 @@ ASKED = 25.0  # us
 
 
 def _experiment(duration: float, law: str) -> Experiment:
-    """Return a loop without an object: the tip is led to and fro over where the organ's top will be, pressed with 1.3 N."""
+    """Return a loop without an object: the tip is led to and fro over the organ's top to be, pressed with 1.3 N."""
     table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
     for i in range(round(2.0 * (duration - 0.5))):  # 3 cm each half second
         way = STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)

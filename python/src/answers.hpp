@@ -1,27 +1,16 @@
 #pragma once
 
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <initializer_list>
 #include <palpate/body/patch.hpp>
-#include <utility>
+
+#include "arrays.hpp"
 
 /// What bodies of every kind tell Python about a tip.
-
-/// A numpy array of `shape` that owns its memory.
-template <class T>
-std::pair<nanobind::ndarray<nanobind::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
-  std::size_t count = 1;
-  for (const std::size_t s : shape) count *= s;
-  auto* data = new T[count > 0 ? count : 1]();
-  const nanobind::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return {nanobind::ndarray<nanobind::numpy, T>(data, shape, owner), data};
-}
 
 inline palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
   return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "arrays.hpp"
 #include "batch.hpp"
 
 namespace nb = nanobind;
@@ -95,14 +96,13 @@ nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows
   const auto cell = [&own](std::ptrdiff_t i, Setup& setup) {
     for (const Own& column : own) (*column.put)(setup, column.data + i * column.width);
   };
-  auto* data = new double[static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 1)) * width];
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  auto [rows, row] = new_array<double>({static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 0)), static_cast<std::size_t>(width)});
   {
     const nb::gil_scoped_release unlocked;
     const int ticks = static_cast<int>(reference.shape(0)) - 1;
-    palpate::batch::run_cells(base, cell, count, ticks, reference.data(), operator_force.data(), data, threads, lanes);
+    palpate::batch::run_cells(base, cell, count, ticks, reference.data(), operator_force.data(), row, threads, lanes);
   }
-  return nb::cast(nb::ndarray<nb::numpy, double>(data, {static_cast<std::size_t>(count), static_cast<std::size_t>(width)}, owner));
+  return nb::cast(rows);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <tuple>
 #include <vector>
 
+#include "arrays.hpp"
 #include "body_in_loop.hpp"
 #include "slow_thread.hpp"
 #include "surface_frames.hpp"
@@ -23,18 +24,6 @@ using namespace nb::literals;
 namespace {
 
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Numbers = nb::ndarray<nb::numpy, double>;
-
-/// A numpy array of `shape` that owns its memory, not set to anything.
-template <class... Size>
-std::tuple<Numbers, double*> new_array(Size... shape) {
-  const std::initializer_list<std::size_t> sizes = {static_cast<std::size_t>(shape)...};
-  std::size_t count = 1;
-  for (const std::size_t s : sizes) count *= s;
-  auto* data = new double[count > 0 ? count : 1];
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-  return {Numbers(data, sizes, owner), data};
-}
 
 template <int rows, int columns>
 using RowMajor = Eigen::Matrix<double, rows, columns, (columns > 1 ? Eigen::RowMajor : Eigen::ColMajor)>;
@@ -46,18 +35,18 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
   const auto joint = [](const Rows& a, std::size_t i) { return Q(Eigen::Map<const Q>(a.data() + i * dof)); };
 
   cls.def("forward", [joint](const Mechanism& self, const Rows& q) {
-    auto [out, data] = new_array(q.shape(0), 3);
+    auto [out, data] = new_array<double>({q.shape(0), 3});
     for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<palpate::Vector3<>>(data + 3 * i) = self.forward(joint(q, i));
     return out;
   });
   cls.def("jacobian", [joint](const Mechanism& self, const Rows& q) {
-    auto [out, data] = new_array(q.shape(0), 3, dof);
+    auto [out, data] = new_array<double>({q.shape(0), 3, dof});
     for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<RowMajor<3, dof>>(data + 3 * dof * i) = self.jacobian(joint(q, i));
     return out;
   });
   cls.def("tip_hessian", [joint](const Mechanism& self, const Rows& q) {
     using Variable = palpate::Dual<dof>;
-    auto [out, data] = new_array(q.shape(0), 3, dof, dof);
+    auto [out, data] = new_array<double>({q.shape(0), 3, dof, dof});
     for (std::size_t i = 0; i < q.shape(0); ++i) {
       const Q at = joint(q, i);
       palpate::Joints<dof, Variable> variables;
@@ -71,23 +60,23 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
     return out;
   });
   cls.def("mass_matrix", [joint](const Mechanism& self, const Rows& q) {
-    auto [out, data] = new_array(q.shape(0), dof, dof);
+    auto [out, data] = new_array<double>({q.shape(0), dof, dof});
     for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<RowMajor<dof, dof>>(data + dof * dof * i) = self.mass_matrix(joint(q, i));
     return out;
   });
   cls.def("coriolis", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
-    auto [out, data] = new_array(q.shape(0), dof, dof);
+    auto [out, data] = new_array<double>({q.shape(0), dof, dof});
     for (std::size_t i = 0; i < q.shape(0); ++i)
       Eigen::Map<RowMajor<dof, dof>>(data + dof * dof * i) = self.coriolis(joint(q, i), joint(qd, i));
     return out;
   });
   cls.def("gravity", [joint](const Mechanism& self, const Rows& q) {
-    auto [out, data] = new_array(q.shape(0), dof);
+    auto [out, data] = new_array<double>({q.shape(0), dof});
     for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<Q>(data + dof * i) = self.gravity(joint(q, i));
     return out;
   });
   cls.def("energy", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
-    auto [out, data] = new_array(q.shape(0));
+    auto [out, data] = new_array<double>({q.shape(0)});
     for (std::size_t i = 0; i < q.shape(0); ++i) {
       const Q at = joint(q, i);
       const Q speed = joint(qd, i);
@@ -98,7 +87,7 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
   cls.def("acceleration",
           [joint](const Mechanism& self, const palpate::Friction<dof>& friction, const Rows& q, const Rows& qd, const Rows& tau) {
             const palpate::Motion<Mechanism> motion(self, friction, palpate::Hand{});
-            auto [out, data] = new_array(q.shape(0), dof);
+            auto [out, data] = new_array<double>({q.shape(0), dof});
             for (std::size_t i = 0; i < q.shape(0); ++i)
               Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
             return out;
@@ -197,7 +186,7 @@ void bind_loop(nb::module_& m, const char* name) {
           "lateness",
           [](const Setup& self, int ticks) {
             palpate::Clock<double> clock(self.period, self.jitter, self.seed);
-            auto [out, data] = new_array(ticks + 1);
+            auto [out, data] = new_array<double>({static_cast<std::size_t>(ticks) + 1});
             for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.late();
             return out;
           },
@@ -217,7 +206,7 @@ void bind_loop(nb::module_& m, const char* name) {
             if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
                 operator_force.shape(1) != 3)
               throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
-            auto [seconds, data] = new_array(reference.shape(0));
+            auto [seconds, data] = new_array<double>({reference.shape(0)});
             const nb::gil_scoped_release unlocked;
             time_ticks(self, static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced, data);
             return seconds;
@@ -232,7 +221,7 @@ void bind_loop(nb::module_& m, const char* name) {
               throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
             const int ticks = static_cast<int>(reference.shape(0)) - 1;
             const int most = ticks / self.record_every + 1;
-            auto [rows, data] = new_array(most, palpate::row_width(self));
+            auto [rows, data] = new_array<double>({static_cast<std::size_t>(most), static_cast<std::size_t>(palpate::row_width(self))});
             palpate::SimulationOutcome outcome;
             {
               const nb::gil_scoped_release unlocked;

@@ -11,6 +11,7 @@
 #include <palpate/touch/proxy.hpp>
 #include <vector>
 
+#include "arrays.hpp"
 #include "touch_mesh.hpp"
 
 namespace nb = nanobind;
@@ -20,16 +21,6 @@ namespace {
 
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-
-/// A numpy array of `shape` that owns its memory.
-template <class T>
-std::pair<nb::ndarray<nb::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
-  std::size_t count = 1;
-  for (const std::size_t s : shape) count *= s;
-  auto* data = new T[count > 0 ? count : 1]();
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return {nb::ndarray<nb::numpy, T>(data, shape, owner), data};
-}
 
 std::vector<palpate::Vector3<>> points(const Points& a) {
   std::vector<palpate::Vector3<>> list(a.shape(0));

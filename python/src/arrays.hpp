@@ -1,0 +1,18 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstddef>
+#include <initializer_list>
+#include <utility>
+
+/// A numpy array of `shape`, zero, that owns its memory; and where that is.
+template <class T>
+std::pair<nanobind::ndarray<nanobind::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
+  std::size_t count = 1;
+  for (const std::size_t s : shape) count *= s;
+  auto* data = new T[count > 0 ? count : 1]();
+  const nanobind::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return {nanobind::ndarray<nanobind::numpy, T>(data, shape, owner), data};
+}

@@ -12,9 +12,9 @@ from errno import EACCES, EINVAL, EISDIR, ENOTDIR
 from os import strerror
 from pathlib import Path
 
-from palpate.errors import OutputError
+from palpate.errors import OutputError, PalpateError
 
-__all__ = ["check_writable", "write_folder", "write_whole"]
+__all__ = ["check_readable", "check_writable", "write_folder", "write_whole"]
 
 Writer = Callable[[Path], object]
 
@@ -59,6 +59,23 @@ def check_writable(path: str | Path) -> None:
             raise NotADirectoryError(ENOTDIR, f"{there} is a file, not a folder")
         if not os.access(there, os.W_OK | os.X_OK):
             raise PermissionError(EACCES, f"no permission to write to the folder {there}")
+
+
+def check_readable(path: str | Path, error: type[PalpateError], *, kind: str, otherwise: str = "") -> Path:
+    """Return the file's path, if one is there.
+
+    Args:
+        path: of the file that is wanted.
+        error: what is raised if it is a folder, or nothing is there.
+        kind: of file wanted, for the sentence about a folder: "the mesh's file".
+        otherwise: what makes such a file, for the sentence about one that is missing.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise error(f"{file}: a folder; give {kind} in it")
+    if not file.is_file():
+        raise error(f"{file}: there is no such file" + (f"; {otherwise}" if otherwise else ""))
+    return file
 
 
 def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
 from palpate.bodies.volume import SURFACES, VOLUMES
-from palpate.files import check_writable, write_whole
+from palpate.files import check_readable, check_writable, write_whole
 
 __all__ = ["VERSION", "Contents", "check_target", "read", "write"]
 
@@ -83,11 +83,7 @@ def write(contents: Contents, path: str | Path) -> Path:
 
 def read(path: str | Path) -> Contents:
     """Read a body; BodyError if there is no such file, it is cut short, or it is something else."""
-    file = Path(path)
-    if file.is_dir():
-        raise BodyError(f"{file}: a folder; give the body's file (.h5) in it")
-    if not file.is_file():
-        raise BodyError(f"{file}: there is no such file; palpate body build makes one")
+    file = check_readable(path, BodyError, kind="the body's file (.h5)", otherwise="palpate body build makes one")
     _check_signature(file)
     try:
         with h5py.File(file, "r") as store:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.mesher import tetrahedra
 from palpate.bodies.numbers import length, lengths, positive, unit_of_length
+from palpate.files import check_readable
 from palpate.touch.diagnosis import lengths as sizes
 from palpate.touch.mesh import Mesh
 
@@ -192,11 +193,7 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
 
 def check_mesh_file(path: str | Path) -> None:
     """Raise BodyError if a mesh cannot lie in that file: there is none, or it is something else."""
-    file = Path(path)
-    if file.is_dir():
-        raise BodyError(f"{file}: a folder; give the mesh's file in it")
-    if not file.is_file():
-        raise BodyError(f"{file}: there is no such file")
+    file = check_readable(path, BodyError, kind="the mesh's file")
     if file.suffix.lower() == ".h5":
         raise BodyError(f"{file}: no mesh; if it is a body, it is built already: palpate body show {file}")
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import PalpateError
+from palpate.files import check_readable
 from palpate.touch.diagnosis import Diagnosis, lengths
 from palpate.units import parse
 
@@ -190,10 +191,7 @@ def _weld(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.in
 
 
 def _read(path: Path) -> tuple[Any, Any]:
-    if path.is_dir():
-        raise MeshError(f"{path}: a folder; give the mesh's file in it")
-    if not path.is_file():
-        raise MeshError(f"{path}: there is no such file")
+    check_readable(path, MeshError, kind="the mesh's file")
     import trimesh
 
     kind = path.suffix.lower().lstrip(".")

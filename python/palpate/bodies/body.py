@@ -133,7 +133,7 @@ class Body:
     @cached_property
     def surface(self) -> Mesh:
         """The part of the surface that can be touched, as a mesh."""
-        used, faces = np.unique(self.triangles[self.contents.touchable], return_inverse=True)
+        used, faces = self._touchable
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
 
     def on_surface(self, values: ArrayLike) -> Array:
@@ -149,7 +149,7 @@ class Body:
             raise BodyError(f"one value, or row, for each of the {len(self.nodes)} nodes is needed, not {each.shape}")
         whole = np.zeros((len(self.points), *each.shape[1:]))
         whole[self.contents.nodes] = each
-        return np.asarray(whole[np.unique(self.triangles[self.contents.touchable])])
+        return np.asarray(whole[self._touchable[0]])
 
     @cached_property
     def volume(self) -> Volume:
@@ -458,6 +458,11 @@ class Body:
             return float(self.record[key])
         except (KeyError, TypeError, ValueError):
             raise BodyError(f"the body's file does not tell {key}, which this kind needs: build it again") from None
+
+    @cached_property
+    def _touchable(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The points of `surface` among all, and the corners of its triangles among those."""
+        return np.unique(self.triangles[self.contents.touchable], return_inverse=True)
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         on_surface = np.unique(self.volume.surface)

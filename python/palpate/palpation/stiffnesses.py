@@ -17,7 +17,7 @@ from palpate.scenario import Scenario
 from palpate.stability import ContactStability, contact_stability
 from palpate.units import in_si
 
-__all__ = ["LAWS", "POSE", "YOUNG", "Held", "press_all", "press_scenario"]
+__all__ = ["LAWS", "POSE", "YOUNG", "Held", "controller_of", "press_all", "press_scenario"]
 
 YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
 POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
@@ -83,6 +83,13 @@ def plain(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
+def controller_of(law: str) -> dict[str, Any]:
+    """Return [controller] of one of `LAWS`, or raise ScenarioError."""
+    if law not in LAWS:
+        raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
+    return dict(LAWS[law] or {"kind": "none"})
+
+
 def press_scenario(
     young: float | str, law: str, stiffness: float | str, body: dict[str, Any] | None = None
 ) -> dict[str, Any]:
@@ -97,11 +104,10 @@ def press_scenario(
     Raises:
         ScenarioError: the law is unknown, or a number is not positive or cannot be read.
     """
-    if law not in LAWS:
-        raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
-    options, modulus, expected = LAWS[law], _positive(young, "Pa", "young"), _positive(stiffness, "N/m", "stiffness")
+    controller, shown = controller_of(law), LAWS[law] is None
+    modulus, expected = _positive(young, "Pa", "young"), _positive(stiffness, "N/m", "stiffness")
     press = min(expected * DEPTH, MOST)
-    if options is None:  # the hand's own spring is pressed, too
+    if shown:  # the hand's own spring is pressed, too
         press *= 1.0 + STIFFNESS / expected
     lead = STIFFNESS * SLIDE
     # time, part of the press, part of the slide
@@ -116,20 +122,20 @@ def press_scenario(
         (1.9, 1, 1),
     )
     pressed = [[f"{t:g} s", *_force(0.0, part * press)] for t, part, _ in course]
-    led = [[f"{t:g} s", *_force(way * lead, part * press if options is None else 0.0)] for t, part, way in course]
+    led = [[f"{t:g} s", *_force(way * lead, part * press if shown else 0.0)] for t, part, way in course]
     return {
         "title": f"A body of {modulus / 1e3:g} kPa, {law}",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
-        "servo": {"period": PERIOD, "topology": "impedance_display" if options is None else "force_tracking"},
-        **({} if options is None else {"reference": {"shape": "table", "table": pressed}}),
+        "servo": {"period": PERIOD, "topology": "impedance_display" if shown else "force_tracking"},
+        **({} if shown else {"reference": {"shape": "table", "table": pressed}}),
         "operator": loose_grip(led),
         "object": {
             "kind": "body",
             "position": [f"{SLIDE / 2:g} m", "0 m", "-0.2 mm"],
             "body": {**(BLOCK if body is None else body), "stiffer": modulus / _BLOCK_YOUNG},
         },
-        "controller": {"kind": "none"} if options is None else dict(options),
+        "controller": controller,
         "run": {"duration": "4 s"},
     }
 

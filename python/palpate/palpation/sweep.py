@@ -15,7 +15,7 @@ from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.palpation import JND
 from palpate.loop.simulate import simulate
 from palpate.loop.trace import Trace
-from palpate.palpation.stiffnesses import LAWS, PERIOD, POSE
+from palpate.palpation.stiffnesses import PERIOD, POSE, controller_of
 from palpate.scenario import Scenario
 from palpate.units import in_si, write
 
@@ -129,9 +129,7 @@ def sweep_scenario(
     Raises:
         ScenarioError: the law is unknown, or the press cannot be read.
     """
-    if law not in LAWS:
-        raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
-    force = in_si(press, "N", "press")
+    controller, force = controller_of(law), in_si(press, "N", "press")
     end = FROM + LENGTH / SPEED
     lead = STIFFNESS * LENGTH
     return {
@@ -149,7 +147,7 @@ def sweep_scenario(
             rest=[f"{-LENGTH / 2:g} m", "0 m", "0 m"],
         ),
         "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.2 mm"], "body": body},
-        "controller": dict(LAWS[law] or {"kind": "none"}),
+        "controller": controller,
         "run": {"duration": f"{end + 0.6:g} s"},
     }
 

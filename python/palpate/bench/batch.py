@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate import _core
 from palpate.bench.peers import mujoco_rollout
-from palpate.bench.section import Effort, Progress, Rows, Section
+from palpate.bench.section import Effort, Progress, Rows, Section, figures
 from palpate.bench.workload import STIFFNESS, Workload
 from palpate.loop.simulate import Experiment, prepare
 
@@ -111,8 +111,8 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     met = "" if asked is None else f"{asked:,.0f}{'' if row['loops_per_second'] >= asked else ' (missed)'}"
     return (
         row["program"],
-        f"{row['loops_per_second']:,.4g}",
-        f"{row['best_loops_per_second']:,.4g}",
+        figures(row["loops_per_second"], 4),
+        figures(row["best_loops_per_second"], 4),
         str(row["runs"]),
         f"{row['error_rad']:.1e}",
         met,

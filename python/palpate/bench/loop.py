@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.bench.peers import mujoco_loop, python_control_loop
-from palpate.bench.section import Effort, Progress, Rows, Section
+from palpate.bench.section import Effort, Progress, Rows, Section, figures
 from palpate.bench.workload import DURATION, Workload
 from palpate.loop.simulate import prepare, simulate
 
@@ -72,11 +72,11 @@ def _row(name: str, job: Callable[[], Array], runs: int, reference: Array) -> di
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     return (
         row["program"],
-        f"{row['times_real_time']:.4g}",
-        f"{row['worst_times_real_time']:.4g}",
+        figures(row["times_real_time"], 4),
+        figures(row["worst_times_real_time"], 4),
         str(row["runs"]),
         f"{row['error_rad']:.1e}",
-        f"{row['ratio']:.4g}",
+        figures(row["ratio"], 4),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["TIMED", "Effort", "Progress", "Rows", "Section", "timed", "timed_cells"]
+__all__ = ["TIMED", "Effort", "Progress", "Rows", "Section", "figures", "timed", "timed_cells"]
 
 Progress = Callable[[str, float], None]
 Row = dict[str, Any]
@@ -61,6 +61,11 @@ class Section:
     headings: tuple[str, ...]
     cells: Callable[[Row], tuple[str, ...]]
     measure: Callable[[Effort, Progress], Rows]
+
+
+def figures(value: float, digits: int = 3) -> str:
+    """Return a number rounded to so many figures, written out: 2,140 and not 2.14e+03."""
+    return f"{float(f'{value:.{digits}g}'):,.10g}"
 
 
 def timed(what: str, job: Callable[[], object], runs: int, asked: float | None = None) -> Row:

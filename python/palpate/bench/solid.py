@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.bench.section import Effort, Progress, Rows, Section
+from palpate.bench.section import Effort, Progress, Rows, Section, figures
 
 __all__ = ["SECTION"]
 
@@ -67,11 +67,11 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     return (
         f"{row['law']}, {row['motion']}",
         str(row["pressed"]),
-        f"{row['steps_per_s']:.3g}",
-        f"{row['steps_per_s_slowest']:.3g}",
-        f"{row['tick_median_us']:.3g}",
-        f"{row['tick_p99.9_us']:.3g} / {row['tick_without_p99.9_us']:.3g}",
-        f"{row['late_p99.9_us']:.3g} / {row['late_without_p99.9_us']:.3g}",
+        figures(row["steps_per_s"]),
+        figures(row["steps_per_s_slowest"]),
+        figures(row["tick_median_us"], 2),
+        f"{figures(row['tick_p99.9_us'], 2)} / {figures(row['tick_without_p99.9_us'], 2)}",
+        f"{figures(row['late_p99.9_us'], 2)} / {figures(row['late_without_p99.9_us'], 2)}",
     )
 
 

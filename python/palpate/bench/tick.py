@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate import _core
 from palpate.bench.ball import ball
-from palpate.bench.section import Effort, Progress, Row, Rows, Section
+from palpate.bench.section import Effort, Progress, Row, Rows, Section, figures
 from palpate.loop.grip import STIFFNESS, loose_grip
 from palpate.loop.simulate import Experiment, prepare
 from palpate.palpation.stiffnesses import LAWS, POSE
@@ -110,9 +110,9 @@ def _time(experiment: Experiment, paced: bool) -> NDArray[np.float64]:
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     return (
         f"{row['loop']}, {row['nodes']:,} nodes, {row['pressed']} pressed{', drawn' if row['drawn'] else ''}",
-        f"{row['median_us']:.2g}",
-        f"{row['p99.9_us']:.2g}",
-        f"{row['slowest_us']:.2g}",
+        figures(row["median_us"], 2),
+        figures(row["p99.9_us"], 2),
+        figures(row["slowest_us"], 2),
         f"{row['asked_us']:g}{'' if row['p99.9_us'] <= row['asked_us'] else ' (missed)'}",
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from palpate.bench.ball import ball
-from palpate.bench.section import Effort, Progress, Rows, Section
+from palpate.bench.section import Effort, Progress, Rows, Section, figures
 from palpate.touch import Mesh
 from palpate.touch.bench import orbit, time_steps
 
@@ -44,7 +44,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    return row["proxy"], f"{row['triangles']:,}", f"{row['median_us']:.2g}", f"{row['p99.9_us']:.2g}"
+    return row["proxy"], f"{row['triangles']:,}", figures(row["median_us"], 2), figures(row["p99.9_us"], 2)
 
 
 SECTION = Section(

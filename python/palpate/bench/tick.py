@@ -120,7 +120,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 SECTION = Section(
     "the servo's whole tick (encoder, arm, contact, body, control, drive), a sphere of 24 mm led over an organ "
     "at 6 cm/s (least of three passes)",
-    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "asked p99.9 [µs]"),
+    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "asked [µs]"),
     _cells,
     _measure,
 )

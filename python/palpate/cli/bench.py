@@ -43,10 +43,8 @@ def bench(
         section = SECTIONS[name]
         table = Table(box=None, pad_edge=False)
         for number, heading in enumerate(section.headings):
-            if number == 0:
-                table.add_column(escape(heading), min_width=26)
-            else:
-                table.add_column(escape(heading), justify="right")
+            narrow = heading.replace(" [", "\n[")  # so that the names of the rows have room
+            table.add_column(escape(narrow), justify="left" if number == 0 else "right")
         for row in found["rows"]:
             table.add_row(*section.cells(row))
         output.print(f"\n[bold]{name}[/]: {found['work']}\n", soft_wrap=True)

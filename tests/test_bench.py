@@ -53,7 +53,7 @@ def test_sections_are_run_as_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     out = tmp_path / "numbers.json"
     done = CliRunner().invoke(app, ["bench", "loop", "--out", str(out)])
     assert done.exit_code == 0, done.output
-    assert "a [s]" in done.output
+    assert "a  \n[s]" in done.output
     assert "a peer is not installed" in done.output
     assert json.loads(out.read_text("utf-8"))["sections"]["loop"]["rows"] == [{"a": 1.0}]
 

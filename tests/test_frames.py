@@ -74,6 +74,51 @@ def test_a_live_loop_is_seen_while_it_runs(tables: dict[str, Any]) -> None:
     assert ticks == sorted(ticks)
 
 
+@pytest.fixture(scope="module")
+def soft(tables: dict[str, Any]) -> dict[str, Any]:
+    """The same loop, for a second, on the same block under large displacements."""
+    body = {**tables["object"]["body"], "kind": "neo-hookean"}
+    return {**tables, "object": {**tables["object"], "body": body}, "run": {"duration": "1.01 s"}}
+
+
+def test_large_displacements_are_drawn_as_the_slow_steps_left_them(soft: dict[str, Any]) -> None:
+    """Against the run played to the body again; and the loop is the same, bit for bit, with and without."""
+    alone = prepare(soft).run()[0]
+    experiment = prepare(soft)
+    frames = SurfaceFrames(experiment)
+    first = frames.latest()
+    assert (first.number, first.tick) == (0, -1)
+    assert not first.displacement.any()
+    rows, unstable = experiment.run()
+    assert np.array_equal(rows, alone)
+    shown = frames.latest()
+    expected = pressed_at(experiment.trace(rows, unstable), -1).displacement
+    assert np.abs(expected).max() > 2e-4
+    np.testing.assert_allclose(shown.displacement, expected, atol=1e-6 * np.abs(expected).max())
+    ticks = len(rows) - 1
+    assert 0 < ticks - shown.tick < 40  # a slow step of 20 ms: it saw the tip where that began
+
+
+def test_large_displacements_are_seen_while_a_live_loop_runs(soft: dict[str, Any]) -> None:
+    """Paced by the clock, slow steps in their thread: each is a frame, of a later tick than the one before."""
+    import threading
+
+    experiment = prepare(soft)
+    frames = SurfaceFrames(experiment)
+    loop = threading.Thread(target=experiment.setup.time_ticks, args=(experiment.reference, experiment.operator, True))
+    seen: dict[int, tuple[int, float]] = {}
+    loop.start()
+    while loop.is_alive():
+        frame = frames.latest()
+        seen[frame.number] = frame.tick, float(np.abs(frame.displacement).max())
+        time.sleep(0.001)
+    loop.join()
+    ticks = [seen[number][0] for number in sorted(seen)]
+    assert len(ticks) > 5
+    assert ticks == sorted(ticks)
+    assert seen[max(seen)][1] > 2e-4
+
+
 def test_what_cannot_be_drawn_is_refused(tables: dict[str, Any]) -> None:
     with pytest.raises(BodyError, match="no body to draw"):
         SurfaceFrames(prepare({**tables, "object": {"kind": "spring", "stiffness": "1 N/mm"}}))

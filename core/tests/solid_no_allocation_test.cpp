@@ -1,6 +1,8 @@
 // The servo's tick on a solid's snapshots takes no memory, also when a new one comes; the slow steps may.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <palpate/body/blended.hpp>
 #include <palpate/body/loop_solid.hpp>
@@ -41,6 +43,7 @@ struct Slow {
   palpate::PressedSolid<palpate::NeoHookean, 2> solid;
   auto step(const palpate::BodyTips& tips, palpate::Snapshot& to) { return solid.step(tips, to); }
   void reset() { solid.reset(); }
+  void displacement(double* to) const { solid.displacement(to); }
   [[nodiscard]] std::unique_ptr<Slow> fresh() const { return std::make_unique<Slow>(*this); }
 };
 
@@ -62,18 +65,23 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
     setup.body.origin = arm.forward(pose) - Vector3<>(0.02, 0.015, 0.015 + top - 1e-3);
     palpate::Latest<palpate::PressedNodes> pressed;
     setup.body.watched = &pressed;
+    palpate::Latest<palpate::MovedPoints> drawn;
+    for (palpate::MovedPoints& place : drawn.places()) place.displacement.resize(3 * block.mesh.points.size());
+    setup.body.drawn = &drawn;
     palpate::Servo<Premium> servo(setup);
     const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
     EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
     int touching = 0;
     long counted = 0;
-    double dragged = 0.0;
+    double dragged = 0.0, deepest = 0.0;
     for (int k = 0; k < 1000; ++k) {
       const long before = allocations;
       touching += servo.tick(pose + 0.02 * swing(k), Vector3<>::Zero()).touching ? 1 : 0;
       counted += allocations - before;
       dragged += servo.body()->answer().friction.norm();
       servo.in_turn();
+      if (drawn.fetch())
+        for (const double d : drawn.value().displacement) deepest = std::max(deepest, std::abs(d));
     }
     EXPECT_EQ(counted, 0);
     EXPECT_GT(dragged, 0.0);
@@ -82,6 +90,9 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
     ASSERT_TRUE(pressed.fetch());
     EXPECT_EQ(pressed.value().count, servo.body()->answer().nodes);
     EXPECT_TRUE(servo.body()->body().slow());
+    EXPECT_EQ(drawn.value().step, 51);   // one from before the first tick
+    EXPECT_EQ(drawn.value().tick, 981);  // ticks 0 to 1000, a slow step after 1, 21, ... 981 of them
+    EXPECT_GT(deepest, 5e-4);
   }
 }
 

@@ -220,6 +220,16 @@ class PressedSolid:
 
     def reset(self) -> None: ...
 
+class SolidFrames:
+    """Where the last slow step of a loop's body left its points."""
+
+    def __init__(self, points: int) -> None: ...
+
+    def latest(self) -> tuple:
+        """
+        The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.
+        """
+
 class NonlinearBody(BodyInLoop):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int, every: int, ratio: float = 1.0, sway: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
@@ -794,8 +804,13 @@ class PremiumSetup:
     def touch_body(self, body: TouchedBody) -> None:
         """Puts a body that yields in the anchor's place."""
 
+    @overload
     def watch(self, frames: SurfaceFrames) -> None:
         """Lets a thread draw the body that was put there."""
+
+    @overload
+    def watch(self, frames: SolidFrames) -> None:
+        """Shows each slow step of the body that was put there."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
@@ -1035,8 +1050,13 @@ class SliderSetup:
     def touch_body(self, body: TouchedBody) -> None:
         """Puts a body that yields in the anchor's place."""
 
+    @overload
     def watch(self, frames: SurfaceFrames) -> None:
         """Lets a thread draw the body that was put there."""
+
+    @overload
+    def watch(self, frames: SolidFrames) -> None:
+        """Shows each slow step of the body that was put there."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """

@@ -15,6 +15,7 @@
 #include "arrays.hpp"
 #include "body_in_loop.hpp"
 #include "slow_thread.hpp"
+#include "solid_frames.hpp"
 #include "surface_frames.hpp"
 #include "touch_mesh.hpp"
 
@@ -200,6 +201,9 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "watch", [](Setup& s, SurfaceFrames& f) { s.body.watched = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
           "Lets a thread draw the body that was put there.")
+      .def(
+          "watch", [](Setup& s, SolidFrames& f) { s.body.drawn = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "Shows each slow step of the body that was put there.")
       .def(
           "time_ticks",
           [](const Setup& self, const Rows& reference, const Rows& operator_force, bool paced) {

@@ -81,13 +81,7 @@ class PressedOf final : public AnyPressed {
     return {report.newton.residual, report.newton.solver_steps, report.compliance.steps, report.compliance.left};
   }
 
-  void displacement(double* to) const override {
-    const auto& solid = pressed_.solid();
-    for (std::size_t i = 0; i < solid.nodes(); ++i)
-      for (std::size_t a = 0; a < 3; ++a)
-        to[3 * static_cast<std::size_t>(solid.point_of(static_cast<std::int32_t>(i))) + a] = solid.displacement()[3 * i + a];
-  }
-
+  void displacement(double* to) const override { pressed_.displacement(to); }
   [[nodiscard]] double energy() override { return pressed_.solid().energy(); }
   void reset() override { pressed_.reset(); }
   [[nodiscard]] std::unique_ptr<AnyPressed> fresh() const override {

@@ -14,6 +14,7 @@
 #include "pressed.hpp"
 #include "slow_thread.hpp"
 #include "solid.hpp"
+#include "solid_frames.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -301,6 +302,17 @@ struct NonlinearCore : BodyInLoop {
 };
 
 void bind_nonlinear(nb::module_& m) {
+  nb::class_<SolidFrames>(m, "SolidFrames", "Where the last slow step of a loop's body left its points.")
+      .def(nb::init<std::size_t>(), "points"_a)
+      .def(
+          "latest",
+          [](SolidFrames& self) {
+            const palpate::MovedPoints& moved = self.latest();
+            auto [rows, data] = new_array<double>({self.points(), 3});
+            std::copy(moved.displacement.begin(), moved.displacement.end(), data);
+            return nb::make_tuple(moved.step, moved.tick, rows);
+          },
+          "The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.");
   nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
       .def(
           "__init__",

@@ -38,6 +38,10 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     for made, step in ((body, CELLS), (_made(FINE), FINE[0])):
         rows += [_row("compliance", made, step, pressed, ticks, ASKED[pressed]) for pressed in ASKED]
     same = rows[1]["median_us"]
+    rough = body.rough(0.5, 0.4)
+    rows += [_row("compliance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
+    creeping = body.relaxing(PERIOD, instant=2.0, creep="0.1 s")
+    rows.append(_row("relaxing", creeping, CELLS, 10, ticks, None))
     tell("300 modes", 0.6)
     rows.append(_row("modal, 300 modes", body.modal(PERIOD, by_stiffness=1e-4), CELLS, 10, ticks, ASKED_MODAL))
     rough = body.modal(PERIOD, by_stiffness=1e-4, static_friction=0.5, dynamic_friction=0.4)

@@ -157,6 +157,12 @@ class Body:
         return Volume(self.contents.vertices, self.contents.tetrahedra, str(self.record["source"]))
 
     @cached_property
+    def shares(self) -> sparse.csr_matrix:
+        """What each vertex of the mesh (p) has in the mean over each node's patch (n, p)."""
+        begin, vertices, shares = self._patches()
+        return sparse.csr_matrix((shares, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
+
+    @cached_property
     def network(self) -> Network:
         """The masses and springs of `lattice`; a few seconds for thousands of vertices."""
         density = self._recorded("density_kg_per_m3")
@@ -593,9 +599,7 @@ class Body:
         slow step.
         """
         if isinstance(self.core, _core.NonlinearBody):
-            begin, vertices, shares = self._patches()
-            share = sparse.csr_matrix((shares, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
-            return np.asarray(share @ self.core.displacement())
+            return np.asarray(self.shares @ self.core.displacement())
         if isinstance(self.core, _core.LatticeBody | _core.SplineBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()

@@ -10,6 +10,7 @@
 #include "palpate/body/snapshot_slip.hpp"
 #include "palpate/body/touched.hpp"
 #include "palpate/body/two_rates.hpp"
+#include "palpate/math/latest.hpp"
 
 namespace palpate {
 
@@ -18,6 +19,7 @@ namespace palpate {
 ///
 /// `Slow` is that of TwoRates, and
 ///   std::unique_ptr<Slow> fresh() const   the same at rest, with a state of its own
+///   void displacement(double* to) const   of all points, 3 x point + axis, m
 template <class Slow>
 class LoopSolid final : public LoopBody {
  public:
@@ -60,16 +62,24 @@ class LoopSolid final : public LoopBody {
   void begin(const BodyTip& tip) override {
     tips_.tip[0] = tip;
     rates_.place(tips_);
-    rates_.slow_step();
+    slow_step();
   }
 
   void in_turn() override {
-    if (tick_ % every_ == 0) rates_.compute();
+    if (tick_ % every_ == 0) {
+      rates_.compute();
+      show();
+    }
     if (++tick_ % every_ == 0) rates_.hand_over();
   }
 
   [[nodiscard]] bool slow() const noexcept override { return true; }
-  void slow_step() override { rates_.slow_step(); }
+  void slow_step() override {
+    rates_.slow_step();
+    show();
+  }
+
+  void watch(Latest<MovedPoints>* drawn) noexcept override { drawn_ = drawn; }
 
   [[nodiscard]] const TwoRates<Slow>& rates() const noexcept { return rates_; }
 
@@ -86,6 +96,16 @@ class LoopSolid final : public LoopBody {
     SnapshotSlip slip = slip_;
     slip.reset();
     return slip;
+  }
+
+  /// Tells whoever draws the body where the last slow step left it.
+  void show() noexcept {
+    if (drawn_ == nullptr) return;
+    MovedPoints& next = drawn_->next();
+    next.step = rates_.steps();
+    next.tick = rates_.seen();
+    rates_.slow().displacement(next.displacement.data());
+    drawn_->publish();
   }
 
   /// As the pressed nodes face.
@@ -124,6 +144,7 @@ class LoopSolid final : public LoopBody {
   TwoRates<Slow> rates_;
   int every_;
   std::int64_t tick_ = 0;
+  Latest<MovedPoints>* drawn_ = nullptr;
   BodyTips tips_;
   BodyAnswer answer_;
   SnapshotSlip slip_;

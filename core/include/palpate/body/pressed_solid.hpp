@@ -69,6 +69,11 @@ class PressedSolid {
   }
 
   [[nodiscard]] const Solid<Material, lanes>& solid() const noexcept { return solid_; }
+  /// Displacement of all points, 3 x point + axis, m.
+  void displacement(double* to) const noexcept {
+    for (std::size_t point = 0; point < node_of_.size(); ++point)
+      std::copy_n(solid_.displacement() + 3 * static_cast<std::size_t>(node_of_[point]), 3, to + 3 * point);
+  }
   [[nodiscard]] const Snapshot& state() const noexcept { return state_; }
   [[nodiscard]] const SnapshotContact& contact() const noexcept { return contact_; }
 

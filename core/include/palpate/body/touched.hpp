@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "palpate/body/nodes.hpp"
 #include "palpate/body/patch.hpp"
@@ -13,6 +14,13 @@
 #include "palpate/math/vector.hpp"
 
 namespace palpate {
+
+/// Where a slow step left a body, for whoever draws it.
+struct MovedPoints {
+  std::int64_t step = 0;             ///< how many there have been; 0: none yet
+  std::int64_t tick = -1;            ///< of the servo, whose tip the step saw, from 0 on
+  std::vector<double> displacement;  ///< of all points, 3 x point + axis, body's frame, m; as long as that from the beginning
+};
 
 /// A body of any kind as a servo loop meets it: stepped once a period by one tip, in the body's own frame.
 ///
@@ -54,6 +62,9 @@ class LoopBody {
   /// Whether there are slow steps, and one of them.
   [[nodiscard]] virtual bool slow() const noexcept { return false; }
   virtual void slow_step() {}
+
+  /// Tells `drawn`, of one loop at a time, after each of them; null: no more.
+  virtual void watch(Latest<MovedPoints>* /*drawn*/) noexcept {}
 };
 
 /// A body of one kind in a loop. The nodes outlive it; the kind is its own.
@@ -102,6 +113,7 @@ struct TouchedBody {
   Vector3<> axis = Vector3<>::UnitZ();  ///< of a flat end, unit, out of the body, in the body's frame
 
   Latest<PressedNodes>* watched = nullptr;  ///< told of every tick, if given; of one loop at a time
+  Latest<MovedPoints>* drawn = nullptr;     ///< told of every slow step, if given; of one loop at a time
 
   [[nodiscard]] explicit operator bool() const noexcept { return body != nullptr; }
 };
@@ -113,6 +125,7 @@ class BodyTouch {
     tip_.kind = t.tip;
     tip_.radius = t.radius;
     tip_.outward = t.axis;
+    body_->watch(t.drawn);
   }
 
   /// Before the first tick, with the tip's centre at `place` [m, device's frame].

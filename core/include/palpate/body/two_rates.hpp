@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <utility>
 
@@ -29,12 +30,13 @@ class TwoRates {
 
   /// Where the tips are, for the next slow step; tick() tells it, too.
   void place(const BodyTips& tips) noexcept {
-    where_->next() = tips;
+    where_->next() = {ticks_, tips};
     where_->publish();
   }
 
   /// One tick of the servo's, which neither waits nor takes memory.
   const TipsAnswer& tick(const BodyTips& tips) noexcept {
+    ++ticks_;
     place(tips);
     return servo_->step(*box_, tips);
   }
@@ -48,7 +50,7 @@ class TwoRates {
   /// As slow_step(), but the servo gets the snapshot at the next call of hand_over(), as if the step had taken that long.
   void compute() {
     where_->fetch();
-    last_ = slow_->step(where_->value(), box_->writing());
+    last_ = slow_->step(where_->value().tips, box_->writing());
     ++steps_;
   }
   void hand_over() noexcept { box_->publish(); }
@@ -57,21 +59,30 @@ class TwoRates {
   [[nodiscard]] const Snapshot& newest() const noexcept { return servo_->newest(*box_); }
   [[nodiscard]] const Report& last() const noexcept { return last_; }
   [[nodiscard]] long steps() const noexcept { return steps_; }
+  /// Tick of the servo, from 0 on, whose tips the last slow step saw; -1: from before the first.
+  [[nodiscard]] std::int64_t seen() const noexcept { return where_->value().tick; }
 
   /// Everything back to rest; not while a thread takes slow steps.
   void reset() {
     slow_->reset();
     servo_ = std::make_unique<BlendedContact>();
     box_ = std::make_unique<BlendedContact::Box>();
-    where_ = std::make_unique<Latest<BodyTips>>();
+    where_ = std::make_unique<Latest<Where>>();
     steps_ = 0;
+    ticks_ = -1;
   }
 
  private:
+  struct Where {
+    std::int64_t tick = -1;
+    BodyTips tips;
+  };
+
   std::unique_ptr<Slow> slow_;
   std::unique_ptr<BlendedContact> servo_ = std::make_unique<BlendedContact>();
   std::unique_ptr<BlendedContact::Box> box_ = std::make_unique<BlendedContact::Box>();
-  std::unique_ptr<Latest<BodyTips>> where_ = std::make_unique<Latest<BodyTips>>();
+  std::unique_ptr<Latest<Where>> where_ = std::make_unique<Latest<Where>>();
+  std::int64_t ticks_ = -1;  // the servo's last one
   long steps_ = 0;
   Report last_{};
 };

@@ -138,7 +138,10 @@ def test_places_are_read_from_text() -> None:
     assert place("box -1 -1 -1 to 1, 1, 3 mm").inside(x).tolist() == [True, True, False]
     assert place("surface sphere 5 0 0 radius 1 mm").inside(x).tolist() == [False, False, True]
     assert place("surface z > 1 mm").surface
-    for text in ("", "z < 1", "sphere 0 0 radius 1 mm", "everything"):
+    for text in ("z <= 0 mm", "z<=0mm", "z ≤ −0 mm", "z <= -0.0000001 mm"):  # its own plane too, and rounding
+        assert place(text).inside(x).tolist() == [True, False, True]
+    assert place("x >= 5 mm").inside(x).tolist() == [False, False, True]
+    for text in ("", "z < 1", "z = 1 mm", "z =< 1 mm", "sphere 0 0 radius 1 mm", "everything"):
         with pytest.raises(BodyError, match=r"place|unit"):
             place(text)
 

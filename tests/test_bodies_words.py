@@ -95,6 +95,7 @@ def test_quantities_are_text_or_si(body: Body) -> None:
     assert Material("5 kPa", "0.3", "1 g/cm^3") == Material(5e3, 0.3, 1000.0)
     assert Material(5e3, skin="2 mm = 50 kPa").skin == Skin("2 mm", "50 kPa") == Skin(2e-3, 50e3)
     assert Region("z < 1 mm", "25 kPa").young == Region.read("z < 1 mm = 25 kPa").young == 25e3
+    assert str(Region.read("z <= 1 mm = 25 kPa").where) == "z <= 1 mm"
     assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
     assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 10 10 10 mm"
     assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("Z<1e-3m")) == "z < 1 mm"
@@ -119,6 +120,8 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: Material(5e3, [0.3]), r"poisson: \[0.3\] is not a quantity"),
         (lambda body: Skin.read("2 mm"), 'skin: "2 mm" is written as "2 mm = 50 kPa"'),
         (lambda body: Region.read("z < 1 mm = "), 'region: "z < 1 mm = " is written as'),
+        (lambda body: Region.read("z <= 1 mm"), 'region: "z <= 1 mm" is written as'),
+        (lambda body: bodies.load(None), "a file is named by text or a Path, not by None"),
         (lambda body: place("z < -12"), '"z < -12": "-12" has no unit.*write it as "-12 mm"'),
         (lambda body: place("box 0 0 0 to 1 1 1"), '"1" has no unit'),
         (lambda body: place("z < 5 kPa"), '"z < 5 kPa": "5 kPa" is a pressure'),

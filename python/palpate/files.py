@@ -14,18 +14,25 @@ from pathlib import Path
 
 from palpate.errors import OutputError, PalpateError
 
-__all__ = ["check_readable", "check_writable", "write_folder", "write_whole"]
+__all__ = ["check_readable", "check_writable", "named", "write_folder", "write_whole"]
 
 Writer = Callable[[Path], object]
+
+
+def named(path: object, error: type[PalpateError]) -> Path:
+    """Return the path that a file's name is, or raise `error` if it is none: None, or a number."""
+    if not isinstance(path, str | os.PathLike):
+        raise error(f"a file is named by text or a Path, not by {path!r}")
+    return Path(path)
 
 
 def write_whole(path: str | Path, write: Writer) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
 
     Raises:
-        OutputError: the folder cannot be written, the disk is full, or a folder has that name.
+        OutputError: the folder cannot be written, the disk is full, a folder has that name, or `path` is no name.
     """
-    target = Path(path)
+    target = named(path, OutputError)
     with _told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
@@ -48,7 +55,7 @@ def check_writable(path: str | Path) -> None:
     Raises:
         OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
     """
-    target = Path(path)
+    target = named(path, OutputError)
     with _told(target):
         if "\0" in str(target):
             raise OSError(EINVAL, "a name has no null character in it")
@@ -61,7 +68,7 @@ def check_writable(path: str | Path) -> None:
             raise PermissionError(EACCES, f"no permission to write to the folder {there}")
 
 
-def check_readable(path: str | Path, error: type[PalpateError], *, kind: str, otherwise: str = "") -> Path:
+def check_readable(path: str | os.PathLike[str], error: type[PalpateError], *, kind: str, otherwise: str = "") -> Path:
     """Return the file's path, if one is there.
 
     Args:
@@ -70,7 +77,7 @@ def check_readable(path: str | Path, error: type[PalpateError], *, kind: str, ot
         kind: of file wanted, for the sentence about a folder: "the mesh's file".
         otherwise: what makes such a file, for the sentence about one that is missing.
     """
-    file = Path(path)
+    file = named(path, error)
     if file.is_dir():
         raise error(f"{file}: a folder; give {kind} in it")
     if not file.is_file():
@@ -88,7 +95,7 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
     Raises:
         OutputError: the folder cannot be written, the disk is full, or it is a file.
     """
-    target = Path(folder)
+    target = named(folder, OutputError)
     with _told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))

@@ -48,7 +48,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     rows.append(_row("modal, 300 modes, friction", rough, CELLS, 10, ticks, None))
     tell("a spline, and a lattice of 1,183 vertices", 0.7)
     rows.append(_row("spline", body.spline(), CELLS, 10, ticks, None))
-    small = build(block(SMALL, CELLS), young=20e3, fixed="z < 0.001 mm", touch="z > 29.99 mm", order=1)
+    small = build(block(SMALL, CELLS), young=20e3, fixed="z <= 0 mm", touch="z >= 30 mm", order=1)
     lattice = small.lattice(PERIOD, by_stiffness=2e-3)
     rows.append(_row("lattice of 1,183 vertices", lattice, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
     seconds = body.record["seconds"]
@@ -67,7 +67,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
 def _made(spacing: float | tuple[float, float, float], modes: int = 0) -> Body:
     cells = list(spacing) if isinstance(spacing, tuple) else spacing
-    return build(block(SIZE, cells), young=20e3, fixed="z < 0.001 mm", touch="z > 49.99 mm", order=1, modes=modes)
+    return build(block(SIZE, cells), young=20e3, fixed="z <= 0 mm", touch="z >= 50 mm", order=1, modes=modes)
 
 
 def _row(

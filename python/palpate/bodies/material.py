@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -127,10 +128,10 @@ def _young(value: float | str, field: str) -> float:
 
 
 def _halves(text: str, field: str, example: str) -> tuple[str, str]:
-    left, equals, right = (part.strip() for part in text.partition("="))
-    if not (left and equals and right):
+    halves = [part.strip() for part in re.split("(?<![<>])=", text)]
+    if len(halves) != 2 or not all(halves):
         raise BodyError(f'{field}: "{text}" is written as "{example}"')
-    return left, right
+    return halves[0], halves[1]
 
 
 def _set(made: object, **values: object) -> None:

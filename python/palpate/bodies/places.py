@@ -20,8 +20,11 @@ Array = NDArray[np.float64]
 _AXES: Final = "xyz"
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _BEFORE_UNIT: Final = re.compile(r"(?<=[\d.])(?![eE][+-]?\d)(?=[A-Za-zµμ])")  # in "12mm", not in "1e-3"
+_TYPED: Final = str.maketrans({",": " ", "−": "-", "≤": "<=", "≥": ">="})
+_SIGN: Final = re.compile(r"[<>]=?")
+_SLACK: Final = 1e-9  # m: a point that is said to be on the plane of <= may be off it by rounding
 _EXAMPLES: Final = (
-    '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", or "surface" before one of these'
+    '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", "z <= 0 mm", or "surface" before one'
 )
 
 
@@ -54,11 +57,12 @@ def ball(centre: Sequence[float | str], radius: float | str) -> Place:
 
 
 def beyond(axis: str, sign: str, value: float | str) -> Place:
-    """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<" or ">"; `value`, m or text."""
-    if axis not in tuple(_AXES) or sign not in ("<", ">"):
+    """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<", "<=", ">" or ">="; `value`, m or text."""
+    if axis not in tuple(_AXES) or sign not in ("<", "<=", ">", ">="):
         raise BodyError(f"one side of a plane is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
-    at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign == ">" else -1.0
-    return Place(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > 0)
+    at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign[0] == ">" else -1.0
+    least = -_SLACK if sign[1:] else 0.0
+    return Place(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > least)
 
 
 def on_surface(where: Place | str) -> Place:
@@ -76,7 +80,7 @@ def place(text: str | Place) -> Place:
         return text
     if not isinstance(text, str):
         raise BodyError(f"{text!r} is no place; write {_EXAMPLES}")
-    words = _BEFORE_UNIT.sub(" ", text.replace(",", " ").replace("<", " < ").replace(">", " > ")).split()
+    words = _BEFORE_UNIT.sub(" ", _SIGN.sub(r" \g<0> ", text.translate(_TYPED))).split()
     name, rest = (words or [""])[0].lower(), words[1:]
     if name == "surface" and rest and rest[0] != "surface":
         return on_surface(" ".join(rest))
@@ -88,7 +92,7 @@ def place(text: str | Place) -> Place:
         centre, radius = _groups(rest, "radius", text)
         if len(centre) == 3 and len(radius) == 1:
             return ball(centre, radius[0])
-    if name in tuple(_AXES) and len(words) in (3, 4) and words[1] in ("<", ">"):
+    if name in tuple(_AXES) and len(words) in (3, 4) and _SIGN.fullmatch(words[1]):
         _, value = _groups(words[2:], "", text)
         if len(value) == 1:
             return beyond(name, words[1], value[0])

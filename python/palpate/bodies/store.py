@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
 from palpate.bodies.volume import SURFACES, VOLUMES
-from palpate.files import check_readable, check_writable, write_whole
+from palpate.files import check_readable, check_writable, named, write_whole
 
 __all__ = ["VERSION", "Contents", "check_target", "read", "write"]
 
@@ -57,7 +57,7 @@ class Contents:
 
 def check_target(path: str | Path) -> None:
     """Raise BodyError or OutputError if a body cannot be written to `path`: before the work of building it."""
-    file = Path(path)
+    file = named(path, BodyError)
     if file.suffix.lower() != ".h5":
         raise BodyError(f"{file}: a body is an HDF5 file, named for example {(file.stem or 'body') + '.h5'}")
     check_writable(file)

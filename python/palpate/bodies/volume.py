@@ -169,8 +169,7 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
 
     Raises BodyError if there is no such file, it cannot be read, or it holds no tetrahedra.
     """
-    check_mesh_file(path)
-    file, scale = Path(path), unit_of_length(unit)
+    file, scale = check_mesh_file(path), unit_of_length(unit)
     try:
         import meshio
     except ImportError:
@@ -191,11 +190,12 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
     return Volume(np.asarray(whole.points, dtype=float)[:, :3] * scale, np.concatenate(cells), file.name)
 
 
-def check_mesh_file(path: str | Path) -> None:
-    """Raise BodyError if a mesh cannot lie in that file: there is none, or it is something else."""
+def check_mesh_file(path: str | Path) -> Path:
+    """Return the file's path, or raise BodyError if a mesh cannot lie in it: there is none, or it is something else."""
     file = check_readable(path, BodyError, kind="the mesh's file")
     if file.suffix.lower() == ".h5":
         raise BodyError(f"{file}: no mesh; if it is a body, it is built already: palpate body show {file}")
+    return file
 
 
 def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, source: str = "given surface") -> Volume:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from palpate.errors import RecordingError
+from palpate.errors import OutputError, RecordingError
+from palpate.files import check_readable, named, write_whole
 from palpate.identify.samples import JITTER, MINIMUM_SAMPLES, as_columns, check_samples, uniform_period
 
 Array = NDArray[np.float64]
@@ -99,9 +100,7 @@ class Recording:
 
         Raises RecordingError that names the file and the line, sample or channel.
         """
-        file = Path(path)
-        if not file.is_file():
-            raise RecordingError(f"{file}: there is no such file")
+        file = check_readable(path, RecordingError, kind="the recording's file")
         from palpate.identify.csv_file import read_csv
         from palpate.identify.hdf5_file import read_hdf5
 
@@ -113,8 +112,7 @@ class Recording:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `.csv` or `.h5`, whole or not at all."""
-        file = Path(path)
-        from palpate.files import write_whole
+        file = named(path, OutputError)
         from palpate.identify.csv_file import write_csv
         from palpate.identify.hdf5_file import write_hdf5
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import PalpateError
-from palpate.files import write_whole
+from palpate.files import named, write_whole
 
 __all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
 
@@ -193,7 +193,7 @@ class Trace:
         """
         import h5py
 
-        file_path = Path(path)
+        file_path = named(path, TraceError)
         try:
             with h5py.File(file_path, "r") as file:
                 if file.attrs.get("format") != _FORMAT:

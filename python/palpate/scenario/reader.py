@@ -12,6 +12,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 
 from palpate.errors import ScenarioError
+from palpate.files import named
 from palpate.scenario.model import Scenario
 
 __all__ = ["find_line", "read_file", "read_tables", "read_text"]
@@ -29,7 +30,7 @@ def read_file(path: str | Path) -> Scenario:
     Raises:
         ScenarioError: it cannot be read, is not TOML, or has a mistake.
     """
-    file = Path(path)
+    file = named(path, ScenarioError)
     try:
         if file.stat().st_size > _LARGEST:
             raise ScenarioError(f"{file}: larger than {_LARGEST // 1_000_000} MB; a scenario is a short TOML file")

@@ -66,7 +66,7 @@ class Mesh:
             scale = parse(f"1 {unit}", "m")
         except ValueError:
             raise MeshError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
-        vertices, triangles = _read(Path(path))
+        vertices, triangles = _read(path)
         try:
             vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
             return cls(vertices * scale, triangles, open=open, mend=mend)
@@ -190,8 +190,8 @@ def _weld(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.in
     return points[np.sort(first)], rank[same.reshape(-1)][faces]
 
 
-def _read(path: Path) -> tuple[Any, Any]:
-    check_readable(path, MeshError, kind="the mesh's file")
+def _read(name: str | Path) -> tuple[Any, Any]:
+    path = check_readable(name, MeshError, kind="the mesh's file")
     import trimesh
 
     kind = path.suffix.lower().lstrip(".")

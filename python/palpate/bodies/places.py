@@ -24,7 +24,7 @@ _TYPED: Final = str.maketrans({",": " ", "−": "-", "≤": "<=", "≥": ">="})
 _SIGN: Final = re.compile(r"[<>]=?")
 _SLACK: Final = 1e-9  # m: a point that is said to be on the plane of <= may be off it by rounding
 _EXAMPLES: Final = (
-    '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", "z <= 0 mm", or "surface" before one'
+    '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", "z <= 0 mm", or "surface" before them'
 )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import bodies
-from palpate.bodies import BodyError, BodyWarning, Volume, block
+from palpate.bodies import BodyError, BodyWarning, Volume, block, dense
 from palpate.bodies.condense import Condensation, check_memory
 from palpate.bodies.dissection import dissect
 from palpate.bodies.elements import Elements
@@ -197,6 +197,30 @@ def test_fronts_give_what_columns_give(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("palpate.bodies.dissection._LEAF", leaf)
         monkeypatch.setattr("palpate.bodies.dissection._LARGE", 3 * leaf)
         assert np.abs(Condensation(elements).compliance() - expected).max() < 1e-6 * expected.max()
+
+
+def test_threads_share_the_fronts_and_change_nothing(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit: what is left is added in the order of the fronts, whoever comes first."""
+    monkeypatch.setattr("palpate.bodies.dissection._LEAF", 12)
+    found = []
+    for count in (1, 2, 5):
+        monkeypatch.setattr("palpate.bodies.dense.threads", lambda count=count: count)
+        with dense.one_thread():
+            found.append(Condensation(small).compliance())
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[2])
+
+
+def test_a_front_that_fails_in_a_thread_ends_the_build(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiffness that is not positive definite is noticed wherever its front lies."""
+    monkeypatch.setattr("palpate.bodies.dissection._LEAF", 12)
+    monkeypatch.setattr("palpate.bodies.dense.threads", lambda: 4)
+    count = len(Condensation(small)._fronts._fronts)
+    for last in (0, count // 3, count - 2):
+        calls = iter(range(count))
+        monkeypatch.setattr("palpate.bodies.dense.cholesky", lambda a, calls=calls, last=last: next(calls) != last)
+        with pytest.raises(BodyError, match="not positive definite"):
+            Condensation(small).compliance()
 
 
 def test_dissection_parts_what_it_halves(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from palpate.bodies.numbers import positive
 __all__ = ["Condensation", "check_memory"]
 
 _PROGRAM = 0.15e9  # bytes of the program itself with its libraries
-_SHARE = 0.9  # of the speed of a dense product in double precision that fronts reach, half of them in single
+_SHARE = 0.7  # of the speed of a dense product in double precision that fronts reach, half of them in single
 
 
 def check_memory(vertices: int, working: float, budget: float | str) -> None:

@@ -67,10 +67,15 @@ class Elements:
 
     @cached_property
     def _basis(self):  # type: ignore[no-untyped-def]
+        """Shape functions where the stiffness is integrated: exactly where it is the same throughout, else finer."""
+        uniform = not self.material.regions and self.material.skin is None
+        return self._basis_of(max(2 * self.order - 2, 1) if uniform else 2 * self.order)
+
+    def _basis_of(self, degree: int):  # type: ignore[no-untyped-def]
         import skfem
 
         element = skfem.ElementTetP2() if self.order == 2 else skfem.ElementTetP1()
-        return skfem.Basis(self._mesh, element, intorder=2 * self.order)
+        return skfem.Basis(self._mesh, element, intorder=degree)
 
     @cached_property
     def nodes(self) -> Array:
@@ -205,10 +210,11 @@ class Elements:
     @cached_property
     def mass(self) -> sparse.csr_matrix:
         """Consistent mass (3N, 3N), kg."""
-        value = np.stack([np.broadcast_to(np.asarray(f[0]), self._basis.dx.shape) for f in self._basis.basis])
+        basis = self._basis_of(2 * self.order)
+        value = np.stack([np.broadcast_to(np.asarray(f[0]), basis.dx.shape) for f in basis.basis])
 
         def blocks(cells: slice) -> Array:
-            v, w = value[:, cells], self.material.density * self._basis.dx[cells]
+            v, w = value[:, cells], self.material.density * basis.dx[cells]
             return np.asarray(np.einsum("aeq,beq,eq->eab", v, v, w, optimize=True)[..., None, None])
 
         return sparse.kron(self._assemble(blocks, 1), sparse.eye(3), format="csr")

@@ -2,21 +2,23 @@
 
 Eliminating a front's unknowns s leaves its neighbours r and the loads m on the body's surface with
     L L^T = K_ss,  X = [K_rs; B_s^T] L^-T,  K_rr -= X_r X_r^T,  B_r^T -= X_m X_r^T,  C += X_m X_m^T,
-and what is left goes on to the front that it hangs on. K's part is in double precision. The loads' part, three fifths
-of the work, is in single precision: its errors are those of substitution with L, which is as well conditioned as the
-square root of K. A few trial loads go through in double, and what energy they get from C is held against that.
+and what is left goes on to the front that it hangs on. Threads share the fronts that do not hang on each other; what
+they leave is added in the same order whoever comes first. K's part is in double precision. The loads' part, three
+fifths of the work, is in single precision: its errors are those of substitution with L, which is as well conditioned
+as the square root of K. A few trial loads go through in double, and what energy they get from C is held against that.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import blas, lapack
 
 from palpate import _core
+from palpate.bodies import dense
 from palpate.bodies.dissection import dissect
 from palpate.bodies.errors import BodyError
 from palpate.bodies.factor import NOT_DEFINITE
@@ -37,13 +39,24 @@ class _Front(NamedTuple):
     rest: Indices  # neighbours, by place in the order
     loads: Indices  # numbers of the loads on it and below it
 
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Unknowns of its own, of its neighbours and of the loads: s, r, m."""
+        return 3 * (self.end - self.begin), 3 * len(self.rest), 3 * len(self.loads)
+
 
 class _Left(NamedTuple):
-    """What a front leaves to the one that it hangs on; columns in one piece."""
+    """What a front leaves to the one that it hangs on; columns in one piece, of square matrices the lower triangle."""
 
-    stiffness: Array  # of the rest (3r, 3r), lower triangle, N/m
+    stiffness: Array  # of the rest (3r, 3r), N/m
     load: Single  # (3m, 3r)
+    compliance: Single  # of the loads, what comes from here and below (3m, 3m), m/N
     trial: Array  # (trials, 3r)
+    energy: Array  # of the trials, what comes from here and below (trials, trials)
+
+
+class _StoppedError(Exception):
+    """Another thread has failed, or was interrupted."""
 
 
 class Fronts:
@@ -71,19 +84,10 @@ class Fronts:
             some += [self._fronts[c].loads for c in children]
             beyond = np.unique(np.concatenate(rest))
             self._fronts.append(_Front(begin, end, children, beyond[beyond >= end], np.unique(np.concatenate(some))))
-        self._count()
-
-    def _count(self) -> None:
-        self.operations, waiting, most = 0.0, 0.0, 0.0
-        for front in self._fronts:
-            s, r, m = 3.0 * (front.end - front.begin), 3.0 * len(front.rest), 3.0 * len(front.loads)
-            self.operations += s**3 / 3 + s**2 * (r + m) + s * (r + m) ** 2
-            most = max(most, waiting + 8.0 * (s**2 + s * r + r**2) + 4.0 * (s**2 + s * (r + m) + m * r + m**2))
-            waiting += 8.0 * r**2 + 4.0 * m * r
-            for child in front.children:
-                r, m = 3.0 * len(self._fronts[child].rest), 3.0 * len(self._fronts[child].loads)
-                waiting -= 8.0 * r**2 + 4.0 * m * r
-        self.memory = most + 4.0 * (3.0 * self._loads.shape[1]) ** 2 + 12.0 * self._stiffness.nnz
+        self._threads = dense.threads()
+        self._failures: list[BaseException] = []
+        self.operations = float(sum(_operations(*front.sizes) for front in self._fronts))
+        self.memory = self._most(len(self._fronts) - 1, self._threads) + 12.0 * self._stiffness.nnz
 
     def compliance(self) -> Single:
         """Return C (3n, 3n), m/N, symmetric to the last bit.
@@ -91,34 +95,75 @@ class Fronts:
         Raises BodyError if the stiffness is not positive definite, or C does not give trial loads their energy.
         """
         size = 3 * self._loads.shape[1]
-        found = np.zeros((size, size), dtype=np.float32, order="F")
         forces = np.random.default_rng(0).standard_normal((size, _TRIALS))
         self._trials: Array = (self._loads @ forces.reshape(-1, 3 * _TRIALS)).reshape(-1, _TRIALS)
-        self._squares = np.zeros((_TRIALS, _TRIALS))
-        left: dict[int, _Left] = {}
-        for number, front in enumerate(self._fronts):
-            left[number] = self._eliminate(front, [(self._fronts[c], left.pop(c)) for c in front.children], found)
+        root = len(self._fronts) - 1
+        self._failures.clear()
+        try:
+            with dense.one_thread():
+                below = self._below(root, self._threads)
+        except _StoppedError:
+            raise self._failures[0] from None
+        left = self._eliminate(self._fronts[root], below)
+        found = left.compliance
         for i in range(0, size, 1024):
             for j in range(i + 1024, size, 1024):
                 found[i : i + 1024, j : j + 1024] = found[j : j + 1024, i : i + 1024].T
             block = found[i : i + 1024, i : i + 1024]
             block[:] = np.tril(block) + np.tril(block, -1).T
-        worst = np.abs(forces.T @ (found @ forces) - self._squares).max() / np.abs(self._squares).max()
+        answers = found @ forces.astype(np.float32)
+        worst = np.abs(forces.T @ answers - left.energy).max() / np.abs(left.energy).max()
         if not worst < _ACCURACY:
             raise BodyError(
                 f"the compliance is wrong by {worst:.1g}, by rounding: the elements are too flat, mesh again"
             )
         return found.T
 
-    def _eliminate(self, front: _Front, below: list[tuple[_Front, _Left]], found: NDArray[np.float32]) -> _Left:
-        s, r, m = 3 * (front.end - front.begin), 3 * len(front.rest), 3 * len(front.loads)
+    def _below(self, number: int, threads: int) -> list[_Left]:
+        """Eliminate all that hangs on a front; return what its children leave."""
+        children = self._fronts[number].children
+        if threads == 1 or len(children) != 2:
+            return [self._tree(child, threads) for child in children]
+        with ThreadPoolExecutor(1) as other:
+            later = other.submit(self._tree, children[1], threads // 2)
+            try:
+                return [self._tree(children[0], threads - threads // 2), later.result()]
+            except BaseException as problem:  # Ctrl-C too: every other thread stops at its next front
+                self._failures.append(problem)
+                raise
+
+    def _tree(self, number: int, threads: int) -> _Left:
+        """Eliminate a front and all that hangs on it."""
+        below = self._below(number, threads)
+        if self._failures:
+            raise _StoppedError
+        return self._eliminate(self._fronts[number], below)
+
+    def _most(self, number: int, threads: int) -> float:
+        """Return the bytes that `_tree` takes at most."""
+        front = self._fronts[number]
+        left = [_bytes_left(*self._fronts[child].sizes) for child in front.children]
+        own = sum(left) + _bytes_left(*front.sizes) + _bytes_inside(*front.sizes)
+        if threads > 1 and len(left) == 2:
+            first, second = front.children
+            return max(own, self._most(first, threads - threads // 2) + self._most(second, threads // 2))
+        return max([own, *(sum(left[:i]) + self._most(child, threads) for i, child in enumerate(front.children))])
+
+    def _eliminate(self, front: _Front, below: list[_Left]) -> _Left:
+        """Eliminate a front, given what its children leave, which is let go."""
+        s, r, m = front.sizes
         own, beside, trial = (np.zeros(shape, order="F") for shape in ((s, s), (r, s), (_TRIALS, s)))
         across = np.zeros((m, s), dtype=np.float32, order="F")
         left = _Left(
-            np.zeros((r, r), order="F"), np.zeros((m, r), np.float32, order="F"), np.zeros((_TRIALS, r), order="F")
+            np.zeros((r, r), order="F"),
+            np.zeros((m, r), np.float32, order="F"),
+            np.zeros((m, m), np.float32, order="F"),
+            np.zeros((_TRIALS, r), order="F"),
+            np.zeros((_TRIALS, _TRIALS), order="F"),
         )
         self._assemble(front, own, beside, across, trial)
-        for child, given in below:
+        for number, given in zip(front.children, below, strict=True):
+            child = self._fronts[number]
             inside = child.rest < front.end
             cut = 3 * int(np.count_nonzero(inside))
             here = _axes(child.rest[inside] - front.begin)
@@ -129,23 +174,22 @@ class Fronts:
             _core.add_at(left.stiffness, given.stiffness[cut:, cut:], there, there, True)
             _core.add_at(across, given.load[:, :cut], rows, here)
             _core.add_at(left.load, given.load[:, cut:], rows, there)
+            _core.add_at(left.compliance, given.compliance, rows, rows, True)
             trial[:, here] += given.trial[:, :cut]
             left.trial[:, there] += given.trial[:, cut:]
-        factor, wrong = lapack.dpotrf(own, lower=1, clean=0, overwrite_a=1)
-        if wrong != 0:
+            left.energy[:] += given.energy
+        below.clear()
+        if not dense.cholesky(own):
             raise BodyError(NOT_DEFINITE)
-        trial = blas.dtrsm(1.0, factor, trial, side=1, lower=1, trans_a=1, overwrite_b=1)
-        self._squares += trial @ trial.T
-        if r > 0:
-            beside = blas.dtrsm(1.0, factor, beside, side=1, lower=1, trans_a=1, overwrite_b=1)
-            blas.dsyrk(-1.0, beside, beta=1.0, c=left.stiffness, lower=1, overwrite_c=1)
-            left.trial[:] -= trial @ beside.T
+        dense.solve_transposed(own, beside)
+        dense.solve_transposed(own, trial)
+        dense.subtract_square(left.stiffness, beside)
+        left.trial[:] -= trial @ beside.T
+        left.energy[:] += trial @ trial.T
         if m > 0:
-            across = blas.strsm(1.0, _single(factor), across, side=1, lower=1, trans_a=1, overwrite_b=1)
-            if r > 0:
-                blas.sgemm(-1.0, across, _single(beside), beta=1.0, c=left.load, trans_b=1, overwrite_c=1)
-            at = _axes(front.loads)
-            _core.add_at(found, blas.ssyrk(1.0, across, lower=1), at, at, True)
+            dense.solve_transposed(_single(own), across)
+            dense.subtract_product(left.load, across, _single(beside))
+            dense.add_square(left.compliance, across)
         return left
 
     def _assemble(self, front: _Front, own: Array, beside: Array, across: Single, trial: Array) -> None:
@@ -172,3 +216,15 @@ def _single(array: Array) -> Single:
 def _axes(nodes: Indices) -> Indices:
     """Return the unknowns of nodes."""
     return (3 * np.asarray(nodes, dtype=np.int64)[:, None] + np.arange(3)).ravel()
+
+
+def _operations(s: int, r: int, m: int) -> float:
+    return s**3 / 3 + s**2 * (r + m) + s * (r + m) ** 2
+
+
+def _bytes_inside(s: int, r: int, m: int) -> float:
+    return 8.0 * s * (s + r) + 4.0 * s * (s + r + m)
+
+
+def _bytes_left(_s: int, r: int, m: int) -> float:
+    return 8.0 * r**2 + 4.0 * m * (m + r)

@@ -83,11 +83,30 @@ def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law,
 
 def test_a_press_through_which_the_tip_loses_the_body_is_refused() -> None:
     column = PressedSolid(Solid(SLIM, MATERIAL, BOTTOM, TOP))
-    with pytest.raises(BodyError, match=r"pressed 15 mm deep the body gives way.*until 1\d.* mm: press less deep"):
+    with pytest.raises(BodyError, match=r"pressed 15 mm deep the body .*at rest until 1\d.* mm: press less deep"):
         column.press([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
     slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).nonlinear("1 ms")
-    with pytest.raises(BodyError, match="pressed 20 mm deep the body gives way"):
+    with pytest.raises(BodyError, match=r"pressed 20 mm deep the body .*at rest until"):
         slim.press([0.01, 0.01, 0.03], RADIUS, 20e-3, tip="flat")
+
+
+def test_far_in_a_press_ends_at_rest_or_says_that_it_does_not() -> None:
+    """A sphere deep into a small block: the slope of the solid's own energy, the same by every road, or a sentence."""
+    low = block((0.04, 0.04, 0.02), 0.005)
+    solid = PressedSolid(Solid(low, MATERIAL, BOTTOM, beyond("z", ">", 0.02 - 1e-9)))
+    body = bodies.build(low, young=8e3, poisson=0.4, fixed=BOTTOM, touch="z > 19.999 mm", order=1).nonlinear("1 ms")
+    top, held = [0.02, 0.02, 0.02], []
+    for depth in (12.95e-3, 13.05e-3):
+        solid.press(top, RADIUS, depth, outward=UP)
+        held.append(solid.core.energy())
+    force = body.press(top, RADIUS, 13e-3).force
+    assert force[2] == pytest.approx((held[1] - held[0]) / 1e-4, rel=1e-3)
+    assert solid.press(top, RADIUS, 13e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
+    for depth in ("14 mm", "15 mm", "16 mm"):
+        with pytest.raises(
+            BodyError, match=rf"pressed {depth} deep the body .*felt at rest until 1\d.* mm: press less"
+        ):
+            body.press(top, RADIUS, depth)
 
 
 def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:

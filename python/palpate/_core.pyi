@@ -197,7 +197,9 @@ class PressedSolid:
         """
 
     def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, steps: int) -> NDArray[numpy.float64]:
-        """As follow, with so many slow steps at each place."""
+        """
+        The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.
+        """
 
     def live(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
         """
@@ -236,6 +238,11 @@ class NonlinearBody(BodyInLoop):
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do that it presses, as in a loop.
+        """
+
+    def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, steps: int) -> NDArray[numpy.float64]:
+        """
+        The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.
         """
 
     def pressed(self) -> tuple:

@@ -7,6 +7,7 @@ namespace palpate::solid {
 
 /// What a slow step did.
 struct PressedStep {
+  double unrest = 0.0;           ///< what the contact's forces differ by from the inner ones, or from those before, over them
   double residual = 0.0;         ///< load less inner forces before it, N
   int newton_steps = 0;          ///< of conjugate gradients
   int compliance_steps = 0;      ///< of conjugate gradients

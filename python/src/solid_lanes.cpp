@@ -78,7 +78,7 @@ class PressedOf final : public AnyPressed {
 
   PressedStep step(const BodyTips& tips, Snapshot& to) override {
     const auto report = pressed_.step(tips, to);
-    return {report.newton.residual, report.newton.solver_steps, report.compliance.steps, report.compliance.left};
+    return {report.unrest, report.newton.residual, report.newton.solver_steps, report.compliance.steps, report.compliance.left};
   }
 
   void displacement(double* to) const override { pressed_.displacement(to); }

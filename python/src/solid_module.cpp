@@ -199,19 +199,16 @@ void bind_pressed(nb::module_& m) {
           "settle",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int steps) {
             Ways ways(centres, outward, radii, flat);
-            auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
+            auto [rows, row] = new_array<double>({ways.ticks(), ways.columns() + 1});
             const nb::gil_scoped_release unlocked;
-            for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
-              for (int i = 0; i < steps; ++i) {
-                self.pressing.tick(ways.at(k));
-                self.pressing.slow_step();
-              }
-              self.pressing.tick(ways.at(k));
+            for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns() + 1) {
+              row[ways.columns()] = self.pressing.settle(ways.at(k), steps) ? 1.0 : 0.0;
               ways.write(self.pressing.servo(), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "steps"_a, "As follow, with so many slow steps at each place.")
+          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "steps"_a,
+          "The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.")
       .def(
           "live",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
@@ -348,6 +345,24 @@ void bind_nonlinear(nb::module_& m) {
           "centres"_a, "outward"_a, "radius"_a, "flat"_a,
           "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do "
           "that it presses, as in a loop.")
+      .def(
+          "settle",
+          [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat, int steps) {
+            const std::size_t n = centres.shape(0);
+            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            auto [rows, row] = new_array<double>({n, answer_width + 1});
+            const nb::gil_scoped_release unlocked;
+            for (std::size_t i = 0; i < n; ++i, row += answer_width + 1) {
+              const palpate::BodyTip tip = tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
+                                                  Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
+              self.begun = true;
+              row[answer_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
+              put(self.body.last(), row);
+            }
+            return rows;
+          },
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "steps"_a,
+          "The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.")
       .def(
           "pressed", [](const NonlinearCore& self) { return pressed_by(self.body); },
           "Of the last step: the pressed nodes, and the forces along their inward normals, N.")

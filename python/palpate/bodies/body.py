@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.optimize import nnls
 
 from palpate import _core
-from palpate.bodies.errors import BodyError, BodyWarning, lost
+from palpate.bodies.errors import BodyError, BodyWarning, check_rest, lost
 from palpate.bodies.kind import PLAIN, Kind
 from palpate.bodies.network import Network, network, patches
 from palpate.bodies.numbers import (
@@ -77,8 +77,8 @@ class Body:
     def __init__(self, contents: Contents, kind: Kind = PLAIN) -> None:
         self.contents = contents
         self.kind = kind
-        self.settles: float | None = None  # period of a body that `press` lets come to rest, s
-        self.eases = 0.0  # how long such a one takes for each radius that a tip goes in, s
+        self.settles: float | None = None  # period of a lattice, which `press` lets come to rest, s
+        self.eases = 0.0  # how long it takes for each radius that a tip goes in, s
 
     @classmethod
     def load(cls, path: str | Path) -> Body:
@@ -438,7 +438,6 @@ class Body:
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
         large = Body(contents, self._kind("nonlinear", options, static_friction, dynamic_friction))
-        large.settles, large.eases = tick, 50 * round(slow / tick) * tick
         large.core = _core.NonlinearBody(
             np.ascontiguousarray(contents.vertices),
             np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
@@ -498,7 +497,8 @@ class Body:
             PoseError: the point is not three finite numbers.
             BodyError: the point is farther from the body than that is across, the press deeper than that, the radius
                 is not positive, the tip is neither shape, more nodes lie under it than are looked at (128), or a
-                lattice or a body under large displacements gives way so far that the tip loses it.
+                lattice or a body under large displacements gives way so far that the tip loses it, or the latter does
+                not come to rest.
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
             return Body(self.contents).press(point, radius, depth, tip=tip)
@@ -522,6 +522,9 @@ class Body:
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
         radii = max(deep / size, 0.0)
+        if isinstance(self.core, _core.NonlinearBody):
+            felt = self._rest(self.core, centre, normal, deep, size, tip)
+            return self._felt(felt, deep)
         if self.settles is None:  # a deep press goes in by less than the radius at a time
             steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
         else:  # from one place of rest to the next
@@ -533,19 +536,35 @@ class Body:
             felt = self._settle(centre, size, normal, tip, self.settles)
             if len(held) > 0 and felt.nodes[-1] == 0:
                 raise BodyError(lost(1e3 * deep, held[-1]))
+        return self._felt(felt, deep)
+
+    def _rest(
+        self, core: _core.NonlinearBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
+    ) -> Presses:
+        """Press from one place of rest to the next, ten of them or four for each radius; refuse what does not rest."""
+        parts = max(10, int(np.ceil(4.0 * abs(deep) / size)))
+        depths = deep * np.arange(1, parts + 1) / parts
+        rows = core.settle(
+            centre + np.outer(deep - depths, normal), np.tile(normal, (parts, 1)), size, tip == "flat", 200
+        )
+        check_rest(depths, rows[:, 7], rows[:, -1])
+        return _presses(rows)
+
+    def _felt(self, felt: Presses, deep: float) -> Press:
+        """Return the end of a press; warn if too few nodes carried it."""
         if deep > 0 and felt.nodes[-1] == 0:
             warnings.warn(
                 "the tip presses no node: the surface is fixed or not touchable there, the mesh is too coarse, or the "
                 "contact was lost",
                 BodyWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         elif deep > 0 and felt.nodes[-1] < 4:
             warnings.warn(
                 f"the tip presses {felt.nodes[-1]} of the body's nodes, too few for a force to believe: take a finer "
                 "mesh, a larger tip or a deeper press",
                 BodyWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         return Press(felt.force[-1], self.displacement())
 
@@ -581,9 +600,7 @@ class Body:
         if outward is not None:
             axes = directions(outward, centres.shape)
         rows = self.core.follow(centres, axes, size, tip == "flat")
-        if not rows[:, 9].all():
-            raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
-        return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
+        return _presses(rows)
 
     def pressure(self) -> Array:
         """Pressure of the tip on each node's patch (n,), Pa, in the last tick; the `press` of `modal` makes none."""
@@ -607,6 +624,13 @@ class Body:
         for node, force, drag in zip(nodes, forces, self.core.dragged(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (drag - force * self.normals[node])
         return total.reshape(-1, 3)
+
+
+def _presses(rows: Array) -> Presses:
+    """Return what the core's rows tell; BodyError if one of them was not solved."""
+    if not rows[:, 9].all():
+        raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+    return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
 
 
 def _damping(by_mass: float | str, by_stiffness: float | str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.bodies.body import Shape
-from palpate.bodies.errors import BodyError, lost
+from palpate.bodies.errors import BodyError, check_rest
 from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, tick_period, whole
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
@@ -82,9 +82,9 @@ class PressedSolid:
         *,
         outward: ArrayLike,
         tip: Shape = "sphere",
-        steps: int = 30,
+        steps: int = 100,
     ) -> tuple[Array, Array]:
-        """Press a rigid tip in at `point` of the surface at rest, in ten parts, and let the body settle.
+        """Press a rigid tip in at `point` of the surface at rest, in ten parts, and let the body come to rest.
 
         Args:
             point: (3,), m or text.
@@ -92,13 +92,13 @@ class PressedSolid:
             depth: m or text.
             outward: (3,), out of the body there.
             tip: "sphere" or "flat".
-            steps: slow steps for each part.
+            steps: slow steps for each part, at most.
 
         Returns:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
 
         Raises:
-            BodyError: the body gives way so far that the tip loses it.
+            BodyError: the body gives way so far that the tip loses it, or does not come to rest.
         """
         x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), length(depth, "depth")
         if x.shape != (3,):
@@ -108,9 +108,7 @@ class PressedSolid:
         ways = _ways(x + normal * ((size if tip == "sphere" else 0.0) - low), size, normal, tip)
         self.core.reset()
         rows = self.core.settle(*ways, whole(steps, "steps", 1))
-        held = 1e3 * low[rows[:, 7] > 0, 0]
-        if len(held) > 0 and rows[-1, 7] == 0:
-            raise BodyError(lost(1e3 * deep, held[-1]))
+        check_rest(low[:, 0], rows[:, 7], rows[:, -1])
         return rows[-1, 0:3], self.displacement()
 
     def follow(

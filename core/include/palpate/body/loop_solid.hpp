@@ -83,6 +83,15 @@ class LoopSolid final : public LoopBody {
 
   [[nodiscard]] const TwoRates<Slow>& rates() const noexcept { return rates_; }
 
+  /// Lets the body come to rest under a tip that is held, in at most so many slow steps, and steps there. Whether it did.
+  bool settle(const BodyTip& tip, int most) {
+    tips_.tip[0] = tip;
+    tick_ = 0;
+    const bool rests = rates_.settle(tips_, most);
+    step(tip);
+    return rests;
+  }
+
   void reset() {
     rates_.reset();
     answer_ = {};

@@ -45,6 +45,7 @@ template <template <class> class Material, int lanes>
 class PressedSolid {
  public:
   struct Report {
+    double unrest = 0.0;  ///< what the contact's forces differ by from the inner ones, or from those of the step before, over them
     typename Solid<Material, lanes>::Step newton;
     KeptColumns::Report compliance;
   };
@@ -84,7 +85,9 @@ class PressedSolid {
     before_ = contact_.last().nodes;
     std::copy(contact_.pressed(), contact_.pressed() + before_, pressed_.begin());
     push();
-    if (!at_rest()) report.newton = solid_.step(load_.data(), effort_.newton, effort_.newton_steps, guess_.data());
+    const double left = unbalanced();
+    report.unrest = std::max(left, changed());
+    if (left > 1e-5) report.newton = solid_.step(load_.data(), effort_.newton, effort_.newton_steps, guess_.data());
     choose_near(tips);
     place_nodes(tips);
     if (!exact_ && solid_.energy() < 0.7 * most_exact_) take_tangent(true);
@@ -146,14 +149,25 @@ class PressedSolid {
     force_ = force;
   }
 
-  /// Whether what is left of the load is too little to be felt.
-  [[nodiscard]] bool at_rest() const {
+  /// What is left of the load, over it; infinite under no load, while inner forces are left.
+  [[nodiscard]] double unbalanced() const {
     double left = 0.0, whole = 0.0;
     for (std::size_t k = 0; k < load_.size(); ++k) {
       left += (load_[k] - solid_.gradient()[k]) * (load_[k] - solid_.gradient()[k]);
       whole += load_[k] * load_[k];
     }
-    return left <= 1e-10 * whole;
+    return left > 0.0 ? std::sqrt(left / whole) : 0.0;
+  }
+
+  /// By how much the contact's forces are others than those of the state, over them: it answers otherwise as its compliance gets better.
+  [[nodiscard]] double changed() const {
+    double change = 0.0, whole = 0.0;
+    for (std::int32_t i = 0; i < state_.nodes.size(); ++i) {
+      const auto n = static_cast<std::size_t>(i);
+      change += (force_[n] - state_.force[n]) * (force_[n] - state_.force[n]);
+      whole += force_[n] * force_[n];
+    }
+    return change > 0.0 ? std::sqrt(change / whole) : 0.0;
   }
 
   void load(std::int32_t name, const Vector3<>& force) {

@@ -55,6 +55,22 @@ class TwoRates {
   }
   void hand_over() noexcept { box_->publish(); }
 
+  /// Slow steps with the tips where they are until the body rests under them, at most so many; then the servo begins anew, from there, and
+  /// owes nothing. False: it did not come to rest. Not while a thread takes slow steps; the report tells `unrest`.
+  bool settle(const BodyTips& tips, int most) {
+    place(tips);
+    int still = 0;  // steps in turn
+    for (int k = 0; k < most && still < 2; ++k) {
+      compute();
+      still = last_.unrest <= rest ? still + 1 : 0;
+    }
+    servo_ = std::make_unique<BlendedContact>();
+    box_ = std::make_unique<BlendedContact::Box>();
+    slow_step();
+    servo_->step(*box_, tips);
+    return still >= 2;
+  }
+
   /// What the servo took last; not while it runs.
   [[nodiscard]] const Snapshot& newest() const noexcept { return servo_->newest(*box_); }
   [[nodiscard]] const Report& last() const noexcept { return last_; }
@@ -73,6 +89,8 @@ class TwoRates {
   }
 
  private:
+  static constexpr double rest = 1e-4;  // of the load
+
   struct Where {
     std::int64_t tick = -1;
     BodyTips tips;

@@ -102,29 +102,28 @@ class BodyNodes {
   /// Two unit vectors, in columns, that span a node's tangent plane.
   [[nodiscard]] const Eigen::Matrix<double, 3, 2>& across(std::int32_t i) const noexcept { return across_[static_cast<std::size_t>(i)]; }
 
-  /// Calls `take(node, depth)` for each node that lies under the tip, in or before it. A node whose normal turns away from `tip.outward`,
-  /// such as one on the far side of a thin body, is not under it. `deep` is how deep the tip was in before [m]: so far out nodes are
-  /// looked for, and a tip does not lose those that it has passed. Of a group of which `skip(group, depth)` is true, none of whose nodes is
-  /// deeper than that, no node is taken.
+  /// Calls `take(node, depth)` for each node that lies under the tip, in or before it; see `reached` for which do. `deep` is how deep the
+  /// tip was in before [m]: so far out nodes are looked for, and a tip does not lose those that it has passed. Of a group of which
+  /// `skip(group, depth)` is true, none of whose nodes is deeper than that, no node is taken.
   template <class Skip, class Take>
   void under(const BodyTip& tip, double deep, Skip skip, Take take) const noexcept {
     const bool flat = tip.kind == BodyTip::Kind::flat;
-    // As wide as a sphere's cone is where it comes out of the surface.
-    const double wide = flat ? tip.radius + 0.5 * widest_ : std::max(tip.radius, ((1.0 - cosine) * tip.radius + cosine * deep) / sine);
-    visit(tip.centre, tip.centre + deep * tip.outward, wide, [&](std::size_t number) {
+    const double reach = flat ? tip.radius + 0.5 * widest_ : tip.radius + 0.5 * deep;
+    visit(tip.centre, tip.centre + deep * tip.outward, reach, [&](std::size_t number) {
       const Group& group = groups_[number];
       if (skip(number, flat ? deepest_before_end(tip, group) : deepest_in_sphere(tip, group))) return;
       for (std::int32_t k = group.begin; k < group.end; ++k) {
         const Place& place = places_[static_cast<std::size_t>(k)];
         const Vector3<> away = place.point - tip.centre;
         const double facing = place.normal.dot(tip.outward);
-        if (facing < cosine) continue;
         if (!flat) {
-          const double height = away.dot(place.normal), aside = away.squaredNorm() - height * height;
-          if (aside >= wide * wide) continue;
-          if (height > tip.radius && (away - away.dot(tip.outward) * tip.outward).squaredNorm() >= wide * wide) continue;
-          take(place.node, height + lower(tip.radius, std::max(aside, 0.0)));
+          if (facing < least_facing) continue;
+          const double height = away.dot(place.normal), below = lower(tip.radius, std::max(away.squaredNorm() - height * height, 0.0));
+          if (height + below < -highest * tip.radius) continue;
+          if (height > below && Passed(tip, away, facing, height - below).part <= least_part) continue;
+          take(place.node, height + below);
         } else {
+          if (facing < cosine) continue;
           const double height = away.dot(tip.outward);
           const double distance = std::sqrt(std::max(away.squaredNorm() - height * height, 0.0));
           if (part(tip, place.width, distance) > least_part) take(place.node, height / facing);
@@ -178,7 +177,26 @@ class BodyNodes {
     return found;
   }
 
-  /// A node under the tip in full.
+  /// A node under the tip in full. A sphere presses the nodes that it is in or before. One that it has left behind, so that the node lies
+  /// beyond the sphere's upper side, it presses still if it went over it: if the node faces as the tip does, and lies no farther from its
+  /// axis than its radius. Of others, on the flanks and the far side of a thin body, the tip has not come from where they face: `cover`
+  /// fades towards the upper side, so that none of them leaves with a force. That is all by the tip's place, none by its way there.
+  [[nodiscard]] Near reached(const BodyTip& tip, std::int32_t node) const noexcept {
+    Near near = at(tip, node);
+    if (tip.kind == BodyTip::Kind::flat) return near;
+    const Vector3<>& n = normal(node);
+    const Vector3<> away = point(node) - tip.centre;
+    const double beyond = 2.0 * away.dot(n) - near.depth;  // the sphere's upper side, m
+    if (!(beyond > -fade * tip.radius)) return near;
+    const Passed passed(tip, away, n.dot(tip.outward), beyond);
+    if (passed.part >= 1.0) return near;
+    const double p = std::max(passed.part, least_part);
+    near.cover = p * p * (3.0 - 2.0 * p);
+    near.cover_slope = 6.0 * p * (1.0 - p) * (passed.by_beyond * (-2.0 * n - near.slope) + passed.by_place);
+    return near;
+  }
+
+  /// The same wherever it has been left.
   [[nodiscard]] Near at(const BodyTip& tip, std::int32_t node) const noexcept {
     Near near;
     near.node = node;
@@ -207,6 +225,25 @@ class BodyNodes {
   }
 
  private:
+  /// How far a node still counts that lies `beyond` [m] the upper side of a sphere, and the slopes of that, by `beyond` and by the tip's
+  /// centre.
+  struct Passed {
+    Passed(const BodyTip& tip, const Vector3<>& away, double facing, double beyond) noexcept {
+      const double width = fade * tip.radius;
+      const double before = std::clamp(-beyond / width, 0.0, 1.0);
+      const double same = std::clamp((facing - 0.6) / 0.2, 0.0, 1.0);
+      const Vector3<> aside = away - away.dot(tip.outward) * tip.outward;
+      const double distance = aside.norm();
+      const double within = 1.0 + (tip.radius - distance) / width;
+      const double over = same * std::clamp(within, 0.0, 1.0);
+      part = before + (1.0 - before) * over;
+      if (before > 0.0) by_beyond = -(1.0 - over) / width;
+      if (within > 0.0 && within < 1.0) by_place = ((1.0 - before) * same / (width * distance)) * aside;
+    }
+    double part = 1.0, by_beyond = 0.0;
+    Vector3<> by_place = Vector3<>::Zero();
+  };
+
   /// A node as a look at it needs it: one line of the cache.
   struct alignas(64) Place {
     Vector3<> point = Vector3<>::Zero();
@@ -294,6 +331,9 @@ class BodyNodes {
   }
 
   static constexpr double least_part = 1e-3;
+  static constexpr double fade = 0.4;                  // of a sphere's radius: twice as high as its cone begins
+  static constexpr double highest = 0.5;               // before a sphere that a node may be at rest, of the radius: none rises so far
+  static constexpr double least_facing = -0.5;         // of a node's normal and a sphere's outward, where it presses the node
   static constexpr double cosine = 0.2;                // of the largest angle between a node's normal and the tip's, 78 degrees
   static constexpr double sine = 0.97979589711327123;  // of the same
 

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "palpate/body/nodes.hpp"
 #include "palpate/body/partial_slip.hpp"
@@ -67,12 +69,19 @@ class BodyContact {
   /// The nodes and the body outlive the contact. A kind that cannot be dragged has no friction.
   BodyContact(const BodyNodes& nodes, Kind& kind, DryFriction friction = {}) : nodes_(&nodes), kind_(&kind) {
     if (Draggable<Kind> && friction) slip_ = PartialSlip(friction, nodes.size());
+    raises_.assign(static_cast<std::size_t>(nodes.size()), 0.0);
+    for (std::int32_t i = 0; i < nodes.size(); ++i)
+      for (std::int32_t j = 0; j < i; ++j)
+        for (const std::int32_t k : {i, j})
+          raises_[static_cast<std::size_t>(k)] = std::max(raises_[static_cast<std::size_t>(k)], -kind.compliance(i, j));
   }
 
   /// Goes on by one period with the tip where it is.
   const BodyAnswer& step(const BodyTip& tip) noexcept {
+    faced_ = tip.outward;
     find(tip);
-    solve();
+    do solve();
+    while (left_out(tip));
     answer();
     if constexpr (Draggable<Kind>)
       if (slip_.on()) drag(tip);
@@ -93,13 +102,19 @@ class BodyContact {
 
   [[nodiscard]] const BodyAnswer& last() const noexcept { return answer_; }
 
-  /// Out of the body, unit: as the nodes face that the last step pressed; while the tip is free, as the nearest node does, or the tip if
-  /// none is near.
+  /// Out of the body, unit: while the tip is free, as the nearest node faces, or as the tip does if none is near; while it presses, as it
+  /// did before, and never more than 45 degrees off the way that it is pushed out. What it presses depends on this, so a path on which the
+  /// direction turned with every change of the force could get work out of the body.
   [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept {
-    return outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
+    const Vector3<> pushed = outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
       const auto c = static_cast<std::size_t>(k);
       return Vector3<>(forces_[c] * nodes_->normal(pressed_[c]));
     });
+    const double along = faced_.dot(pushed);
+    if (answer_.nodes == 0) return pushed;
+    if (along >= std::sqrt(0.5)) return faced_;
+    const Vector3<> aside = faced_ - along * pushed;
+    return aside.norm() > 1e-9 ? Vector3<>((pushed + aside.normalized()).normalized()) : pushed;
   }
 
   /// The pressed nodes of the last step and the forces on them along their inward normals [N], answer.nodes of each.
@@ -121,29 +136,37 @@ class BodyContact {
   };
   static constexpr int capacity_seen = 1024;
 
-  /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's.
+  /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's. `left_out` finds whoever
+  /// is needed besides.
   void find(const BodyTip& tip) noexcept {
     answer_ = {};
     if constexpr (creeps) creep();
-    const double deep = deep_;
+    deep_before_ = deep_;
     double expected = 1.1 * deepest_;  // the last tick's, and some more: seldom is a second look needed
-    int found = look(tip, deep, expected);
+    int found = look(tip, 0.25 * expected);
     while (deepest_ > expected) {
       expected = 1.1 * deepest_;
-      found = look(tip, deep, expected);
+      found = look(tip, 0.25 * expected);
     }
-    found = deepest_ > 0.0 ? keep(found) : 0;
+    above_ = 0.25 * deepest_;
+    found = deepest_ > 0.0 ? keep(found, [this](const Seen& s) { return s.depth > -above_; }) : 0;
     if (found > capacity) {  // the deepest stay
-      answer_.solved = false;
       std::nth_element(seen_.begin(), seen_.begin() + capacity, seen_.begin() + found,
                        [](const Seen& a, const Seen& b) { return a.depth > b.depth; });
+      above_ = -seen_[capacity].depth;
+      if (above_ < 0.0) answer_.solved = false;
       found = capacity;
     }
+    place(tip, found);
+  }
+
+  /// Puts the first `found` nodes that were seen into the solver.
+  void place(const BodyTip& tip, int found) noexcept {
     std::sort(seen_.begin(), seen_.begin() + found, [](const Seen& a, const Seen& b) { return a.node < b.node; });
     match(found);
     for (int a = 0; a < count_; ++a) {
       Near& near = near_[static_cast<std::size_t>(a)];
-      near = nodes_->at(tip, node_[static_cast<std::size_t>(a)]);
+      near = nodes_->reached(tip, node_[static_cast<std::size_t>(a)]);
       inward_[static_cast<std::size_t>(a)] = near.depth;
       near.depth = seen_[static_cast<std::size_t>(a)].depth;
       if constexpr (creeps) near.depth -= (1.0 / near.cover - 1.0) * crept(a);
@@ -152,13 +175,36 @@ class BodyContact {
     }
   }
 
-  /// Lists the nodes whose depth is above minus a quarter of `expected` [m], and finds the deepest one's; returns how many.
-  int look(const BodyTip& tip, double deep, double expected) noexcept {
-    const double above = 0.25 * expected;
+  /// Whether the forces raise nodes into the tip that are not in the solver, as they may at an edge or on a slender body. They are in from
+  /// now on. No node rises by more than the sum of what each force raises where it raises most.
+  bool left_out(const BodyTip& tip) noexcept {
+    double raised = 0.0;
+    for (int a = 0; a < count_; ++a) raised += solver_.force(a) * raises_[static_cast<std::size_t>(node_[static_cast<std::size_t>(a)])];
+    if (!(raised > above_)) return false;
+    const int known = count_, found = keep(look(tip, raised), [this, known](const Seen& s) {
+                                const auto end = node_.begin() + known, at = std::lower_bound(node_.begin(), end, s.node);
+                                if (at != end && *at == s.node) return true;
+                                double moved = 0.0;
+                                for (int a = 0; a < known; ++a)
+                                  if (solver_.force(a) > 0.0)
+                                    moved += solver_.force(a) * kind_->compliance(s.node, node_[static_cast<std::size_t>(a)]);
+                                return moved < s.depth - 1e-9 * deepest_;
+                              });
+    if (found <= known) return false;
+    if (found > capacity) {
+      answer_.solved = false;
+      return false;
+    }
+    place(tip, found);
+    return true;
+  }
+
+  /// Lists the nodes whose depth is more than minus `above` [m], and finds the deepest one's; returns how many.
+  int look(const BodyTip& tip, double above) noexcept {
     int found = 0;
     deepest_ = deep_ = 0.0;
     nodes_->under(
-        tip, deep,
+        tip, deep_before_,
         [&](std::size_t group, double depth) {
           if (depth > 0.0) return false;
           if constexpr (requires { kind_->surely_above_all(group, depth); }) return kind_->surely_above_all(group, depth + above);
@@ -171,7 +217,7 @@ class BodyContact {
           depth -= kind_->at_rest(node);
           deepest_ = std::max(deepest_, depth);
           if (!(depth > -above)) return;
-          if (found == capacity_seen) found = keep(found);
+          if (found == capacity_seen) found = keep(found, [this](const Seen& s) { return s.depth > -0.25 * deepest_; });
           if (found < capacity_seen)
             seen_[static_cast<std::size_t>(found++)] = {node, depth};
           else
@@ -210,9 +256,10 @@ class BodyContact {
     return energy;
   }
 
-  /// Drops what turned out to be too high; returns how many stay.
-  int keep(int found) noexcept {
-    const auto end = std::remove_if(seen_.begin(), seen_.begin() + found, [this](const Seen& s) { return !(s.depth > -0.25 * deepest_); });
+  /// Drops of the nodes seen those that shall not `stay`; returns how many do.
+  template <class Stay>
+  int keep(int found, Stay stay) noexcept {
+    const auto end = std::remove_if(seen_.begin(), seen_.begin() + found, [&stay](const Seen& s) { return !stay(s); });
     return static_cast<int>(end - seen_.begin());
   }
 
@@ -334,9 +381,12 @@ class BodyContact {
   Kind* kind_;
   Unilateral solver_;
   BodyAnswer answer_;
-  int count_ = 0;         // places in the solver
-  double deepest_ = 0.0;  // m
-  double deep_ = 0.0;     // how deep the tip was in the last step against places at rest, m
+  int count_ = 0;               // places in the solver
+  double deepest_ = 0.0;        // m
+  double deep_ = 0.0;           // how deep the tip was in the last step against places at rest, m
+  double deep_before_ = 0.0;    // the same, of the step before
+  double above_ = 0.0;          // nodes higher than this are not in the solver at first, m
+  std::vector<double> raises_;  // by node: the most that a unit force on it raises another, m/N
   std::array<Seen, capacity_seen> seen_{};
   std::array<Near, capacity> near_{};
   std::array<std::int32_t, capacity> node_{};  // by place
@@ -345,7 +395,8 @@ class BodyContact {
   std::array<double, capacity> inward_{};      // how far a place goes in if it is pressed, from where it is at rest, m
   std::array<std::int32_t, capacity> pressed_{};
   std::array<double, capacity> forces_{};
-  std::array<int, capacity> held_{};  // places of the pressed
+  std::array<int, capacity> held_{};      // places of the pressed
+  Vector3<> faced_ = Vector3<>::UnitZ();  // the tip's outward in the last step
   PartialSlip slip_;
   bool placed_ = false;                                 // the tip has been somewhere before
   Vector3<> centre_ = Vector3<>::Zero();                // where it was, m

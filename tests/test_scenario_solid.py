@@ -11,8 +11,6 @@ from palpate import bodies, simulate
 from palpate.bodies import BodyError, Material, PressedSolid, Solid
 from palpate.errors import ScenarioError
 from palpate.loop.body import pressed_at, scenario_body
-from palpate.loop.frames import SurfaceFrames
-from palpate.loop.simulate import prepare
 from palpate.scenario import Scenario
 from palpate.stability import contact_stability
 
@@ -141,8 +139,6 @@ def test_what_cannot_be_is_refused(block: Path) -> None:
         simulate(deep(block, creep="1 s"))
     with pytest.raises(ScenarioError, match="did you mean neo-hookean"):
         simulate(deep(block, kind="neo-hooke"))
-    with pytest.raises(BodyError, match="take a linear kind"):
-        SurfaceFrames(prepare(deep(block)))
     with pytest.raises(BodyError, match="neo-hookean or corotational"):
         bodies.load(block).nonlinear("1 ms", law="mooney")  # type: ignore[arg-type]
 

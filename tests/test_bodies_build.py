@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,42 @@ def test_regions_and_skin_stiffen_where_they_are() -> None:
     material = Material(5e3, regions=[Region(ball((0, 0, 0), 0.01), 25e3)], skin=Skin(2e-3, 50e3))
     x = np.array([[0, 0, 0], [0, 0, 0.02], [0, 0, 0.03]], dtype=float)
     assert material.young_at(x, lambda p: np.array([1.0, 1.0, 1e-3])).tolist() == [25e3, 5e3, 50e3]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_what_is_stiffer_anywhere_makes_a_body_stiffer_everywhere(order: int) -> None:
+    """Monotony: no load gives more energy, wherever a small ball in an element is stiff, a hundred times as stiff too.
+
+    A rule of integration with a negative weight has it softer where that point is stiff, and not definite at last.
+    """
+    volume = block((0.03, 0.03, 0.02), 0.01)
+    corners = volume.points[volume.tetrahedra[7]]
+    soft = Condensation(Elements(volume, Material(5e3, 0.45), [BOTTOM], order=order)).compliance().astype(float)
+    felt = 0
+    for share in ([0.25, 0.25, 0.25, 0.25], [0.1, 0.1, 0.1, 0.7], [0.4, 0.4, 0.1, 0.1]):
+        for times in (5.0, 100.0):
+            region = Region(ball(np.asarray(share) @ corners, 2e-3), 5e3 * times)
+            elements = Elements(volume, Material(5e3, 0.45, regions=[region]), [BOTTOM], order=order)
+            try:
+                elements.young  # noqa: B018
+            except BodyError:  # no point of integration lies there
+                continue
+            felt += 1
+            stiff = Condensation(elements).compliance().astype(float)
+            assert np.linalg.eigvalsh(soft - stiff)[0] > -1e-6 * np.abs(soft).max()
+            assert np.trace(stiff) < np.trace(soft)
+    assert felt >= 2
+
+
+def test_a_skin_that_the_mesh_does_not_resolve_is_told() -> None:
+    volume = block((0.03, 0.03, 0.02), 0.01)
+    with pytest.raises(BodyError, match=r"skin 0.01 mm = 1000 kPa: no point of integration lies in it"):
+        Elements(volume, Material(5e3, skin="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
+    with pytest.warns(BodyWarning, match=r"times as much skin as 0.5 mm = 50 kPa is: give the skin at least one cell"):
+        Elements(volume, Material(5e3, skin="0.5 mm = 50 kPa"), [BOTTOM], place("z > 19 mm")).young  # noqa: B018
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Elements(volume, Material(5e3, skin="10 mm = 50 kPa"), [BOTTOM], place("z > 19 mm")).young  # noqa: B018
 
 
 def test_places_are_read_from_text() -> None:

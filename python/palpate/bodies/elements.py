@@ -9,6 +9,7 @@ the displacement would grow without bound as the mesh is refined.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from palpate.bodies.errors import BodyError
+from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.material import Material
 from palpate.bodies.places import Place
 from palpate.bodies.volume import Volume
@@ -32,6 +33,13 @@ def check_order(order: int) -> None:
     """Raise BodyError if there are no elements of this order."""
     if order not in (1, 2):
         raise BodyError(f"elements are of order 1 (linear) or 2 (quadratic), not {order!r}")
+
+
+# Degree of the integration, by the order of the elements. A stiffness that changes within an element is looked at in
+# the points of a rule whose weights are all positive (that of degree 4 has one that is not: what is stiff there would
+# make the body softer), and which has none on the element's border, where a skin may end.
+_UNIFORM = {1: 1, 2: 2}
+_VARIED = {1: 2, 2: 7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,25 +65,26 @@ class Elements:
 
     @cached_property
     def _mesh(self):  # type: ignore[no-untyped-def]  # scikit-fem has no types
-        try:
-            import skfem
-        except ImportError:
-            raise BodyError("bodies are built with scikit-fem: pip install 'palpate[body]'") from None
+        import skfem
+
         return skfem.MeshTet(
             np.ascontiguousarray(self.volume.points.T), np.ascontiguousarray(self.volume.tetrahedra.T), sort_t=False
         )
 
     @cached_property
     def _basis(self):  # type: ignore[no-untyped-def]
-        """Shape functions where the stiffness is integrated: exactly where it is the same throughout, else finer."""
-        uniform = not self.material.regions and self.material.skin is None
-        return self._basis_of(max(2 * self.order - 2, 1) if uniform else 2 * self.order)
+        """Shape functions where the stiffness is integrated: exactly if it is the same throughout, else finer."""
+        return self._basis_of(_UNIFORM[self.order] if self._uniform else _VARIED[self.order])
 
     def _basis_of(self, degree: int):  # type: ignore[no-untyped-def]
         import skfem
 
         element = skfem.ElementTetP2() if self.order == 2 else skfem.ElementTetP1()
         return skfem.Basis(self._mesh, element, intorder=degree)
+
+    @property
+    def _uniform(self) -> bool:
+        return not self.material.regions and self.material.skin is None
 
     @cached_property
     def nodes(self) -> Array:
@@ -174,7 +183,27 @@ class Elements:
                     f"region {region.where}: no point of integration lies in it, so it would stiffen nothing: it is "
                     "outside of the body, or too small for the mesh"
                 )
+        self._check_skin(points)
         return self.material.young_at(points, self._depth).reshape(x.shape[1:])
+
+    def _check_skin(self, points: Array) -> None:
+        """Hold the volume of the skin as the points of integration find it against its thickness times its area."""
+        skin = self.material.skin
+        if skin is None:
+            return
+        inside = self._depth(points) < skin.thickness
+        found = float(self._basis.dx.ravel()[inside].sum()) / (skin.thickness * float(self.areas.sum()))
+        if not inside.any():
+            raise BodyError(
+                f"skin {skin}: no point of integration lies in it, so it would stiffen nothing: take a finer mesh, or "
+                "a thicker and softer skin"
+            )
+        if not 0.75 < found < 1.33:
+            warnings.warn(
+                f"the mesh makes {found:.2g} times as much skin as {skin} is: give the skin at least one cell",
+                BodyWarning,
+                stacklevel=2,
+            )
 
     def _depth(self, points: Array) -> Array:
         from palpate.touch.mesh import Mesh
@@ -186,7 +215,8 @@ class Elements:
     @property
     def memory(self) -> float:
         """Bytes that assembling the stiffness takes, about: pairs of nodes in elements, and slopes at the points."""
-        nodes, points = (10, 14) if self.order == 2 else (4, 4)
+        nodes = 10 if self.order == 2 else 4
+        points = 24 if self.order == 2 and not self._uniform else 4
         return len(self.volume.tetrahedra) * 8.0 * (4.0 * nodes**2 + 3.0 * nodes * points)
 
     @cached_property

@@ -170,10 +170,8 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
     Raises BodyError if there is no such file, it cannot be read, or it holds no tetrahedra.
     """
     file, scale = check_mesh_file(path), unit_of_length(unit)
-    try:
-        import meshio
-    except ImportError:
-        raise BodyError(f"{file}: volume meshes are read with meshio: pip install 'palpate[body]'") from None
+    import meshio
+
     if not any(file.name.lower().endswith(ending) for ending in meshio.extension_to_filetypes):
         closed, filled = ", ".join(SURFACES), ", ".join(VOLUMES)
         raise BodyError(f"{file}: no mesh by its name: closed surfaces are {closed}; tetrahedra {filled} and more")

@@ -27,6 +27,7 @@ __all__ = ["Pressed", "kept_at", "pressed_at", "scenario_body", "touched_body"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
+_MAKING = 3  # goes up when bodies are made in another way: those that are kept are made anew
 
 
 class Pressed(NamedTuple):
@@ -116,7 +117,8 @@ def kept_at(choice: BodyChoice) -> Path:
     """Return where a body made on the spot is kept: a name for each recipe, in the user's cache (XDG_CACHE_HOME)."""
     from palpate.bodies.store import VERSION
 
-    recipe = json.dumps({"version": VERSION, "shape": choice.shape, **_recipe(choice)}, sort_keys=True)
+    made = {"version": VERSION, "making": _MAKING, "shape": choice.shape}
+    recipe = json.dumps({**made, **_recipe(choice)}, sort_keys=True)
     name = f"{choice.shape}-{hashlib.sha256(recipe.encode()).hexdigest()[:16]}.h5"
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "palpate" / "bodies" / name

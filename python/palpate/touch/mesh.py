@@ -58,7 +58,7 @@ class Mesh:
 
     @classmethod
     def load(cls, path: str | Path, *, unit: str, open: bool = False, mend: bool = True) -> Mesh:
-        """Read STL, OBJ, PLY, OFF, GLB, or what else meshio knows if it is installed, written in `unit`, such as "mm".
+        """Read STL, OBJ, PLY, OFF, GLB, or what else meshio knows, written in `unit`, such as "mm".
 
         Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or has no triangles.
         """
@@ -211,10 +211,8 @@ def _read(name: str | Path) -> tuple[Any, Any]:
 
 
 def _read_with_meshio(path: Path) -> tuple[Any, Any]:
-    try:
-        import meshio
-    except ImportError:
-        raise MeshError(f"{path}: STL, OBJ, PLY, OFF and GLB are read; for others, pip install meshio") from None
+    import meshio
+
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         raise MeshError(f"{path}: STL, OBJ, PLY, OFF and GLB are read, and what meshio knows; this is none of them")
     whole = meshio.read(path)

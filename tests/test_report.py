@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from palpate.errors import PalpateError
 from palpate.loop.trace import Trace
 from palpate.report import Page, figures
 from palpate.report.html import differs_in_print, number
-from palpate.report.style import new_figure
+from palpate.report.style import inline_svg, new_figure
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "rect", "line", "circle"}
 FETCHES = {"src", "href", "xlink:href", "srcset", "data", "action", "poster"}
@@ -232,6 +234,43 @@ def test_a_written_number_is_within_half_its_last_digit(value: float, digits: in
 )
 def test_a_printed_digit_may_be_off_by_one_and_no_more(printed: str, computed: float, differs: bool) -> None:
     assert differs_in_print(printed, computed) is differs
+
+
+def painted(svg: str) -> set[str]:
+    """The colours that a picture's shapes are filled with: their own, or the nearest they stand in; "" if none is."""
+    found = set()
+
+    def look(element: ElementTree.Element, inherited: str) -> None:
+        own = re.search(r"(?:^|[;\s])fill:\s*([^;]+)", element.get("style", ""))
+        colour = own[1].strip() if own else element.get("fill", inherited)
+        tag = element.tag.rpartition("}")[2]
+        if tag in ("path", "use", "text", "rect") and element.get("id") is None:
+            found.add(colour)
+        for child in element:
+            if child.tag.rpartition("}")[2] not in ("defs", "clipPath"):
+                look(child, colour)
+
+    look(ElementTree.fromstring(svg), "")
+    return found
+
+
+def black_and_solid() -> Any:
+    """A figure with parts that matplotlib makes black of itself: axes in 3D, and the bar of a colour scale."""
+    figure, rows = new_figure()
+    rows[0][0].remove()
+    solid: Any = figure.add_subplot(1, 1, 1, projection="3d")
+    figure.colorbar(solid.scatter([0, 1], [0, 1], [0, 1], c=[0, 1]), label="height [mm]")
+    return figure
+
+
+@pytest.mark.parametrize("draw", [figures.forces, figures.torques, lambda _: black_and_solid()])
+def test_whatever_is_written_in_a_figure_follows_the_page(pressed: Trace, draw: Callable[[Trace], Any]) -> None:
+    """Nothing is black, said or unsaid: black on the dark theme's paper is not seen. Ink is a variable of the theme."""
+    svg = inline_svg(draw(pressed), 1, "label")
+    colours = painted(svg)
+    assert "var(--ink)" in colours
+    assert not {"", "black", "#000000", "#000"} & colours
+    assert not re.search(r"stroke:\s*(#000000|#000|black)", svg)
 
 
 def test_a_page_is_the_same_page_again(pressed: Trace, text: str) -> None:

@@ -103,9 +103,9 @@ def inline_svg(figure: Figure, number: int, label: str) -> str:
     width = re.search(r'width="([\d.]+)pt"', head)
     shown = f"{float(width[1]) * 96 / 72:.0f}px" if width else "100%"
     new_head = re.sub(r' (?:width|height)="[^"]*"', "", head)
-    new_head = new_head.replace(
-        "<svg", f'<svg role="img" aria-label="{_attribute(label)}" style="max-width:{shown}"', 1
-    )
+    # What is drawn in black names no colour in the file: it takes what it inherits, here the page's ink.
+    look = f"max-width:{shown};fill:var(--ink)"
+    new_head = new_head.replace("<svg", f'<svg role="img" aria-label="{_attribute(label)}" style="{look}"', 1)
     return new_head + svg[len(head) :]
 
 

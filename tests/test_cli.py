@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from palpate import Trace
+from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
 from palpate.errors import OutputError
 from palpate.files import write_folder, write_whole
@@ -93,6 +98,43 @@ def test_control_c_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
     assert code == 130
     assert "nothing was written" in text
     assert [file.name for file in tmp_path.iterdir()] == ["cube.toml"]
+
+
+def test_control_c_is_not_lost_in_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module that would swallow it is imported whole, KeyboardInterrupt comes right after, and the handler is back."""
+    before = signal.getsignal(signal.SIGINT)
+    (tmp_path / "greedy.py").write_text(
+        "import os, signal, time\n"
+        "swallowed = False\n"
+        "try:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(0.1)\n"
+        "except BaseException:\n    swallowed = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    seen = []
+
+    def command() -> None:
+        with control_c():
+            seen.append(importlib.import_module("greedy").swallowed)
+            time.sleep(10.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        command()
+    assert seen == [False]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_control_c_before_a_command_has_begun_ends_without_a_word(tmp_path: Path) -> None:
+    """While the command line itself is imported: ended by the signal, with no traceback."""
+    (tmp_path / "typer.py").write_text("import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(10)")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-c", "from palpate.__main__ import main; main()", "devices"],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
 def test_a_folder_keeps_its_old_files_when_a_new_one_fails(tmp_path: Path) -> None:

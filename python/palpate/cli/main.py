@@ -16,6 +16,7 @@ from palpate.cli.bench import bench
 from palpate.cli.console import errors
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
+from palpate.cli.interrupt import control_c
 from palpate.cli.palpation import palpation
 from palpate.cli.performance import performance
 from palpate.cli.reproduce import reproduce
@@ -45,7 +46,8 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def wrapped(*args: Any, **kwargs: Any) -> None:
         try:
-            command(*args, **kwargs)
+            with control_c():
+                command(*args, **kwargs)
         except PalpateError as problem:
             errors.print("[bold red]error:[/] ", end="")
             errors.print(str(problem), markup=False, soft_wrap=True)

@@ -12,6 +12,7 @@ from palpate import bodies, simulate
 from palpate.errors import ScenarioError
 from palpate.loop.body import kept_at, scenario_body
 from palpate.loop.palpation import work_so_far
+from palpate.loop.simulate import prepare
 from palpate.scenario import Scenario
 from palpate.stability import StabilityError, certify
 from scipy.spatial.transform import Rotation
@@ -124,6 +125,30 @@ def test_energy_is_accounted_for(block: Path) -> None:
     assert 0.0 < found["relaxing"]["stored_J"] < 1e-3 * most  # has yet to creep back
     assert abs(found["compliance"]["lost_J"]) < 1e-3 * most
     assert found["relaxing"]["lost_J"] > 0.05 * most
+
+
+def test_a_run_that_begins_in_contact_ends_with_what_the_body_holds(block: Path) -> None:
+    """2 mm deep at the start, let go: nothing is stored at the end; what came out was there at the first sample."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.2 s", "0 N", "0 N", "1.5 N"]]
+    scenario = tables(on(block), reference={"shape": "table", "table": table})
+    scenario["object"]["position"] = ["0 mm", "0 mm", "2 mm"]
+    trace = simulate(scenario)
+    found = trace.summary()["palpation"]
+    assert not trace["touching"][-1, 0]
+    assert found["at_start_J"] == trace["stored_energy"][0, 0] > 1e-5
+    assert found["stored_J"] == 0.0
+    assert found["work_J"] < 0.0
+    assert abs(found["lost_J"]) < 2e-2 * found["at_start_J"]
+
+
+def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
+    """Its nodes face away from there, so it would not be held, and be thrown out somewhere; one radius is let pass."""
+    inside = tables(on(block))
+    inside["object"]["position"] = ["0 mm", "0 mm", "9 mm"]
+    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*9 mm under"):
+        prepare(inside)
+    inside["object"]["position"] = ["0 mm", "0 mm", "5 mm"]
+    prepare(inside)
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])

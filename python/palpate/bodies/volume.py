@@ -95,6 +95,15 @@ class Volume:
             f"<Volume: {len(self.tetrahedra)} tetrahedra, {len(self.points)} points, {sizes((x, y, z))}, {self.source}>"
         )
 
+    def contains(self, point: ArrayLike) -> bool:
+        """Return whether a point (3,), m, lies in one of the tetrahedra."""
+        at = lengths(point, "point")
+        corners = self.points[self.tetrahedra]
+        near = ((corners.min(axis=1) <= at) & (at <= corners.max(axis=1))).all(axis=1)
+        first, others = corners[near, 0], corners[near, 1:] - corners[near, :1]
+        share = np.linalg.solve(others.transpose(0, 2, 1), (at - first)[:, :, None])[:, :, 0]
+        return bool(((share >= 0.0).all(axis=1) & (share.sum(axis=1) <= 1.0)).any())
+
     @property
     def extent(self) -> float:
         """Diagonal of the box around it, m."""

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate import _core
-from palpate.errors import OutputError, PalpateError
+from palpate.errors import OutputError, PalpateError, ScenarioError
+from palpate.touch.mesh import Mesh
 
 if TYPE_CHECKING:
     from palpate.bodies import Body
@@ -62,14 +63,31 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
     """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
 
     Raises:
-        ScenarioError: the body cannot be read or made, or it cannot be of the kind that is asked for.
+        ScenarioError: the body cannot be read or made, it cannot be of the kind that is asked for, or all of the tip
+            begins inside of it.
     """
     choice = scenario.object.body
     assert choice is not None
     body = scenario_body(scenario)
+    _check_start(scenario, choice, body)
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
     at = origin - turn @ origin_of(choice, body)
     return _core.TouchedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+
+
+def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
+    """Refuse a tip that lies in the body with all of its radius: its nodes face away from there, and are not felt."""
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
+    if not body.volume.contains(tip):
+        return
+    surface = Mesh(body.volume.points, body.volume.surface, mend=False)
+    deep = float(np.linalg.norm(surface.nearest(tip)[0] - tip))
+    if deep > choice.radius:
+        raise ScenarioError(
+            f"object.position: the tip begins inside of the body, its centre {1e3 * deep:.3g} mm under the surface; "
+            "the position is that of the body's origin from the tip's centre at the start: move the body away from it"
+        )
 
 
 def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:

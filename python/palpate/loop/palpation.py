@@ -37,9 +37,11 @@ class Palpation:
         stored: in the body at the end: its elastic energy, internal springs of a standard linear solid with it, and
             its kinetic energy.
         saved: put in besides, and kept at the end for snapshots to come (large displacements).
-        lost: work less what is stored and saved: what the body took for good (damping, creep, friction; what was saved
-            when the tip left), or, below zero, gave. Without any of these it is what adding up finite steps misses; of
-            kinds that hold forces over a tick also what their steps df put into what has no inertia, df C df / 2 each.
+        at_start: stored and saved at the first sample: above zero if the run begins in contact.
+        lost: work and what was there at the start, less what is stored and saved: what the body took for good (damping,
+            creep, friction; what was saved when the tip left), or, below zero, gave. Without any of these it is what
+            adding up finite steps misses; of kinds that hold forces over a tick also what their steps df put into what
+            has no inertia, df C df / 2 each.
         held: `work` less what it is when each force is held until the next sample, as motors hold it: what sampling
             adds to a loop that shows the body's force as it is. None if not every tick was recorded.
         final_deflection: mean over the last 0.1 s.
@@ -59,6 +61,7 @@ class Palpation:
     work: float
     stored: float
     saved: float
+    at_start: float
     lost: float
     held: float | None
     final_deflection: float
@@ -77,7 +80,7 @@ class Palpation:
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
         units |= dict.fromkeys(("felt_median", "felt_most"), "N_per_m")
         units |= dict.fromkeys(("final_force", "final_swing"), "N")
-        units |= dict.fromkeys(("work", "stored", "saved", "lost", "held"), "J")
+        units |= dict.fromkeys(("work", "stored", "saved", "at_start", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
 
@@ -96,7 +99,7 @@ def palpation(trace: Trace) -> Palpation | None:
     at = int(np.argmax(deep))
     move = np.diff(tip, axis=0)
     work = float(work_so_far(trace)[-1])
-    kept, spare = float(stored[-1, 0] - stored[0, 0]), float(saved[-1, 0] - saved[0, 0])
+    kept, spare, begun = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
     way, felt = felt_along(trace)
@@ -112,7 +115,8 @@ def palpation(trace: Trace) -> Palpation | None:
         work=work,
         stored=kept,
         saved=spare,
-        lost=work - kept - spare,
+        at_start=begun,
+        lost=work + begun - kept - spare,
         held=work - float(np.sum(force[:-1] * move)) if every_tick else None,
         final_deflection=float(np.mean(deep[last])),
         final_force=float(np.mean(size[last])),

@@ -33,6 +33,7 @@ _NUMBERS: Final[tuple[Number, ...]] = (
     ("force at the end", "final_force_N", "N", 1.0),
     ("swing of the force at the end", "final_swing_N", "mN", 1e3),
     ("work of the tip on the body", "work_J", "mJ", 1e3),
+    ("stored in it at the first sample", "at_start_J", "mJ", 1e3),
     ("stored in the body at the end", "stored_J", "mJ", 1e3),
     ("saved for snapshots to come", "saved_J", "mJ", 1e3),
     ("lost in the body", "lost_J", "mJ", 1e3),
@@ -66,7 +67,7 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
 
 def palpation_table(page: Page, found: dict[str, Any]) -> None:
     """Write the numbers of a press as a table."""
-    shown = [number for number in _NUMBERS if number[1] != "saved_J" or found["saved_J"]]
+    shown = [number for number in _NUMBERS if number[1] not in ("saved_J", "at_start_J") or found[number[1]]]
     numbers_table(page, shown, found, "The press in numbers, from the first touch to the end of the run.")
 
 

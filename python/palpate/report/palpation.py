@@ -11,6 +11,7 @@ from palpate.loop.palpation import JND, felt_along, work_so_far
 from palpate.report.figures import thin
 from palpate.report.numbers import Number, numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
+from palpate.report.surface import coloured, frame, new_space
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["body_energy", "deformed", "felt", "force_and_deflection", "palpation_section", "palpation_table"]
 
 Array = NDArray[np.float64]
+_FLAT: Final = 0.15  # of the body's longest extent: the least that an axis takes in its picture
 # what, key in summary["palpation"], unit, factor
 _NUMBERS: Final[tuple[Number, ...]] = (
     ("deepest deflection", "deepest_m", "mm", 1e3),
@@ -74,39 +76,32 @@ def palpation_table(page: Page, found: dict[str, Any]) -> None:
 def deformed(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure:
     """Return the touchable surface as it is pressed, in 3D: coloured by its displacement, and by the tip's pressure.
 
+    Both are those of the nodes, and linear between them; the scales end at the largest.
+
     Args:
         body: any kind.
         displacement: of its nodes (n, 3), m, as `Body.press` and `pressed_at` give it.
         pressure: on each node's patch (n,), Pa, as `Body.pressure`.
     """
-    figure, rows = new_figure(1, 2, width=9.6, height=3.9, sharex=False)
-    triangles, moved = body.surface.triangles, body.on_surface(displacement)
-    x = 1e3 * (body.surface.vertices + moved)
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    figure, spaces = new_space(2, width=9.6)
+    triangles, x = body.surface.triangles, _moved(body, displacement)
     shades = (
-        (1e3 * np.linalg.norm(moved, axis=1), "displacement [mm]", "cividis"),
+        (1e3 * np.linalg.norm(body.on_surface(displacement), axis=1), "displacement [mm]", "cividis"),
         (1e-3 * body.on_surface(pressure), "pressure [kPa]", "magma_r"),
     )
-    for flat, (values, label, colours) in zip(rows[0], shades, strict=True):
-        place = flat.get_subplotspec()
-        flat.remove()
-        solid: Any = figure.add_subplot(place, projection="3d", computed_zorder=False)
-        shade = solid.plot_trisurf(
-            *x.T, triangles=triangles, cmap=colours, linewidth=0.15, edgecolor=FAINT, antialiased=True,
-            rasterized=len(triangles) > 2000,
-        )  # fmt: skip
-        shade.set_array(values[triangles].mean(axis=1))
-        shade.set_clim(0.0, max(float(values[triangles].mean(axis=1).max()), 1e-12))
-        span = np.ptp(x, axis=0)
-        solid.set_box_aspect(np.maximum(span, 0.22 * span.max()), zoom=1.0)
-        solid.view_init(elev=30, azim=-58)
-        for name in "xyz":
-            axis = getattr(solid, f"{name}axis")
-            axis.set_label_text(f"{name} [mm]")
-            axis.labelpad = 2 if name == "z" else 8
-            axis.pane.set_visible(False)
+    for solid, (values, label, colours) in zip(spaces, shades, strict=True):
+        scale = ScalarMappable(Normalize(0.0, max(float(values.max()), 1e-12)), colours)
+        coloured(solid, x[triangles], values[triangles], scale)
+        frame(solid, x, _FLAT, zoom=1.1)
+        solid.view_init(elev=45, azim=-58)
+        solid.xaxis.labelpad = solid.yaxis.labelpad = 8
+        solid.zaxis.labelpad = 2
         solid.locator_params(nbins=4)
         solid.locator_params(axis="z", nbins=2)
-        figure.colorbar(shade, ax=solid, shrink=0.6, pad=0.1, location="bottom", aspect=30, label=label)
+        figure.colorbar(scale, ax=solid, shrink=0.6, pad=0.1, location="bottom", aspect=30, label=label)
     return figure
 
 
@@ -153,3 +148,8 @@ def body_energy(trace: Trace) -> Figure:
     panel.legend(loc="best")
     panel.set_title("", **TITLE)
     return figure
+
+
+def _moved(body: Body, displacement: ArrayLike) -> Array:
+    """Return where the vertices of the touchable surface are (v, 3), mm."""
+    return np.asarray(1e3 * (body.surface.vertices + body.on_surface(displacement)))

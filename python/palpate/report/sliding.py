@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from palpate.report.figures import thin
 from palpate.report.numbers import numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, new_figure
+from palpate.report.surface import frame, new_space
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,10 +80,7 @@ def trajectory(trace: Trace) -> Figure:
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _upwards(trace) > 0.0
     near = facing & np.all((middle >= low) & (middle <= high), axis=1)
 
-    figure, rows = new_figure(1, 1, height=3.9)
-    place = rows[0][0].get_subplotspec()
-    rows[0][0].remove()
-    space: Any = figure.add_subplot(place, projection="3d", computed_zorder=False)
+    figure, (space,) = new_space()
     low_k, range_k = float(stiffness.min()), float(np.ptp(stiffness)) or 1.0
     shades = [to_hex(colormaps["Greys"](0.1 + 0.55 * (float(k) - low_k) / range_k)) for k in stiffness[near]]
     space.add_collection3d(
@@ -92,13 +90,12 @@ def trajectory(trace: Trace) -> Figure:
     space.plot(*tip[points].T, color=COLOURS[1], linewidth=1.6, label="tip", zorder=3)
     space.plot(*proxy[points].T, color=COLOURS[0], linewidth=1.6, label="proxy", zorder=4)
     reach = np.vstack([corners[near].reshape(-1, 3), way])
-    span = np.ptp(reach, axis=0)
-    space.set_box_aspect(np.maximum(span, 0.3 * span.max()), zoom=1.35)
+    frame(space, reach, 0.3, zoom=1.35)
+    for drawn in (*space.lines, *space.collections):
+        drawn.set(clip_on=False, in_layout=False)  # the axes' box does not hold all that a larger zoom shows
     for name in "xyz":
         axis = getattr(space, f"{name}axis")
-        axis.set_label_text(f"{name} [mm]")
         axis.labelpad = 12 if name == "x" else 2
-        axis.pane.set_visible(False)
         axis.set_major_locator(MaxNLocator(4))
     space.view_init(elev=24, azim=-68)
     space.legend(loc="upper right")

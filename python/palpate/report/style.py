@@ -23,6 +23,7 @@ FAINT: Final = "#8a9099"  # grid, targets' labels
 PAPER: Final = "#fefefe"
 # matplotlib asks for a title's looks when it is set, not when the figure is made.
 TITLE: Final[dict[str, Any]] = {"loc": "left", "fontsize": 10.5, "fontweight": "bold"}
+_UNDATED: Final = {"Date": None, "Creator": None}
 _ON_DARK: Final = ("#4aa8e0", "#f08a3c", "#2cc295", "#e2a0c4", "#f0b840", "#8fd0f5")
 
 _RC: Final[dict[Any, Any]] = {
@@ -87,7 +88,7 @@ def inline_svg(figure: Figure, number: int, label: str) -> str:
 
     buffer = io.StringIO()
     with mpl.rc_context(_RC):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, bbox_inches="tight")
+        figure.savefig(buffer, format="svg", dpi=200, metadata=_UNDATED, bbox_inches="tight")
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

@@ -15,7 +15,7 @@ from palpate import bodies
 from palpate.bodies import Body
 from palpate.report.palpation import deformed
 from palpate.report.style import FAINT
-from palpate.report.surface import coloured, divided, frame, new_space
+from palpate.report.surface import coloured, divided, frame, new_space, stretched
 
 values_at_corners = st.lists(st.tuples(*[st.floats(0.0, 1.0)] * 3), min_size=1, max_size=6)
 
@@ -91,3 +91,20 @@ def test_a_body_at_rest_is_drawn(block: Body) -> None:
     figure = deformed(block, np.zeros((len(zero), 3)), zero)
     solid = next(axes for axes in figure.axes if axes.name == "3d")
     assert np.ptp(solid.get_zlim()) > 0.0
+
+
+def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None:
+    """0.15 of the longest extent is the least that one is drawn: 40 mm wide and 2 mm high, it is three times as high.
+
+    A surface that no extent of is shorter is drawn as it is, and nothing is said.
+    """
+    felt = block.press([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
+    figure = deformed(block, felt.displacement, block.pressure())
+    x = block.surface.vertices + block.on_surface(felt.displacement)
+    high, wide = np.ptp(x[:, 2]), max(np.ptp(x[:, 0]), np.ptp(x[:, 1]))
+    assert stretched(figure) == f" To be seen, z is stretched {0.15 * wide / high:.3g} times."
+    other, (space,) = new_space()
+    frame(space, np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 2.0]]), 0.3)
+    assert stretched(other) == ""
+    frame(space, np.array([[0.0, 0.0, 0.0], [0.25, 10.0, 0.5]]), 0.3)
+    assert stretched(other) == " To be seen, x is stretched 12 times and z is stretched 6 times."

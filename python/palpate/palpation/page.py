@@ -14,6 +14,7 @@ from palpate.report.figures import forces, thin
 from palpate.report.html import Page
 from palpate.report.palpation import deformed
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
+from palpate.report.surface import stretched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,9 +103,9 @@ def _phantom(page: Page, sweep: Sweep) -> None:
     trace = sweep.trace
     middle = int(np.argmin(np.abs(trace["tip"][:, 0] - trace["tip"][0, 0]) + 1e3 * (trace.time < 1.2)))
     at = pressed_at(trace, middle)
+    picture = deformed(at.body, at.displacement, at.pressure)
     page.figure(
-        deformed(at.body, at.displacement, at.pressure),
-        "The phantom's top with the tip over the nodule: displacement and pressure.",
+        picture, "The phantom's top with the tip over the nodule: displacement and pressure." + stretched(picture)
     )
     page.figure(forces(trace), "The forces of the sweep.")
 

@@ -11,7 +11,7 @@ from palpate.loop.palpation import JND, felt_along, work_so_far
 from palpate.report.figures import thin
 from palpate.report.numbers import Number, numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, TITLE, new_figure
-from palpate.report.surface import coloured, frame, new_space
+from palpate.report.surface import coloured, frame, new_space, stretched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,10 +50,11 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
     deepest = int(np.argmax(np.linalg.norm(trace["deflection"], axis=1)))
     page.section("The body")
     at = pressed_at(trace, deepest)
+    picture = deformed(at.body, at.displacement, at.pressure)
     page.figure(
-        deformed(at.body, at.displacement, at.pressure),
+        picture,
         f"The body's surface at t = {trace.time[deepest]:.3g} s, where it is pressed deepest, in its own frame: how "
-        "far it has moved, and the pressure of the tip on it.",
+        "far it has moved, and the pressure of the tip on it." + stretched(picture),
     )
     page.figure(force_and_deflection(trace), "Force of the tip on the body, and how far the pressed patch has moved.")
     if found["felt_most_N_per_m"] is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.report.figures import thin
 from palpate.report.numbers import numbers_table
 from palpate.report.style import COLOURS, FAINT, INK, new_figure
-from palpate.report.surface import frame, new_space
+from palpate.report.surface import frame, new_space, stretched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,10 +43,10 @@ _NUMBERS: Final = (
 def sliding_section(page: Page, trace: Trace, sliding: dict[str, Any]) -> None:
     """Write what a slide shows on the page of a run; `sliding` is `trace.summary()["sliding"]`."""
     page.section("The slide")
+    way = trajectory(trace)
     page.figure(
-        trajectory(trace),
-        "The way of the tip under the surface, and of its proxy on it. The darker, the stiffer; a flat way's height is "
-        "stretched.",
+        way,
+        "The way of the tip under the surface, and of its proxy on it. The darker, the stiffer." + stretched(way),
     )
     page.figure(profile(trace), "The same from the side: between the two lies the deflection.")
     page.figure(

@@ -1,4 +1,4 @@
-"""Surfaces in 3D, coloured by what their vertices have and linearly in between."""
+"""Surfaces in 3D: coloured by what their vertices have, linearly in between; what is flat stretched, and said so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.report.style import FAINT, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["coloured", "divided", "frame", "new_space"]
+__all__ = ["coloured", "divided", "frame", "new_space", "stretched"]
 
 Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
@@ -103,6 +103,18 @@ def frame(solid: Any, points: ArrayLike, least: float, *, zoom: float = 1.0) -> 
     half = np.where(span > 0.0, span, drawn) / 2.0
     solid.set(**{f"{name}lim": (m - h, m + h) for name, m, h in zip(AXES, middle, half, strict=True)})
     solid.set_box_aspect(drawn, zoom=zoom)
+
+
+def stretched(figure: Figure) -> str:
+    """Return the end of a caption: how far the first 3D axes of a figure stretch what is flat; "" if they do not."""
+    solid: Any = next(axes for axes in figure.axes if axes.name == "3d")
+    factors = solid.get_box_aspect() / [np.ptp(getattr(solid, f"get_{name}lim")()) for name in AXES]
+    told = [
+        f"{name} is stretched {factor:.3g} times"
+        for name, factor in zip(AXES, factors / factors.min(), strict=True)
+        if factor > 1.005
+    ]
+    return f" To be seen, {' and '.join(told)}." if told else ""
 
 
 def _spans(points: Array, least: float) -> tuple[Array, Array]:

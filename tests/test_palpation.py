@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,24 @@ def test_a_sweep_finds_the_nodule_where_it_is(sweep: Sweep) -> None:
     felt_along = run["palpation"]
     assert felt_along["felt_most_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
     assert felt_along["felt_most_N_per_m"] > 1.23 * felt_along["felt_median_N_per_m"]
+
+
+def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
+    """Over a nodule a steady press is hardest where it is least deep: the verdict's two numbers are one moment's.
+
+    Their ratio is the stiffness told beside them; the largest force stands apart.
+    """
+    run, trace = sweep.trace.summary(), sweep.trace
+    found = run["palpation"]
+    force, deep = (np.linalg.norm(trace[name], axis=1) for name in ("object_force", "deflection"))
+    assert force.max() > 1.01 * force[np.argmax(deep)]
+    assert found["deepest_force_N"] == pytest.approx(found["stiffness_N_per_m"] * found["deepest_m"], rel=1e-12)
+    told = re.search(r"by (\S+) mm with (\S+) N \(largest force (\S+) N\)", run["verdict"])
+    assert told is not None
+    depth, there, most = (float(number) for number in told.groups())
+    assert 1e3 * there / depth == pytest.approx(found["stiffness_N_per_m"], rel=0.01)
+    assert depth == pytest.approx(1e3 * deep.max(), rel=0.01)
+    assert most == pytest.approx(force.max(), rel=0.01)
 
 
 def test_the_page_says_what_was_found(block: dict[str, Any], sweep: Sweep, tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ class Palpation:
     Attributes:
         touches: how often contact began.
         deepest: largest deflection of the pressed patch.
+        deepest_force: size of the object force at that moment; the largest may be of another.
         stiffness: force over deflection there, N/m.
         nodes: pressed there.
         path: length of the tip's way in contact.
@@ -53,6 +54,7 @@ class Palpation:
 
     touches: int
     deepest: float
+    deepest_force: float
     stiffness: float
     nodes: int
     path: float
@@ -79,7 +81,7 @@ class Palpation:
         """Return what JSON holds, each number's unit at the end of its name."""
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
         units |= dict.fromkeys(("felt_median", "felt_most"), "N_per_m")
-        units |= dict.fromkeys(("final_force", "final_swing"), "N")
+        units |= dict.fromkeys(("deepest_force", "final_force", "final_swing"), "N")
         units |= dict.fromkeys(("work", "stored", "saved", "at_start", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
@@ -107,6 +109,7 @@ def palpation(trace: Trace) -> Palpation | None:
     return Palpation(
         touches=int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1])),
         deepest=float(deep[at]),
+        deepest_force=float(size[at]),
         stiffness=float(size[at] / deep[at]) if deep[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
         path=float(np.sum(np.linalg.norm(move, axis=1)[on[1:] & on[:-1]])),

@@ -108,9 +108,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
         return _unstable(summary, f"the force swings by {found.final_swing:.3g} N and does not die out")
     if bounces := _endless_bounces(trace):
         return _unstable(summary, f"the tip bounces on the body, {bounces} times in the last quarter of the run")
+    there, most = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
     summary["verdict"] = (
-        f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {summary['peak_object_force_N']:.3g} N, "
-        f"{_at_the_end(found)} at the end"
+        f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {there}"
+        f"{'' if there == most else f' (largest force {most})'}, {_at_the_end(found)} at the end"
     )
     if found.nodes < FEW:
         summary["verdict"] += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"

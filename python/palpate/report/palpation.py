@@ -27,6 +27,7 @@ _FLAT: Final = 0.15  # of the body's longest extent: the least that an axis take
 # what, key in summary["palpation"], unit, factor
 _NUMBERS: Final[tuple[Number, ...]] = (
     ("deepest deflection", "deepest_m", "mm", 1e3),
+    ("force there", "deepest_force_N", "N", 1.0),
     ("force over deflection there", "stiffness_N_per_m", "N/m", 1.0),
     ("nodes pressed there", "nodes", "", 1.0),
     ("way of the tip in contact", "path_m", "mm", 1e3),

@@ -19,6 +19,7 @@ from palpate.errors import PalpateError
 from palpate.loop.trace import Trace
 from palpate.report import Page, figures
 from palpate.report.html import differs_in_print, number
+from palpate.report.numbers import in_column, numbers_table
 from palpate.report.style import inline_svg, new_figure
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "rect", "line", "circle"}
@@ -217,6 +218,30 @@ def test_a_written_number_is_within_half_its_last_digit(value: float, digits: in
     shown = number(value, digits).translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-"))
     mantissa, _, exponent = shown.partition(" × 10")
     assert float(mantissa) * 10.0 ** int(exponent or 0) == pytest.approx(value, rel=0.5001 * 10.0 ** (1 - digits))
+
+
+@given(value=st.floats(-1e5, 1e5))
+def test_numbers_of_one_table_are_compared_at_a_glance(value: float) -> None:
+    """No powers of ten: a number is its digits, within half of the fourth, or a bound that holds."""
+    shown = in_column(value).replace("−", "-")
+    assert re.fullmatch(r"(under |over )?-?\d+(\.\d+)?", shown)
+    if shown.startswith("under "):
+        assert 0.0 < value < float(shown[6:]) == 1e-4
+    elif shown.startswith("over "):
+        assert 0.0 > value > float(shown[5:]) == -1e-4
+    else:
+        assert float(shown) == pytest.approx(value, rel=0.501e-3)
+
+
+def test_a_bound_stands_flush_right_among_numbers() -> None:
+    """4.985e-06 mJ beside 0.7459 mJ; None is a dash."""
+    found = {"work_J": 7.459e-4, "lost_J": 4.985e-9, "held_J": None}
+    numbers = [(key, key, "mJ", 1e3) for key in found]
+    page = Page("t")
+    numbers_table(page, numbers, found, "Energy.")
+    reader = Reader(page.html())
+    assert {"0.7459", "under 0.0001", "–"} <= set(reader.words)
+    assert [attributes.get("class") for attributes in reader.cells()] == [None, "number", None] * 3
 
 
 @pytest.mark.parametrize(

@@ -263,7 +263,7 @@ def _cell(value: Any, digits: int = 4) -> tuple[str, bool]:
     text = str(value)
     if text in _STATUS:
         return f'<span class="status {text}">{_STATUS[text]}</span>', False
-    is_number = re.fullmatch(r"[-−+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", text) is not None
+    is_number = re.fullmatch(r"(under |over )?[-−+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", text) is not None
     return _typeset(text) if is_number else _inline(text), is_number
 
 

@@ -101,7 +101,7 @@ def test_control_c_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_control_c_is_not_lost_in_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A module that would swallow it is imported whole, KeyboardInterrupt comes right after, and the handler is back."""
+    """A module that would swallow it is imported whole, KeyboardInterrupt comes right after; the handler is back."""
     before = signal.getsignal(signal.SIGINT)
     (tmp_path / "greedy.py").write_text(
         "import os, signal, time\n"

@@ -30,6 +30,14 @@ def test_a_plain_number_stays_as_it_is(value: float) -> None:
     assert parse(value, "") == parse(repr(value), "") == value
 
 
+@pytest.mark.parametrize("value", ["0.3 mm", None, "nan", "a half", "1e999", "3 furlongz"])
+def test_a_plain_number_is_asked_for_without_an_example(value: object) -> None:
+    """Whoever asks for it may want a count, or less than 0.5: no number is right everywhere."""
+    with pytest.raises(ValueError, match="a plain number") as caught:
+        parse(value, "")
+    assert "0.5" not in str(caught.value)
+
+
 @pytest.mark.parametrize("unit", sorted(_KINDS))
 def test_every_example_in_a_message_can_be_read(unit: str) -> None:
     """An error tells what to write instead: that must itself be right."""
@@ -86,7 +94,10 @@ def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
         ("1.2.3 N", "N", "cannot be read"),
         ("", "N", "cannot be read"),
         ("N", "N", "cannot be read"),
-        (True, "", "not a quantity"),
+        (True, "", "not a quantity; write a plain number"),
+        ("0.3 mm", "", '"0.3 mm" is a length [m]; a plain number is needed'),
+        ("8", "byte", 'has no unit, and an amount of memory is needed; write it as "8 GB"'),
+        ("8 mm", "byte", 'an amount of memory is needed, for example "8 GB"'),
         (None, "N", "not a quantity"),
         ([1], "N", "not a quantity"),
     ],

@@ -59,6 +59,7 @@ _KINDS: Final[dict[str, tuple[str, str]]] = {
     "W": ("power", "1 W"),
     "J/K": ("heat capacity", "10 J/K"),
     "K": ("temperature", "293 K"),
+    "byte": ("amount of memory", "8 GB"),
 }
 _PLAIN: Final = ("", "1")
 
@@ -105,19 +106,19 @@ def write(value: float, unit: str) -> str:
 def parse(value: object, unit: str) -> float:
     """As `quantity`, with a ValueError whose sentence does not name a field."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise ValueError(f"{_shown(value)} is not a quantity; write it as {_example(unit)}")
+        raise ValueError(f"{_shown(value)} is not a quantity; {_remedy(unit)}")
     if not isinstance(value, str):
         if not math.isfinite(value):
-            raise ValueError(f"{value} is not a finite number; write it as {_example(unit)}")
+            raise ValueError(f"{value} is not a finite number; {_remedy(unit)}")
         if unit not in _PLAIN:
             hint = f'"{value} {_example_unit(unit)}"'
             raise ValueError(f"{value} has no unit, and {_article(_kind(unit))} is needed; write it as {hint}")
         return float(value)
     if _NOT_FINITE.fullmatch(value):
-        raise ValueError(f"{_shown(value)} is not a finite number; write it as {_example(unit)}")
+        raise ValueError(f"{_shown(value)} is not a finite number; {_remedy(unit)}")
     match = _NUMBER.fullmatch(value)
     if match is None:
-        raise ValueError(f"{_shown(value)} cannot be read as a number with a unit; write it as {_example(unit)}")
+        raise ValueError(f"{_shown(value)} cannot be read as a {_form(unit)}; {_remedy(unit)}")
     number, written = match[1], match[2]
     if not written and unit not in _PLAIN:
         hint = f'"{number} {_example_unit(unit)}"'
@@ -128,7 +129,7 @@ def parse(value: object, unit: str) -> float:
     except OverflowError:
         result = math.inf
     if not math.isfinite(result):
-        raise ValueError(f"{_shown(value)} is too large for a number; write it as {_example(unit)}")
+        raise ValueError(f"{_shown(value)} is too large for a number; {_remedy(unit)}")
     return math.copysign(result, -1.0) if number.startswith("-") else result  # a fraction has no -0
 
 
@@ -155,7 +156,7 @@ def _factor(written: str, unit: str, value: str) -> Fraction:
     """Size of one `written` unit in `unit`; ValueError when it is unknown or has another dimension."""
     found = _look_up(written)
     if found is None:
-        raise ValueError(f'{_shown(value)}: the unit "{written[:40]}" is not known; write it as {_example(unit)}')
+        raise ValueError(f'{_shown(value)}: the unit "{written[:40]}" is not known; {_remedy(unit)}')
     wanted = _NONE if unit in _PLAIN else _look_up(unit)
     if wanted is None:
         raise ValueError(f'the unit "{unit}" that is asked for is not known')
@@ -163,10 +164,8 @@ def _factor(written: str, unit: str, value: str) -> Fraction:
     # elsewhere (N*m/rad) the radian may be left out.
     angular = wanted.radians != 0 and wanted.dimension <= {("[time]", wanted.power_of_time)}
     if found.dimension != wanted.dimension or (angular and found.radians != wanted.radians):
-        raise ValueError(
-            f"{_shown(value)} is {_describe(written, found)}; {_article(_kind(unit))} is needed, "
-            f"for example {_example(unit)}"
-        )
+        example = "" if unit in _PLAIN else f", for example {_example(unit)}"
+        raise ValueError(f"{_shown(value)} is {_describe(written, found)}; {_article(_kind(unit))} is needed{example}")
     return found.size / wanted.size
 
 
@@ -241,9 +240,16 @@ def _kind(unit: str) -> str:
     return _KINDS[unit][0] if unit in _KINDS else f"value in {unit}"
 
 
+def _remedy(unit: str) -> str:
+    """What to write instead; of plain numbers no example would be right everywhere: a count, a Poisson's ratio."""
+    return "write a plain number" if unit in _PLAIN else f"write it as {_example(unit)}"
+
+
+def _form(unit: str) -> str:
+    return "plain number" if unit in _PLAIN else "number with a unit"
+
+
 def _example(unit: str) -> str:
-    if unit in _PLAIN:
-        return "0.5"
     return f'"{_KINDS[unit][1]}"' if unit in _KINDS else f'"1 {unit}"'
 
 

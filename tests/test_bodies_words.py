@@ -48,6 +48,11 @@ KINDS: dict[str, Callable[[Body], Body]] = {
 }
 
 
+def pressed() -> PressedSolid:
+    """The cube of 5 kPa, bonded below."""
+    return PressedSolid(Solid(CUBE, Material("5 kPa"), "z < 0.001 mm"))
+
+
 def dragged(body: Body) -> float:
     """Force along x of a flat end that is dragged along x, 1 mm deep, N."""
     way = np.linspace([0.015, 0.02, 0.019], [0.018, 0.02, 0.019], 60)
@@ -152,6 +157,15 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: body.press(MIDDLE, 8e-3, np.inf), "depth: inf is not a finite number"),
         (lambda body: body.press(MIDDLE, 8e-3, 1.0), "depth: 1 m is more than the body is across"),
         (lambda body: body.follow([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
+        (lambda body: body.follow(MIDDLE, 8e-3), r"a path is \(m, 3\) numbers in m; this has shape \(3,\)"),
+        (
+            lambda body: body.follow([MIDDLE, [0, 0, np.nan]], 8e-3),
+            r"path: row 1 of 2 has .* not finite: \(0, 0, nan\)",
+        ),
+        (
+            lambda body: pressed().follow([[0, np.inf, 0]], 8e-3, outward=(0, 0, 1)),
+            "path: row 0 of 1 has .* not finite",
+        ),
         (lambda body: body.follow([MIDDLE], 8e-3, outward=(0, 0, 0)), "not all of them zero"),
         (lambda body: body.follow([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
         (lambda body: body.press(MIDDLE, 1e-12, 1e-3), "radius: 1e-12 m; a tip that goes 0.001 m deep"),

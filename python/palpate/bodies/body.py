@@ -19,6 +19,7 @@ from palpate.bodies.errors import BodyError, BodyWarning, check_rest, lost
 from palpate.bodies.kind import PLAIN, Kind
 from palpate.bodies.network import Network, network, patches
 from palpate.bodies.numbers import (
+    check_finite,
     check_tip,
     directions,
     friction,
@@ -589,8 +590,9 @@ class Body:
         surface's nearest point. A tip may go in as deep as it likes, by less than its radius from place to place.
         """
         centres = np.ascontiguousarray(lengths(path, "path"))
-        if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
-            raise PoseError(f"a path is (m, 3) finite numbers in m; this has shape {centres.shape}")
+        if centres.ndim != 2 or centres.shape[1] != 3:
+            raise PoseError(f"a path is (m, 3) numbers in m; this has shape {centres.shape}")
+        check_finite(centres, "path")
         size = positive(radius, "m", "radius")
         check_tip(tip)
         if outward is None and tip == "flat":

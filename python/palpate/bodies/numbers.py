@@ -13,6 +13,7 @@ from palpate.errors import PoseError
 from palpate.units import in_si, parse
 
 __all__ = [
+    "check_finite",
     "check_tip",
     "directions",
     "friction",
@@ -114,6 +115,15 @@ def lengths(values: ArrayLike, field: str) -> Array:
     except ValueError:
         raise PoseError(f"{field}: its rows must have the same length") from None
     return np.array([length(value, field) for value in given.ravel()], dtype=float).reshape(given.shape)
+
+
+def check_finite(places: Array, field: str) -> None:
+    """Raise PoseError, naming the first row of `places` (m, ..., 3), if a number in it is not finite."""
+    bad = ~np.isfinite(places).reshape(len(places), -1).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        said = ", ".join(f"{number:g}" for number in places[row].ravel())
+        raise PoseError(f"{field}: row {row} of {len(places)} has a number that is not finite: ({said})")
 
 
 def directions(outward: ArrayLike, shape: tuple[int, ...]) -> Array:

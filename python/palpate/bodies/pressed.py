@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.body import Shape
 from palpate.bodies.errors import BodyError, check_rest
-from palpate.bodies.numbers import check_tip, directions, length, lengths, positive, tick_period, whole
+from palpate.bodies.numbers import check_finite, check_tip, directions, length, lengths, positive, tick_period, whole
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
 
@@ -171,8 +171,9 @@ def _ways(
     centres = lengths(path, "path")
     if centres.ndim == 2:
         centres = centres[:, None]
-    if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3 or not np.isfinite(centres).all():
-        raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, finite numbers in m; this is {centres.shape}")
+    if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3:
+        raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, numbers in m; this is {centres.shape}")
+    check_finite(centres, "path")
     sizes = lengths(radius, "radius").ravel().tolist()
     radii = np.array([positive(size, "m", "radius") for size in sizes] * (centres.shape[1] if len(sizes) == 1 else 1))
     if len(radii) != centres.shape[1]:

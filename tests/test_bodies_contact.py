@@ -83,6 +83,14 @@ def test_what_cannot_be_pressed_is_refused(body: Body) -> None:
         body.press([20.0, 20.0, 1e3 * TOP], 5e-3, 1e-3)
     with pytest.raises(BodyError, match="not 'cone'"):
         body.press([0.02, 0.02, TOP], 5e-3, 1e-3, tip="cone")  # type: ignore[arg-type]
-    apart = body.press([0.02, 0.02, TOP], 5e-3, -1e-3)
-    assert not apart.force.any()
-    assert not apart.displacement.any()
+    with pytest.raises(BodyError, match="leads out of the body"):
+        body.press([0.02, 0.02, TOP], 5e-3, -1e-3)
+
+
+def test_a_tip_that_does_not_go_in_feels_nothing(body: Body) -> None:
+    """The force rises from zero: none at zero depth, nor above the surface, and nothing moves."""
+    touching = body.press([0.02, 0.02, TOP], 5e-3, 0.0)
+    assert not touching.force.any()
+    assert not touching.displacement.any()
+    assert not body.follow([[0.02, 0.02, TOP + 6e-3]], 5e-3).force.any()
+    assert not body.displacement().any()

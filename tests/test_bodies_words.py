@@ -155,6 +155,8 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: body.press(MIDDLE, [8e-3, 8e-3], 1e-3), "radius: .* is not a quantity"),
         (lambda body: body.press(MIDDLE, np.array([8e-3, 8e-3]), 1e-3), "radius: array.* is not a quantity"),
         (lambda body: body.press(MIDDLE, 8e-3, np.inf), "depth: inf is not a finite number"),
+        (lambda body: body.press(MIDDLE, 8e-3, "-3 mm"), 'depth: "-3 mm" leads out of the body'),
+        (lambda body: pressed().press(MIDDLE, 8e-3, -1e-3, outward=(0, 0, 1)), "depth: -0.001 m leads out of the body"),
         (lambda body: body.press(MIDDLE, 8e-3, 1.0), "depth: 1 m is more than the body is across"),
         (lambda body: body.follow([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
         (lambda body: body.follow(MIDDLE, 8e-3), r"a path is \(m, 3\) numbers in m; this has shape \(3,\)"),

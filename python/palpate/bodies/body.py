@@ -23,10 +23,10 @@ from palpate.bodies.numbers import (
     check_tip,
     directions,
     friction,
-    length,
     lengths,
     not_negative,
     positive,
+    press_depth,
     stiffening,
     tick_period,
     whole,
@@ -485,7 +485,7 @@ class Body:
         Args:
             point: (3,), m or text such as "5 mm".
             radius: of the sphere, or of the flat end of a rod, m or text such as "5 mm".
-            depth: of the tip's lowest point or end under the surface at rest, m or text.
+            depth: of the tip's lowest point or end under the surface at rest, m or text; not negative.
             tip: "sphere" or "flat".
 
         Returns:
@@ -496,17 +496,17 @@ class Body:
 
         Raises:
             PoseError: the point is not three finite numbers.
-            BodyError: the point is farther from the body than that is across, the press deeper than that, the radius
-                is not positive, the tip is neither shape, more nodes lie under it than are looked at (128), or a
-                lattice or a body under large displacements gives way so far that the tip loses it, or the latter does
-                not come to rest.
+            BodyError: the point is farther from the body than that is across, the press deeper than that or negative,
+                the radius is not positive, the tip is neither shape, more nodes lie under it than are looked at (128),
+                or a lattice or a body under large displacements gives way so far that the tip loses it, or the latter
+                does not come to rest.
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
             return Body(self.contents).press(point, radius, depth, tip=tip)
         x = lengths(point, "point")
         if x.shape != (3,) or not np.isfinite(x).all():
             raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
-        size, deep = positive(radius, "m", "radius"), length(depth, "depth")
+        size, deep = positive(radius, "m", "radius"), press_depth(depth)
         if deep > 1000 * size:
             raise BodyError(f"radius: {size:g} m; a tip that goes {deep:g} m deep has at least a thousandth of that")
         at, facet = self.surface.nearest(x[None])
@@ -522,7 +522,7 @@ class Body:
         normal /= np.linalg.norm(normal)
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
-        radii = max(deep / size, 0.0)
+        radii = deep / size
         if isinstance(self.core, _core.NonlinearBody):
             felt = self._rest(self.core, centre, normal, deep, size, tip)
             return self._felt(felt, deep)
@@ -543,7 +543,7 @@ class Body:
         self, core: _core.NonlinearBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
     ) -> Presses:
         """Press from one place of rest to the next, ten of them or four for each radius; refuse what does not rest."""
-        parts = max(10, int(np.ceil(4.0 * abs(deep) / size)))
+        parts = max(10, int(np.ceil(4.0 * deep / size)))
         depths = deep * np.arange(1, parts + 1) / parts
         rows = core.settle(
             centre + np.outer(deep - depths, normal), np.tile(normal, (parts, 1)), size, tip == "flat", 200

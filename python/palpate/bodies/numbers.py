@@ -22,6 +22,7 @@ __all__ = [
     "not_negative",
     "number",
     "positive",
+    "press_depth",
     "stiffening",
     "tick_period",
     "unit_of_length",
@@ -57,6 +58,14 @@ def not_negative(value: float | str, unit: str, field: str) -> float:
     found = number(value, unit, field)
     if found < 0.0:
         raise BodyError(f"{field}: {_said(value, unit)} must not be negative")
+    return found
+
+
+def press_depth(depth: float | str) -> float:
+    """Return how deep a tip is to go in, m; BodyError if that is outwards."""
+    found = length(depth, "depth")
+    if found < 0.0:
+        raise BodyError(f"depth: {_said(depth, 'm')} leads out of the body; how deep a tip goes in is not negative")
     return found
 
 

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.bodies.body import Shape
 from palpate.bodies.errors import BodyError, check_rest
-from palpate.bodies.numbers import check_finite, check_tip, directions, length, lengths, positive, tick_period, whole
+from palpate.bodies.numbers import (
+    check_finite,
+    check_tip,
+    directions,
+    lengths,
+    positive,
+    press_depth,
+    tick_period,
+    whole,
+)
 from palpate.bodies.solid import Solid
 from palpate.errors import PoseError
 
@@ -89,7 +98,7 @@ class PressedSolid:
         Args:
             point: (3,), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
-            depth: m or text.
+            depth: m or text; not negative.
             outward: (3,), out of the body there.
             tip: "sphere" or "flat".
             steps: slow steps for each part, at most.
@@ -100,9 +109,9 @@ class PressedSolid:
         Raises:
             BodyError: the body gives way so far that the tip loses it, or does not come to rest.
         """
-        x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), length(depth, "depth")
-        if x.shape != (3,):
-            raise PoseError(f'a point is three numbers in m, or text such as "5 mm", not {point!r}')
+        x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), press_depth(depth)
+        if x.shape != (3,) or not np.isfinite(x).all():
+            raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
         normal = directions(outward, (3,))
         low = np.linspace(0.1, 1.0, 10)[:, None] * deep
         ways = _ways(x + normal * ((size if tip == "sphere" else 0.0) - low), size, normal, tip)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -353,9 +354,35 @@ def test_flat_tetrahedra_are_refused_and_turned_ones_are_turned() -> None:
         Volume(flat, one.tetrahedra)
 
 
-def test_a_body_of_a_kilometre_is_warned_of() -> None:
-    with pytest.warns(BodyWarning, match="say its unit"):
-        block((150.0, 100.0, 80.0), 50.0)
+@pytest.mark.parametrize(
+    ("unit", "told"), [("m", "197 m across"), ("um", "0.197 mm across"), ("mm", None), ("cm", None)]
+)
+def test_a_body_of_a_wrong_unit_is_warned_of(unit: str, told: str | None) -> None:
+    """Hundreds of metres, or less than a millimetre, are no organ; 20 cm and 2 m may be one."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        block((f"150 {unit}", f"100 {unit}", f"80 {unit}"), f"50 {unit}")
+    assert [str(warning.message).partition(";")[0] for warning in warned] == ([f"the body is {told}"] if told else [])
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"young": 5}, 'young: 5 Pa is softer than any tissue; if kPa are meant, write "5 kPa"'),
+        ({"young": "0.02 kPa"}, "young: 20 Pa is softer"),
+        ({"young": 5e3, "skin": "2 mm = 40 Pa"}, "skin: 40 Pa is softer"),
+        ({"young": 5e3, "regions": "z < 1 mm = 25 Pa"}, "region z < 1 mm: 25 Pa is softer"),
+        ({"young": 50.0}, None),
+    ],
+)
+def test_a_modulus_that_was_meant_in_kpa_is_warned_of(given: dict[str, Any], told: str | None) -> None:
+    """In Pa no tissue has a number that small: who gives one has thought in kPa."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        bodies.Material(**given)
+    assert [told in str(warning.message) for warning in warned if told] == ([True] if told else [])
+    assert all(issubclass(warning.category, BodyWarning) for warning in warned)
+    assert len(warned) == bool(told)
 
 
 def test_a_mesh_of_too_many_tetrahedra_is_refused_before_it_is_made() -> None:

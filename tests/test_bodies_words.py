@@ -179,7 +179,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: Material(5e3, regions=[("z < 1 mm", 5e3)]), "regions: .* is none; write"),  # type: ignore[list-item]
         (lambda body: bodies.build([1], young=1e3, fixed=""), r"a Volume, a Mesh or a mesh's file, not of \[1\]"),
         (lambda body: bodies.build(CUBE, young=1e3, fixed=0.001), "0.001 is no place"),
-        (lambda body: bodies.build(CUBE, young=1e3, fixed="z < 1 m"), "can be touched: all are fixed$"),
+        (
+            lambda body: bodies.build(CUBE, young=1e3, fixed="z < 1 m"),
+            r"touched: all are fixed; the body reaches from \(0, 0, 0\) to \(20, 20, 20\) mm$",
+        ),
         (lambda body: bodies.Volume([["0 mm"] * 3] * 3 + [["1 s"] * 3], [[0, 1, 2, 3]]), 'points: "1 s" is a time'),
         (lambda body: bodies.Volume(np.eye(4, 3), [[0, 1, 2, -1]]), "names point -1, but points are numbered 0 to 3"),
         (lambda body: bodies.fill(np.eye(3), [[0, 1, 9]], 0.1), "triangle 0 is"),

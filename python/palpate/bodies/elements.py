@@ -61,7 +61,10 @@ class Elements:
         self._check_held()
         if len(self.touchable) == 0:
             outside = "" if self.touch is None else f" or outside of {self.touch}"
-            raise BodyError(f"no vertex of the surface can be touched: all are fixed{outside}")
+            raise BodyError(
+                f"no vertex of the surface can be touched: all are fixed{outside}; the body reaches "
+                f"{_reach(self.volume.points)}"
+            )
 
     @cached_property
     def _mesh(self):  # type: ignore[no-untyped-def]  # scikit-fem has no types

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.bodies.errors import BodyError
+from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.numbers import number, positive
 from palpate.bodies.places import Place, place
 
 __all__ = ["Material", "Region", "Skin"]
 
 Array = NDArray[np.float64]
+_SOFTEST: Final = 50.0  # Pa, below the softest tissue and above what it has in kPa
 
 
 @dataclass(frozen=True, init=False)
@@ -71,6 +74,8 @@ class Material:
 
     Raises:
         BodyError: a number is impossible, or a text cannot be read.
+
+    Warns of a Young's modulus below 50 Pa, as one given in kPa without its unit would be.
     """
 
     young: float
@@ -124,6 +129,12 @@ def _young(value: float | str, field: str) -> float:
     found = number(value, "Pa", field)
     if not 1e-3 <= found <= 1e13:
         raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: 5 kPa; diamond: 1 TPa), not {found:g}")
+    if found < _SOFTEST:
+        warnings.warn(
+            f'{field}: {found:g} Pa is softer than any tissue; if kPa are meant, write "{found:g} kPa"',
+            BodyWarning,
+            stacklevel=4,
+        )
     return found
 
 

@@ -52,7 +52,7 @@ class Volume:
     """Points (n, 3), m, and tetrahedra (m, 4) of indices into them.
 
     Tetrahedra are turned to positive volume, and points that none of them uses are dropped. Raises BodyError if one
-    has no volume, an index does not exist, or a number is not finite; warns of a body larger than 2 m.
+    has no volume, an index does not exist, or a number is not finite; warns of a body beyond 1 mm to 2 m.
     """
 
     points: Array
@@ -82,9 +82,10 @@ class Volume:
             )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "tetrahedra", cells)
-        if self.extent > 2.0:
+        if not 1e-3 <= self.extent <= 2.0:
+            across = f"{self.extent:.3g} m" if self.extent > 1.0 else f"{1e3 * self.extent:.3g} mm"
             warnings.warn(
-                f"the body is {self.extent:.3g} m across; if that is not meant, say its unit, such as mm",
+                f"the body is {across} across; if that is not meant, say its unit, such as mm",
                 BodyWarning,
                 stacklevel=3,
             )

@@ -20,7 +20,7 @@ from palpate.loop.trace import Trace
 from palpate.report import Page, figures
 from palpate.report.html import differs_in_print, number
 from palpate.report.numbers import in_column, numbers_table
-from palpate.report.style import inline_svg, new_figure
+from palpate.report.style import CSS, inline_svg, new_figure
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "rect", "line", "circle"}
 FETCHES = {"src", "href", "xlink:href", "srcset", "data", "action", "poster"}
@@ -125,6 +125,23 @@ def test_a_page_fetches_nothing(text: str) -> None:
         "http://www.w3.org/2000/svg",
         "http://www.w3.org/1999/xlink",
     }
+
+
+def test_a_figure_is_as_wide_as_its_window_allows(text: str) -> None:
+    """On a narrow window it shrinks whole: no width of its own but a largest, and no rule or box that keeps one."""
+    page = Reader(text)
+    figures_shown = [attributes for tag, attributes in page.tags if tag == "svg"]
+    assert figures_shown
+    for attributes in figures_shown:
+        assert "viewbox" in attributes
+        assert not {"width", "height"} & attributes.keys()
+        assert re.search(r"(?:^|;)max-width:\d+px", str(attributes["style"]))
+        assert not re.search(r"(?:^|;)(min-)?width:", str(attributes["style"]))
+    assert text.count("<figure><svg") == len(figures_shown)  # in no box that scrolls
+    rules = re.findall(r"([^{}]+)\{([^{}]*)\}", CSS)
+    of_figures = ";".join(body for selector, body in rules if re.search(r"figure|svg", selector))
+    assert re.search(r"[;\s]width:\s*100%", of_figures)
+    assert "min-width" not in of_figures
 
 
 def test_every_section_is_in_the_contents(text: str) -> None:

@@ -155,8 +155,7 @@ class Page:
         self._figures += 1
         svg = inline_svg(figure, self._figures, label or caption)
         return self.raw(
-            f'<figure><div class="scroll" tabindex="0">{svg}</div>'
-            f"<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}</figcaption></figure>"
+            f"<figure>{svg}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}</figcaption></figure>"
         )
 
     def code(self, text: str, summary: str = "") -> Page:

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -132,7 +133,8 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
          "cube.toml, line 5: device.delay: 65 servo periods; it must be between 0 and 64"),
         ('name = "phantom-premium-1.5a"', 'name = "phantom-premium-1.5a"\nencoder = 1',
          "cube.toml, line 5: device.encoder: 1 is neither true nor false"),
-        ('name = "phantom-premium-1.5a"', "", "cube.toml, line 3: device.name is missing"),
+        ('name = "phantom-premium-1.5a"', "",
+         'cube.toml, line 3: device.name is missing; write for example name = "phantom-premium-1.5a"'),
         ('force = ["0 N", "0 N", "-2 N"]', "",
          'cube.toml, line 12: reference.force is missing; write for example force = ["0 N", "0 N", "-2 N"]'),
         ("[run]", "[run]\ncolour = 1", 'cube.toml, line 19: unknown key "colour" in [run]; there are'),
@@ -219,8 +221,17 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ScenarioError, match="not UTF-8 text"):
         Scenario.from_file(tmp_path / "noise.toml")
-    with pytest.raises(ScenarioError, match="cannot be read"):
+    with pytest.raises(ScenarioError, match=r"a folder; give the scenario's file \(.toml\) in it"):
         Scenario.from_file(tmp_path)
+    large = tmp_path / "liver.h5"
+    with h5py.File(large, "w") as file:
+        file["compliance"] = np.zeros(600_000)
+    with pytest.raises(ScenarioError, match=r'HDF5 .* named as \[object.body\] file = "liver.h5"'):
+        Scenario.from_file(large)
+    with (tmp_path / "long.toml").open("wb") as file:
+        file.truncate(5_000_000)
+    with pytest.raises(ScenarioError, match="larger than 4 MB"):
+        Scenario.from_file(tmp_path / "long.toml")
 
 
 def test_several_mistakes_are_told_together_in_the_files_order() -> None:

@@ -271,7 +271,7 @@ BLOCK = (
         ('[object.body]\nfile = "no.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
         ('[object.body]\nfile = "other.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
         ('[object.body]\nshape = "block"\nradius = "8 mm"', "line 10: object.body.size is missing"),
-        ('[object.body]\nfile = "block.h5"', "line 10: object.body.radius is missing"),
+        ('[object.body]\nfile = "block.h5"', 'object.body.radius is missing; write for example radius = "8 mm"'),
         ('[object.body]\nfile = "block.h5"\nradius = "0 mm"', "line 12: object.body.radius: \"0 mm\" must be positive"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "modall"', "line 13: object.body.kind: \"modall\""),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "relaxing"', "instant is missing: relaxing needs"),

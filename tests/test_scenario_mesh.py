@@ -251,5 +251,8 @@ def test_keys_that_belong_elsewhere() -> None:
     no_surface = tables()
     del no_surface["object"]["surface"]
     assert "surface is missing" in refusal(no_surface)
+    slippery = tables()
+    del slippery["object"]["surface"]["stiffness"]
+    assert 'object.surface.stiffness is missing; write for example stiffness = "1 N/mm"' in refusal(slippery)
     with pytest.raises(Exception, match="a mesh has no one loop to judge"):
         scenario_loop(Scenario.from_dict(tables()))

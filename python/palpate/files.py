@@ -11,11 +11,13 @@ from contextlib import contextmanager, suppress
 from errno import EACCES, EINVAL, EISDIR, ENOTDIR
 from os import strerror
 from pathlib import Path
+from typing import Final
 
 from palpate.errors import OutputError, PalpateError
 
-__all__ = ["check_readable", "check_writable", "named", "write_folder", "write_whole"]
+__all__ = ["HDF5_SIGNATURE", "check_readable", "check_writable", "named", "write_folder", "write_whole"]
 
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 Writer = Callable[[Path], object]
 
 

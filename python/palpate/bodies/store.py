@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from palpate.bodies.errors import BodyError
 from palpate.bodies.volume import SURFACES, VOLUMES
-from palpate.files import check_readable, check_writable, named, write_whole
+from palpate.files import HDF5_SIGNATURE, check_readable, check_writable, named, write_whole
 
 __all__ = ["VERSION", "Contents", "check_target", "read", "write"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
-_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 VERSION: Final = 2
 _UNITS: Final = {
     "points": "m",
@@ -110,10 +109,10 @@ def _check_signature(file: Path) -> None:
     """Say what a file that is not HDF5 is instead, and what to do."""
     try:
         with file.open("rb") as opened:
-            begin = opened.read(len(_SIGNATURE))
+            begin = opened.read(len(HDF5_SIGNATURE))
     except OSError as problem:
         raise BodyError(f"{file}: cannot be read: {problem.strerror}") from None
-    if begin == _SIGNATURE:
+    if begin == HDF5_SIGNATURE:
         return
     if not begin:
         raise BodyError(f"{file}: an empty file; palpate body build makes a body")

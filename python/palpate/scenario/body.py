@@ -113,7 +113,7 @@ class BodyChoice(Section):
     origin: Position3 | None = None
     turn: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
-    radius: Length
+    radius: Length = Field(examples=['"8 mm"'])
     stiffer: Annotated[Number, AfterValidator(_more_than_none)] = 1.0
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 

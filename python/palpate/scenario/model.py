@@ -64,7 +64,7 @@ class DeviceChoice(Section):
         delay: servo periods between computing a torque and its being applied.
     """
 
-    name: str
+    name: str = Field(examples=['"phantom-premium-1.5a"'])
     model: Literal["nonlinear", "linear", "experimental"] = "nonlinear"
     kinematics: Literal["nonlinear", "linear"] = "nonlinear"
     encoder: Flag = False

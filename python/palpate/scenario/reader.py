@@ -12,7 +12,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 
 from palpate.errors import ScenarioError
-from palpate.files import named
+from palpate.files import HDF5_SIGNATURE, named
 from palpate.scenario.model import Scenario
 
 __all__ = ["find_line", "read_file", "read_tables", "read_text"]
@@ -31,6 +31,7 @@ def read_file(path: str | Path) -> Scenario:
         ScenarioError: it cannot be read, is not TOML, or has a mistake.
     """
     file = named(path, ScenarioError)
+    _check_kind(file)
     try:
         if file.stat().st_size > _LARGEST:
             raise ScenarioError(f"{file}: larger than {_LARGEST // 1_000_000} MB; a scenario is a short TOML file")
@@ -44,6 +45,22 @@ def read_file(path: str | Path) -> Scenario:
     scenario = read_text(text, str(file), file.parent)
     scenario._source = str(file)
     return scenario
+
+
+def _check_kind(file: Path) -> None:
+    """Say what a file that cannot be a scenario is instead: a folder, HDF5 or a mesh."""
+    if file.is_dir():
+        raise ScenarioError(f"{file}: a folder; give the scenario's file (.toml) in it")
+    try:
+        with file.open("rb") as opened:
+            begin = opened.read(len(HDF5_SIGNATURE))
+    except OSError:
+        return  # told by who reads it
+    if begin == HDF5_SIGNATURE:
+        raise ScenarioError(
+            f"{file}: HDF5 (a body, a trace or a sweep), no scenario; a scenario is a TOML file, in which a body is "
+            f'named as [object.body] file = "{file.name}"'
+        )
 
 
 def read_text(text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
@@ -178,8 +195,10 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
         table = f"[{'.'.join(map(str, field[:-1]))}]" if len(field) > 1 else "the scenario"
         return field, f'unknown key "{field[-1]}" in {table}; {hint}'
     if kind == "missing":
-        is_table = len(field) == 1
-        return field, f"the table [{dotted}] is missing" if is_table else f"{dotted} is missing"
+        if len(field) == 1:
+            return field, f"the table [{dotted}] is missing"
+        example = "".join(f"; write for example {field[-1]} = {text}" for text in _examples_of(field))
+        return field, f"{dotted} is missing{example}"
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", str(error["ctx"]["expected"]))
         close = difflib.get_close_matches(str(value), choices, 1)
@@ -199,14 +218,25 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
 
 def _keys_of(field: Sequence[str | int]) -> list[str]:
     """Return the keys that the table at `field` may have."""
-    model: Any = Scenario
+    model = _model_at(field)
+    return [] if model is None else [key for key in model.model_fields if key != "options"]
+
+
+def _examples_of(field: Sequence[str | int]) -> list[str]:
+    """Return how a key's value may be written, as its model tells."""
+    model = _model_at(field[:-1])
+    info = None if model is None else model.model_fields.get(str(field[-1]))
+    return [] if info is None else [str(text) for text in info.examples or ()]
+
+
+def _model_at(field: Sequence[str | int]) -> type[BaseModel] | None:
+    """Return the model of the table at `field`, or None if none can stand there."""
+    model: type[BaseModel] | None = Scenario
     for part in field:
-        info = model.model_fields.get(part) if isinstance(part, str) else None
+        info = None if model is None else model.model_fields.get(str(part))
         kinds = [] if info is None else [info.annotation, *getattr(info.annotation, "__args__", ())]
         model = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
-        if model is None:
-            return []
-    return [key for key in model.model_fields if key != "options"]
+    return model
 
 
 def _similar_file(file: Path) -> str:

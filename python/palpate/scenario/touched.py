@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, PlainSerializer, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
 from palpate.scenario.fields import (
     Angle,
@@ -112,7 +112,9 @@ class SurfaceChoice(Section):
         shading: edges that turn by less, rad, are not felt; 0: every facet is.
     """
 
-    stiffness: Annotated[tuple[float, ...], BeforeValidator(_values), PlainSerializer(_values_text)]
+    stiffness: Annotated[tuple[float, ...], BeforeValidator(_values), PlainSerializer(_values_text)] = Field(
+        examples=['"1 N/mm"']
+    )
     pattern: Literal["stripes", "checkerboard", "listed"] | None = None
     width: Length | None = None
     damping: OneDamping = 0.0

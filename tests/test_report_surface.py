@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgba
 from palpate import bodies
 from palpate.bodies import Body
+from palpate.bodies.picture import draw_sweep
 from palpate.report.palpation import deformed
 from palpate.report.style import FAINT
 from palpate.report.surface import coloured, divided, frame, new_space, stretched
@@ -108,3 +110,13 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
     assert stretched(other) == ""
     frame(space, np.array([[0.0, 0.0, 0.0], [0.25, 10.0, 0.5]]), 0.3)
     assert stretched(other) == " To be seen, x is stretched 12 times and z is stretched 6 times."
+
+
+def test_the_picture_of_a_sweep_tells_how_much_harder_one_body_is(tmp_path: Path) -> None:
+    """Of a body and the same one twice as stiff: each press takes twice the force."""
+    plain = bodies.build(
+        bodies.block((0.1, 0.1, 0.05), 0.0125), young=5e3, fixed="z < 0.001 mm", touch="z > 49.9 mm", order=1
+    )
+    path = tmp_path / "sweep.png"
+    assert draw_sweep(plain.stiffer(2.0), plain, path, radius=15e-3) == pytest.approx(2.0, rel=1e-3)
+    assert path.read_bytes().startswith(b"\x89PNG")

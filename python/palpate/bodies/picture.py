@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 
 from palpate.bodies.body import Body
 from palpate.report.style import COLOURS, FAINT, INK, PAPER, TITLE, new_figure
+from palpate.report.surface import coloured, frame, stretched
 
 __all__ = ["draw_kinds", "draw_sweep"]
 
@@ -21,25 +25,21 @@ def draw_sweep(
     """
     figure, ((left, right),) = new_figure(1, 2, width=10.5, height=4.0, sharex=False)
     left.remove()
-    solid = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    solid: Any = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
     felt = lump.press([0.05, 0.05, height], radius, depth, tip="flat")
     displacement = lump.on_surface(felt.displacement)
-    moved, down = (lump.surface.vertices + displacement) * 1e3, -displacement[:, 2] * 1e3
+    moved, down = (lump.surface.vertices + displacement - [0.0, 0.0, height]) * 1e3, -displacement[:, 2] * 1e3
     triangles = lump.surface.triangles
-    shade = solid.plot_trisurf(
-        moved[:, 0], moved[:, 1], moved[:, 2] - height * 1e3, triangles=triangles, cmap="cividis", linewidth=0.15,
-        edgecolor=FAINT, antialiased=True,
-    )  # fmt: skip
-    shade.set_array(down[triangles].mean(axis=1))
-    shade.set_clim(0, depth * 1e3)
-    solid.set_box_aspect((1, 1, 0.35))
-    solid.view_init(elev=28, azim=-58)
-    solid.set(xlabel="x [mm]", ylabel="y [mm]", zlim=(-depth * 1e3 * 1.2, depth * 1e3))
-    solid.set_zticks([-depth * 1e3, 0, depth * 1e3])
+    scale = ScalarMappable(Normalize(0.0, depth * 1e3), "cividis")
+    coloured(solid, moved[triangles], down[triangles], scale)
+    frame(solid, moved, 0.16)
+    solid.view_init(elev=36, azim=-58)
+    solid.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="height [mm]")
+    solid.set_zticks([-depth * 1e3, 0])
     solid.xaxis.labelpad = solid.yaxis.labelpad = 9
-    solid.set_zlabel("height [mm]")
     solid.set_title(f"Flat end of {radius * 2e3:g} mm, pressed {depth * 1e3:g} mm", **TITLE)
-    figure.colorbar(shade, ax=solid, shrink=0.55, pad=0.14, label="displacement, down [mm]")
+    solid.text2D(0.0, 0.97, stretched(figure).strip(), transform=solid.transAxes, fontsize=9, va="top", color=INK)
+    figure.colorbar(scale, ax=solid, shrink=0.55, pad=0.14, label="displacement, down [mm]")
     along = np.linspace(0.015, 0.085, 281)
     way = np.stack([along, np.full_like(along, 0.05), np.full_like(along, height - depth)], axis=1)
     forces = [body.follow(way, radius, outward=[0, 0, 1], tip="flat").force[:, 2] for body in (lump, plain)]

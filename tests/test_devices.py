@@ -180,6 +180,12 @@ def test_a_variant_that_is_no_arm_is_refused(tmp_path: Path, change: str, says: 
     assert refusal(tmp_path, text).startswith(says)
 
 
+@pytest.mark.parametrize("name", [None, 3, b"slider"])
+def test_what_is_no_name_is_refused(name: Any) -> None:
+    with pytest.raises(DeviceError, match="a device is named by its name in the catalogue"):
+        devices.load(name)
+
+
 def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
     """Unknown names list the catalogue and suggest; a missing file says that it cannot be read."""
     with pytest.raises(DeviceError, match=r"there is no device 'phantom-premium' in the catalogue \(.*, slider\); did"):

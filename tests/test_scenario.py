@@ -234,6 +234,18 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
         Scenario.from_file(tmp_path / "long.toml")
 
 
+@pytest.mark.parametrize("wrong", [None, 3, [1]])
+def test_what_is_no_scenario_is_refused(wrong: Any) -> None:
+    """Neither a file, nor text, nor tables: one sentence."""
+    for read, says in (
+        (simulate, "a file is named"),
+        (Scenario.from_text, "TOML, not"),
+        (Scenario.from_dict, "by name"),
+    ):
+        with pytest.raises(ScenarioError, match=says):
+            read(wrong)
+
+
 def test_several_mistakes_are_told_together_in_the_files_order() -> None:
     """A person mends them in one go."""
     told = message(TEXT.replace('"0.1 s"', '"1 N"').replace('"3.5 N/mm"', '"1 s"').replace('"0.5 ms"', '"1 m"'))

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.errors import PoseError
+from palpate.errors import DeviceError, PoseError
 from palpate.stability import (
     Arm,
     MeasuredResponse,
@@ -43,6 +43,16 @@ def test_apparent_mass_and_damping_along_a_line() -> None:
             critical_stiffness(same, period=T, virtual_damping=b),
             rel=1e-5,  # the hold's force turns with the yaw
         )
+
+
+def test_a_tips_device_may_be_named() -> None:
+    """The name, as the device itself; and what is no device is told in a sentence."""
+    assert Tip.at_pose("slider", [0.0]).inertia == Tip.at_pose(SLIDER, [0.0]).inertia
+    assert Tip.at_pose("phantom-premium-1.5a", POSE).name == Tip.at_pose(ARM, POSE).name
+    with pytest.raises(DeviceError, match="there is no device 'phantom' in the catalogue"):
+        Tip.at_pose("phantom", POSE)
+    with pytest.raises(DeviceError, match=r"a device is named by its name in the catalogue .* not by None"):
+        Tip.at_pose(None, POSE)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("along", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])

@@ -216,6 +216,15 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(SweepError, match="the first number goes from 1"):
         sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "shard.h5", shard=(3, 2))
     assert not (tmp_path / "shard.h5").exists()
+    for wrong in (3, (1, 2, 3), (1.0, 2.0), ("1", "2")):
+        with pytest.raises(SweepError, match=r"shard: .* it is two whole numbers"):
+            sweep(SLIDER, {"object.stiffness": [1.0]}, shard=wrong)  # type: ignore[arg-type]
+    with pytest.raises(OutputError, match="a file is named by text or a Path, not by 3"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=3)  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="a file is named by text or a Path, not by 3"):
+        open_sweep(3)  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="a list of files is put together"):
+        merge("a.h5", tmp_path / "all.h5")
     with pytest.raises(OutputError, match="is a folder"):
         sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path)
     with pytest.raises(SweepError, match=r"none\.h5: there is no such file"):

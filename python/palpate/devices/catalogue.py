@@ -157,6 +157,11 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
 
 
 def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise DeviceError(
+            f"a device is named by its name in the catalogue ({', '.join(names())}) or the path of its file, not by "
+            f"{name_or_path!r}"
+        )
     given = os.fspath(name_or_path)
     path = Path(given)
     if given in names():

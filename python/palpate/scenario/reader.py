@@ -69,6 +69,8 @@ def read_text(text: str, name: str = "scenario", base: str | Path | None = None)
     Raises:
         ScenarioError: as `read_file`.
     """
+    if not isinstance(text, str):
+        raise ScenarioError(f"a scenario's text is TOML, not {text!r}")
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
@@ -87,6 +89,8 @@ def read_tables(tables: Mapping[str, Any], base: str | Path | None = None) -> Sc
     Raises:
         ScenarioError: as `read_file`, without file and line.
     """
+    if not isinstance(tables, Mapping):
+        raise ScenarioError(f"a scenario's tables are a mapping of them by name, not {tables!r}")
     return _validate(dict(tables), "scenario", None, base)
 
 

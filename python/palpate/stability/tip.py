@@ -7,6 +7,7 @@ coordinate; an arm at a pose has as many as joints; a hand behind fingertip tiss
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import control
@@ -92,7 +93,11 @@ class Tip:
 
     @classmethod
     def at_pose(
-        cls, device: Device, pose: ArrayLike, along: ArrayLike = (1.0, 0.0, 0.0), arm: Arm | None = None
+        cls,
+        device: Device | str | PathLike[str],
+        pose: ArrayLike,
+        along: ArrayLike = (1.0, 0.0, 0.0),
+        arm: Arm | None = None,
     ) -> Tip:
         """Return ``device`` linearised at rest in ``pose``, moved along a direction in the base frame.
 
@@ -100,7 +105,7 @@ class Tip:
         Dry friction is left out: it only steadies. Coordinates that ``along`` does not excite are left out as well.
 
         Args:
-            device: any device of the catalogue or of a file.
+            device: a device, or its name in the catalogue or the path of its file.
             pose: (dof,), rad (m for a slider).
             along: direction (3,), not zero.
             arm: holds the tip.
@@ -108,8 +113,13 @@ class Tip:
         Raises:
             PoseError: a wrong shape, or a pose at which the direction cannot be pushed.
             StabilityError: ``along`` has no direction.
+            DeviceError: there is no such device.
         """
         from palpate.analysis.linearize import hold_force
+        from palpate.devices import Device, load
+
+        if not isinstance(device, Device):
+            device = load(device)
 
         direction = np.asarray(along, dtype=float)
         length = float(np.linalg.norm(direction))

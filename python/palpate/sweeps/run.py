@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,8 @@ def _shaped(plan: Plan, values: Mapping[str, Array]) -> Outcomes:
 def _share(chunks: list[int], shard: tuple[int, int] | None) -> list[int]:
     if shard is None:
         return chunks
+    if not isinstance(shard, tuple | list) or len(shard) != 2 or not all(isinstance(n, Integral) for n in shard):
+        raise SweepError(f"shard: {shard!r}; it is two whole numbers, such as (2, 8), the second of eight")
     part, parts = shard
     if not 1 <= part <= parts:
         raise SweepError(f"shard {part}/{parts}: the first number goes from 1 to the second")

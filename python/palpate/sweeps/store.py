@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import OutputError
-from palpate.files import write_whole
+from palpate.files import HDF5_SIGNATURE, named, write_whole
 from palpate.sweeps.axes import SweepError
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
@@ -68,7 +68,7 @@ class FileStore:
             SweepError: the file holds another sweep, or something else.
             OutputError: it cannot be written: no permission, a full disk.
         """
-        self.path = Path(path)
+        self.path = named(path, OutputError)
         if self.path.is_dir():
             raise OutputError(f"{self.path} is a folder; give the name of a file, as in {self.path / 'sweep.h5'}")
         if not self.path.exists():
@@ -151,12 +151,13 @@ def read(path: str | Path) -> tuple[Plan, StoredValues, NDArray[np.bool_]]:
     Raises:
         SweepError: it is no sweep's file.
     """
-    text = _plan_text(Path(path))
+    whole = named(path, SweepError)
+    text = _plan_text(whole)
     if text is None:
         raise SweepError(f"{path} is not the file of a sweep")
-    with h5py.File(path, "r") as file:
+    with h5py.File(whole, "r") as file:
         plan = Plan.of_text(text)
-        return plan, StoredValues(Path(path), plan.shape), np.asarray(file["done"][:] != 0)
+        return plan, StoredValues(whole, plan.shape), np.asarray(file["done"][:] != 0)
 
 
 def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
@@ -166,9 +167,11 @@ def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
         SweepError: the files are of different sweeps, or a chunk is done in none of them.
         OutputError: `out` cannot be written.
     """
+    if isinstance(parts, str | Path) or not isinstance(parts, Sequence):
+        raise SweepError(f"a list of files is put together, not {parts!r}")
     if not parts:
         raise SweepError("no files to put together")
-    texts = [_plan_text(Path(part)) for part in parts]
+    texts = [_plan_text(named(part, SweepError)) for part in parts]
     for part, text in zip(parts, texts, strict=True):
         if not Path(part).exists():
             raise SweepError(f"{part}: there is no such file")
@@ -207,7 +210,7 @@ def _plan_text(path: Path) -> str | None:
         return None
     except OSError:
         with suppress(OSError), path.open("rb") as raw:
-            if raw.read(8) == b"\x89HDF\r\n\x1a\n":
+            if raw.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE:
                 raise SweepError(f"{path} is being written by another sweep: wait for it, or stop it") from None
         return None
 

@@ -273,6 +273,34 @@ def test_the_command_line_says_what_it_needs(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_sweep_is_shown_in_a_line(tmp_path: Path) -> None:
+    """What varied, how many cells, and where they are; not the arrays."""
+    over = {"object.stiffness": [50.0, 60.0, 70.0], "object.damping": [0.0, 0.1]}
+    kept = "object.stiffness (3) × object.damping (2)"
+    assert repr(sweep(SLIDER, over)) == f"<Sweep: {kept}; 100% of 6 cells run>"
+    path = tmp_path / "part.h5"
+    assert repr(sweep(SLIDER, over, draws=4, out=path, shard=(2, 2))) == (
+        f"<Sweep: {kept}, 4 draws each; 0% of 24 cells run, in {path}>"
+    )
+
+
+def test_a_shard_without_cells_says_so_and_is_merged(tmp_path: Path) -> None:
+    """Cells go in chunks: of 2 cells all are the first shard's, and the second's file adds nothing."""
+    path = tmp_path / "s.toml"
+    path.write_text(palpate.stability.counter_example.to_toml(SLIDER), "utf-8")
+    said = []
+    for shard in ("1/2", "2/2"):
+        part = tmp_path / f"{shard[0]}.h5"
+        asked = ["sweep", str(path), "--over=object.stiffness=1 N/m,2 N/m", f"--shard={shard}", f"--out={part}"]
+        said.append(" ".join(CliRunner().invoke(app, asked).output.split()))
+    assert "die out" in said[0]
+    assert "nothing for shard 2/2 to run: the 2 cells are 1 chunk of up to" in said[1]
+    assert "shard 1 runs it all" in said[1]
+    assert "die out" not in said[1]
+    merge([tmp_path / "1.h5", tmp_path / "2.h5"], tmp_path / "all.h5")
+    assert open_sweep(tmp_path / "all.h5").done == 1.0
+
+
 def test_ranges_and_lists() -> None:
     (axis,) = axes_of({"object.stiffness": "100 N/m..5 N/mm:3 log"})
     np.testing.assert_allclose(axis.values, [100.0, np.sqrt(100.0 * 5000.0), 5000.0])

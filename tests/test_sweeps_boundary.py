@@ -13,6 +13,7 @@ from palpate import stability
 from palpate.scenario import Scenario
 from palpate.stability.scenario_loop import scenario_loop
 from palpate.sweeps import SweepError, Verdict, refine, sweep
+from palpate.sweeps.refine import follow
 from scipy.optimize import brentq
 
 T, MASS = 1e-3, 0.06
@@ -134,6 +135,17 @@ def test_an_impact_does_not_hide_the_chatter_after_it() -> None:
     assert (short["late_swing"] < 0.8 * short["early_swing"])[alive].sum() > 2  # an impact that is hard to see past
     assert np.mean(short["verdict"][alive] == Verdict.DIES) < 0.01
     assert (short["verdict"][~alive] == Verdict.DIES).all()
+
+
+def test_a_refined_map_is_shown_in_a_line() -> None:
+    """Its sizes, and how many of its cells were run; a cell is unstable where both values add up to more than 4."""
+    values = (np.arange(9.0), np.arange(5.0))
+    found = follow(("object.damping", "object.stiffness"), values, 2, lambda i, j: np.where(i + j > 4, 2.0, 0.5))
+    assert repr(found) == (
+        f"<Refined: object.damping (9) × object.stiffness (5); {int(found.ran.sum())} of 45 cells run, 67% of the map "
+        "unstable>"
+    )
+    assert 0 < found.ran.sum() < 45
 
 
 def test_refining_needs_two_axes() -> None:

@@ -83,11 +83,18 @@ def sweep(
     except KeyboardInterrupt:
         errors.print(f"stopped: what is done is in {path}; the same command goes on")
         raise typer.Exit(130) from None
-    dies, swings, grows, diverges = tally(path)
-    cells = found.plan.count
+    cells, chunks = found.plan.count, found.plan.chunks
     done = f"{cells:,} cells" if found.done == 1 else f"{found.done:.1%} of {cells:,} cells are done"
-    output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}")
-    output.print(f"  {dies:,} die out, {swings:,} keep swinging, {grows:,} grow, {diverges:,} diverge")
+    if idle := part is not None and part[0] > chunks:
+        run_by = "1 runs it all" if chunks == 1 else f"1 to {chunks:,} run them all"
+        done = (
+            f"nothing for shard {shard} to run: the {cells:,} cells are {chunks:,} chunk{'s' * (chunks > 1)} of up to "
+            f"{found.plan.chunk:,}, and shard {run_by}"
+        )
+    output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}", soft_wrap=True)
+    if not idle:
+        dies, swings, grows, diverges = tally(path)
+        output.print(f"  {dies:,} die out, {swings:,} keep swinging, {grows:,} grow, {diverges:,} diverge")
     output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
 
 

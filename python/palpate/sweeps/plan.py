@@ -66,6 +66,11 @@ class Plan:
         low, high = CHUNK_LIMITS
         return int(np.clip(2 ** round(np.log2(max(cells, 1.0))), low, high))
 
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.count // self.chunk)
+
     def text(self) -> str:
         """Return the plan as JSON: equal plans give equal text."""
         return json.dumps(

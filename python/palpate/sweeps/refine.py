@@ -21,7 +21,7 @@ __all__ = ["Refined", "follow", "refine"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Refined:
     """A map of two axes, each cell run or, far from the boundary, taken over from its coarse neighbours.
 
@@ -38,6 +38,13 @@ class Refined:
     unstable: NDArray[np.bool_]
     growth: Array
     ran: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        sizes = " × ".join(f"{path} ({len(values)})" for path, values in zip(self.paths, self.values, strict=True))
+        return (
+            f"<Refined: {sizes}; {self.ran.sum():,} of {self.ran.size:,} cells run, {self.unstable.mean():.0%} of the "
+            "map unstable>"
+        )
 
     @property
     def boundary(self) -> Array:

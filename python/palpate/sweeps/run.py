@@ -29,7 +29,7 @@ MOST_SEEDS = 2**53 // LARGEST  # a cell's own seed travels as a double
 IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """A sweep that was run, or the part of it that was.
 
@@ -45,6 +45,12 @@ class Sweep:
     outcomes: Outcomes
     done: float
     path: Path | None = None
+
+    def __repr__(self) -> str:
+        sizes = " × ".join(f"{axis.path} ({len(axis)})" for axis in self.axes)
+        draws = f", {self.plan.draws} draws each" if self.plan.draws > 1 else ""
+        where = "" if self.path is None else f", in {self.path}"
+        return f"<Sweep: {sizes}{draws}; {self.done:.0%} of {self.plan.count:,} cells run{where}>"
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -122,11 +128,10 @@ def sweep(
         left = len(store.missing())
     finally:
         store.close()
-    chunks = -(-plan.count // plan.chunk)
     if out is not None:
         return open_sweep(out)
     assert isinstance(store, MemoryStore)
-    return Sweep(plan, _shaped(plan, store.values()), 1.0 - left / chunks)
+    return Sweep(plan, _shaped(plan, store.values()), 1.0 - left / plan.chunks)
 
 
 def open_sweep(path: str | Path) -> Sweep:

@@ -37,7 +37,7 @@ class MemoryStore:
             name: np.full((plan.count, columns)[: 1 + (columns > 1)], np.nan)
             for name, (columns, _, _) in QUANTITIES.items()
         }
-        self._done = np.zeros(-(-plan.count // self._chunk), dtype=bool)
+        self._done = np.zeros(plan.chunks, dtype=bool)
 
     def missing(self) -> list[int]:
         """Return the numbers of the chunks that are still to be run."""
@@ -231,7 +231,7 @@ def _lay_out(path: Path, plan: Plan) -> None:
             shape = (plan.count, columns) if columns > 1 else (plan.count,)
             _place(file, name, shape, "f8", np.nan)
             file[name].attrs.update({"unit": unit, "meaning": meaning})
-        _place(file, "done", (-(-plan.count // plan.chunk),), "u1", 0)
+        _place(file, "done", (plan.chunks,), "u1", 0)
 
 
 def _reserve(path: Path, plan: Plan) -> None:

@@ -137,6 +137,16 @@ def test_control_c_before_a_command_has_begun_ends_without_a_word(tmp_path: Path
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
+def test_a_warning_is_told_in_a_line_once(tmp_path: Path) -> None:
+    """Whichever command it comes from: what is not meant, without the place in the code that found it."""
+    soft = ["body", "phantom", "--young", "5 Pa", "--contrast", "1", "--spacing", "10 mm", "-o", tmp_path / "soft.h5"]
+    code, text = palpate(*soft)
+    assert code == 0
+    assert text.count('warning: young: 5 Pa is softer than any tissue; if kPa are meant, write "5 kPa"') == 1
+    assert "BodyWarning" not in text
+    assert ".py" not in text
+
+
 def test_a_folder_keeps_its_old_files_when_a_new_one_fails(tmp_path: Path) -> None:
     """All of a run's files are replaced, or none."""
     write_folder(tmp_path / "out", {"a": lambda path: path.write_text("old"), "b": lambda path: path.write_text("old")})

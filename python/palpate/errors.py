@@ -1,4 +1,4 @@
-"""What palpate raises when a person must change something: one sentence, what is wrong, where, what would be right."""
+"""What palpate raises or warns of when a person should change something: what is wrong, where, what would be right."""
 
 
 class PalpateError(ValueError):
@@ -27,3 +27,7 @@ class DesignError(PalpateError):
 
 class OutputError(PalpateError):
     """A file or folder cannot be written: no permission, a full disk, a folder where a file should be."""
+
+
+class PalpateWarning(UserWarning):
+    """Base of every warning of palpate's own: it goes on, but something is probably not what was meant."""

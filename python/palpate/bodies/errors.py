@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import PalpateError
+from palpate.errors import PalpateError, PalpateWarning
 
 __all__ = ["BodyError", "BodyWarning", "check_rest", "lost"]
 
@@ -12,7 +12,7 @@ class BodyError(PalpateError):
     """A body cannot be built or loaded: a mesh without volume, nothing fixed, an impossible material, a broken file."""
 
 
-class BodyWarning(UserWarning):
+class BodyWarning(PalpateWarning):
     """A body can be built, but a number in it is probably not what was meant."""
 
 

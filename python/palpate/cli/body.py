@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import errors, output, progress, stages
+from palpate.cli.console import output, progress, stages
 
 if TYPE_CHECKING:
     from palpate.bodies import Body
@@ -53,9 +52,7 @@ def build(
 
     Example: palpate body build liver.stl --unit mm --young "5 kPa" --fixed "z < 2 mm" -o liver.h5
     """
-    with stages("starting") as tell, warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        from palpate.bodies import BodyWarning
+    with stages("starting") as tell:
         from palpate.bodies import build as make
 
         target = out if out is not None else source.parent / f"{source.stem}.h5"
@@ -76,9 +73,6 @@ def build(
             output=target,
             progress=tell,
         )
-    for warning in told:
-        if issubclass(warning.category, BodyWarning):
-            errors.print(f"[yellow]warning:[/] {escape(str(warning.message))}", soft_wrap=True)
     _tell(body)
     output.print(f"  {target}", style="dim", markup=False, soft_wrap=True)
 

@@ -3,16 +3,46 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TextIO
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-__all__ = ["errors", "output", "progress", "stages"]
+from palpate.errors import PalpateWarning
+
+__all__ = ["errors", "output", "progress", "stages", "warnings_in_a_line"]
 
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def warnings_in_a_line() -> Iterator[None]:
+    """Print each of palpate's own warnings once, without the place in the code; others as Python does."""
+    with warnings.catch_warnings():
+        others, seen = warnings.showwarning, set[str]()
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if not issubclass(category, PalpateWarning):
+                others(message, category, filename, lineno, file, line)
+            elif str(message) not in seen:
+                seen.add(str(message))
+                errors.print(f"[yellow]warning:[/] {escape(str(message))}", soft_wrap=True)
+
+        warnings.simplefilter("always", PalpateWarning)
+        warnings.showwarning = show
+        yield
 
 
 @contextmanager

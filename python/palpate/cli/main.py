@@ -13,7 +13,7 @@ import typer
 
 from palpate.cli import body
 from palpate.cli.bench import bench
-from palpate.cli.console import errors
+from palpate.cli.console import errors, warnings_in_a_line
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
 from palpate.cli.interrupt import control_c
@@ -46,7 +46,7 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def wrapped(*args: Any, **kwargs: Any) -> None:
         try:
-            with control_c():
+            with control_c(), warnings_in_a_line():
                 command(*args, **kwargs)
         except PalpateError as problem:
             errors.print("[bold red]error:[/] ", end="")

@@ -560,6 +560,13 @@ def test_a_swing_that_is_driven_is_no_instability(frequency: str, start: str) ->
     assert trace.summary()["verdict"] == "bounded for 3 s under a force that changes: no steady state"
 
 
+def test_what_is_no_controller_is_refused() -> None:
+    with pytest.raises(
+        PalpateError, match=r"controller: a palpate\.Controller, or None for that of the scenario, not 3"
+    ):
+        simulate(press(), 3)  # type: ignore[arg-type]
+
+
 def test_a_controller_of_another_period_is_refused() -> None:
     with pytest.raises(PalpateError, match=r"servo\.period is 0\.0005 s, but the controller is sampled every 0\.001 s"):
         simulate(press(), Controller.gain(1.0, 1e-3))

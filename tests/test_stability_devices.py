@@ -5,7 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
-from palpate import devices
+from palpate import devices, linearize
 from palpate.errors import DeviceError, PoseError
 from palpate.stability import (
     Arm,
@@ -19,6 +19,7 @@ from palpate.stability import (
     spectral_radius,
     wall,
     wall_loop,
+    workspace,
 )
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -48,11 +49,14 @@ def test_apparent_mass_and_damping_along_a_line() -> None:
 def test_a_tips_device_may_be_named() -> None:
     """The name, as the device itself; and what is no device is told in a sentence."""
     assert Tip.at_pose("slider", [0.0]).inertia == Tip.at_pose(SLIDER, [0.0]).inertia
+    assert (linearize("slider", [0.0]).A == linearize(SLIDER, [0.0]).A).all()
     assert Tip.at_pose("phantom-premium-1.5a", POSE).name == Tip.at_pose(ARM, POSE).name
     with pytest.raises(DeviceError, match="there is no device 'phantom' in the catalogue"):
         Tip.at_pose("phantom", POSE)
     with pytest.raises(DeviceError, match=r"a device is named by its name in the catalogue .* not by None"):
         Tip.at_pose(None, POSE)  # type: ignore[arg-type]
+    with pytest.raises(DeviceError, match="a file is named by text or a Path, not by None"):
+        workspace(None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("along", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])

@@ -223,6 +223,11 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         sweep(SLIDER, {"object.stiffness": [1.0]}, out=3)  # type: ignore[arg-type]
     with pytest.raises(SweepError, match="a file is named by text or a Path, not by 3"):
         open_sweep(3)  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="nothing to vary: give for example over="):
+        sweep(SLIDER, [1.0])  # type: ignore[arg-type]
+    for name in ("draws", "seed"):
+        with pytest.raises(SweepError, match=f"{name}: '3' is not a whole number"):
+            sweep(SLIDER, OVER, **{name: "3"})  # type: ignore[arg-type]
     with pytest.raises(SweepError, match="a list of files is put together"):
         merge("a.h5", tmp_path / "all.h5")
     with pytest.raises(OutputError, match="is a folder"):

@@ -5,6 +5,7 @@ The device answers with derivatives by dual numbers; nothing here is a finite di
 
 from __future__ import annotations
 
+from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
 import control
@@ -21,7 +22,7 @@ AXES = ("x", "y", "z")
 
 
 def linearize(
-    device: Device,
+    device: Device | str | PathLike[str],
     q: ArrayLike,
     qd: ArrayLike | None = None,
     tau: ArrayLike | None = None,
@@ -36,6 +37,7 @@ def linearize(
     States are (dq, dqd), 2*dof of them, in rad and rad/s (m and m/s for a prismatic device).
 
     Args:
+        device: a device, or its name in the catalogue or the path of its file.
         q: pose (dof,), rad.
         qd: joint velocity (dof,), rad/s; zero if not given.
         tau: joint torque (dof,), N m, at which the dynamics are taken; if not given, the torque that
@@ -53,10 +55,14 @@ def linearize(
     Raises:
         PoseError: wrong shape, a value that is not finite, or a pose where the tip force cannot
             produce the torque (singular Jacobian).
+        DeviceError: there is no such device.
 
     With a_q, a_v, a_tau the derivatives of the acceleration, A = [0 I; a_q + a_tau F_q  a_v],
     B = [0; a_tau J^T], F_q = sum_k force_k d2p_k/dq2.
     """
+    from palpate.devices import load
+
+    device = load(device)
     n = device.dof
     pose = _vector(q, n, "q", "rad")
     speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", "rad/s")

@@ -99,14 +99,14 @@ def names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
 
 
-def load(name_or_path: str | os.PathLike[str]) -> Device:
-    """Return a device of the catalogue by name, or the one that a TOML file describes.
+def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
+    """Return a device of the catalogue by name, or the one that a TOML file describes; a device as it is.
 
     Raises:
         DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
             dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source.
     """
-    return _device(*_text(name_or_path))
+    return name_or_path if isinstance(name_or_path, Device) else _device(*_text(name_or_path))
 
 
 @lru_cache(maxsize=64)

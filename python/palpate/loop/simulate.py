@@ -75,6 +75,10 @@ class Experiment:
         """Build what the scenario describes, around `controller` if given."""
         from palpate.control.build import build_controller
 
+        if controller is not None and not isinstance(controller, Controller):
+            raise ScenarioError(
+                f"controller: a palpate.Controller, or None for that of the scenario, not {controller!r}"
+            )
         device = scenario.load_device()
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         hold = np.zeros(3)

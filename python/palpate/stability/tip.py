@@ -116,10 +116,9 @@ class Tip:
             DeviceError: there is no such device.
         """
         from palpate.analysis.linearize import hold_force
-        from palpate.devices import Device, load
+        from palpate.devices import load
 
-        if not isinstance(device, Device):
-            device = load(device)
+        device = load(device)
 
         direction = np.asarray(along, dtype=float)
         length = float(np.linalg.norm(direction))

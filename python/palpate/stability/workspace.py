@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from palpate.control.build import build_controller
 from palpate.devices import Device
+from palpate.errors import DeviceError
+from palpate.files import named
 from palpate.scenario import Scenario
 from palpate.stability.checks import StabilityError
 from palpate.stability.pose_loops import PoseLoops
@@ -235,7 +237,7 @@ def _scenario(subject: Scenario | Device | Mapping[str, Any] | str | Path) -> tu
     if isinstance(subject, Device):
         name = subject.name
     else:
-        path = Path(subject)
+        path = named(subject, DeviceError)
         if path.suffix == ".toml" and not _is_device(path):
             s = Scenario.from_file(path)
             return s, s.title

@@ -82,7 +82,7 @@ def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
     Raises:
         SweepError: a path or a value cannot be read.
     """
-    if not over:
+    if not isinstance(over, Mapping) or not over:
         raise SweepError('nothing to vary: give for example over={"object.stiffness": "100 N/m..5 N/mm:50"}')
     axes = tuple(_axis(path, values) for path, values in over.items())
     if len({axis.path for axis in axes}) < len(axes):

@@ -155,6 +155,9 @@ def plan_of(
     """Return what `sweep` would run."""
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    for name, number in (("draws", draws), ("seed", seed)):
+        if not isinstance(number, Integral):
+            raise SweepError(f"{name}: {number!r} is not a whole number")
     if draws < 1:
         raise SweepError(f"draws: {draws}; at least one cell for each combination is needed")
     if not 0 <= seed < MOST_SEEDS:

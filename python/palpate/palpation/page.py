@@ -53,26 +53,34 @@ def palpation_page(held: Sequence[Held], sweep: Sweep) -> Page:
         margin_figure(held), "Stiffness of the contacts, and dashed in the same colour the critical one of each loop."
     )
     page.table(
-        ["law", "Young", "contact", "critical", "deflection", "force", "swing", "touches", "work", "lost", "held",
-         "stable"],
+        ["law", "Young", "contact", "critical", "deflection", "force", "swing", "work", "lost", "stable"],
         [
             (
-                one.law, one.young / 1e3,
+                _unbroken(one.law), one.young / 1e3,
                 None if one.contact is None else one.contact.stiffness,
                 None if one.contact is None else one.contact.critical_stiffness,
-                1e3 * one.found.final_deflection, one.found.final_force, 1e3 * one.found.final_swing, one.found.touches,
-                1e3 * one.found.work, f"{1e3 * one.found.lost:.1e}",
-                None if one.found.held is None else 1e3 * one.found.held, "yes" if one.stable else "no",
+                1e3 * one.found.final_deflection, one.found.final_force,
+                _percent(one.found.final_swing, one.found.final_force),
+                1e3 * one.found.work, _percent(one.found.lost, one.found.work), "yes" if one.stable else "no",
             )
             for one in held
         ],
-        "Deflection, force and its swing over the last 0.1 s. Work of the tip on the body; lost: less what the body "
-        "stores at the end, zero but for adding up; held: what holding each force for a period would add to a loop "
-        "that shows it as it is.",
-        units=["", "kPa", "N/m", "N/m", "mm", "N", "mN", "", "mJ", "mJ", "mJ", ""],
+        "Deflection and force over the last 0.1 s, and the force's swing as a part of it. Work of the tip on the body; "
+        "lost: less what the body stores at the end, as a part of it, zero but for adding up.",
+        units=["", "kPa", "N/m", "N/m", "mm", "N", "%", "mJ", "%", ""],
     )  # fmt: skip
     _phantom(page, sweep)
     return page
+
+
+def _percent(part: float, whole: float) -> str | None:
+    """Return a share in percent, all with as many decimals; None where there is nothing to have a share of."""
+    return None if whole == 0.0 else f"{round(100.0 * part / whole, 4) + 0.0:.4f}"
+
+
+def _unbroken(text: str) -> str:
+    """Return a text that stays on one line: spaces that do not break, and joiners around its dashes."""
+    return text.replace(" ", "\u00a0").replace("–", "\u2060–\u2060")
 
 
 def _phantom(page: Page, sweep: Sweep) -> None:

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
 _STEPS: Final = 16  # of colour, from the least value of a surface to its largest: no piece of a triangle spans more
 _LINE: Final = 0.25  # points
+_SHORT: Final = 0.3  # of the longest axis: one that has no room for more than two numbers
 
 
 def divided(values: ArrayLike, span: float) -> list[tuple[NDArray[np.intp], Array]]:
@@ -103,6 +104,10 @@ def frame(solid: Any, points: ArrayLike, least: float, *, zoom: float = 1.0) -> 
     half = np.where(span > 0.0, span, drawn) / 2.0
     solid.set(**{f"{name}lim": (m - h, m + h) for name, m, h in zip(AXES, middle, half, strict=True)})
     solid.set_box_aspect(drawn, zoom=zoom)
+    for name, part, low, high in zip(AXES, drawn / drawn.max(), x.min(axis=0), x.max(axis=0), strict=True):
+        if part < _SHORT and high > low:
+            step = 10.0 ** np.floor(np.log10(high - low))
+            solid.set(**{f"{name}ticks": np.unique([np.ceil(low / step) * step, np.floor(high / step) * step])})
 
 
 def stretched(figure: Figure) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -15,7 +16,7 @@ from typing import Final
 
 from palpate.errors import OutputError, PalpateError
 
-__all__ = ["HDF5_SIGNATURE", "check_readable", "check_writable", "named", "write_folder", "write_whole"]
+__all__ = ["HDF5_SIGNATURE", "check_readable", "check_writable", "named", "write_folder", "write_json", "write_whole"]
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 Writer = Callable[[Path], object]
@@ -28,7 +29,7 @@ def named(path: object, error: type[PalpateError]) -> Path:
     return Path(path)
 
 
-def write_whole(path: str | Path, write: Writer) -> Path:
+def write_whole(path: str | os.PathLike[str], write: Writer) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
 
     Raises:
@@ -49,6 +50,12 @@ def write_whole(path: str | Path, write: Writer) -> Path:
                 part.unlink()
             raise
     return target
+
+
+def write_json(path: str | os.PathLike[str], value: object, indent: int | None = 1) -> Path:
+    """Write `value` as JSON, whole or not at all; raises as `write_whole`, and ValueError if a number is not finite."""
+    text = json.dumps(value, indent=indent, allow_nan=False) + "\n"
+    return write_whole(path, lambda part: part.write_text(text, "utf-8"))
 
 
 def check_writable(path: str | Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 from collections.abc import Iterable
@@ -13,7 +12,7 @@ from typing import Any
 from palpate.bench import batch, body, loop, solid, stability, tick, touch
 from palpate.bench.section import Effort, Progress, Section
 from palpate.errors import PalpateError
-from palpate.files import write_whole
+from palpate.files import write_json
 
 __all__ = ["SECTIONS", "run"]
 
@@ -70,7 +69,7 @@ def run(
         "versions": {name: _version(name) for name in ("palpate", "mujoco", "control", "numpy", "scipy")},
     }
     if out is not None:
-        write_whole(out, lambda path: path.write_text(json.dumps(result, indent=2) + "\n", "utf-8"))
+        write_json(out, result, indent=2)
     return result
 
 

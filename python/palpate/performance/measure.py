@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.files import write_json
 from palpate.performance.buzz import Buzz, buzz
 from palpate.performance.rate_hardness import rate_hardness
 from palpate.performance.response import LoopResponse
@@ -117,8 +117,8 @@ class Performance:
         }
 
     def write_json(self, path: str | Path) -> None:
-        """Write the numbers."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n", "utf-8")
+        """Write the numbers, whole or not at all; OutputError if they cannot be."""
+        write_json(path, self.to_dict())
 
     def page(self) -> Page:
         """Return the pictures and tables as one page."""

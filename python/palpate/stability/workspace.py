@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from palpate.control.build import build_controller
 from palpate.devices import Device
 from palpate.errors import DeviceError
-from palpate.files import named
+from palpate.files import named, write_json
 from palpate.scenario import Scenario
 from palpate.stability.checks import StabilityError
 from palpate.stability.pose_loops import PoseLoops
@@ -126,8 +125,8 @@ class Workspace:
         }
 
     def write_json(self, path: str | Path) -> None:
-        """Write the numbers."""
-        Path(path).write_text(json.dumps(self.to_dict(), allow_nan=False) + "\n", "utf-8")
+        """Write the numbers, whole or not at all; OutputError if they cannot be."""
+        write_json(path, self.to_dict(), indent=None)
 
     def page(self) -> Page:
         """Return the pictures and their table as one page."""

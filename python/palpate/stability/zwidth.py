@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from palpate.files import write_json
 from palpate.scenario import Scenario
 from palpate.stability.boundary import Boundary, boundary, trace
 from palpate.stability.checks import StabilityError
@@ -104,8 +104,8 @@ class ZWidth:
         }
 
     def write_json(self, path: str | Path) -> None:
-        """Write the numbers."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", "utf-8")
+        """Write the numbers, whole or not at all; OutputError if they cannot be."""
+        write_json(path, self.to_dict())
 
     def page(self) -> Page:
         """Return the picture and its tables as one page."""

@@ -163,11 +163,12 @@ def test_a_skin_that_the_mesh_does_not_resolve_is_told() -> None:
     volume = block((0.03, 0.03, 0.02), 0.01)
     with pytest.raises(BodyError, match=r"skin 0.01 mm = 1000 kPa: no point of integration lies in it"):
         Elements(volume, Material(5e3, skin="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
-    with pytest.warns(BodyWarning, match=r"times as much skin as 0.5 mm = 50 kPa is: give the skin at least one cell"):
+    with pytest.warns(BodyWarning, match=r"0.5 mm = 50 kPa: the cells under it are 10 mm high: give the skin"):
         Elements(volume, Material(5e3, skin="0.5 mm = 50 kPa"), [BOTTOM], place("z > 19 mm")).young  # noqa: B018
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Elements(volume, Material(5e3, skin="10 mm = 50 kPa"), [BOTTOM], place("z > 19 mm")).young  # noqa: B018
+        for touch in (place("z > 19 mm"), place("box 9 9 19 to 21 21 21 mm"), None):
+            Elements(volume, Material(5e3, skin="10 mm = 50 kPa"), [BOTTOM], touch).young  # noqa: B018
 
 
 def test_places_are_read_from_text() -> None:

@@ -144,8 +144,11 @@ def test_a_run_that_begins_in_contact_ends_with_what_the_body_holds(block: Path)
 def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
     """Its nodes face away from there, so it would not be held, and be thrown out somewhere; one radius is let pass."""
     inside = tables(on(block))
-    inside["object"]["position"] = ["0 mm", "0 mm", "9 mm"]
-    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*9 mm under"):
+    inside["object"]["position"] = ["0 mm", "0 mm", "12 mm"]
+    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*12 mm under"):
+        prepare(inside)
+    inside["object"]["position"] = ["0 mm", "0 mm", "18 mm"]  # 2 mm over the bonded bottom: what is felt is far
+    with pytest.raises(ScenarioError, match=r"its centre 18 mm under"):
         prepare(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "5 mm"]
     prepare(inside)

@@ -87,9 +87,13 @@ def check_readable(path: str | os.PathLike[str], error: type[PalpateError], *, k
         otherwise: what makes such a file, for the sentence about one that is missing.
     """
     file = named(path, error)
-    if file.is_dir():
+    try:
+        folder, there = file.is_dir(), file.is_file()
+    except OSError as problem:  # a name that is too long
+        raise error(f"{file}: cannot be read: {problem.strerror}") from None
+    if folder:
         raise error(f"{file}: a folder; give {kind} in it")
-    if not file.is_file():
+    if not there:
         raise error(f"{file}: there is no such file" + (f"; {otherwise}" if otherwise else ""))
     return file
 

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.optimize import nnls
 
 from palpate import _core
-from palpate.bodies.errors import BodyError, BodyWarning, check_rest, lost
+from palpate.bodies.errors import BodyError, BodyWarning, lost, press_to_rest
 from palpate.bodies.kind import PLAIN, Kind
 from palpate.bodies.network import Network, network, patches
 from palpate.bodies.numbers import (
@@ -545,11 +545,12 @@ class Body:
         """Press from one place of rest to the next, ten of them or four for each radius; refuse what does not rest."""
         parts = max(10, int(np.ceil(4.0 * deep / size)))
         depths = deep * np.arange(1, parts + 1) / parts
-        rows = core.settle(
-            centre + np.outer(deep - depths, normal), np.tile(normal, (parts, 1)), size, tip == "flat", 200
-        )
-        check_rest(depths, rows[:, 7], rows[:, -1])
-        return _presses(rows)
+
+        def settle(part: int) -> Array:
+            place = centre + (deep - depths[part]) * normal
+            return np.asarray(core.settle(place[None], normal[None], size, tip == "flat", 200)[0])
+
+        return _presses(press_to_rest(depths, settle)[None])
 
     def _felt(self, felt: Presses, deep: float) -> Press:
         """Return the end of a press; warn if too few nodes carried it."""

@@ -48,7 +48,8 @@ class Condensation:
         self._fronts = Fronts(stiffness, elements.load[free], elements.nodes[free])
         self._vertices = len(elements.touchable)
         self.operations = self._fronts.operations
-        self.memory = _PROGRAM + elements.memory + 20.0 * stiffness.nnz + self._fronts.memory
+        checked = 2 * 36.0 * self._vertices**2  # the compliance, and its factor
+        self.memory = _PROGRAM + elements.memory + 20.0 * stiffness.nnz + max(self._fronts.memory, checked)
 
     def __str__(self) -> str:
         return (
@@ -64,7 +65,8 @@ class Condensation:
         found = self._fronts.compliance()
         if lapack.spotrf(found, lower=1, clean=False)[1] != 0:
             raise BodyError(
-                "the compliance is not positive definite to rounding: the elements are too flat, mesh again"
+                "the compliance is not positive definite to rounding: the elements are too flat, mesh again; or the "
+                "body hangs by too little, fix more of it"
             )
         return found
 

@@ -190,20 +190,22 @@ class Elements:
         return self.material.young_at(points, self._depth).reshape(x.shape[1:])
 
     def _check_skin(self, points: Array) -> None:
-        """Hold the volume of the skin as the points of integration find it against its thickness times its area."""
+        """Refuse a skin in which no point of integration (n, 3) lies; warn of one thinner than half of a cell."""
         skin = self.material.skin
         if skin is None:
             return
-        inside = self._depth(points) < skin.thickness
-        found = float(self._basis.dx.ravel()[inside].sum()) / (skin.thickness * float(self.areas.sum()))
-        if not inside.any():
+        if not (self._depth(points) < skin.thickness).any():
             raise BodyError(
                 f"skin {skin}: no point of integration lies in it, so it would stiffen nothing: take a finer mesh, or "
                 "a thicker and softer skin"
             )
-        if not 0.75 < found < 1.33:
+        a, b, c = (self.volume.points[self.triangles[:, i]] for i in range(3))
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+        size = self._basis.dx.sum(axis=1)[self._mesh.f2t[0, self._facets(self.triangles)]]
+        high = float(np.median(3.0 * size / area))
+        if skin.thickness < 0.5 * high:
             warnings.warn(
-                f"the mesh makes {found:.2g} times as much skin as {skin} is: give the skin at least one cell",
+                f"skin {skin}: the cells under it are {1e3 * high:.2g} mm high: give the skin at least one cell",
                 BodyWarning,
                 stacklevel=2,
             )

@@ -115,7 +115,8 @@ class Fronts:
         worst = np.abs(forces.T @ answers - left.energy).max() / np.abs(left.energy).max()
         if not worst < _ACCURACY:
             raise BodyError(
-                f"the compliance is wrong by {worst:.1g}, by rounding: the elements are too flat, mesh again"
+                f"the compliance is wrong by {worst:.1g}, by rounding: the elements are too flat, mesh again; or the "
+                "body hangs by too little, fix more of it"
             )
         return found.T
 
@@ -137,7 +138,11 @@ class Fronts:
         below = self._below(number, threads)
         if self._failures:
             raise _StoppedError
-        return self._eliminate(self._fronts[number], below)
+        try:
+            return self._eliminate(self._fronts[number], below)
+        except BaseException as problem:
+            self._failures.append(problem)
+            raise
 
     def _most(self, number: int, threads: int) -> float:
         """Return the bytes that `_tree` takes at most."""

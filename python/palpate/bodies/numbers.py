@@ -128,7 +128,7 @@ def lengths(values: ArrayLike, field: str) -> Array:
 
 def check_finite(places: Array, field: str) -> None:
     """Raise PoseError, naming the first row of `places` (m, ..., 3), if a number in it is not finite."""
-    bad = ~np.isfinite(places).reshape(len(places), -1).all(axis=1)
+    bad = ~np.isfinite(places).all(axis=tuple(range(1, places.ndim)))
     if bad.any():
         row = int(np.argmax(bad))
         said = ", ".join(f"{number:g}" for number in places[row].ravel())

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.bodies.body import Shape
-from palpate.bodies.errors import BodyError, check_rest
+from palpate.bodies.errors import BodyError, press_to_rest
 from palpate.bodies.numbers import (
     check_finite,
     check_tip,
@@ -114,11 +114,13 @@ class PressedSolid:
             raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
         normal = directions(outward, (3,))
         low = np.linspace(0.1, 1.0, 10)[:, None] * deep
-        ways = _ways(x + normal * ((size if tip == "sphere" else 0.0) - low), size, normal, tip)
+        way, most = x + normal * ((size if tip == "sphere" else 0.0) - low), whole(steps, "steps", 1)
         self.core.reset()
-        rows = self.core.settle(*ways, whole(steps, "steps", 1))
-        check_rest(low[:, 0], rows[:, 7], rows[:, -1])
-        return rows[-1, 0:3], self.displacement()
+
+        def settle(part: int) -> Array:
+            return np.asarray(self.core.settle(*_ways(way[part : part + 1], size, normal, tip), most)[0])
+
+        return press_to_rest(low[:, 0], settle)[0:3], self.displacement()
 
     def follow(
         self,

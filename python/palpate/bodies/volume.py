@@ -99,6 +99,8 @@ class Volume:
     def contains(self, point: ArrayLike) -> bool:
         """Return whether a point (3,), m, lies in one of the tetrahedra."""
         at = lengths(point, "point")
+        if at.shape != (3,):
+            raise BodyError(f"a point is three numbers in m, not {point!r}")
         corners = self.points[self.tetrahedra]
         near = ((corners.min(axis=1) <= at) & (at <= corners.max(axis=1))).all(axis=1)
         first, others = corners[near, 0], corners[near, 1:] - corners[near, :1]

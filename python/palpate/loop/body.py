@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 from palpate import _core
 from palpate.errors import OutputError, PalpateError, ScenarioError
-from palpate.touch.mesh import Mesh
 
 if TYPE_CHECKING:
     from palpate.bodies import Body
@@ -76,14 +75,14 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
 
 
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
-    """Refuse a tip that lies in the body with all of its radius: its nodes face away from there, and are not felt."""
+    """Refuse a tip that begins so deep in the body that its first look does not reach the nodes over it."""
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
     tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     if not body.volume.contains(tip):
         return
-    surface = Mesh(body.volume.points, body.volume.surface, mend=False)
-    deep = float(np.linalg.norm(surface.nearest(tip)[0] - tip))
-    if deep > choice.radius:
+    deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
+    beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0
+    if deep > choice.radius + beside:
         raise ScenarioError(
             f"object.position: the tip begins inside of the body, its centre {1e3 * deep:.3g} mm under the surface; "
             "the position is that of the body's origin from the tip's centre at the start: move the body away from it"

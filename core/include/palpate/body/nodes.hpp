@@ -180,7 +180,8 @@ class BodyNodes {
   /// A node under the tip in full. A sphere presses the nodes that it is in or before. One that it has left behind, so that the node lies
   /// beyond the sphere's upper side, it presses still if it went over it: if the node faces as the tip does, and lies no farther from its
   /// axis than its radius. Of others, on the flanks and the far side of a thin body, the tip has not come from where they face: `cover`
-  /// fades towards the upper side, so that none of them leaves with a force. That is all by the tip's place, none by its way there.
+  /// fades towards the upper side, so that none of them leaves with a force. For a given `outward` that is all by the tip's place, none by
+  /// its way there.
   [[nodiscard]] Near reached(const BodyTip& tip, std::int32_t node) const noexcept {
     Near near = at(tip, node);
     if (tip.kind == BodyTip::Kind::flat) return near;

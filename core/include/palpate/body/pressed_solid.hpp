@@ -156,7 +156,7 @@ class PressedSolid {
       left += (load_[k] - solid_.gradient()[k]) * (load_[k] - solid_.gradient()[k]);
       whole += load_[k] * load_[k];
     }
-    return left > 0.0 ? std::sqrt(left / whole) : 0.0;
+    return left == 0.0 ? 0.0 : std::sqrt(left / whole);  // not a number: no rest
   }
 
   /// By how much the contact's forces are others than those of the state, over them: it answers otherwise as its compliance gets better.
@@ -167,7 +167,7 @@ class PressedSolid {
       change += (force_[n] - state_.force[n]) * (force_[n] - state_.force[n]);
       whole += force_[n] * force_[n];
     }
-    return change > 0.0 ? std::sqrt(change / whole) : 0.0;
+    return change == 0.0 ? 0.0 : std::sqrt(change / whole);
   }
 
   void load(std::int32_t name, const Vector3<>& force) {

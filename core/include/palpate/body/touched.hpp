@@ -46,8 +46,8 @@ class LoopBody {
   /// Force of the tip on the k-th of them, N.
   [[nodiscard]] virtual Vector3<> load(int k) const noexcept = 0;
 
-  /// Out of the body, unit: as the nodes face that the last step pressed; while the tip is free, as the nearest node does, or the tip if
-  /// none is near.
+  /// Out of the body, unit: as in the last step, until that is more than 45 degrees off where the tip is pushed; while the tip is free, as
+  /// the nearest node faces, or the tip if none is near.
   [[nodiscard]] virtual Vector3<> outward(const BodyTip& tip) const noexcept = 0;
 
   /// The same body at rest, with a state of its own: every loop steps its own.

@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,9 +102,16 @@ def test_control_c_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
     assert [file.name for file in tmp_path.iterdir()] == ["cube.toml"]
 
 
-def test_control_c_is_not_lost_in_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def heard() -> Iterator[Any]:
+    """Ctrl-C as a terminal sends it, though what runs in the background of a shell begins with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield signal.default_int_handler
+    signal.signal(signal.SIGINT, before)
+
+
+def test_control_c_is_not_lost_in_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, heard: Any) -> None:
     """A module that would swallow it is imported whole, KeyboardInterrupt comes right after; the handler is back."""
-    before = signal.getsignal(signal.SIGINT)
     (tmp_path / "greedy.py").write_text(
         "import os, signal, time\n"
         "swallowed = False\n"
@@ -120,15 +129,16 @@ def test_control_c_is_not_lost_in_an_import(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(KeyboardInterrupt):
         command()
     assert seen == [False]
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(signal.SIGINT) is heard
 
 
 def test_control_c_before_a_command_has_begun_ends_without_a_word(tmp_path: Path) -> None:
     """While the command line itself is imported: ended by the signal, with no traceback."""
     (tmp_path / "typer.py").write_text("import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(10)")
     path = os.pathsep.join([str(tmp_path), *sys.path])
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     done = subprocess.run(
-        [sys.executable, "-c", "from palpate.__main__ import main; main()", "devices"],
+        [sys.executable, "-c", f"{heard}; from palpate.__main__ import main; main()", "devices"],
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,

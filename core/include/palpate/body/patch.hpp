@@ -106,7 +106,7 @@ class BodyContact {
   /// did before, and never more than 45 degrees off the way that it is pushed out. What it presses depends on this, so a path on which the
   /// direction turned with every change of the force could get work out of the body.
   [[nodiscard]] Vector3<> outward(const BodyTip& tip) const noexcept {
-    const Vector3<> pushed = outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
+    Vector3<> pushed = outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
       const auto c = static_cast<std::size_t>(k);
       return Vector3<>(forces_[c] * nodes_->normal(pressed_[c]));
     });

@@ -25,6 +25,7 @@ from palpate.bodies.numbers import (
     friction,
     lengths,
     not_negative,
+    point_of,
     positive,
     press_depth,
     stiffening,
@@ -503,9 +504,7 @@ class Body:
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
             return Body(self.contents).press(point, radius, depth, tip=tip)
-        x = lengths(point, "point")
-        if x.shape != (3,) or not np.isfinite(x).all():
-            raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
+        x = point_of(point)
         size, deep = positive(radius, "m", "radius"), press_depth(depth)
         if deep > 1000 * size:
             raise BodyError(f"radius: {size:g} m; a tip that goes {deep:g} m deep has at least a thousandth of that")

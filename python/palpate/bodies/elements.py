@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from palpate.bodies.errors import BodyError, BodyWarning
-from palpate.bodies.material import Material
+from palpate.bodies.material import Material, Skin
 from palpate.bodies.places import Place
 from palpate.bodies.volume import Volume
 
@@ -186,15 +186,15 @@ class Elements:
                     f"region {region.where}: no point of integration lies in it, so it would stiffen nothing: it is "
                     "outside of the body, or too small for the mesh"
                 )
-        self._check_skin(points)
-        return self.material.young_at(points, self._depth).reshape(x.shape[1:])
-
-    def _check_skin(self, points: Array) -> None:
-        """Refuse a skin in which no point of integration (n, 3) lies; warn of one thinner than half of a cell."""
         skin = self.material.skin
-        if skin is None:
-            return
-        if not (self._depth(points) < skin.thickness).any():
+        depth = np.empty(0) if skin is None else self._depth(points)
+        if skin is not None:
+            self._check_skin(skin, depth)
+        return self.material.young_at(points, lambda _: depth).reshape(x.shape[1:])
+
+    def _check_skin(self, skin: Skin, depth: Array) -> None:
+        """Refuse a skin in which no point of integration lies, `depth` (n,) under it; warn of one under half a cell."""
+        if not (depth < skin.thickness).any():
             raise BodyError(
                 f"skin {skin}: no point of integration lies in it, so it would stiffen nothing: take a finer mesh, or "
                 "a thicker and softer skin"

@@ -21,6 +21,7 @@ __all__ = [
     "lengths",
     "not_negative",
     "number",
+    "point_of",
     "positive",
     "press_depth",
     "stiffening",
@@ -124,6 +125,14 @@ def lengths(values: ArrayLike, field: str) -> Array:
     except ValueError:
         raise PoseError(f"{field}: its rows must have the same length") from None
     return np.array([length(value, field) for value in given.ravel()], dtype=float).reshape(given.shape)
+
+
+def point_of(place: ArrayLike) -> Array:
+    """Return a point (3,), m, of numbers or text; PoseError if it is none."""
+    found = lengths(place, "point")
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {place!r}')
+    return found
 
 
 def check_finite(places: Array, field: str) -> None:

@@ -16,6 +16,7 @@ from palpate.bodies.numbers import (
     check_tip,
     directions,
     lengths,
+    point_of,
     positive,
     press_depth,
     tick_period,
@@ -109,9 +110,7 @@ class PressedSolid:
         Raises:
             BodyError: the body gives way so far that the tip loses it, or does not come to rest.
         """
-        x, size, deep = lengths(point, "point"), positive(radius, "m", "radius"), press_depth(depth)
-        if x.shape != (3,) or not np.isfinite(x).all():
-            raise PoseError(f'a point is three finite numbers in m, or text such as "5 mm", not {point!r}')
+        x, size, deep = point_of(point), positive(radius, "m", "radius"), press_depth(depth)
         normal = directions(outward, (3,))
         low = np.linspace(0.1, 1.0, 10)[:, None] * deep
         way, most = x + normal * ((size if tip == "sphere" else 0.0) - low), whole(steps, "steps", 1)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.bodies.errors import BodyError, BodyWarning
 from palpate.bodies.mesher import tetrahedra
-from palpate.bodies.numbers import length, lengths, positive, unit_of_length
+from palpate.bodies.numbers import length, lengths, point_of, positive, unit_of_length
 from palpate.files import check_readable
 from palpate.touch.diagnosis import lengths as sizes
 from palpate.touch.mesh import Mesh
@@ -98,9 +98,7 @@ class Volume:
 
     def contains(self, point: ArrayLike) -> bool:
         """Return whether a point (3,), m, lies in one of the tetrahedra."""
-        at = lengths(point, "point")
-        if at.shape != (3,):
-            raise BodyError(f"a point is three numbers in m, not {point!r}")
+        at = point_of(point)
         corners = self.points[self.tetrahedra]
         near = ((corners.min(axis=1) <= at) & (at <= corners.max(axis=1))).all(axis=1)
         first, others = corners[near, 0], corners[near, 1:] - corners[near, :1]

@@ -221,6 +221,8 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ScenarioError, match="not UTF-8 text"):
         Scenario.from_file(tmp_path / "noise.toml")
+    with pytest.raises(ScenarioError, match="cannot be read: File name too long"):
+        Scenario.from_file("a" * 300)
     with pytest.raises(ScenarioError, match=r"a folder; give the scenario's file \(.toml\) in it"):
         Scenario.from_file(tmp_path)
     large = tmp_path / "liver.h5"

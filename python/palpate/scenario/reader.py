@@ -31,8 +31,8 @@ def read_file(path: str | Path) -> Scenario:
         ScenarioError: it cannot be read, is not TOML, or has a mistake.
     """
     file = named(path, ScenarioError)
-    _check_kind(file)
     try:
+        _check_kind(file)
         if file.stat().st_size > _LARGEST:
             raise ScenarioError(f"{file}: larger than {_LARGEST // 1_000_000} MB; a scenario is a short TOML file")
         text = file.read_bytes().decode("utf-8")
@@ -48,14 +48,11 @@ def read_file(path: str | Path) -> Scenario:
 
 
 def _check_kind(file: Path) -> None:
-    """Say what a file that cannot be a scenario is instead: a folder, HDF5 or a mesh."""
+    """Say what a file that cannot be a scenario is instead: a folder, or HDF5."""
     if file.is_dir():
         raise ScenarioError(f"{file}: a folder; give the scenario's file (.toml) in it")
-    try:
-        with file.open("rb") as opened:
-            begin = opened.read(len(HDF5_SIGNATURE))
-    except OSError:
-        return  # told by who reads it
+    with file.open("rb") as opened:
+        begin = opened.read(len(HDF5_SIGNATURE))
     if begin == HDF5_SIGNATURE:
         raise ScenarioError(
             f"{file}: HDF5 (a body, a trace or a sweep), no scenario; a scenario is a TOML file, in which a body is "

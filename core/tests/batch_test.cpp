@@ -1,4 +1,4 @@
-#include "palpate/loop/batch.hpp"
+#include "palpate/servo/batch.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,14 +9,14 @@
 
 namespace {
 
-using palpate::Beginning;
-using palpate::Queue;
-using palpate::SimulationSetup;
-using palpate::Slider;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mechanism::Slider;
+using palpate::servo::BatchJob;
+using palpate::servo::JobQueue;
+using palpate::servo::SimulationSetup;
 
 constexpr int ticks = 400;
-constexpr int width = palpate::outcome_width<1>;
+constexpr int width = palpate::servo::outcome_width<1>;
 
 /// A slider at a spring, with its own delay, heat of the drive and late ticks; every third is far past its critical stiffness.
 SimulationSetup<Slider> cell(int i) {
@@ -24,7 +24,7 @@ SimulationSetup<Slider> cell(int i) {
   s.mechanism = Slider(0.06);
   s.friction.viscous[0] = 0.05;
   s.friction.coulomb[0] = s.friction.breakaway[0] = 1e-3;
-  s.anchor.kind = palpate::AnchorKind::point;
+  s.anchor.kind = palpate::object::SpringWallKind::point;
   s.anchor.point = Vector3<>(1e-3, 0.0, 0.0);
   s.stiffness = Vector3<>(i % 3 == 1 ? 5e4 + 1e3 * i : 20.0 + i, 0.0, 0.0);
   s.damping = Vector3<>(0.01, 0.0, 0.0);
@@ -36,14 +36,14 @@ SimulationSetup<Slider> cell(int i) {
   return s;
 }
 
-struct Cells {
+struct JobScheduler {
   int count;
   std::vector<double> rows;
   int taken = 0;
-  std::optional<Beginning<Slider>> at_hand;
+  std::optional<BatchJob<Slider>> at_hand;
 
-  static const Beginning<Slider>* next(void* self) {
-    auto& cells = *static_cast<Cells*>(self);
+  static const BatchJob<Slider>* next(void* self) {
+    auto& cells = *static_cast<JobScheduler*>(self);
     if (cells.taken == cells.count) return nullptr;
     const int i = cells.taken++;
     return &cells.at_hand.emplace(cell(i), cells.rows.data() + static_cast<std::ptrdiff_t>(width) * i);
@@ -54,19 +54,19 @@ struct Cells {
 TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
   const std::vector<double> nothing(3 * (ticks + 1), 0.0);
   for (const int count : {1, 3, 23}) {
-    Cells cells{count, std::vector<double>(static_cast<std::size_t>(width * count)), 0, {}};
-    palpate::simulate_side_by_side<Slider, 4>({&Cells::next, &cells}, ticks, nothing.data(), nothing.data());
+    JobScheduler cells{count, std::vector<double>(static_cast<std::size_t>(width * count)), 0, {}};
+    palpate::servo::simulate_side_by_side<Slider, 4>({&JobScheduler::next, &cells}, ticks, nothing.data(), nothing.data());
     int lost = 0;
     for (int i = 0; i < count; ++i) {
-      std::vector<double> trace(static_cast<std::size_t>(palpate::record_width<1>) * (ticks + 1));
-      const auto alone = palpate::simulate(cell(i), ticks, nothing.data(), nothing.data(), trace.data());
+      std::vector<double> trace(static_cast<std::size_t>(palpate::servo::record_width<1>) * (ticks + 1));
+      const auto alone = palpate::servo::simulate(cell(i), ticks, nothing.data(), nothing.data(), trace.data());
       const double* row = cells.rows.data() + static_cast<std::ptrdiff_t>(width) * i;
       EXPECT_EQ(row[0], alone.unstable_tick) << i;
       if (alone.unstable_tick >= 0) {
         ++lost;
         continue;
       }
-      const double* last = trace.data() + static_cast<std::ptrdiff_t>(palpate::record_width<1>) * ticks;
+      const double* last = trace.data() + static_cast<std::ptrdiff_t>(palpate::servo::record_width<1>) * ticks;
       EXPECT_EQ(row[width - 2], last[0]) << i;
       EXPECT_EQ(row[width - 1], last[1]) << i;
     }

@@ -4,9 +4,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <numeric>
-#include <palpate/body/compliance.hpp>
-#include <palpate/body/patch.hpp>
-#include <palpate/body/relaxing.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/compliance.hpp>
+#include <palpate/deformable/linear/standard_linear_solid.hpp>
 #include <random>
 #include <type_traits>
 
@@ -14,19 +14,20 @@
 
 namespace {
 
-using palpate::BodyAnswer, palpate::BodyContact, palpate::BodyNodes, palpate::BodyTip, palpate::DryFriction, palpate::Vector3;
+using palpate::deformable::ContactResult, palpate::deformable::TipContact, palpate::deformable::SurfaceNodes, palpate::deformable::Tip,
+    palpate::deformable::DryFriction, palpate::math::Vector3;
 
 /// The top of an elastic half-space, z up, in square patches: Boussinesq's and Cerruti's point forces between patches, and their mean over
 /// a patch by itself (1 / r: 2.9730 / w; by symmetry x^2 / r^3: half of that). Nothing here comes from finite elements.
 struct HalfSpace {
   double shear, poisson, width;  // Pa; m
   std::vector<Vector3<>> points;
-  BodyNodes nodes;
+  SurfaceNodes nodes;
 
   HalfSpace(int side, double w, double g, double nu) : shear(g), poisson(nu), width(w) {
     for (int i = 0; i < side; ++i)
       for (int j = 0; j < side; ++j) points.emplace_back(w * (i - 0.5 * (side - 1)), w * (j - 0.5 * (side - 1)), 0.0);
-    nodes = BodyNodes(points, std::vector<Vector3<>>(points.size(), Vector3<>::UnitZ()), std::vector<double>(points.size(), w * w));
+    nodes = SurfaceNodes(points, std::vector<Vector3<>>(points.size(), Vector3<>::UnitZ()), std::vector<double>(points.size(), w * w));
   }
   [[nodiscard]] const Vector3<>& at(std::int32_t i) const { return points[static_cast<std::size_t>(i)]; }
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
@@ -53,11 +54,11 @@ struct HalfSpace {
 TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
   for (const double poisson : {0.0, 0.3, 0.45}) {
     HalfSpace space(41, 1e-3, 5e3, poisson);
-    BodyTip tip;
-    tip.kind = BodyTip::Kind::flat;
+    Tip tip;
+    tip.kind = Tip::Kind::flat;
     tip.radius = 5e-3;
     for (const double aside : {0.0, 0.3e-3}) {
-      BodyContact<HalfSpace> contact(space.nodes, space, {50.0, 50.0});
+      TipContact<HalfSpace> contact(space.nodes, space, {50.0, 50.0});
       tip.centre = {aside, 0.4 * aside, -1e-3};
       contact.step(tip);
       EXPECT_EQ(contact.last().friction.norm(), 0.0);
@@ -75,8 +76,8 @@ TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
 TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
   const double shear = 5e3, poisson = 0.4, mu = 0.2;
   HalfSpace space(21, 1.3e-3, shear, poisson);
-  BodyContact<HalfSpace> contact(space.nodes, space, {mu, mu});
-  BodyTip tip;
+  TipContact<HalfSpace> contact(space.nodes, space, {mu, mu});
+  Tip tip;
   tip.radius = 60e-3;
   const double depth = 0.5e-3;
   tip.centre = {0.2e-3, 0.3e-3, tip.radius - depth};
@@ -108,7 +109,7 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
   HalfSpace space(21, 1e-3, 5e3, 0.45);
   std::mt19937 random(12);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  palpate::PartialSlip slip({mu, mu}, space.nodes.size(), 1000);
+  palpate::deformable::PartialSlip slip({mu, mu}, space.nodes.size(), 1000);
   std::vector<std::int32_t> pressed;
   for (int i = 5; i < 15; ++i)
     for (int j = 6; j < 13; ++j) pressed.push_back(21 * i + j);
@@ -146,14 +147,14 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
 }
 
 // Without friction nothing changes, to the last bit; with it the normal forces do not.
-TEST(BodyContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
+TEST(TipContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
-  BodyContact<HalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}), rough(space.nodes, space, {0.6, 0.4});
-  BodyTip tip;
+  TipContact<HalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}), rough(space.nodes, space, {0.6, 0.4});
+  Tip tip;
   tip.radius = 6e-3;
   for (int k = 0; k < 2000; ++k) {
     tip.centre = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), tip.radius - 5e-4 - 1e-3 * std::sin(0.05 * k)};
-    const BodyAnswer &a = plain.step(tip), &b = smooth.step(tip), &c = rough.step(tip);
+    const ContactResult &a = plain.step(tip), &b = smooth.step(tip), &c = rough.step(tip);
     ASSERT_EQ(a.force, b.force);
     ASSERT_EQ(a.energy, b.energy);
     ASSERT_EQ(a.deflection, b.deflection);
@@ -164,10 +165,10 @@ TEST(BodyContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
 }
 
 // Held still, the force stays as it is; pushed on, it breaks away at the static coefficient and goes on with the dynamic one.
-TEST(BodyContact, HoldsBreaksAwayAndSlides) {
+TEST(TipContact, HoldsBreaksAwayAndSlides) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
-  BodyContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
-  BodyTip tip;
+  TipContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
+  Tip tip;
   tip.radius = 10e-3;
   tip.centre = {-3e-3, 0.2e-3, tip.radius - 2e-3};
   contact.step(tip);
@@ -197,14 +198,14 @@ TEST(BodyContact, HoldsBreaksAwayAndSlides) {
 }
 
 // A slide in steps of a micrometre: nodes come and go, and the force moves no more than the path lets it.
-TEST(BodyContact, NodesComeAndGoWithoutASTepOfFriction) {
+TEST(TipContact, NodesComeAndGoWithoutASTepOfFriction) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
-  for (const auto kind : {BodyTip::Kind::sphere, BodyTip::Kind::flat}) {
-    BodyContact<HalfSpace> contact(space.nodes, space, {0.5, 0.5});
-    BodyTip tip;
+  for (const auto kind : {Tip::Kind::sphere, Tip::Kind::flat}) {
+    TipContact<HalfSpace> contact(space.nodes, space, {0.5, 0.5});
+    Tip tip;
     tip.kind = kind;
-    tip.radius = kind == BodyTip::Kind::sphere ? 8e-3 : 4e-3;
-    const double top = kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
+    tip.radius = kind == Tip::Kind::sphere ? 8e-3 : 4e-3;
+    const double top = kind == Tip::Kind::sphere ? tip.radius : 0.0;
     Vector3<> before = Vector3<>::Zero();
     double most = 0.0, largest = 0.0;
     int least = 1000, greatest = 0;
@@ -243,13 +244,13 @@ std::vector<float> full(const HalfSpace& space) {
 // Random closed paths (ten rounds are ten thousand), pressing, sliding, lifting and coming back: what the tip has given to friction covers
 // what is stored there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without
 // friction.
-TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
+TEST(TipContact, FrictionGivesOutNoWorkOverClosedPaths) {
   const HalfSpace space(4, 1e-3, 5e3, 0.3);
-  palpate::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
-  BodyContact<palpate::Compliance> smooth(space.nodes, plain), rough(space.nodes, draggable, {0.7, 0.5});
+  palpate::deformable::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
+  TipContact<palpate::deformable::Compliance> smooth(space.nodes, plain), rough(space.nodes, draggable, {0.7, 0.5});
   std::mt19937 random(9);
   std::normal_distribution<double> normal;
-  BodyTip tip;
+  Tip tip;
   tip.radius = 3e-3;
   double lost = 0.0;
   int stuck = 0, slid = 0, free = 0;
@@ -266,7 +267,7 @@ TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
       const double s = 2.0 * M_PI * k / ticks;
       tip.centre = waves * Eigen::Vector4d(std::sin(s), std::cos(s), std::sin(2.0 * s), std::cos(2.0 * s));
       tip.centre.z() += tip.radius - 2e-4;
-      const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+      const ContactResult &a = smooth.step(tip), &b = rough.step(tip);
       if (k > 0) in -= b.friction.dot(tip.centre - before);
       before = tip.centre;
       ASSERT_GE(in, (1.0 - 1e-6) * (b.energy - a.energy) - 1e-14) << path << " " << k;
@@ -279,7 +280,7 @@ TEST(BodyContact, FrictionGivesOutNoWorkOverClosedPaths) {
 }
 
 // Turned in space and numbered otherwise, with other tangents at every node, it is the same body.
-TEST(BodyContact, WithFrictionTurnsWithTheBody) {
+TEST(TipContact, WithFrictionTurnsWithTheBody) {
   using Block = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
   HalfSpace space(17, 1e-3, 5e3, 0.45);
   const std::size_t n = space.points.size();
@@ -301,10 +302,10 @@ TEST(BodyContact, WithFrictionTurnsWithTheBody) {
     for (std::size_t j = 0; j < n; ++j)
       block(there, i, j) = (turn * block(here, order[i], order[j]).cast<double>() * turn.transpose()).cast<float>();
   }
-  const BodyNodes other(points, normals, std::vector<double>(n, 1e-6));
-  palpate::Compliance one(space.nodes, here.data(), true), two(other, there.data(), true);
-  BodyContact<palpate::Compliance> first(space.nodes, one, {0.6, 0.5}), second(other, two, {0.6, 0.5});
-  BodyTip tip;
+  const SurfaceNodes other(points, normals, std::vector<double>(n, 1e-6));
+  palpate::deformable::Compliance one(space.nodes, here.data(), true), two(other, there.data(), true);
+  TipContact<palpate::deformable::Compliance> first(space.nodes, one, {0.6, 0.5}), second(other, two, {0.6, 0.5});
+  Tip tip;
   tip.radius = 6e-3;
   for (int k = 0; k < 1000; ++k) {
     tip.outward = Vector3<>::UnitZ();
@@ -317,13 +318,13 @@ TEST(BodyContact, WithFrictionTurnsWithTheBody) {
 }
 
 // A standard linear solid that a sphere drags aside: the tangential force starts `instant` times as large as it is at last.
-TEST(BodyContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
+TEST(TipContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
   const HalfSpace space(15, 1e-3, 5e3, 0.45);
-  palpate::Compliance elastic(space.nodes, full(space).data(), true);
-  palpate::Relaxing relaxing(elastic, 3.0, 0.05, 1e-3);
-  BodyContact<palpate::Compliance> still(space.nodes, elastic, {20.0, 20.0});
-  BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {20.0, 20.0});
-  BodyTip tip;
+  palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
+  palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
+  TipContact<palpate::deformable::Compliance> still(space.nodes, elastic, {20.0, 20.0});
+  TipContact<palpate::deformable::StandardLinearSolid> contact(space.nodes, relaxing, {20.0, 20.0});
+  Tip tip;
   tip.radius = 8e-3;
   tip.centre.z() = tip.radius - 1.5e-3;
   for (int k = 0; k < 500; ++k) contact.step(tip);
@@ -337,14 +338,14 @@ TEST(BodyContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
 }
 
 // Under a flat end, too, whose edge crosses patches: at last all of it is as stiff as the elastic body, along the normal and the surface.
-TEST(BodyContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
+TEST(TipContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
   const HalfSpace space(15, 1e-3, 5e3, 0.45);
-  palpate::Compliance elastic(space.nodes, full(space).data(), true);
-  palpate::Relaxing relaxing(elastic, 3.0, 0.05, 1e-3);
-  BodyContact<palpate::Compliance> still(space.nodes, elastic, {20.0, 20.0});
-  BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {20.0, 20.0});
-  BodyTip tip;
-  tip.kind = BodyTip::Kind::flat;
+  palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
+  palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
+  TipContact<palpate::deformable::Compliance> still(space.nodes, elastic, {20.0, 20.0});
+  TipContact<palpate::deformable::StandardLinearSolid> contact(space.nodes, relaxing, {20.0, 20.0});
+  Tip tip;
+  tip.kind = Tip::Kind::flat;
   tip.radius = 4.3e-3;
   tip.centre = {2e-4, 1e-4, -5e-4};
   for (int k = 0; k < 500; ++k) contact.step(tip);
@@ -358,14 +359,15 @@ TEST(BodyContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
 }
 
 // What a flat end's edge feels of patches that creep is the slope of what they store: no closed path gives work.
-TEST(BodyContact, ARelaxingBodyGivesAFlatEndNothing) {
+TEST(TipContact, ARelaxingBodyGivesAFlatEndNothing) {
   const HalfSpace space(13, 1e-3, 5e3, 0.45);
-  palpate::Relaxing relaxing(palpate::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05, 1e-3);
+  palpate::deformable::StandardLinearSolid relaxing(palpate::deformable::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05,
+                                                    1e-3);
   for (int trial = 0; trial < 8; ++trial) {
-    BodyContact<palpate::Relaxing> contact(space.nodes, relaxing, {0.0, 0.0});
+    TipContact<palpate::deformable::StandardLinearSolid> contact(space.nodes, relaxing, {0.0, 0.0});
     contact.reset();
-    BodyTip tip;
-    tip.kind = BodyTip::Kind::flat;
+    Tip tip;
+    tip.kind = Tip::Kind::flat;
     tip.radius = 3.3e-3;
     double work = 0.0, most = 0.0;
     Vector3<> before = Vector3<>::Zero(), force = Vector3<>::Zero();

@@ -4,10 +4,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <palpate/body/lattice.hpp>
-#include <palpate/body/modal.hpp>
-#include <palpate/body/patch.hpp>
-#include <palpate/body/spline.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/free_form_deformation.hpp>
+#include <palpate/deformable/linear/mass_spring_model.hpp>
+#include <palpate/deformable/linear/modal.hpp>
 #include <random>
 #include <vector>
 
@@ -16,15 +16,16 @@
 
 namespace {
 
-using palpate::BodyAnswer, palpate::BodyContact, palpate::BodyNodes, palpate::BodyTip, palpate::Vector3;
+using palpate::deformable::ContactResult, palpate::deformable::TipContact, palpate::deformable::SurfaceNodes, palpate::deformable::Tip,
+    palpate::math::Vector3;
 
 /// One node that yields along its normal without inertia, and along x and y as one mode each on top of `extra`.
 struct OneMode {
   double frequency = 60.0, mass = 0.02, normal = 1e-3, extra = 1e-4;
-  BodyNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
+  SurfaceNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
 
   [[nodiscard]] double along() const { return extra + 1.0 / (mass * frequency * frequency); }
-  [[nodiscard]] palpate::Modal modal(double period, double alpha, double instant = 1.0, double creep = 1.0) const {
+  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double instant = 1.0, double creep = 1.0) const {
     const auto x = static_cast<float>(along()), z = static_cast<float>(normal);
     const auto one = static_cast<float>(1.0 / std::sqrt(mass));
     const std::vector<float> full{x, 0, 0, 0, x, 0, 0, 0, z}, shapes{one, 0, 0, one, 0, 0};
@@ -36,16 +37,16 @@ struct OneMode {
 TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
   const OneMode o;
   const double depth = 1e-3, mu = 0.4, period = 1e-3, drag = mu * depth / o.normal;
-  palpate::Modal modal = o.modal(period, 0.0);
-  BodyContact<palpate::Modal> contact(o.nodes, modal, {mu, mu});
-  BodyTip tip;
-  tip.kind = BodyTip::Kind::flat;
+  palpate::deformable::Modal modal = o.modal(period, 0.0);
+  TipContact<palpate::deformable::Modal> contact(o.nodes, modal, {mu, mu});
+  Tip tip;
+  tip.kind = Tip::Kind::flat;
   tip.radius = 1.0;
   tip.centre = {0, 0, -depth};
   contact.step(tip);
   for (int k = 1; k <= 200; ++k) {
     tip.centre.x() += 2e-3;  // quicker than the mass is anywhere
-    const BodyAnswer& a = contact.step(tip);
+    const ContactResult& a = contact.step(tip);
     ASSERT_NEAR(a.friction.x(), -drag, 1e-7);
     ASSERT_NEAR(a.force.z(), depth / o.normal, 1e-6);
     ASSERT_TRUE(a.sliding);
@@ -58,11 +59,11 @@ TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
 TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
   const OneMode o;
   for (const double instant : {1.0, 2.0}) {
-    palpate::Modal modal = o.modal(1e-3, 200.0, instant, 0.01);
+    palpate::deformable::Modal modal = o.modal(1e-3, 200.0, instant, 0.01);
     const double depth = 1e-3, press = depth / o.normal;
-    BodyContact<palpate::Modal> contact(o.nodes, modal, {0.5, 0.3});
-    BodyTip tip;
-    tip.kind = BodyTip::Kind::flat;
+    TipContact<palpate::deformable::Modal> contact(o.nodes, modal, {0.5, 0.3});
+    Tip tip;
+    tip.kind = Tip::Kind::flat;
     tip.radius = 1.0;
     tip.centre = {0, 0, -depth};
     for (int k = 0; k < 2000; ++k) contact.step(tip);
@@ -70,7 +71,7 @@ TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
     int broke = -1;
     for (int k = 1; k < 20000; ++k) {
       tip.centre.x() = way * k;
-      const BodyAnswer& a = contact.step(tip);
+      const ContactResult& a = contact.step(tip);
       if (a.sliding && broke < 0) broke = k;
       ASSERT_LE(-a.friction.x(), (broke < 0 ? 0.5 : 0.51) * press * (1.0 + 1e-6));
       // Damping and creep ask for this much more at a steady speed.
@@ -89,7 +90,7 @@ struct Cap {
   std::vector<Vector3<>> points, normals;
   std::vector<double> areas, frequencies;
   std::vector<float> full, shapes;
-  BodyNodes nodes;
+  SurfaceNodes nodes;
 
   explicit Cap(double radius = 20e-3) : areas(side * side, 1e-6) {
     for (int i = 0; i < side * side; ++i) {
@@ -98,7 +99,7 @@ struct Cap {
       normals.push_back(Vector3<>(x, y, std::sqrt(radius * radius - x * x - y * y)) / radius);
       points.emplace_back(x, y, radius * (normals.back().z() - 1.0));
     }
-    nodes = BodyNodes(points, normals, areas);
+    nodes = SurfaceNodes(points, normals, areas);
     const Eigen::Index size = 3 * side * side;
     std::mt19937 random(31);
     std::normal_distribution<double> normal;
@@ -134,16 +135,16 @@ struct Path {
 
 struct Counts {
   int stuck = 0, slid = 0, free = 0;
-  void see(const BodyAnswer& a) { ++(!a.touching ? free : (a.sliding ? slid : stuck)); }
+  void see(const ContactResult& a) { ++(!a.touching ? free : (a.sliding ? slid : stuck)); }
   [[nodiscard]] int least() const { return std::min({stuck, slid, free}); }
 };
 
 /// Leads a tip, by turns a sphere and a flat end, over a path on a body without and with friction, from rest. At each tick
 /// see(tip, without, with, in, most): what the tip has given to friction until then and the most of that so far, J. Returns the last.
 template <class Kind, class See>
-double follow(BodyContact<Kind>& smooth, BodyContact<Kind>& rough, const Path& path, int number, int ticks, See see) {
-  BodyTip tip;
-  tip.kind = number % 2 == 0 ? BodyTip::Kind::sphere : BodyTip::Kind::flat;
+double follow(TipContact<Kind>& smooth, TipContact<Kind>& rough, const Path& path, int number, int ticks, See see) {
+  Tip tip;
+  tip.kind = number % 2 == 0 ? Tip::Kind::sphere : Tip::Kind::flat;
   tip.radius = number % 2 == 0 ? 3e-3 : 1.5e-3;
   smooth.reset();
   rough.reset();
@@ -151,8 +152,8 @@ double follow(BodyContact<Kind>& smooth, BodyContact<Kind>& rough, const Path& p
   Vector3<> before = Vector3<>::Zero();
   for (int k = 0; k <= ticks; ++k) {
     tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
-    tip.centre.z() += tip.kind == BodyTip::Kind::sphere ? tip.radius : 0.0;
-    const BodyAnswer &a = smooth.step(tip), &b = rough.step(tip);
+    tip.centre.z() += tip.kind == Tip::Kind::sphere ? tip.radius : 0.0;
+    const ContactResult &a = smooth.step(tip), &b = rough.step(tip);
     if (k > 0) in -= b.friction.dot(tip.centre - before);
     before = tip.centre;
     most = std::max(most, in);
@@ -168,15 +169,16 @@ TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
   std::mt19937 random(32);
   for (const double instant : {1.0, 2.5}) {
     const auto make = [&](bool tangential) {
-      return palpate::Modal(cap.nodes, cap.full.data(), cap.shapes.data(), cap.frequencies, 1e-3, 0.0, 0.0, instant, 0.03, tangential);
+      return palpate::deformable::Modal(cap.nodes, cap.full.data(), cap.shapes.data(), cap.frequencies, 1e-3, 0.0, 0.0, instant, 0.03,
+                                        tangential);
     };
-    palpate::Modal plain = make(false), draggable = make(true);
-    BodyContact<palpate::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
+    palpate::deformable::Modal plain = make(false), draggable = make(true);
+    TipContact<palpate::deformable::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
     double lost = 0.0;
     Counts counts;
     for (int number = 0; number < 60 * rounds(); ++number)
       lost += follow(smooth, rough, Path(random), number, 100,
-                     [&](const BodyTip&, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
+                     [&](const Tip&, const ContactResult& a, const ContactResult& b, double in, double most) {
                        ASSERT_NEAR(a.force.norm(), (b.force - b.friction).norm(), 1e-5 * a.force.norm() + 1e-9);
                        ASSERT_GE(in, b.energy - a.energy - 1e-5 * most - 1e-12) << number;
                        counts.see(b);
@@ -189,16 +191,16 @@ TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
 // Without memory, on a curved surface, with either tip: as on a compliance.
 TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   const Cap cap;
-  palpate::Spline spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
-  BodyContact<palpate::Spline> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
+  palpate::deformable::FreeFormDeformation spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
+  TipContact<palpate::deformable::FreeFormDeformation> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
   std::mt19937 random(33);
   double lost = 0.0;
   Counts counts;
   for (int number = 0; number < 60 * rounds(); ++number)
     lost += follow(smooth, rough, Path(random), number, 200,
-                   [&](const BodyTip& tip, const BodyAnswer& a, const BodyAnswer& b, double in, double most) {
+                   [&](const Tip& tip, const ContactResult& a, const ContactResult& b, double in, double most) {
                      const double slack =
-                         tip.kind == BodyTip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
+                         tip.kind == Tip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
                      ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number;
                      counts.see(b);
                    });
@@ -210,10 +212,10 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
 // what all forces on its nodes have done.
 TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
   const Cube cube(3);
-  palpate::Lattice lattice = cube.lattice(1e-3, 0.0, 1e-4);
-  BodyContact<palpate::Lattice> contact(cube.nodes, lattice, {0.7, 0.5});
+  palpate::deformable::MassSpringModel lattice = cube.lattice(1e-3, 0.0, 1e-4);
+  TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, lattice, {0.7, 0.5});
   std::mt19937 random(34);
-  BodyTip tip;
+  Tip tip;
   tip.radius = 12e-3;
   double lost = 0.0;
   Counts counts;
@@ -230,7 +232,7 @@ TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
     const int ticks = 100;
     for (int k = 0; k <= ticks; ++k) {
       tip.centre = path.at(2.0 * M_PI * k / ticks, 2e-3) + Vector3<>(7e-3, 8e-3, 15e-3 + tip.radius);
-      const BodyAnswer& a = contact.step(tip);
+      const ContactResult& a = contact.step(tip);
       look(after);
       for (int c = 0; c < a.nodes; ++c) {
         const std::int32_t node = contact.pressed()[c];

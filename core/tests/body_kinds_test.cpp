@@ -5,9 +5,9 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <complex>
-#include <palpate/body/modal.hpp>
-#include <palpate/body/patch.hpp>
-#include <palpate/body/relaxing.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/modal.hpp>
+#include <palpate/deformable/linear/standard_linear_solid.hpp>
 #include <random>
 
 #include "rounds.hpp"
@@ -17,14 +17,14 @@ namespace {
 // One node with one mode and a compliance that is that mode's: a damped oscillator on a stop.
 struct Oscillator {
   double frequency = 60.0, mass = 0.02;
-  palpate::BodyNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
+  palpate::deformable::SurfaceNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
 
   [[nodiscard]] std::vector<float> full(double extra) const {
     const auto c = static_cast<float>(1.0 / (mass * frequency * frequency) + extra);
     return {c, 0, 0, 0, c, 0, 0, 0, c};
   }
-  [[nodiscard]] palpate::Modal modal(double period, double alpha, double beta, double extra = 0.0, double instant = 1.0,
-                                     double creep = 1.0) const {
+  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double beta, double extra = 0.0, double instant = 1.0,
+                                                 double creep = 1.0) const {
     const std::vector<float> shapes{0, 0, static_cast<float>(1.0 / std::sqrt(mass))};
     return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta, instant, creep};
   }
@@ -35,7 +35,7 @@ TEST(Modal, StepResponseIsTheClosedForm) {
   const Oscillator o;
   for (const double ratio : {0.05, 1.0, 4.0}) {
     for (const double period : {1e-4, 1e-3, 2e-2}) {
-      palpate::Modal modal = o.modal(period, 2.0 * ratio * o.frequency, 0.0);
+      palpate::deformable::Modal modal = o.modal(period, 2.0 * ratio * o.frequency, 0.0);
       const std::int32_t node = 0;
       const double force = 0.5;
       for (int k = 1; k <= 100; ++k) {
@@ -62,7 +62,7 @@ TEST(Modal, StepResponseIsTheClosedForm) {
 TEST(Modal, HeldForLongItIsTheFullCompliance) {
   const Oscillator o;
   const double extra = 3e-3, force = 0.2, period = 1e-3;
-  palpate::Modal modal = o.modal(period, 40.0, 0.0, extra);
+  palpate::deformable::Modal modal = o.modal(period, 40.0, 0.0, extra);
   const std::int32_t node = 0;
   EXPECT_NEAR(modal.compliance(0, 0), extra, 0.1 * extra);
   for (int k = 0; k < 2000; ++k) modal.advance(&node, &force, 1);
@@ -73,9 +73,9 @@ TEST(Modal, HeldForLongItIsTheFullCompliance) {
 TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
   const Oscillator o;
   for (const auto& [extra, alpha] : {std::pair{0.0, 0.0}, std::pair{2e-3, 0.0}, std::pair{2e-3, 60.0}}) {
-    palpate::Modal modal = o.modal(1e-3, alpha, 0.0, extra);
-    palpate::BodyContact<palpate::Modal> contact(o.nodes, modal);
-    palpate::BodyTip tip;
+    palpate::deformable::Modal modal = o.modal(1e-3, alpha, 0.0, extra);
+    palpate::deformable::TipContact<palpate::deformable::Modal> contact(o.nodes, modal);
+    palpate::deformable::Tip tip;
     std::mt19937 random(5);
     std::normal_distribution<double> normal;
     double in = 0.0, before = 0.0, depth = 0.0;
@@ -84,7 +84,7 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
       depth = 0.98 * depth + 4e-4 * normal(random);
       tip.centre = {0, 0, tip.radius - depth};
       const double rest = modal.at_rest(0);
-      const palpate::BodyAnswer& a = contact.step(tip);
+      const palpate::deformable::ContactResult& a = contact.step(tip);
       const double now = a.touching ? depth : rest, f = a.force.z();
       in += f * (now - before);
       before = now;
@@ -105,7 +105,7 @@ TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
   for (const double creep : {2e-3, 0.05, 2.0})
     for (const double alpha : {0.0, 30.0, 300.0})
       for (const double period : {1e-4, 1e-3, 2e-2}) {
-        palpate::Modal modal = o.modal(period, alpha, 1e-5, 0.0, instant, creep);
+        palpate::deformable::Modal modal = o.modal(period, alpha, 1e-5, 0.0, instant, creep);
         Eigen::Matrix3d a;
         a << 0.0, 1.0, 0.0, -w * w * instant, -alpha - 1e-5 * w * w, w * w * (instant - 1.0), instant / creep, 0.0, -instant / creep;
         const Eigen::EigenSolver<Eigen::Matrix3d> roots(a);
@@ -127,7 +127,7 @@ TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
 TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
   const Oscillator o;
   const double instant = 3.0, creep = 0.02, period = 1e-3, extra = 2e-3, w = o.frequency, alpha = 20.0;
-  palpate::Modal modal = o.modal(period, alpha, 0.0, extra, instant, creep);
+  palpate::deformable::Modal modal = o.modal(period, alpha, 0.0, extra, instant, creep);
   Eigen::Vector4d x = Eigen::Vector4d::Zero();  // place, speed, dashpot, creep of what is left out
   double force = 0.0;
   const auto rate = [&](const Eigen::Vector4d& s) {
@@ -153,9 +153,9 @@ TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
 // Random closed presses on masses that creep, lifting and coming back: at no time has more come out than was put in.
 TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
   const Oscillator o;
-  palpate::Modal modal = o.modal(1e-3, 0.0, 0.0, 1e-3, 3.0, 0.02);
-  palpate::BodyContact<palpate::Modal> contact(o.nodes, modal);
-  palpate::BodyTip tip;
+  palpate::deformable::Modal modal = o.modal(1e-3, 0.0, 0.0, 1e-3, 3.0, 0.02);
+  palpate::deformable::TipContact<palpate::deformable::Modal> contact(o.nodes, modal);
+  palpate::deformable::Tip tip;
   std::mt19937 random(16);
   std::normal_distribution<double> normal;
   double lost = 0.0, most = 0.0;
@@ -169,7 +169,7 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
       const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
       tip.centre = {0, 0, tip.radius - depth};
       const double rest = modal.at_rest(0);
-      const palpate::BodyAnswer& answer = contact.step(tip);
+      const palpate::deformable::ContactResult& answer = contact.step(tip);
       const double now = answer.touching ? depth : rest;
       in += answer.force.z() * (now - before);
       before = now;
@@ -189,7 +189,7 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
 TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
   const int side = 13, modes = 90;
   const double width = 1e-3;
-  std::vector<palpate::Vector3<>> points;
+  std::vector<palpate::math::Vector3<>> points;
   for (int i = 0; i < side * side; ++i) points.emplace_back(width * (i % side - 6), width * (i / side - 6), 0.0);
   const std::size_t n = points.size();
   std::vector<float> full(9 * n * n, 0.0F), shapes(3 * n * modes);
@@ -206,21 +206,21 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
         c += static_cast<double>(shapes[(3 * i + 2) * modes + k] * shapes[(3 * j + 2) * modes + k]) / (frequencies[k] * frequencies[k]);
       full[(3 * i + 2) * 3 * n + 3 * j + 2] = static_cast<float>(c);
     }
-  const palpate::BodyNodes nodes(points, std::vector<palpate::Vector3<>>(n, palpate::Vector3<>::UnitZ()),
-                                 std::vector<double>(n, width * width));
+  const palpate::deformable::SurfaceNodes nodes(points, std::vector<palpate::math::Vector3<>>(n, palpate::math::Vector3<>::UnitZ()),
+                                                std::vector<double>(n, width * width));
   /// The same without the short cut.
   struct Asked {
-    palpate::Modal modal;
+    palpate::deformable::Modal modal;
     [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const { return modal.compliance(i, j); }
     [[nodiscard]] double at_rest(std::int32_t i) { return modal.at_rest(i); }
     void advance(const std::int32_t* which, const double* forces, int count) { modal.advance(which, forces, count); }
     void reset() { modal.reset(); }
   };
-  palpate::Modal modal(nodes, full.data(), shapes.data(), frequencies, 1e-3, 20.0, 1e-5);
+  palpate::deformable::Modal modal(nodes, full.data(), shapes.data(), frequencies, 1e-3, 20.0, 1e-5);
   Asked asked{modal};
-  palpate::BodyContact<palpate::Modal> quick(nodes, modal);
-  palpate::BodyContact<Asked> slow(nodes, asked);
-  palpate::BodyTip tip;
+  palpate::deformable::TipContact<palpate::deformable::Modal> quick(nodes, modal);
+  palpate::deformable::TipContact<Asked> slow(nodes, asked);
+  palpate::deformable::Tip tip;
   int skipped = 0, looked = 0, spared = 0;
   for (int k = 0; k < 3000; ++k) {
     tip.centre = {3e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 1e-3 * std::sin(0.05 * k)};
@@ -233,7 +233,7 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
       const double place = 1e-3 * std::sin(0.7 * static_cast<double>(g) + 0.03 * k);
       if (!modal.surely_above_all(g, place)) continue;
       ++spared;
-      palpate::Modal copy = modal;
+      palpate::deformable::Modal copy = modal;
       nodes.group(g, [&](std::int32_t node) { ASSERT_GE(copy.at_rest(node), place); });
     }
     ASSERT_EQ(quick.step(tip).force, slow.step(tip).force);
@@ -245,15 +245,16 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
 /// Nine nodes of a surface, with modes and what they leave out.
 struct Nine {
   static constexpr int nodes = 9, modes = 5;
-  palpate::BodyNodes at;
+  palpate::deformable::SurfaceNodes at;
   Eigen::MatrixXd shapes{nodes, modes}, left{nodes, nodes};  // along the inward normals
   std::vector<double> frequencies;
   std::vector<float> full = std::vector<float>(9 * nodes * nodes, 0.0F), waves = std::vector<float>(3 * nodes * modes, 0.0F);
 
   Nine() {
-    std::vector<palpate::Vector3<>> points;
+    std::vector<palpate::math::Vector3<>> points;
     for (int i = 0; i < nodes; ++i) points.emplace_back(2e-3 * (i % 3 - 1), 2e-3 * (i / 3 - 1), 0.0);
-    at = palpate::BodyNodes(points, std::vector<palpate::Vector3<>>(nodes, palpate::Vector3<>::UnitZ()), std::vector<double>(nodes, 4e-6));
+    at = palpate::deformable::SurfaceNodes(points, std::vector<palpate::math::Vector3<>>(nodes, palpate::math::Vector3<>::UnitZ()),
+                                           std::vector<double>(nodes, 4e-6));
     for (int k = 0; k < modes; ++k) frequencies.push_back(150.0 + 90.0 * k);
     for (int i = 0; i < nodes; ++i)
       for (int k = 0; k < modes; ++k) {
@@ -279,12 +280,12 @@ struct Nine {
 
 /// Leads a sphere that dances over a body and lifts from it; see(forces on all nodes, N, answer) at each tick.
 template <class Kind, class See>
-void dance(const palpate::BodyNodes& nodes, Kind& kind, int ticks, See see) {
-  palpate::BodyContact<Kind> contact(nodes, kind);
-  palpate::BodyTip tip;
+void dance(const palpate::deformable::SurfaceNodes& nodes, Kind& kind, int ticks, See see) {
+  palpate::deformable::TipContact<Kind> contact(nodes, kind);
+  palpate::deformable::Tip tip;
   for (int k = 0; k < ticks; ++k) {
     tip.centre = {1.5e-3 * std::sin(0.031 * k), 1.2e-3 * std::cos(0.023 * k), tip.radius - 1.2e-3 * std::sin(0.02 * k)};
-    const palpate::BodyAnswer& a = contact.step(tip);
+    const palpate::deformable::ContactResult& a = contact.step(tip);
     Eigen::VectorXd force = Eigen::VectorXd::Zero(nodes.size());
     for (int c = 0; c < a.nodes; ++c) force[contact.pressed()[c]] = contact.forces()[c];
     see(force, a);
@@ -296,14 +297,14 @@ void dance(const palpate::BodyNodes& nodes, Kind& kind, int ticks, See see) {
 TEST(Modal, WithoutDampingLosesOnlyWhatStepsOfTheForceDo) {
   const Nine nine;
   const double period = 1e-3;
-  palpate::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, period, 0.0, 0.0);
+  palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, period, 0.0, 0.0);
   Eigen::ArrayXd q = Eigen::ArrayXd::Zero(Nine::modes), v = q;
   const Eigen::ArrayXd w = Eigen::Map<const Eigen::ArrayXd>(nine.frequencies.data(), Nine::modes), cos = (w * period).cos(),
                        sin = (w * period).sin();
   Eigen::VectorXd place = Eigen::VectorXd::Zero(Nine::nodes), before = place;
   double work = 0.0, steps = 0.0, most = 0.0;
   int pressed = 0;
-  dance(nine.at, modal, 3000, [&](const Eigen::VectorXd& f, const palpate::BodyAnswer& a) {
+  dance(nine.at, modal, 3000, [&](const Eigen::VectorXd& f, const palpate::deformable::ContactResult& a) {
     const Eigen::ArrayXd rest = (nine.shapes.transpose() * f).array() / w.square(), from = q - rest;
     q = rest + from * cos + v / w * sin;
     v = (v * cos - from * w * sin).eval();
@@ -325,12 +326,12 @@ TEST(Modal, WithoutDampingLosesOnlyWhatStepsOfTheForceDo) {
 TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
   const Nine nine;
   for (const double instant : {1.0, 3.0}) {
-    palpate::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 100.0, 1e-3, instant, 0.02);
-    palpate::BodyContact<palpate::Modal> contact(nine.at, modal);
-    palpate::BodyTip tip;
+    palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 100.0, 1e-3, instant, 0.02);
+    palpate::deformable::TipContact<palpate::deformable::Modal> contact(nine.at, modal);
+    palpate::deformable::Tip tip;
     tip.centre = {0.3e-3, 0.2e-3, tip.radius - 3e-3};
     for (int k = 0; k < 1000; ++k) contact.step(tip);
-    const palpate::BodyAnswer& a = contact.last();
+    const palpate::deformable::ContactResult& a = contact.last();
     Eigen::VectorXd force = Eigen::VectorXd::Zero(Nine::nodes);
     for (int c = 0; c < a.nodes; ++c) force[contact.pressed()[c]] = contact.forces()[c];
     ASSERT_GT(a.nodes, 3);
@@ -340,14 +341,14 @@ TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
 
 // The springs of a standard linear solid, by its other form (Maxwell's: one spring at last, beside it one in line with a dashpot), and what
 // is lost: in each tick what the dashpots take, in closed form, and what the step of the force does.
-TEST(Relaxing, LosesWhatItsDashpotsTake) {
+TEST(StandardLinearSolid, LosesWhatItsDashpotsTake) {
   const Nine nine;
   const double instant = 3.0, creep = 0.05, period = 1e-3, late = 1.0 - 1.0 / instant, stays = std::exp(-period / creep);
-  palpate::Relaxing body(palpate::Compliance(nine.at, nine.full.data()), instant, creep, period);
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(nine.at, nine.full.data()), instant, creep, period);
   const Eigen::MatrixXd c = nine.whole(), stiffness = c.inverse();
   Eigen::VectorXd q = Eigen::VectorXd::Zero(Nine::nodes), place = q, before = q;
   double held = 0.0, most = 0.0, lost = 0.0;
-  dance(nine.at, body, 3000, [&](const Eigen::VectorXd& f, const palpate::BodyAnswer& a) {
+  dance(nine.at, body, 3000, [&](const Eigen::VectorXd& f, const palpate::deformable::ContactResult& a) {
     const Eigen::VectorXd behind = late * f - q;
     q += (1.0 - stays) * behind;
     const Eigen::VectorXd now = c * (f / instant + q), spring = now - c * q / late;
@@ -365,12 +366,12 @@ TEST(Relaxing, LosesWhatItsDashpotsTake) {
 }
 
 // Pressed in a step and held for ever: what the spring at last stores stays, all else is lost; let go, all of it.
-TEST(Relaxing, KeepsOfAStepWhatItsSpringAtLastStores) {
+TEST(StandardLinearSolid, KeepsOfAStepWhatItsSpringAtLastStores) {
   const Oscillator o;
   const double instant = 3.0, c = 1.0 / (o.mass * o.frequency * o.frequency), depth = 1e-3;
-  palpate::Relaxing body(palpate::Compliance(o.nodes, o.full(0.0).data()), instant, 0.02, 1e-5);
-  palpate::BodyContact<palpate::Relaxing> contact(o.nodes, body);
-  palpate::BodyTip tip;
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instant, 0.02, 1e-5);
+  palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
+  palpate::deformable::Tip tip;
   tip.centre = {0, 0, tip.radius - depth};
   EXPECT_NEAR(contact.step(tip).energy, 0.5 * instant * depth * depth / c, 4e-3 * depth * depth / c);
   for (int k = 0; k < 20000; ++k) contact.step(tip);
@@ -383,10 +384,10 @@ TEST(Relaxing, KeepsOfAStepWhatItsSpringAtLastStores) {
 }
 
 // Creep under a constant force and relaxation at a constant depth, by their exponentials.
-TEST(Relaxing, CreepsAndRelaxesAsAStandardLinearSolid) {
+TEST(StandardLinearSolid, CreepsAndRelaxesAsAStandardLinearSolid) {
   const Oscillator o;
   const double instant = 3.0, creep = 0.2, period = 1e-3, c = 1.0 / (o.mass * o.frequency * o.frequency);
-  palpate::Relaxing body(palpate::Compliance(o.nodes, o.full(0.0).data()), instant, creep, period);
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instant, creep, period);
   const std::int32_t node = 0;
   const double force = 0.4;
   for (int k = 1; k <= 1000; ++k) {
@@ -396,8 +397,8 @@ TEST(Relaxing, CreepsAndRelaxesAsAStandardLinearSolid) {
   }
   // At a constant depth the force falls from instant to one, with the time creep / instant; a held force lags by half a period.
   body.reset();
-  palpate::BodyContact<palpate::Relaxing> contact(o.nodes, body);
-  palpate::BodyTip tip;
+  palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
+  palpate::deformable::Tip tip;
   const double depth = 1e-3;
   tip.centre = {0, 0, tip.radius - depth};
   for (int k = 0; k <= 1000; ++k) {
@@ -407,15 +408,15 @@ TEST(Relaxing, CreepsAndRelaxesAsAStandardLinearSolid) {
 }
 
 // Random closed pressing: work in is never negative, and it is lost, not only stored.
-TEST(Relaxing, GivesOutNoEnergyOverClosedPaths) {
+TEST(StandardLinearSolid, GivesOutNoEnergyOverClosedPaths) {
   const Oscillator o;
   std::mt19937 random(6);
   std::normal_distribution<double> normal;
   double lost = 0.0;
   for (int path = 0; path < 1000 * rounds(); ++path) {
-    palpate::Relaxing body(palpate::Compliance(o.nodes, o.full(0.0).data()), 3.0, 0.02, 1e-3);
-    palpate::BodyContact<palpate::Relaxing> contact(o.nodes, body);
-    palpate::BodyTip tip;
+    palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), 3.0, 0.02, 1e-3);
+    palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
+    palpate::deformable::Tip tip;
     const double a = 1e-3 * normal(random), b = 1e-3 * normal(random), c = 5e-4 * normal(random);
     double in = 0.0, most = 0.0, before = 0.0;
     const int ticks = 100;
@@ -423,7 +424,7 @@ TEST(Relaxing, GivesOutNoEnergyOverClosedPaths) {
       const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
       tip.centre = {0, 0, tip.radius - depth};
       const double rest = body.at_rest(0);
-      const palpate::BodyAnswer& answer = contact.step(tip);
+      const palpate::deformable::ContactResult& answer = contact.step(tip);
       const double now = answer.touching ? depth : rest;
       in += answer.force.z() * (now - before);
       before = now;

@@ -3,15 +3,15 @@
 
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
-#include <palpate/body/compliance.hpp>
-#include <palpate/body/patch.hpp>
-#include <palpate/body/touched.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/compliance.hpp>
+#include <palpate/object/deformable_object.hpp>
 #include <random>
 
 namespace {
 
-using palpate::Unilateral;
-using palpate::Vector3;
+using palpate::deformable::ContactLcp;
+using palpate::math::Vector3;
 
 Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -19,7 +19,7 @@ Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
   return a * a.transpose() + 0.05 * Eigen::MatrixXd::Identity(n, n);
 }
 
-void put(Unilateral& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
+void set_lane(ContactLcp& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
   for (int i = 0; i < g.size(); ++i) {
     solver.depth(i) = g[i];
     for (int j = 0; j < g.size(); ++j) solver.compliance(i, j) = c(i, j);
@@ -27,15 +27,15 @@ void put(Unilateral& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g)
 }
 
 // Every one of the 2^n sets of pressed places is tried: exactly one is right, and it is the one found.
-TEST(Unilateral, FindsWhatTryingAllSetsFinds) {
+TEST(ContactLcp, FindsWhatTryingAllSetsFinds) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   for (int trial = 0; trial < 200; ++trial) {
     const int n = 6;
     const Eigen::MatrixXd c = random_compliance(n, random);
     const Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
-    Unilateral solver;
-    put(solver, c, g);
+    ContactLcp solver;
+    set_lane(solver, c, g);
     solver.start(n, [&](int a) { return ((trial >> a) & 1) != 0; });  // whatever is tried first
     ASSERT_TRUE(solver.solve());
     int right = 0;
@@ -58,14 +58,14 @@ TEST(Unilateral, FindsWhatTryingAllSetsFinds) {
 }
 
 // The conditions themselves, on full-size contacts that change from step to step with the factor kept.
-TEST(Unilateral, HoldsItsConditionsWhileDepthsChange) {
+TEST(ContactLcp, HoldsItsConditionsWhileDepthsChange) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;
-  for (const int n : {1, 30, Unilateral::capacity}) {
+  for (const int n : {1, 30, ContactLcp::capacity}) {
     const Eigen::MatrixXd c = random_compliance(n, random);
     Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
-    Unilateral solver;
-    put(solver, c, g);
+    ContactLcp solver;
+    set_lane(solver, c, g);
     solver.start(n, [](int) { return false; });
     for (int step = 0; step < 50; ++step) {
       ASSERT_TRUE(solver.solve());
@@ -84,12 +84,12 @@ TEST(Unilateral, HoldsItsConditionsWhileDepthsChange) {
 }
 
 // A place that is left, and one that is met, change sides in one move: a second look finds nothing wrong.
-TEST(Unilateral, LooksTwiceWhereOnePlaceComesOrGoes) {
+TEST(ContactLcp, LooksTwiceWhereOnePlaceComesOrGoes) {
   std::mt19937 random(5);
   const int n = 30;
   const Eigen::MatrixXd c = Eigen::MatrixXd::Identity(n, n) + 1e-3 * random_compliance(n, random);
-  Unilateral solver;
-  put(solver, c, Eigen::VectorXd::Ones(n));
+  ContactLcp solver;
+  set_lane(solver, c, Eigen::VectorXd::Ones(n));
   solver.start(n, [](int) { return true; });
   ASSERT_TRUE(solver.solve());
   EXPECT_EQ(solver.looks(), 1);
@@ -105,14 +105,15 @@ TEST(Unilateral, LooksTwiceWhereOnePlaceComesOrGoes) {
 /// centres for the own patch and Boussinesq's point load elsewhere. Nothing here comes from finite elements.
 struct HalfSpace {
   double modulus, width;  // E / (1 - nu^2), Pa; m
-  palpate::BodyNodes nodes;
-  std::vector<palpate::Vector3<>> points;
+  palpate::deformable::SurfaceNodes nodes;
+  std::vector<palpate::math::Vector3<>> points;
 
   HalfSpace(int side, double w, double e) : modulus(e), width(w) {
     for (int i = 0; i < side; ++i)
       for (int j = 0; j < side; ++j) points.emplace_back(w * (i - 0.5 * (side - 1)), w * (j - 0.5 * (side - 1)), 0.0);
-    nodes = palpate::BodyNodes(points, std::vector<palpate::Vector3<>>(points.size(), palpate::Vector3<>::UnitZ()),
-                               std::vector<double>(points.size(), w * w));
+    nodes =
+        palpate::deformable::SurfaceNodes(points, std::vector<palpate::math::Vector3<>>(points.size(), palpate::math::Vector3<>::UnitZ()),
+                                          std::vector<double>(points.size(), w * w));
   }
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
     // 1.1222 / w at the centre of the own square; the mean over it is 0.9464 / w (Johnson 1985, eq. 3.25 ff.).
@@ -125,14 +126,14 @@ struct HalfSpace {
 };
 
 // Hertz 1882: F = 4/3 E* sqrt(R) d^(3/2), contact radius sqrt(R d).
-TEST(BodyContact, OnAHalfSpaceIsHertzs) {
+TEST(TipContact, OnAHalfSpaceIsHertzs) {
   HalfSpace space(41, 0.5e-3, 20e3);
-  palpate::BodyContact<HalfSpace> contact(space.nodes, space);
-  palpate::BodyTip tip;
+  palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
+  palpate::deformable::Tip tip;
   tip.radius = 20e-3;
   for (const double depth : {0.1e-3, 0.15e-3, 0.2e-3}) {
     tip.centre = {0.1e-3, -0.2e-3, tip.radius - depth};
-    const palpate::BodyAnswer& a = contact.step(tip);
+    const palpate::deformable::ContactResult& a = contact.step(tip);
     ASSERT_TRUE(a.solved);
     EXPECT_NEAR(a.force.z(), 4.0 / 3.0 * 20e3 * std::sqrt(tip.radius) * std::pow(depth, 1.5), 0.05 * a.force.z());
     EXPECT_NEAR(a.nodes * 0.25e-6, M_PI * tip.radius * depth, 0.2 * M_PI * tip.radius * depth);
@@ -144,11 +145,11 @@ TEST(BodyContact, OnAHalfSpaceIsHertzs) {
 }
 
 // Sneddon 1946: a flat end of radius a has the stiffness 2 a E*, wherever it stands between the nodes.
-TEST(BodyContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
+TEST(TipContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
   HalfSpace space(41, 1e-3, 20e3);
-  palpate::BodyContact<HalfSpace> contact(space.nodes, space);
-  palpate::BodyTip tip;
-  tip.kind = palpate::BodyTip::Kind::flat;
+  palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
+  palpate::deformable::Tip tip;
+  tip.kind = palpate::deformable::Tip::Kind::flat;
   tip.radius = 5e-3;
   for (const double aside : {0.0, 0.2e-3, 0.35e-3, 0.5e-3}) {
     tip.centre = {aside, 0.4 * aside, -1e-3};
@@ -157,26 +158,26 @@ TEST(BodyContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
 }
 
 // The force is the slope of the energy: compared by central differences, for both tips, where nodes come and go.
-TEST(BodyContact, ForceIsTheSlopeOfItsEnergy) {
+TEST(TipContact, ForceIsTheSlopeOfItsEnergy) {
   HalfSpace space(31, 1e-3, 20e3);
   std::mt19937 random(8);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
-    palpate::BodyContact<HalfSpace> contact(space.nodes, space);
-    palpate::BodyTip tip;
+  for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
+    palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
+    palpate::deformable::Tip tip;
     tip.kind = kind;
     tip.radius = 4e-3;
     for (int trial = 0; trial < 50; ++trial) {
-      const double top = kind == palpate::BodyTip::Kind::sphere ? tip.radius : 0.0;
-      const palpate::Vector3<> at(3e-3 * uniform(random), 3e-3 * uniform(random), top - 1e-3 * (1.2 + uniform(random)));
+      const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0;
+      const palpate::math::Vector3<> at(3e-3 * uniform(random), 3e-3 * uniform(random), top - 1e-3 * (1.2 + uniform(random)));
       tip.centre = at;
-      const palpate::Vector3<> force = contact.step(tip).force;
-      palpate::Vector3<> slope;
+      const palpate::math::Vector3<> force = contact.step(tip).force;
+      palpate::math::Vector3<> slope;
       for (int a = 0; a < 3; ++a) {
         const double h = 1e-8;
-        tip.centre = at + h * palpate::Vector3<>::Unit(a);
+        tip.centre = at + h * palpate::math::Vector3<>::Unit(a);
         const double up = contact.step(tip).energy;
-        tip.centre = at - h * palpate::Vector3<>::Unit(a);
+        tip.centre = at - h * palpate::math::Vector3<>::Unit(a);
         slope[a] = (up - contact.step(tip).energy) / (2.0 * h);
       }
       EXPECT_LT((force + slope).norm(), 1e-4 * force.norm() + 1e-9);
@@ -186,20 +187,20 @@ TEST(BodyContact, ForceIsTheSlopeOfItsEnergy) {
 
 // However deep the tip, through the surface and on for four radii: the force grows with each step, it is the slope of the energy, and down,
 // aside and up again give back what they took.
-TEST(BodyContact, GoesOnPressingHoweverDeepTheTip) {
+TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
   HalfSpace space(41, 1e-3, 20e3);
-  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
-    palpate::BodyContact<HalfSpace> contact(space.nodes, space);
-    palpate::BodyTip tip;
+  for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
+    palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
+    palpate::deformable::Tip tip;
     tip.kind = kind;
     tip.radius = 3e-3;
-    const double top = kind == palpate::BodyTip::Kind::sphere ? tip.radius : 0.0, down = 4.0 * tip.radius, step = 2e-5;
+    const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0, down = 4.0 * tip.radius, step = 2e-5;
     tip.centre = {0.2e-3, -0.3e-3, top};
     Vector3<> force = contact.step(tip).force;
     double work = 0.0, exchanged = 0.0;
     const auto go = [&](const Vector3<>& way) {
       tip.centre += way;
-      const palpate::BodyAnswer& a = contact.step(tip);
+      const palpate::deformable::ContactResult& a = contact.step(tip);
       const double part = -0.5 * (a.force + force).dot(way);
       work += part;
       exchanged += std::abs(part);
@@ -208,13 +209,13 @@ TEST(BodyContact, GoesOnPressingHoweverDeepTheTip) {
     };
     for (int k = 1; k * step <= down; ++k) {
       const double before = force.z();
-      const palpate::BodyAnswer a = go({0, 0, -step});
+      const palpate::deformable::ContactResult a = go({0, 0, -step});
       ASSERT_TRUE(a.solved);
       ASSERT_TRUE(a.force.z() > before || k * step < 2e-4) << k * step;
       ASSERT_NEAR(work, a.energy, 2e-3 * a.energy + 1e-9) << k * step;
     }
-    EXPECT_GT(force.z(),
-              kind == palpate::BodyTip::Kind::sphere ? 2.0 * tip.radius * 20e3 * 3.0 * tip.radius : 0.95 * 2.0 * tip.radius * 20e3 * down);
+    EXPECT_GT(force.z(), kind == palpate::deformable::Tip::Kind::sphere ? 2.0 * tip.radius * 20e3 * 3.0 * tip.radius
+                                                                        : 0.95 * 2.0 * tip.radius * 20e3 * down);
     const Vector3<> deep = tip.centre;
     for (int a = 0; a < 3; ++a) {
       const double h = 1e-7;
@@ -226,7 +227,7 @@ TEST(BodyContact, GoesOnPressingHoweverDeepTheTip) {
     tip.centre = deep;
     contact.step(tip);
     for (int k = 0; k < 250; ++k) {
-      const palpate::BodyAnswer a = go({step, 0.4 * step, 0});
+      const palpate::deformable::ContactResult a = go({step, 0.4 * step, 0});
       ASSERT_TRUE(a.solved);
       ASSERT_NEAR(a.force.z(), force.z(), 0.1 * force.z());
       ASSERT_NEAR(work, a.energy, 3e-3 * a.energy) << k;
@@ -237,11 +238,11 @@ TEST(BodyContact, GoesOnPressingHoweverDeepTheTip) {
 }
 
 // Nodes on the far side of a thin plate are not under the tip.
-TEST(BodyNodes, OnTheFarSideAreNotUnderTheTip) {
-  const std::vector<palpate::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};
-  const std::vector<palpate::Vector3<>> normals{palpate::Vector3<>::UnitZ(), -palpate::Vector3<>::UnitZ()};
-  const palpate::BodyNodes nodes(points, normals, {1e-6, 1e-6});
-  palpate::BodyTip tip;
+TEST(SurfaceNodes, OnTheFarSideAreNotUnderTheTip) {
+  const std::vector<palpate::math::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};
+  const std::vector<palpate::math::Vector3<>> normals{palpate::math::Vector3<>::UnitZ(), -palpate::math::Vector3<>::UnitZ()};
+  const palpate::deformable::SurfaceNodes nodes(points, normals, {1e-6, 1e-6});
+  palpate::deformable::Tip tip;
   tip.centre = {0, 0, 4e-3};
   int found = 0;
   nodes.under(tip, [&](std::int32_t node, double depth) {
@@ -256,7 +257,7 @@ TEST(BodyNodes, OnTheFarSideAreNotUnderTheTip) {
 
 // A sphere that goes round a ball, out of contact and in again on the way, is pushed outward everywhere, and as hard on the far side as
 // where it began: the direction that it faces follows it. The ball lies turned and away from the origin.
-TEST(BodyTouch, ASphereGoesRoundABall) {
+TEST(BodyInstance, ASphereGoesRoundABall) {
   const int n = 1000;
   std::vector<Vector3<>> points, normals;
   for (int i = 0; i < n; ++i) {  // Fibonacci's lattice
@@ -266,14 +267,14 @@ TEST(BodyTouch, ASphereGoesRoundABall) {
   }
   std::vector<float> full(9 * static_cast<std::size_t>(n) * static_cast<std::size_t>(n), 0.0F);
   for (std::size_t k = 0; k < 3 * static_cast<std::size_t>(n); ++k) full[k * 3 * static_cast<std::size_t>(n) + k] = 1e-3F;
-  const palpate::BodyNodes nodes(points, normals, std::vector<double>(points.size(), 4.0 * 3.14159 * 2.25e-4 / n));
-  const palpate::LoopBodyOf<palpate::Compliance> body(nodes, palpate::Compliance(nodes, full.data()));
-  palpate::TouchedBody touched;
+  const palpate::deformable::SurfaceNodes nodes(points, normals, std::vector<double>(points.size(), 4.0 * 3.14159 * 2.25e-4 / n));
+  const palpate::object::LinearBodyObject<palpate::deformable::Compliance> body(nodes, palpate::deformable::Compliance(nodes, full.data()));
+  palpate::object::BodyPlacement touched;
   touched.body = &body;
   touched.origin = {0.3, -0.2, 0.1};
   touched.turn = Eigen::AngleAxisd(1.1, Vector3<>(1.0, 2.0, -0.5).normalized()).toRotationMatrix();
   touched.radius = 8e-3;
-  palpate::BodyTouch touch(touched);
+  palpate::object::BodyInstance touch(touched);
   double first = 0.0;
   int apart = 0;
   for (int k = 0; k < 4000; ++k) {
@@ -294,7 +295,7 @@ TEST(BodyTouch, ASphereGoesRoundABall) {
   }
   EXPECT_EQ(apart, 800);
   // a loop begins with the body at rest, whatever an earlier one left behind
-  const palpate::BodyTouch again(touched);
+  const palpate::object::BodyInstance again(touched);
   EXPECT_EQ(again.answer().nodes, 0);
 }
 

@@ -5,43 +5,43 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
-#include <palpate/touch/deformation.hpp>
+#include <palpate/mesh/mesh_updater.hpp>
 
 #include "touch_shapes.hpp"
 
 namespace {
 
-using palpate::Contact;
-using palpate::Deformation;
-using palpate::Mesh;
-using palpate::Proxy;
-using palpate::Surface;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mesh::Contact;
+using palpate::mesh::MeshUpdater;
+using palpate::mesh::Proxy;
+using palpate::mesh::Surface;
+using palpate::mesh::TriangleMesh;
 using shapes::Shape;
 using shapes::World;
 
-std::vector<std::int32_t> all_of(const Mesh& mesh) {
+std::vector<std::int32_t> all_of(const TriangleMesh& mesh) {
   std::vector<std::int32_t> list(mesh.vertices().size());
   std::iota(list.begin(), list.end(), 0);
   return list;
 }
 
 /// Moves the world's vertices, and its proxy with them.
-void move(World& world, Deformation& deformation, Proxy& proxy, const std::vector<std::int32_t>& which, const std::vector<Vector3<>>& to) {
+void move(World& world, MeshUpdater& deformation, Proxy& proxy, const std::vector<std::int32_t>& which, const std::vector<Vector3<>>& to) {
   const Proxy::Grip grip = proxy.grip();
-  ASSERT_EQ(deformation.move(world.mesh, world.tree, which.data(), to.data(), which.size()), Mesh::none);
+  ASSERT_EQ(deformation.move(world.mesh, world.tree, which.data(), to.data(), which.size()), TriangleMesh::none);
   world.field.refit(world.mesh, deformation.around().begin(), deformation.around().end());
   proxy.carry(grip);
 }
 
-TEST(Deformation, LocalChangesEqualAMeshBuiltAnew) {
+TEST(MeshUpdater, LocalChangesEqualAMeshBuiltAnew) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const Shape shape = shapes::ball(8, 0.5, 0.1);
   Surface surface;
   surface.shading = 0.4;
   World world(shape, surface);
-  Deformation deformation(world.mesh);
+  MeshUpdater deformation(world.mesh);
   for (int round = 0; round < 20; ++round) {
     std::vector<std::int32_t> which;
     std::vector<Vector3<>> to;
@@ -49,7 +49,7 @@ TEST(Deformation, LocalChangesEqualAMeshBuiltAnew) {
       which.push_back(static_cast<std::int32_t>(random() % shape.vertices.size()));
       to.push_back(world.mesh.vertices()[static_cast<std::size_t>(which.back())] + 0.005 * Vector3<>(u(random), u(random), u(random)));
     }
-    ASSERT_EQ(deformation.move(world.mesh, world.tree, which.data(), to.data(), which.size()), Mesh::none);
+    ASSERT_EQ(deformation.move(world.mesh, world.tree, which.data(), to.data(), which.size()), TriangleMesh::none);
     world.field.refit(world.mesh, deformation.around().begin(), deformation.around().end());
     EXPECT_LT(deformation.moved().size(), 250U) << "only there";
     const World anew({world.mesh.vertices(), shape.triangles}, surface);
@@ -67,19 +67,19 @@ TEST(Deformation, LocalChangesEqualAMeshBuiltAnew) {
   }
 }
 
-TEST(Deformation, AFacetWithoutAreaIsRefusedAndNothingChanges) {
+TEST(MeshUpdater, AFacetWithoutAreaIsRefusedAndNothingChanges) {
   const Shape shape = shapes::ball(4, 0.5);
   World world(shape);
-  Deformation deformation(world.mesh);
-  const palpate::Facet facet = world.mesh.facet(17);
+  MeshUpdater deformation(world.mesh);
+  const palpate::mesh::Face facet = world.mesh.facet(17);
   const std::int32_t which[] = {facet.vertex[0], facet.vertex[1]};
   const Vector3<> to[] = {facet.corner[2], Vector3<>(0.5 * (facet.corner[0] + facet.corner[2]))};
-  EXPECT_NE(deformation.move(world.mesh, world.tree, which, to, 2), Mesh::none);
+  EXPECT_NE(deformation.move(world.mesh, world.tree, which, to, 2), TriangleMesh::none);
   for (std::size_t v = 0; v < shape.vertices.size(); ++v) EXPECT_EQ(world.mesh.vertices()[v], shape.vertices[v]);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(world.mesh.facet(17).corner[i], facet.corner[i]);
 }
 
-TEST(Deformation, AProxyRidesOnARigidMotion) {
+TEST(MeshUpdater, AProxyRidesOnARigidMotion) {
   // The law: the force turns with mesh and tip.
   Surface surface;
   surface.static_friction = 0.6;
@@ -89,7 +89,7 @@ TEST(Deformation, AProxyRidesOnARigidMotion) {
       surface.shading = shading;
       const Shape shape = shapes::ball(6, 0.5, 0.1);
       World still(shape, surface), moving(shape, surface);
-      Deformation deformation(moving.mesh);
+      MeshUpdater deformation(moving.mesh);
       Proxy one = still.proxy(radius), two = moving.proxy(radius);
       const std::vector<std::int32_t> which = all_of(moving.mesh);
       for (int k = 0; k < 60; ++k) {
@@ -109,7 +109,7 @@ TEST(Deformation, AProxyRidesOnARigidMotion) {
     }
 }
 
-TEST(Deformation, AStuckTipIsDraggedByTheSurface) {
+TEST(MeshUpdater, AStuckTipIsDraggedByTheSurface) {
   // Infinite friction: the spring is what the surface has moved.
   Surface surface;
   surface.static_friction = surface.dynamic_friction = std::numeric_limits<double>::infinity();
@@ -117,7 +117,7 @@ TEST(Deformation, AStuckTipIsDraggedByTheSurface) {
   for (const double radius : {0.0, 0.05}) {
     const Shape shape = shapes::box({1.0, 1.0, 0.5}, 6);
     World world(shape, surface);
-    Deformation deformation(world.mesh);
+    MeshUpdater deformation(world.mesh);
     Proxy proxy = world.proxy(radius);
     proxy.step({0.11, 0.02, 1.0});
     const Vector3<> tip(0.11, 0.02, 0.49 + radius);
@@ -131,7 +131,7 @@ TEST(Deformation, AStuckTipIsDraggedByTheSurface) {
   }
 }
 
-TEST(Deformation, ASurfaceThatComesToTheTipTouchesIt) {
+TEST(MeshUpdater, ASurfaceThatComesToTheTipTouchesIt) {
   // A ball swells and shrinks over a tip that stands still, and wobbles in between: in contact exactly while the tip is inside.
   for (const double shading : {0.0, 0.4})
     for (const double radius : {0.0, 0.02}) {
@@ -139,7 +139,7 @@ TEST(Deformation, ASurfaceThatComesToTheTipTouchesIt) {
       surface.shading = shading;
       const Shape shape = shapes::ball(5, 0.5);
       World world(shape, surface);
-      Deformation deformation(world.mesh);
+      MeshUpdater deformation(world.mesh);
       Proxy proxy = world.proxy(radius);
       const Vector3<> tip(0.3, 0.25, 0.31);
       const std::vector<std::int32_t> which = all_of(world.mesh);

@@ -1,15 +1,15 @@
 #include <gtest/gtest.h>
 
-#include <palpate/device/drive.hpp>
+#include <palpate/actuation/drive.hpp>
 
 namespace {
 
-using palpate::Delay;
-using palpate::Drive;
-using palpate::DriveLimits;
-using palpate::Encoder;
-using palpate::Joints;
-using palpate::Vector3;
+using palpate::actuation::Delay;
+using palpate::actuation::Drive;
+using palpate::actuation::DriveLimits;
+using palpate::actuation::Encoder;
+using palpate::math::Joints;
+using palpate::math::Vector3;
 
 TEST(Encoder, ReadsWholeCounts) {
   Encoder<1> e;

@@ -3,26 +3,26 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <palpate/body/lattice.hpp>
+#include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <utility>
 #include <vector>
 
 // A cube of `side` cells of six tetrahedra, held below; springs along all edges.
 struct Cube {
-  palpate::NetworkParts parts;
-  palpate::NetworkPatches patches{{0}, {}, {}};
-  palpate::BodyNodes nodes;
+  palpate::deformable::SpringNetworkData parts;
+  palpate::deformable::PatchWeights patches{{0}, {}, {}};
+  palpate::deformable::SurfaceNodes nodes;
 
   explicit Cube(std::int32_t side, bool hold = true, double width = 5e-3, double stiffness = 20.0) {
     const std::int32_t line = side + 1;
     const auto number = [line](std::int32_t x, std::int32_t y, std::int32_t z) { return (x * line + y) * line + z; };
-    std::vector<palpate::Vector3<>> at, normals;
+    std::vector<palpate::math::Vector3<>> at, normals;
     std::vector<double> areas;
     for (std::int32_t x = 0; x < line; ++x)
       for (std::int32_t y = 0; y < line; ++y)
         for (std::int32_t z = 0; z < line; ++z) {
           parts.places.emplace_back(width * x, width * y, width * z);
-          parts.masses.push_back(1000.0 * std::pow(width, 3));
+          parts.inertia_parameters.push_back(1000.0 * std::pow(width, 3));
           parts.held.push_back(hold && z == 0 ? 1 : 0);
           parts.pressure.push_back(2e4);
           if (z < side) continue;
@@ -53,10 +53,10 @@ struct Cube {
               }
           }
         }
-    nodes = palpate::BodyNodes(at, normals, areas);
+    nodes = palpate::deformable::SurfaceNodes(at, normals, areas);
   }
 
-  [[nodiscard]] palpate::Lattice lattice(double period, double alpha = 0.0, double beta = 0.0) const {
+  [[nodiscard]] palpate::deformable::MassSpringModel lattice(double period, double alpha = 0.0, double beta = 0.0) const {
     return {nodes, parts, patches, period, alpha, beta};
   }
 };

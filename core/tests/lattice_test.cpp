@@ -4,14 +4,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
-#include <palpate/body/lattice.hpp>
+#include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <random>
 
 #include "lattice_cube.hpp"
 
 namespace {
 
-TEST(SparseFactor, SolvesAsDenseAlgebraDoes) {
+TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   const int size = 40;
@@ -27,31 +27,31 @@ TEST(SparseFactor, SolvesAsDenseAlgebraDoes) {
       matrix.coeffRef(j, i) -= weight;
     }
   }
-  palpate::SparseFactor factor(matrix);
+  palpate::math::SupernodalCholesky factor(matrix);
   ASSERT_TRUE(factor.definite());
   Eigen::MatrixX3d sides(size, 3);
   for (double& s : sides.reshaped()) s = normal(random);
-  std::vector<palpate::Vector3<>> x;
+  std::vector<palpate::math::Vector3<>> x;
   x.reserve(size);
   for (int i = 0; i < size; ++i) x.emplace_back(sides.row(i));
   factor.solve(x.data());
   const Eigen::MatrixX3d expected = Eigen::MatrixXd(matrix).llt().solve(sides);
   for (int i = 0; i < size; ++i) EXPECT_LT((x[static_cast<std::size_t>(i)] - expected.row(i).transpose()).norm(), 1e-12);
   matrix.coeffRef(3, 3) = -1.0;
-  EXPECT_FALSE(palpate::SparseFactor(matrix).definite());
+  EXPECT_FALSE(palpate::math::SupernodalCholesky(matrix).definite());
 }
 
 // Forces are the slope of the stored energy at any deformation: central differences along random directions.
-TEST(Network, ForceIsTheSlopeOfItsEnergy) {
+TEST(SpringNetwork, ForceIsTheSlopeOfItsEnergy) {
   const Cube cube(2);
-  palpate::Network network(cube.parts);
+  palpate::deformable::SpringNetwork network(cube.parts);
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0.0, 1e-3);
-  std::vector<palpate::Vector3<>> x = cube.parts.places, along(x.size()), force(x.size()), other(x.size());
-  for (palpate::Vector3<>& p : x) p += palpate::Vector3<>(normal(random), normal(random), normal(random));
-  for (palpate::Vector3<>& a : along) a = {normal(random), normal(random), normal(random)};
+  std::vector<palpate::math::Vector3<>> x = cube.parts.places, along(x.size()), force(x.size()), other(x.size());
+  for (palpate::math::Vector3<>& p : x) p += palpate::math::Vector3<>(normal(random), normal(random), normal(random));
+  for (palpate::math::Vector3<>& a : along) a = {normal(random), normal(random), normal(random)};
   const auto energy = [&](double s) {
-    std::vector<palpate::Vector3<>> there = x;
+    std::vector<palpate::math::Vector3<>> there = x;
     for (std::size_t v = 0; v < x.size(); ++v) there[v] += s * along[v];
     return network.pull(there.data(), other.data());
   };
@@ -62,13 +62,13 @@ TEST(Network, ForceIsTheSlopeOfItsEnergy) {
 }
 
 // The bound is above the springs' stiffness at any deformation, and above the whole near rest: no direction stores more.
-TEST(Network, IsNowhereStifferThanItsBound) {
+TEST(SpringNetwork, IsNowhereStifferThanItsBound) {
   const Cube cube(2, false);
-  palpate::Network network(cube.parts);
+  palpate::deformable::SpringNetwork network(cube.parts);
   const Eigen::MatrixXd bound = network.bound();
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  std::vector<palpate::Vector3<>> x(cube.parts.places.size()), force(x.size());
+  std::vector<palpate::math::Vector3<>> x(cube.parts.places.size()), force(x.size());
   for (int trial = 0; trial < 200; ++trial) {
     Eigen::MatrixX3d u(static_cast<Eigen::Index>(x.size()), 3);
     for (double& s : u.reshaped()) s = 1e-7 * normal(random);
@@ -78,18 +78,18 @@ TEST(Network, IsNowhereStifferThanItsBound) {
 }
 
 // With no part held, nothing stops it: dampers act between vertices only.
-TEST(Lattice, FliesOnStraight) {
+TEST(MassSpringModel, FliesOnStraight) {
   const Cube cube(1, false);
   auto lattice = cube.lattice(1e-3, 0.0, 5e-3);
-  const palpate::Vector3<> speed(0.3, -0.2, 0.5);
-  const std::vector<palpate::Vector3<>> speeds(cube.parts.places.size(), speed);
+  const palpate::math::Vector3<> speed(0.3, -0.2, 0.5);
+  const std::vector<palpate::math::Vector3<>> speeds(cube.parts.places.size(), speed);
   lattice.set(cube.parts.places.data(), speeds.data());
   for (int k = 0; k < 1000; ++k) lattice.advance(nullptr, nullptr, 0);
   for (std::size_t v = 0; v < speeds.size(); ++v) EXPECT_LT((lattice.places()[v] - cube.parts.places[v] - speed).norm(), 1e-9);
 }
 
 // Left alone after a kick it comes to rest, and at no tick has it more energy; whatever the period, the stiffness and the kick.
-TEST(Lattice, OnlyLosesEnergyWhenLeftAlone) {
+TEST(MassSpringModel, OnlyLosesEnergyWhenLeftAlone) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;
   for (const double period : {1e-4, 1e-3, 2e-2})
@@ -97,8 +97,8 @@ TEST(Lattice, OnlyLosesEnergyWhenLeftAlone) {
       for (const double kick : {0.1, 30.0}) {
         const Cube cube(2, true, 5e-3, stiffness);
         auto lattice = cube.lattice(period);
-        std::vector<palpate::Vector3<>> speeds(cube.parts.places.size());
-        for (palpate::Vector3<>& s : speeds) s = kick * palpate::Vector3<>(normal(random), normal(random), normal(random));
+        std::vector<palpate::math::Vector3<>> speeds(cube.parts.places.size());
+        for (palpate::math::Vector3<>& s : speeds) s = kick * palpate::math::Vector3<>(normal(random), normal(random), normal(random));
         lattice.set(cube.parts.places.data(), speeds.data());
         double had = lattice.energy();
         const double first = had;

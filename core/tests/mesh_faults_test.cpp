@@ -2,26 +2,26 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <palpate/touch/mend.hpp>
+#include <palpate/mesh/mesh_repair.hpp>
 
 #include "touch_shapes.hpp"
 
 namespace {
 
-using palpate::Mesh;
-using palpate::MeshFault;
-using palpate::Triangle;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mesh::MeshFault;
+using palpate::mesh::Triangle;
+using palpate::mesh::TriangleMesh;
 using shapes::Shape;
 
 const std::vector<Vector3<>> corners = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}};
 const std::vector<Triangle> tetrahedron = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
 
 MeshFault fault(std::vector<Vector3<>> v, std::vector<Triangle> t, bool open = false) {
-  return Mesh(std::move(v), std::move(t), open).fault();
+  return TriangleMesh(std::move(v), std::move(t), open).fault();
 }
 
-TEST(Mesh, NamesEachFault) {
+TEST(TriangleMesh, NamesEachFault) {
   EXPECT_EQ(fault(corners, tetrahedron), MeshFault::none);
   EXPECT_EQ(fault(corners, {}), MeshFault::empty);
   EXPECT_EQ(fault({}, tetrahedron), MeshFault::empty);
@@ -52,18 +52,18 @@ TEST(Mesh, NamesEachFault) {
   EXPECT_EQ(fault(corners, t, true), MeshFault::none) << "open on purpose";
 }
 
-TEST(Mesh, FaultsDoNotDependOnTheUnit) {
+TEST(TriangleMesh, FaultsDoNotDependOnTheUnit) {
   for (const double scale : {1e-6, 1.0, 1e6}) {
     auto v = corners;
     for (auto& x : v) x *= scale;
     EXPECT_EQ(fault(v, tetrahedron), MeshFault::none) << scale;
-    EXPECT_NEAR(Mesh(v, tetrahedron).diagnosis().volume, scale * scale * scale / 6.0, 1e-15 * scale * scale * scale);
+    EXPECT_NEAR(TriangleMesh(v, tetrahedron).diagnosis().volume, scale * scale * scale / 6.0, 1e-15 * scale * scale * scale);
   }
 }
 
-TEST(Mesh, AdjacencyIsMutualAndSharesTheEdge) {
+TEST(TriangleMesh, AdjacencyIsMutualAndSharesTheEdge) {
   const Shape s = shapes::ball(5, 0.5, 0.1);
-  const Mesh mesh(s.vertices, s.triangles);
+  const TriangleMesh mesh(s.vertices, s.triangles);
   ASSERT_TRUE(mesh.usable());
   EXPECT_TRUE(mesh.closed());
   EXPECT_EQ(mesh.diagnosis().parts, 1);
@@ -85,11 +85,11 @@ TEST(Mend, MakesATouchableMeshOfABrokenOne) {
   s.triangles.push_back(s.triangles[7]);
   s.triangles.push_back({3, 3, 4});
   EXPECT_NE(fault(s.vertices, s.triangles), MeshFault::none);
-  const palpate::Mending done = palpate::mend(s.vertices, s.triangles);
+  const palpate::mesh::RepairReport done = palpate::mesh::repair_mesh(s.vertices, s.triangles);
   EXPECT_EQ(done.dropped_degenerate, 1);
   EXPECT_EQ(done.dropped_duplicate, 1);
   EXPECT_GT(done.turned, 0);
-  const Mesh mesh(s.vertices, s.triangles);
+  const TriangleMesh mesh(s.vertices, s.triangles);
   EXPECT_EQ(mesh.fault(), MeshFault::none);
   EXPECT_GT(mesh.diagnosis().volume, 0.0);
 }
@@ -99,17 +99,17 @@ TEST(Mend, FindsPiecesThatCutEachOther) {
   Shape other = shapes::moved(s, [](const Vector3<>& v) { return Vector3<>(v + Vector3<>(0.4, 0.03, 0.01)); });
   {
     const shapes::World world(s);
-    EXPECT_EQ(palpate::self_intersections(world.mesh, world.tree).count, 0);
+    EXPECT_EQ(palpate::mesh::self_intersections(world.mesh, world.tree).count, 0);
   }
   const auto count = static_cast<std::int32_t>(s.vertices.size());
   s.vertices.insert(s.vertices.end(), other.vertices.begin(), other.vertices.end());
   for (const Triangle& t : other.triangles) s.triangles.push_back({t[0] + count, t[1] + count, t[2] + count});
   const shapes::World world(s);
   EXPECT_EQ(world.mesh.diagnosis().parts, 2);
-  EXPECT_GT(palpate::self_intersections(world.mesh, world.tree).count, 0);
+  EXPECT_GT(palpate::mesh::self_intersections(world.mesh, world.tree).count, 0);
 }
 
-TEST(Tree, NearestIsTheNearestOfAll) {
+TEST(AabbTree, NearestIsTheNearestOfAll) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   for (const Shape& s :
@@ -119,12 +119,12 @@ TEST(Tree, NearestIsTheNearestOfAll) {
       const Vector3<> x(u(random), u(random), u(random));
       const auto near = world.tree.nearest(world.mesh, x);
       EXPECT_NEAR(std::sqrt(near.distance2), shapes::truth(world.mesh, x).distance, 1e-14);
-      EXPECT_EQ(world.tree.nearest(world.mesh, x, 0.25 * near.distance2).facet, Mesh::none);
+      EXPECT_EQ(world.tree.nearest(world.mesh, x, 0.25 * near.distance2).facet, TriangleMesh::none);
     }
   }
 }
 
-TEST(Tree, AlongShowsEveryFacetThatASegmentMeets) {
+TEST(AabbTree, AlongShowsEveryFacetThatASegmentMeets) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const shapes::World world(shapes::ball(8, 0.5, 0.3));
@@ -134,8 +134,8 @@ TEST(Tree, AlongShowsEveryFacetThatASegmentMeets) {
     std::vector<bool> shown(static_cast<std::size_t>(world.mesh.size()), false);
     world.tree.along(from, way, 0.0, [&](std::int32_t f, double&) { shown[static_cast<std::size_t>(f)] = true; });
     for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
-      const palpate::Facet& facet = world.mesh.facet(f);
-      if (facet.height(from) * facet.height(from + way) < 0.0 && palpate::line_meets(facet, from, way)) {
+      const palpate::mesh::Face& facet = world.mesh.facet(f);
+      if (facet.height(from) * facet.height(from + way) < 0.0 && palpate::mesh::line_meets(facet, from, way)) {
         ++met;
         EXPECT_TRUE(shown[static_cast<std::size_t>(f)]);
       }
@@ -144,10 +144,10 @@ TEST(Tree, AlongShowsEveryFacetThatASegmentMeets) {
   EXPECT_GT(met, 100);
 }
 
-TEST(Tree, RefitFollowsMovedVertices) {
+TEST(AabbTree, RefitFollowsMovedVertices) {
   const Shape s = shapes::ball(8, 0.5, 0.2);
-  Mesh mesh(s.vertices, s.triangles);
-  palpate::Tree tree(mesh);
+  TriangleMesh mesh(s.vertices, s.triangles);
+  palpate::mesh::AabbTree tree(mesh);
   std::vector<std::int32_t> touched;
   for (std::int32_t f = 0; f < mesh.size(); ++f)
     for (const std::int32_t v : mesh.facet(f).vertex)
@@ -159,7 +159,7 @@ TEST(Tree, RefitFollowsMovedVertices) {
     if (s.vertices[v][2] > 0.4) mesh.move(static_cast<std::int32_t>(v), s.vertices[v] + Vector3<>(0.1, 0.2, 0.3));
   for (const std::int32_t f : touched) ASSERT_TRUE(mesh.moved(f));
   tree.refit(mesh, touched.begin(), touched.end());
-  const palpate::Tree fresh(mesh);
+  const palpate::mesh::AabbTree fresh(mesh);
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   for (int k = 0; k < 200; ++k) {
@@ -172,14 +172,14 @@ TEST(Sweep, StopsWhereTheDistanceIsTheRadius) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const shapes::World world(Shape{{{0, 0, 0}, {0.5, 0.1, 0}, {0.1, 0.4, 0.2}}, {{0, 1, 2}}}, {}, true);
-  const palpate::Facet& facet = world.mesh.facet(0);
+  const palpate::mesh::Face& facet = world.mesh.facet(0);
   int hits = 0;
   for (int k = 0; k < 5000; ++k) {
     const Vector3<> from(u(random), u(random), u(random)), way = 1.5 * Vector3<>(u(random), u(random), u(random));
     const double radius = 0.2;
-    const auto distance = [&](double t) { return (palpate::nearest_point(facet, from + t * way).point - (from + t * way)).norm(); };
+    const auto distance = [&](double t) { return (palpate::mesh::nearest_point(facet, from + t * way).point - (from + t * way)).norm(); };
     if (distance(0.0) <= radius) continue;
-    const palpate::Touch touch = palpate::sweep(facet, from, way, radius);
+    const palpate::mesh::Touch touch = palpate::mesh::sweep(facet, from, way, radius);
     const double end = touch.hit ? touch.time : 1.0;
     for (int i = 0; i <= 50; ++i) ASSERT_GE(distance(end * i / 50.0), radius * (1.0 - 1e-9)) << k;
     if (!touch.hit) continue;

@@ -7,69 +7,69 @@
 
 namespace {
 
-using palpate::Joints;
-using palpate::Premium;
-using palpate::Vector3;
+using palpate::math::Joints;
+using palpate::math::Vector3;
+using palpate::mechanism::Premium;
 
 TEST(NoAllocation, InATickAndAPeriodOfMotion) {
-  const Premium arm(palpate::phantom_premium_1_5a());
+  const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
-  palpate::ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = palpate::Anchor::Kind::point;
+  palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
+  setup.anchor.kind = palpate::object::SpringWall::Kind::point;
   setup.anchor.point = arm.forward(pose);
   setup.stiffness.setConstant(500.0);
   setup.damping.setConstant(1.0);
-  setup.difference = palpate::VirtualCoupling::Difference::bilinear;
+  setup.difference = palpate::control::VirtualCoupling::Difference::bilinear;
   const int order = 15;
-  setup.controller =
-      palpate::StateSpace(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
-                          0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6), 0.1 * Eigen::MatrixXd::Ones(order, 3));
+  setup.controller = palpate::control::StateSpace(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
+                                                  0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6),
+                                                  0.1 * Eigen::MatrixXd::Ones(order, 3));
   setup.limits.peak_force = 8.5;
   setup.limits.continuous_force = 1.4;
   setup.encoder.step = Joints<3>::Constant(1e-4);
   setup.hold = Vector3<>(0.1, 0.1, 0.1);
   setup.delay = 2;
   setup.start = pose;
-  palpate::Servo<Premium> servo(setup);
-  palpate::Friction<3> friction = palpate::phantom_premium_1_5a_friction();
+  palpate::servo::Servo<Premium> servo(setup);
+  palpate::plant::JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
   friction.coulomb = friction.breakaway = Joints<3>::Constant(0.01);
-  palpate::Hand hand;
+  palpate::plant::HumanArm hand;
   hand.mass = 0.15;
   hand.damping = 4.5;
   hand.stiffness = 560.0;
   hand.tissue = true;
   hand.tissue_stiffness = 500.0;
   hand.tissue_damping = 0.5;
-  const palpate::Motion<Premium> motion(arm, friction, hand);
-  palpate::MotionState<3> state;
+  const palpate::plant::PlantIntegrator<Premium> motion(arm, friction, hand);
+  palpate::plant::PlantState<3> state;
   state.q = pose;
   state.hand = arm.forward(pose);
 
   const long before = allocations;
   for (int k = 0; k < 2000; ++k) {
     const auto& tick = servo.tick(state.q, Vector3<>(0.5, 0.2, -0.3));
-    motion.advance(state, tick.torque, palpate::ForceSegment<>{Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, 1e-3, 2);
+    motion.advance(state, tick.torque, palpate::plant::ForceSegment<>{Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, 1e-3, 2);
   }
   EXPECT_EQ(allocations - before, 0);
   EXPECT_TRUE(state.q.allFinite());
 }
 
 TEST(NoAllocation, InATickOnAMesh) {
-  const Premium arm(palpate::phantom_premium_1_5a());
+  const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
-  palpate::Surface surface;
+  palpate::mesh::Surface surface;
   surface.static_friction = surface.dynamic_friction = 0.3;
-  surface.field = palpate::Field::continuous;
+  surface.field = palpate::mesh::FieldKind::continuous;
   shapes::Shape ball = shapes::ball(10, 0.05, 0.1);
   for (Vector3<>& v : ball.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.05);
   surface.stiffness.assign(ball.triangles.size(), 1000.0);
   for (std::size_t i = 0; i < surface.stiffness.size(); i += 3) surface.stiffness[i] = 300.0;
   const shapes::World world(ball, surface);
   for (const double radius : {0.0, 2e-3}) {
-    palpate::ServoSetup<Premium> setup{.mechanism = arm};
+    palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
     setup.touched = {&world.mesh, &world.tree, &world.field, radius};
     setup.start = pose;
-    palpate::Servo<Premium> servo(setup);
+    palpate::servo::Servo<Premium> servo(setup);
     int touching = 0;
     const long before = allocations;
     for (int k = 0; k < 2000; ++k) {

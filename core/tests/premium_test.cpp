@@ -7,9 +7,9 @@
 
 namespace {
 
-using palpate::Dual;
-using palpate::Joints;
-using palpate::Premium;
+using palpate::math::Dual;
+using palpate::math::Joints;
+using palpate::mechanism::Premium;
 
 template <class Scalar = Dual<3>>
 Joints<3, Scalar> variables(const Joints<3>& q) {
@@ -34,8 +34,8 @@ TEST(Premium, TorqueOfATipForceIsTheTransposedJacobian) {
   States states;
   for (int n = 0; n < 200; ++n) {
     const Joints<3> q = states.draw(4.0);
-    const palpate::Vector3<> f = states.draw(10.0);
-    EXPECT_LT((arm.torque(arm.posture(q), f) - arm.jacobian(q).transpose() * f).norm(), 1e-14);
+    const palpate::math::Vector3<> f = states.draw(10.0);
+    EXPECT_LT((arm.torque(arm.kinematics(q), f) - arm.jacobian(q).transpose() * f).norm(), 1e-14);
   }
 }
 
@@ -45,7 +45,7 @@ TEST(Premium, VelocityIsTheJacobianTimesTheSpeeds) {
   for (int n = 0; n < 200; ++n) {
     const Joints<3> q = states.draw(4.0);
     const Joints<3> qd = states.draw(10.0);
-    EXPECT_LT((arm.velocity(arm.posture(q), qd) - arm.jacobian(q) * qd).norm(), 1e-14);
+    EXPECT_LT((arm.velocity(arm.kinematics(q), qd) - arm.jacobian(q) * qd).norm(), 1e-14);
   }
 }
 
@@ -59,13 +59,13 @@ TEST(Premium, AMassAtTheTipMovesWithIt) {
     const Joints<3> torque = states.draw(0.3);
     const auto j = arm.jacobian(q);
     const auto moving = arm.jacobian(variables(q));
-    palpate::Vector3<> turning = palpate::Vector3<>::Zero();
+    palpate::math::Vector3<> turning = palpate::math::Vector3<>::Zero();
     for (int row = 0; row < 3; ++row) {
       for (int i = 0; i < 3; ++i) turning[row] += moving(row, i).gradient.dot(qd) * qd[i];
     }
     const Eigen::Matrix3d inertia = arm.mass_matrix(q) + mass * j.transpose() * j;
     const Joints<3> needed = arm.coriolis(q, qd) * qd + arm.gravity(q) + mass * j.transpose() * turning;
-    const auto there = arm.dynamics(arm.posture(q), arm.masses(mass));
+    const auto there = arm.dynamics(arm.kinematics(q), arm.inertia_parameters(mass));
     const Joints<3> found = there.inverse() * there.net(torque, qd);
     EXPECT_LT((inertia * found + needed - torque).norm(), 1e-12 * (1.0 + needed.norm()));
     EXPECT_LT((there.inertial(found) - inertia * found).norm(), 1e-12 * (1.0 + needed.norm()));
@@ -90,7 +90,7 @@ TEST(Premium, HeldJointsLeaveTheOthersTheirOwnEquations) {
         f[i] = 0.0;
       }
       const Joints<3> wanted = m.ldlt().solve(f);
-      EXPECT_LT((arm.dynamics(arm.posture(q)).inverse(held) * force - wanted).norm(), 1e-10 * (1.0 + wanted.norm())) << which;
+      EXPECT_LT((arm.dynamics(arm.kinematics(q)).inverse(held) * force - wanted).norm(), 1e-10 * (1.0 + wanted.norm())) << which;
     }
   }
 }
@@ -98,15 +98,15 @@ TEST(Premium, HeldJointsLeaveTheOthersTheirOwnEquations) {
 // Law: a posture turned by a small or a large angle is the posture at the sum.
 TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
   States states;
-  for (const double size : {1e-9, 1e-3, palpate::small_turn, 1.0}) {
+  for (const double size : {1e-9, 1e-3, palpate::math::small_turn, 1.0}) {
     for (int n = 0; n < 200; ++n) {
       const Joints<3> q = states.draw(4.0);
       const Joints<3> turn = states.draw(size);
-      const auto there = arm.turned(arm.posture(q), turn);
-      const auto exact = arm.posture(Joints<3>(q + turn));
+      const auto there = arm.turned(arm.kinematics(q), turn);
+      const auto exact = arm.kinematics(Joints<3>(q + turn));
       EXPECT_LT((arm.forward(there) - arm.forward(exact)).norm(), 3e-16);
-      if (!Premium::little(turn)) continue;
-      EXPECT_EQ(arm.forward(arm.turned_little(arm.posture(q), turn)), arm.forward(there));
+      if (!Premium::is_small(turn)) continue;
+      EXPECT_EQ(arm.forward(arm.advance_small(arm.kinematics(q), turn)), arm.forward(there));
     }
   }
 }
@@ -153,7 +153,7 @@ TEST(Premium, InverseFindsEveryBranch) {
   States states;
   int tried = 0;
   for (int n = 0; n < 300; ++n) {
-    const palpate::Vector3<> p = arm.forward(states.draw(3.0));
+    const palpate::math::Vector3<> p = arm.forward(states.draw(3.0));
     for (const bool behind : {false, true}) {
       for (const bool elbow_down : {false, true}) {
         const auto pose = arm.inverse(p, behind, elbow_down);

@@ -8,10 +8,10 @@
 
 namespace {
 
-using palpate::Contact;
-using palpate::Proxy;
-using palpate::Surface;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mesh::Contact;
+using palpate::mesh::Proxy;
+using palpate::mesh::Surface;
 using shapes::Shape;
 using shapes::World;
 

@@ -5,20 +5,20 @@
 
 namespace {
 
-using palpate::Anchor;
-using palpate::Joints;
-using palpate::Kinematics;
-using palpate::Premium;
-using palpate::Servo;
-using palpate::ServoSetup;
-using palpate::Vector3;
+using palpate::math::Joints;
+using palpate::math::Vector3;
+using palpate::mechanism::Premium;
+using palpate::object::SpringWall;
+using palpate::servo::Servo;
+using palpate::servo::ServoSetup;
+using palpate::servo::TipKinematics;
 
 const Joints<3> pose(0.0, 2.2305, 3.2776);
 
 // Law: torque and tip force do the same work: tau = J^T (F_ref - F_object).
 TEST(Servo, TurnsTipForceIntoTorqueByTheTransposedJacobian) {
   ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = Anchor::Kind::point;
+  setup.anchor.kind = SpringWall::Kind::point;
   setup.anchor.point = arm.forward(pose);
   setup.stiffness.setConstant(500.0);
   setup.start = pose;
@@ -36,8 +36,8 @@ TEST(Servo, TurnsTipForceIntoTorqueByTheTransposedJacobian) {
 // Law: frozen kinematics are the tangent of the exact ones: the difference is of second order.
 TEST(Servo, FrozenKinematicsAreTheTangent) {
   const Vector3<> hold(0.1, 0.3, -0.2);
-  Kinematics<Premium> exact(arm);
-  Kinematics<Premium> tangent(arm, pose, hold);
+  TipKinematics<Premium> exact(arm);
+  TipKinematics<Premium> tangent(arm, pose, hold);
   const auto error = [&](double size) {
     const Joints<3> q = pose + size * Joints<3>(1.0, -0.5, 0.7);
     exact.look(q);
@@ -52,7 +52,7 @@ TEST(Servo, FrozenKinematicsAreTheTangent) {
 // Law: a wall never pulls, whatever its damper says on the way out.
 TEST(Servo, AWallNeverPulls) {
   ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = Anchor::Kind::half_space;
+  setup.anchor.kind = SpringWall::Kind::half_space;
   setup.anchor.point = arm.forward(pose);
   setup.anchor.normal = Vector3<>::UnitZ();
   setup.stiffness.setConstant(100.0);
@@ -97,14 +97,14 @@ TEST(Servo, DelayHoldsTheTorqueBack) {
 // Law: on the flat top of a box a frictionless mesh answers as a wall of the same stiffness does, and never pulls; the object's
 // force is that of the tip on it, opposite to the proxy's.
 TEST(Servo, AFlatMeshIsAWall) {
-  palpate::Surface surface;
+  palpate::mesh::Surface surface;
   surface.stiffness = {700.0};
   surface.tangential = 0.0;
   shapes::Shape box = shapes::box(Vector3<>(0.1, 0.1, 0.1), 4);
   for (Vector3<>& v : box.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.1);
   const shapes::World world(box, surface);
   ServoSetup<Premium> wall{.mechanism = arm};
-  wall.anchor.kind = Anchor::Kind::half_space;
+  wall.anchor.kind = SpringWall::Kind::half_space;
   wall.anchor.point = arm.forward(pose);
   wall.stiffness.setConstant(700.0);
   wall.start = pose;

@@ -6,22 +6,22 @@
 
 namespace {
 
-using palpate::Anchor;
-using palpate::Joints;
-using palpate::SimulationSetup;
-using palpate::Slider;
-using palpate::Vector3;
+using palpate::math::Joints;
+using palpate::math::Vector3;
+using palpate::mechanism::Slider;
+using palpate::object::SpringWall;
+using palpate::servo::SimulationSetup;
 
 /// A mass in the sampled spring-damper: the loop of Gil, Sanchez, Hulin, Preusche & Hirzinger (2009).
 SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double viscous, int delay) {
   SimulationSetup<Slider> s;
   s.mechanism = Slider(0.06);
   s.friction.viscous[0] = viscous;
-  s.anchor.kind = Anchor::Kind::point;
+  s.anchor.kind = SpringWall::Kind::point;
   s.stiffness = Vector3<>(stiffness, 0.0, 0.0);
   s.damping = Vector3<>(damping, 0.0, 0.0);
   s.delay = delay;
-  s.controller = palpate::StateSpace();
+  s.controller = palpate::control::StateSpace();
   s.start[0] = 1e-3;
   return s;
 }
@@ -29,12 +29,12 @@ SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double vi
 /// Largest deflection in the last tenth of a run over that in the first.
 double growth(const SimulationSetup<Slider>& setup, int ticks) {
   const std::vector<double> nothing(3 * (static_cast<std::size_t>(ticks) + 1), 0.0);
-  std::vector<double> rows(palpate::record_width<1> * (static_cast<std::size_t>(ticks) + 1));
-  const auto outcome = palpate::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
+  std::vector<double> rows(palpate::servo::record_width<1> * (static_cast<std::size_t>(ticks) + 1));
+  const auto outcome = palpate::servo::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
   if (outcome.unstable_tick >= 0) return 1e300;
   double first = 0.0, last = 0.0;
   for (int k = 0; k <= ticks; ++k) {
-    const double x = std::abs(rows[static_cast<std::size_t>(palpate::record_width<1> * k)]);
+    const double x = std::abs(rows[static_cast<std::size_t>(palpate::servo::record_width<1> * k)]);
     if (k < ticks / 10) first = std::max(first, x);
     if (k > 9 * ticks / 10) last = std::max(last, x);
   }
@@ -55,9 +55,9 @@ TEST(Simulation, SamplingMakesASpringUnstablePastTheExactLimit) {
 TEST(Simulation, IsReproducibleBitForBit) {
   const auto setup = sampled_wall(500.0, 1.0, 0.05, 1);
   const std::vector<double> nothing(3 * 1001, 0.0);
-  std::vector<double> a(static_cast<std::size_t>(palpate::record_width<1>) * 1001), b = a;
-  palpate::simulate(setup, 1000, nothing.data(), nothing.data(), a.data());
-  palpate::simulate(setup, 1000, nothing.data(), nothing.data(), b.data());
+  std::vector<double> a(static_cast<std::size_t>(palpate::servo::record_width<1>) * 1001), b = a;
+  palpate::servo::simulate(setup, 1000, nothing.data(), nothing.data(), a.data());
+  palpate::servo::simulate(setup, 1000, nothing.data(), nothing.data(), b.data());
   EXPECT_EQ(a, b);
 }
 
@@ -65,12 +65,13 @@ TEST(Simulation, StopsWhereItDivergesAndRecordsNothingAfter) {
   const auto setup = sampled_wall(2e5, 0.0, 0.0, 3);
   const int ticks = 20000;
   const std::vector<double> nothing(3 * (static_cast<std::size_t>(ticks) + 1), 0.0);
-  std::vector<double> rows(palpate::record_width<1> * (static_cast<std::size_t>(ticks) + 1), 7.0);
-  const auto outcome = palpate::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
+  std::vector<double> rows(palpate::servo::record_width<1> * (static_cast<std::size_t>(ticks) + 1), 7.0);
+  const auto outcome = palpate::servo::simulate(setup, ticks, nothing.data(), nothing.data(), rows.data());
   ASSERT_GT(outcome.unstable_tick, 0);
   ASSERT_EQ(outcome.rows, outcome.unstable_tick);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(outcome.rows * palpate::record_width<1>); ++i) ASSERT_TRUE(std::isfinite(rows[i]));
-  EXPECT_EQ(rows[static_cast<std::size_t>(outcome.rows * palpate::record_width<1>)], 7.0);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(outcome.rows * palpate::servo::record_width<1>); ++i)
+    ASSERT_TRUE(std::isfinite(rows[i]));
+  EXPECT_EQ(rows[static_cast<std::size_t>(outcome.rows * palpate::servo::record_width<1>)], 7.0);
 }
 
 }  // namespace

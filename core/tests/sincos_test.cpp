@@ -20,7 +20,7 @@ TEST(Sincos, AgreesWithTheLongDoubleLibrary) {
     const double allowed = range > 1e3 ? 2.0 : 1.0;  // units in the last place
     for (int i = 0; i < 100000; ++i) {
       const double x = angle(engine);
-      const auto [s, c] = palpate::sincos(x);
+      const auto [s, c] = palpate::math::sincos(x);
       EXPECT_LE(units_in_last_place(s, static_cast<double>(sinl(x))), allowed) << x;
       EXPECT_LE(units_in_last_place(c, static_cast<double>(cosl(x))), allowed) << x;
     }
@@ -28,31 +28,31 @@ TEST(Sincos, AgreesWithTheLongDoubleLibrary) {
 }
 
 TEST(Sincos, IsExactAtZeroAndOddAndEven) {
-  EXPECT_EQ(palpate::sincos(0.0).sine, 0.0);
-  EXPECT_EQ(palpate::sincos(0.0).cosine, 1.0);
+  EXPECT_EQ(palpate::math::sincos(0.0).sine, 0.0);
+  EXPECT_EQ(palpate::math::sincos(0.0).cosine, 1.0);
   for (double x = 0.01; x < 20.0; x += 0.37) {
-    EXPECT_EQ(palpate::sincos(-x).sine, -palpate::sincos(x).sine);
-    EXPECT_EQ(palpate::sincos(-x).cosine, palpate::sincos(x).cosine);
+    EXPECT_EQ(palpate::math::sincos(-x).sine, -palpate::math::sincos(x).sine);
+    EXPECT_EQ(palpate::math::sincos(-x).cosine, palpate::math::sincos(x).cosine);
   }
 }
 
 TEST(Sincos, TurnsByAWideAngle) {
   std::mt19937_64 engine(2);
-  std::uniform_real_distribution<double> angle(-4.0, 4.0), turn(-palpate::wide_turn, palpate::wide_turn);
+  std::uniform_real_distribution<double> angle(-4.0, 4.0), turn(-palpate::math::wide_turn, palpate::math::wide_turn);
   for (int i = 0; i < 100000; ++i) {
     const double x = angle(engine), t = turn(engine);
-    const auto [s, c] = palpate::turned_wide(palpate::sincos(x), t);
+    const auto [s, c] = palpate::math::turned_wide(palpate::math::sincos(x), t);
     EXPECT_NEAR(s, static_cast<double>(sinl(static_cast<long double>(x) + t)), 3e-16);
     EXPECT_NEAR(c, static_cast<double>(cosl(static_cast<long double>(x) + t)), 3e-16);
   }
 }
 
 TEST(Exponential, AgreesWithTheLongDoubleLibraryAloneAndInLanes) {
-  using palpate::decaying_exponential;
+  using palpate::math::decaying_exponential;
   for (double x = 0.0; x > -699.0; x -= 1.7e-3) {
     const double found = decaying_exponential(x);
     EXPECT_LE(std::abs(found / static_cast<double>(expl(x)) - 1.0), 2.5 * 2.3e-16) << x;
-    palpate::Pack<2> two = x;
+    palpate::math::Pack<2> two = x;
     two.set(1, 0.3 * x);
     EXPECT_EQ(decaying_exponential(two)[0], found);
     EXPECT_EQ(decaying_exponential(two)[1], decaying_exponential(0.3 * x));
@@ -63,9 +63,9 @@ TEST(Exponential, AgreesWithTheLongDoubleLibraryAloneAndInLanes) {
 }
 
 TEST(Sincos, PassesHugeAndNonFiniteAnglesToTheLibrary) {
-  EXPECT_EQ(palpate::sincos(1e9).sine, std::sin(1e9));
-  EXPECT_TRUE(std::isnan(palpate::sincos(std::numeric_limits<double>::infinity()).sine));
-  EXPECT_TRUE(std::isnan(palpate::sincos(std::nan("")).cosine));
+  EXPECT_EQ(palpate::math::sincos(1e9).sine, std::sin(1e9));
+  EXPECT_TRUE(std::isnan(palpate::math::sincos(std::numeric_limits<double>::infinity()).sine));
+  EXPECT_TRUE(std::isnan(palpate::math::sincos(std::nan("")).cosine));
 }
 
 }  // namespace

@@ -1,14 +1,14 @@
 #pragma once
 
 #include <Eigen/LU>
-#include <palpate/body/pressed_solid.hpp>
+#include <palpate/deformable/hyperelastic/quasi_static_solver.hpp>
 #include <utility>
 
 /// A block of cubes cut into six tetrahedra each, its bottom held, its top to be touched.
 struct SolidBlock {
   int nx, ny, nz;
   double side = 5e-3;  // of a cube, m
-  palpate::SolidMesh mesh;
+  palpate::deformable::TetMesh mesh;
 
   SolidBlock(int x, int y, int z, double young, double poisson) : nx(x), ny(y), nz(z) {
     for (int i = 0; i <= nx; ++i)
@@ -34,11 +34,11 @@ struct SolidBlock {
 
   [[nodiscard]] std::int32_t number(int i, int j, int k) const { return (i * (ny + 1) + j) * (nz + 1) + k; }
   [[nodiscard]] std::int32_t corner(int i, int j, int k, int c) const { return number(i + (c >> 2), j + ((c >> 1) & 1), k + (c & 1)); }
-  [[nodiscard]] const palpate::Vector3<>& at(std::int32_t p) const { return mesh.points[static_cast<std::size_t>(p)]; }
+  [[nodiscard]] const palpate::math::Vector3<>& at(std::int32_t p) const { return mesh.points[static_cast<std::size_t>(p)]; }
 
   /// A force on a node of the top goes to its point by half, and to its neighbours.
-  [[nodiscard]] palpate::SolidSurface top() const {
-    palpate::SolidSurface surface;
+  [[nodiscard]] palpate::deformable::TetSurface top() const {
+    palpate::deformable::TetSurface surface;
     surface.begin.push_back(0);
     for (int i = 0; i <= nx; ++i)
       for (int j = 0; j <= ny; ++j) {

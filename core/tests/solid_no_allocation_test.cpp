@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <palpate/body/blended.hpp>
-#include <palpate/body/loop_solid.hpp>
-#include <palpate/body/neo_hookean.hpp>
-#include <palpate/device/catalogue.hpp>
-#include <palpate/device/premium.hpp>
-#include <palpate/loop/servo.hpp>
+#include <palpate/deformable/hyperelastic/neo_hookean.hpp>
+#include <palpate/deformable/multirate/passive_model_switch.hpp>
+#include <palpate/mechanism/premium.hpp>
+#include <palpate/object/hyperelastic_object.hpp>
+#include <palpate/plant/device_catalog.hpp>
+#include <palpate/servo/servo.hpp>
 
 #include "allocations.hpp"
 #include "solid_blocks.hpp"
@@ -18,10 +18,10 @@ namespace {
 
 TEST(SolidNoAllocation, InATickOfTwoTips) {
   const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  palpate::PressedSolid<palpate::NeoHookean, 2> slow(block.mesh, block.top(), {});
-  auto box = std::make_unique<palpate::BlendedContact::Box>();
-  auto servo = std::make_unique<palpate::BlendedContact>();
-  palpate::BodyTips tips;
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> slow(block.mesh, block.top(), {});
+  auto box = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
+  auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
+  palpate::deformable::TipPair tips;
   tips.count = 2;
   long counted = 0, pressed = 0;
   for (int k = 0; k < 800; ++k) {
@@ -40,8 +40,8 @@ TEST(SolidNoAllocation, InATickOfTwoTips) {
 }
 
 struct Slow {
-  palpate::PressedSolid<palpate::NeoHookean, 2> solid;
-  auto step(const palpate::BodyTips& tips, palpate::Snapshot& to) { return solid.step(tips, to); }
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solid;
+  auto step(const palpate::deformable::TipPair& tips, palpate::deformable::LocalModel& to) { return solid.step(tips, to); }
   void reset() { solid.reset(); }
   void displacement(double* to) const { solid.displacement(to); }
   [[nodiscard]] std::unique_ptr<Slow> fresh() const { return std::make_unique<Slow>(*this); }
@@ -49,26 +49,27 @@ struct Slow {
 
 // The arm swings its tip over the solid, in and out of it, with either tip; slow steps in turn, outside of the ticks.
 TEST(SolidNoAllocation, InAServoTickOnASolid) {
-  using palpate::Premium, palpate::Joints, palpate::Vector3;
+  using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  const palpate::LoopSolid<Slow> body(std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20,
-                                      palpate::SnapshotSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
-  const Premium arm(palpate::phantom_premium_1_5a());
+  const palpate::object::HyperelasticObject<Slow> body(
+      std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20,
+      palpate::deformable::LocalModelSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
+  const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
-  for (const auto kind : {palpate::BodyTip::Kind::sphere, palpate::BodyTip::Kind::flat}) {
-    palpate::ServoSetup<Premium> setup{.mechanism = arm};
+  for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
+    palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
     setup.start = pose;
     setup.body.body = &body;
     setup.body.tip = kind;
     setup.body.radius = 6e-3;
-    const double top = kind == palpate::BodyTip::Kind::sphere ? 6e-3 : 0.0;
+    const double top = kind == palpate::deformable::Tip::Kind::sphere ? 6e-3 : 0.0;
     setup.body.origin = arm.forward(pose) - Vector3<>(0.02, 0.015, 0.015 + top - 1e-3);
-    palpate::Latest<palpate::PressedNodes> pressed;
+    palpate::math::LatestValue<palpate::object::ContactFrame> pressed;
     setup.body.watched = &pressed;
-    palpate::Latest<palpate::MovedPoints> drawn;
-    for (palpate::MovedPoints& place : drawn.places()) place.displacement.resize(3 * block.mesh.points.size());
+    palpate::math::LatestValue<palpate::object::DeformationFrame> drawn;
+    for (palpate::object::DeformationFrame& place : drawn.places()) place.displacement.resize(3 * block.mesh.points.size());
     setup.body.drawn = &drawn;
-    palpate::Servo<Premium> servo(setup);
+    palpate::servo::Servo<Premium> servo(setup);
     const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
     EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
     int touching = 0;

@@ -5,9 +5,9 @@
 
 namespace {
 
-using palpate::StateSpace;
-using palpate::Vector3;
-using palpate::VirtualCoupling;
+using palpate::control::StateSpace;
+using palpate::control::VirtualCoupling;
+using palpate::math::Vector3;
 
 TEST(StateSpace, WithoutStatesIsAGain) {
   Eigen::MatrixXd d(3, 6);

@@ -3,13 +3,13 @@
 #include <palpate/palpate.hpp>
 #include <random>
 
-inline const palpate::Premium arm(palpate::phantom_premium_1_5a());  ///< whose laws are checked
+inline const palpate::mechanism::Premium arm(palpate::plant::phantom_premium_1_5a());  ///< whose laws are checked
 
 /// Random states with a fixed seed, for tests of laws that must hold everywhere.
 class States {
  public:
-  palpate::Joints<3> draw(double size) {
-    palpate::Joints<3> q;
+  palpate::math::Joints<3> draw(double size) {
+    palpate::math::Joints<3> q;
     for (int i = 0; i < 3; ++i) q[i] = size * uniform_(engine_);
     return q;
   }

@@ -1,7 +1,7 @@
 // A proxy's step takes no memory: this program's own allocation functions count every call.
 #include <gtest/gtest.h>
 
-#include <palpate/touch/deformation.hpp>
+#include <palpate/mesh/mesh_updater.hpp>
 
 #include "allocations.hpp"
 #include "touch_shapes.hpp"
@@ -9,31 +9,31 @@
 namespace {
 
 TEST(TouchNoAllocation, InAStepOfTheProxy) {
-  palpate::Surface surface;
+  palpate::mesh::Surface surface;
   surface.static_friction = 0.5;
   surface.dynamic_friction = 0.3;
   surface.viscous = 0.1;
   surface.damping = {0.1};
-  surface.field = palpate::Field::continuous;
+  surface.field = palpate::mesh::FieldKind::continuous;
   const shapes::Shape ball = shapes::ball(20, 0.5, 0.2);
   surface.stiffness.assign(ball.triangles.size(), 1000.0);
   for (std::size_t i = 0; i < surface.stiffness.size(); i += 3) surface.stiffness[i] = 300.0;
   for (const double shading : {0.0, 0.5}) {
     surface.shading = shading;
     shapes::World world(ball, surface);
-    palpate::Deformation deformation(world.mesh);
+    palpate::mesh::MeshUpdater deformation(world.mesh);
     for (const double radius : {0.0, 0.02}) {
-      palpate::Proxy proxy = world.proxy(radius);
+      palpate::mesh::Proxy proxy = world.proxy(radius);
       long touching = 0;
       const long before = allocations;
       for (int k = 0; k < 5000; ++k) {
         const double a = 0.02 * k, b = 0.013 * k;
-        const palpate::Vector3<> way(std::cos(a), std::sin(a), 0.8 * std::sin(b));
+        const palpate::math::Vector3<> way(std::cos(a), std::sin(a), 0.8 * std::sin(b));
         touching += proxy.step((0.48 + 0.1 * std::sin(0.11 * k)) * way.normalized()).touching ? 1 : 0;
         if (k % 10 > 0) continue;
-        const palpate::Proxy::Grip grip = proxy.grip();
+        const palpate::mesh::Proxy::Grip grip = proxy.grip();
         const std::int32_t v = k % static_cast<int>(ball.vertices.size());
-        const palpate::Vector3<> to = (1.0 + 0.01 * std::sin(a)) * ball.vertices[static_cast<std::size_t>(v)];
+        const palpate::math::Vector3<> to = (1.0 + 0.01 * std::sin(a)) * ball.vertices[static_cast<std::size_t>(v)];
         deformation.move(world.mesh, world.tree, &v, &to, 1);
         world.field.refit(world.mesh, deformation.around().begin(), deformation.around().end());
         proxy.carry(grip);

@@ -10,9 +10,9 @@
 
 namespace {
 
-using palpate::Proxy;
-using palpate::Surface;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mesh::Proxy;
+using palpate::mesh::Surface;
 using shapes::Shape;
 using shapes::World;
 
@@ -74,7 +74,7 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
   const double small = 1e-9 * scale;
   for (int k = 0; k < ticks; ++k) {
     const Vector3<> at = scale * tip.next(random) + offset;
-    const palpate::Contact contact = proxy.step(at);
+    const palpate::mesh::Contact contact = proxy.step(at);
     const shapes::Truth proxy_truth = shapes::truth(world.mesh, contact.position);
     ASSERT_FALSE(!c.open && proxy_truth.inside && proxy_truth.distance > small) << "proxy inside at tick " << k;
     ASSERT_GE(proxy_truth.distance, radius * scale * (1.0 - 1e-9) - small) << "at tick " << k;
@@ -87,9 +87,9 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
     const double distance = (contact.position - at).norm();
     if (contact.touching && friction == 0.0 && radius == 0.0 && shading == 0.0) {
       for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
-        const palpate::Facet& facet = world.mesh.facet(f);
-        if ((palpate::nearest_point(facet, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
-        ASSERT_GE((palpate::nearest_point(facet, at).point - at).norm(), distance - small) << "stuck at tick " << k << " facet " << f;
+        const palpate::mesh::Face& facet = world.mesh.facet(f);
+        if ((palpate::mesh::nearest_point(facet, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
+        ASSERT_GE((palpate::mesh::nearest_point(facet, at).point - at).norm(), distance - small) << "stuck at tick " << k << " facet " << f;
       }
     }
     if (contact.touching) {

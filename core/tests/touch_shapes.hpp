@@ -4,15 +4,15 @@
 #include <cstdint>
 #include <map>
 #include <numbers>
-#include <palpate/touch/proxy.hpp>
+#include <palpate/mesh/proxy.hpp>
 #include <random>
 #include <tuple>
 #include <vector>
 
 namespace shapes {
 
-using palpate::Triangle;
-using palpate::Vector3;
+using palpate::math::Vector3;
+using palpate::mesh::Triangle;
 
 struct Shape {
   std::vector<Vector3<>> vertices;
@@ -107,13 +107,13 @@ Shape moved(Shape s, Move move) {
 
 /// What a proxy needs, together.
 struct World {
-  palpate::Mesh mesh;
-  palpate::Tree tree;
-  palpate::SurfaceField field;
+  palpate::mesh::TriangleMesh mesh;
+  palpate::mesh::AabbTree tree;
+  palpate::mesh::SurfaceField field;
 
-  explicit World(const Shape& s, const palpate::Surface& surface = {}, bool open = false)
+  explicit World(const Shape& s, const palpate::mesh::Surface& surface = {}, bool open = false)
       : mesh(s.vertices, s.triangles, open), tree(mesh), field(surface, mesh) {}
-  [[nodiscard]] palpate::Proxy proxy(double radius = 0.0) const { return {mesh, tree, field, radius}; }
+  [[nodiscard]] palpate::mesh::Proxy proxy(double radius = 0.0) const { return {mesh, tree, field, radius}; }
 };
 
 /// Nearest facet by looking at all, and whether `x` is on the inner side of it.
@@ -121,12 +121,12 @@ struct Truth {
   double distance = 1e300;
   bool inside = false;
 };
-inline Truth truth(const palpate::Mesh& mesh, const Vector3<>& x) {
+inline Truth truth(const palpate::mesh::TriangleMesh& mesh, const Vector3<>& x) {
   Truth t;
   double winding = 0.0;  // solid angle, van Oosterom & Strackee 1983
   for (std::int32_t f = 0; f < mesh.size(); ++f) {
-    const palpate::Facet& facet = mesh.facet(f);
-    t.distance = std::min(t.distance, (palpate::nearest_point(facet, x).point - x).norm());
+    const palpate::mesh::Face& facet = mesh.facet(f);
+    t.distance = std::min(t.distance, (palpate::mesh::nearest_point(facet, x).point - x).norm());
     const Vector3<> a = facet.corner[0] - x, b = facet.corner[1] - x, c = facet.corner[2] - x;
     const double la = a.norm(), lb = b.norm(), lc = c.norm();
     winding += std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);

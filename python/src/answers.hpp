@@ -6,27 +6,28 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <palpate/body/patch.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
 
 #include "arrays.hpp"
 
 /// What bodies of every kind tell Python about a tip.
 
-inline palpate::BodyTip tip_of(double radius, bool flat, const palpate::Vector3<>& centre, const palpate::Vector3<>& outward) {
-  return {flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere, radius, centre, outward};
+inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::math::Vector3<>& centre,
+                                       const palpate::math::Vector3<>& outward) {
+  return {flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere, radius, centre, outward};
 }
 
 /// Numbers of an answer: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
 constexpr std::size_t answer_width = 14;
 
-inline void put(const palpate::BodyAnswer& a, double* row) {
-  Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
-  Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+inline void set_lane(const palpate::deformable::ContactResult& a, double* row) {
+  Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
+  Eigen::Map<palpate::math::Vector3<>>(row + 3) = a.deflection;
   row[6] = a.energy;
   row[7] = a.nodes;
   row[8] = a.touching ? 1.0 : 0.0;
   row[9] = a.solved ? 1.0 : 0.0;
-  Eigen::Map<palpate::Vector3<>>(row + 10) = a.friction;
+  Eigen::Map<palpate::math::Vector3<>>(row + 10) = a.friction;
   row[13] = a.sliding ? 1.0 : 0.0;
 }
 

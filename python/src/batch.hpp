@@ -1,13 +1,13 @@
 #pragma once
 
 /// Loops side by side in the lanes of this machine's vector registers, chosen when the program runs.
-#include <palpate/loop/batch.hpp>
+#include <palpate/servo/batch.hpp>
 
 namespace palpate::batch {
 
 /// As simulate_side_by_side, compiled for one width: 2 lanes run everywhere, 4 need AVX2, 8 need AVX-512 (F, DQ, VL).
 template <class Mechanism, int lanes>
-void run_lanes(const Queue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force);
+void run_lanes(const servo::JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force);
 
 /// The widest that this machine and this build have.
 int most_lanes();
@@ -15,7 +15,7 @@ int most_lanes();
 /// Runs any number of cells, each a row of outcome_width<dof> in `rows`, on `threads` threads with at most `lanes` lanes each (0: all that
 /// there are). What a cell finds depends on neither. `cell(i, setup)` puts cell i's own values into a copy of the base setup.
 template <class Mechanism, class Cell>
-void run_cells(const SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
+void run_cells(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
                const double* operator_force, double* rows, int threads, int lanes);
 
 }  // namespace palpate::batch

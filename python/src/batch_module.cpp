@@ -25,10 +25,10 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 template <class Mechanism>
 struct Columns {
   static constexpr int dof = Mechanism::dof;
-  using Setup = palpate::SimulationSetup<Mechanism>;
+  using Setup = palpate::servo::SimulationSetup<Mechanism>;
   struct Column {
     int width;
-    std::function<void(Setup&, const double*)> put;
+    std::function<void(Setup&, const double*)> set_lane;
   };
 
   template <class Get>
@@ -37,11 +37,11 @@ struct Columns {
   }
   template <class Get>
   static Column three(Get get) {
-    return {3, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::Vector3<>>(x); }};
+    return {3, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::math::Vector3<>>(x); }};
   }
   template <class Get>
   static Column joints(Get get) {
-    return {dof, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::Joints<dof>>(x); }};
+    return {dof, [get](Setup& s, const double* x) { get(s) = Eigen::Map<const palpate::math::Joints<dof>>(x); }};
   }
 
   static const std::map<std::string, Column>& all() {
@@ -71,10 +71,10 @@ struct Columns {
 };
 
 template <class Mechanism>
-nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
+nb::object run_cells(const palpate::servo::SimulationSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
                      const std::map<std::string, Rows>& columns, std::ptrdiff_t count, int threads, int lanes) {
-  constexpr int width = palpate::outcome_width<Mechanism::dof>;
-  using Setup = palpate::SimulationSetup<Mechanism>;
+  constexpr int width = palpate::servo::outcome_width<Mechanism::dof>;
+  using Setup = palpate::servo::SimulationSetup<Mechanism>;
   if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
     throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
   if (base.held || base.linear || base.touched || base.body)
@@ -82,7 +82,7 @@ nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows
   struct Own {
     const double* data;
     int width;
-    const std::function<void(Setup&, const double*)>* put;
+    const std::function<void(Setup&, const double*)>* set_lane;
   };
   std::vector<Own> own;
   const auto& known = Columns<Mechanism>::all();
@@ -91,10 +91,10 @@ nb::object run_cells(const palpate::SimulationSetup<Mechanism>& base, const Rows
     if (found == known.end()) throw nb::value_error(("cells have no column " + name).c_str());
     if (rows.shape(0) != static_cast<std::size_t>(count) || rows.shape(1) != static_cast<std::size_t>(found->second.width))
       throw nb::value_error(("column " + name + " must be cells x " + std::to_string(found->second.width)).c_str());
-    own.push_back({rows.data(), found->second.width, &found->second.put});
+    own.push_back({rows.data(), found->second.width, &found->second.set_lane});
   }
   const auto cell = [&own](std::ptrdiff_t i, Setup& setup) {
-    for (const Own& column : own) (*column.put)(setup, column.data + i * column.width);
+    for (const Own& column : own) (*column.set_lane)(setup, column.data + i * column.width);
   };
   auto [rows, row] = new_array<double>({static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 0)), static_cast<std::size_t>(width)});
   {
@@ -118,8 +118,8 @@ int palpate::batch::most_lanes() {
 void bind_batch(nb::module_& m) {
   m.def("most_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
   constexpr const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
-  m.def("run_cells", &run_cells<palpate::Premium>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,
-        "lanes"_a = 0, doc);
-  m.def("run_cells", &run_cells<palpate::Slider>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,
-        "lanes"_a = 0, doc);
+  m.def("run_cells", &run_cells<palpate::mechanism::Premium>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a,
+        "threads"_a = 1, "lanes"_a = 0, doc);
+  m.def("run_cells", &run_cells<palpate::mechanism::Slider>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a,
+        "threads"_a = 1, "lanes"_a = 0, doc);
 }

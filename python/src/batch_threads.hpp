@@ -4,14 +4,14 @@
 #include <atomic>
 #include <cstddef>
 #include <optional>
-#include <palpate/loop/batch.hpp>
+#include <palpate/servo/batch.hpp>
 #include <thread>
 #include <vector>
 
 namespace palpate::batch {
 
 template <class Mechanism>
-using RunLanes = void (*)(const Queue<Mechanism>&, int, const double*, const double*);
+using RunLanes = void (*)(const servo::JobQueue<Mechanism>&, int, const double*, const double*);
 
 template <class Mechanism>
 RunLanes<Mechanism> lanes_of(int lanes) {
@@ -25,9 +25,10 @@ RunLanes<Mechanism> lanes_of(int lanes) {
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
 template <class Mechanism, class Cell>
-class Cells {
+class JobScheduler {
  public:
-  Cells(const SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken, double* rows)
+  JobScheduler(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken,
+               double* rows)
       : setup_(base), cell_(cell), count_(count), taken_(taken), rows_(rows) {}
 
   /// Loops for lanes to begin with; whether there are any.
@@ -36,8 +37,8 @@ class Cells {
     return look();
   }
 
-  Queue<Mechanism> queue() {
-    return {[](void* self) { return static_cast<Cells*>(self)->next(); }, this};
+  servo::JobQueue<Mechanism> queue() {
+    return {[](void* self) { return static_cast<JobScheduler*>(self)->next(); }, this};
   }
 
  private:
@@ -52,35 +53,35 @@ class Cells {
     return true;
   }
 
-  const Beginning<Mechanism>* next() {
+  const servo::BatchJob<Mechanism>* next() {
     if (!look()) return nullptr;
-    const Shape shape(setup_);
+    const servo::BatchKey shape(setup_);
     if (shape_ && shape != *shape_) return nullptr;  // it waits until the lanes are empty
     shape_ = shape;
     at_hand_ = false;
-    return &beginning_.emplace(setup_, rows_ + at_ * outcome_width<Mechanism::dof>);
+    return &beginning_.emplace(setup_, rows_ + at_ * servo::outcome_width<Mechanism::dof>);
   }
 
-  SimulationSetup<Mechanism> setup_;
+  servo::SimulationSetup<Mechanism> setup_;
   const Cell& cell_;
   std::ptrdiff_t count_;
   std::atomic<std::ptrdiff_t>& taken_;
   double* rows_;
   std::ptrdiff_t at_ = 0;
   bool at_hand_ = false;
-  std::optional<Shape> shape_;
-  std::optional<Beginning<Mechanism>> beginning_;
+  std::optional<servo::BatchKey> shape_;
+  std::optional<servo::BatchJob<Mechanism>> beginning_;
 };
 
 template <class Mechanism, class Cell>
-void run_cells(const SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
+void run_cells(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
                const double* operator_force, double* rows, int threads, int lanes) {
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
   const RunLanes<Mechanism> run = lanes_of<Mechanism>(wide);
   std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
-    Cells<Mechanism, Cell> cells(base, cell, count, taken, rows);
+    JobScheduler<Mechanism, Cell> cells(base, cell, count, taken, rows);
     while (cells.begin()) run(cells.queue(), ticks, reference, operator_force);
   };
   const auto most = static_cast<int>((count + wide - 1) / wide);

@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
-#include <palpate/body/touched.hpp>
+#include <palpate/object/deformable_object.hpp>
 
 /// What every kind of body in Python gives a servo loop.
 struct BodyInLoop {
@@ -14,16 +14,16 @@ struct BodyInLoop {
   virtual ~BodyInLoop() = default;
 
   /// A copy at rest, on the same nodes.
-  [[nodiscard]] virtual std::unique_ptr<palpate::LoopBody> in_loop() const = 0;
+  [[nodiscard]] virtual std::unique_ptr<palpate::object::DeformableObject> in_loop() const = 0;
 };
 
 /// A body at its place, with the tip that meets it; a flat end's axis is the body's own z. The body outlives it.
-struct TouchedBody {
-  std::unique_ptr<palpate::LoopBody> body;
-  palpate::TouchedBody placed;
+struct BodyPlacement {
+  std::unique_ptr<palpate::object::DeformableObject> body;
+  palpate::object::BodyPlacement placed;
 
-  TouchedBody(const BodyInLoop& kind, const palpate::Vector3<>& origin, const Eigen::Matrix3d& turn, double radius, bool flat)
+  BodyPlacement(const BodyInLoop& kind, const palpate::math::Vector3<>& origin, const Eigen::Matrix3d& turn, double radius, bool flat)
       : body(kind.in_loop()), placed{body.get(), origin,
-                                     turn,       flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere,
-                                     radius,     palpate::Vector3<>::UnitZ()} {}
+                                     turn,       flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere,
+                                     radius,     palpate::math::Vector3<>::UnitZ()} {}
 };

@@ -7,13 +7,13 @@
 #include <array>
 #include <chrono>
 #include <memory>
-#include <palpate/body/compliance.hpp>
-#include <palpate/body/lattice.hpp>
-#include <palpate/body/modal.hpp>
-#include <palpate/body/patch.hpp>
-#include <palpate/body/relaxing.hpp>
-#include <palpate/body/spline.hpp>
-#include <palpate/body/touched.hpp>
+#include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/compliance.hpp>
+#include <palpate/deformable/linear/free_form_deformation.hpp>
+#include <palpate/deformable/linear/mass_spring_model.hpp>
+#include <palpate/deformable/linear/modal.hpp>
+#include <palpate/deformable/linear/standard_linear_solid.hpp>
+#include <palpate/object/deformable_object.hpp>
 #include <vector>
 
 #include "answers.hpp"
@@ -33,8 +33,8 @@ using Indices = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb:
 template <int width>
 using IndexRows = nb::ndarray<const std::int32_t, nb::shape<-1, width>, nb::c_contig, nb::device::cpu>;
 
-std::vector<palpate::Vector3<>> points(const Points& a) {
-  std::vector<palpate::Vector3<>> list(a.shape(0));
+std::vector<palpate::math::Vector3<>> points(const Points& a) {
+  std::vector<palpate::math::Vector3<>> list(a.shape(0));
   for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
   return list;
 }
@@ -46,23 +46,24 @@ std::vector<double> numbers(const Numbers& a) {
 /// A body of some kind with its nodes and the contact of one tip.
 template <class Kind>
 struct BodyCore : BodyInLoop {
-  palpate::BodyNodes nodes;
+  palpate::deformable::SurfaceNodes nodes;
   Kind body;
-  palpate::BodyContact<Kind> contact;
+  palpate::deformable::TipContact<Kind> contact;
 
   template <class Make>
-  BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, palpate::DryFriction friction,
-           Make make)
+  BodyCore(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+           palpate::deformable::DryFriction friction, Make make)
       : nodes(fitting(at, normals, areas, compliance)), body(make(nodes)), contact(nodes, body, friction) {}
 
-  BodyCore(palpate::BodyNodes at, Kind&& kind, palpate::DryFriction friction)
+  BodyCore(palpate::deformable::SurfaceNodes at, Kind&& kind, palpate::deformable::DryFriction friction)
       : nodes(std::move(at)), body(std::move(kind)), contact(nodes, body, friction) {}
 
-  [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override {
-    return std::make_unique<palpate::LoopBodyOf<Kind>>(nodes, body, contact.friction());
+  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override {
+    return std::make_unique<palpate::object::LinearBodyObject<Kind>>(nodes, body, contact.friction());
   }
 
-  static palpate::BodyNodes fitting(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
+  static palpate::deformable::SurfaceNodes fitting(const Points& at, const Points& normals, const Numbers& areas,
+                                                   const Matrix& compliance) {
     const std::size_t n = at.shape(0);
     if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
       throw nb::value_error("the sizes of a body's arrays do not fit each other");
@@ -82,12 +83,12 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
             auto [rows, row] = new_array<double>({n, answer_width});
             const nb::gil_scoped_release unlocked;
-            palpate::BodyTip tip = tip_of(radius, flat, palpate::Vector3<>::Zero(), palpate::Vector3<>::UnitZ());
+            palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
             for (std::size_t i = 0; i < n; ++i, row += answer_width) {
-              tip.centre = Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i);
-              tip.outward =
-                  faces ? self.contact.outward(tip) : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
-              put(self.contact.step(tip), row);
+              tip.centre = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
+              tip.outward = faces ? self.contact.outward(tip)
+                                  : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+              set_lane(self.contact.step(tip), row);
             }
             return rows;
           },
@@ -102,8 +103,8 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             auto [seconds, s] = new_array<double>({n});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i) {
-              const palpate::BodyTip tip = tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
-                                                  Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
+              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
+                                                          Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               const auto begin = std::chrono::steady_clock::now();
               self.contact.step(tip);
               s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -119,7 +120,8 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           [](const BodyCore<Kind>& self) {
             const auto n = static_cast<std::size_t>(self.contact.last().nodes);
             auto [forces, f] = new_array<double>({n, 3});
-            for (std::size_t k = 0; k < n; ++k) Eigen::Map<palpate::Vector3<>>(f + 3 * k) = self.contact.dragged(self.contact.pressed()[k]);
+            for (std::size_t k = 0; k < n; ++k)
+              Eigen::Map<palpate::math::Vector3<>>(f + 3 * k) = self.contact.dragged(self.contact.pressed()[k]);
             return forces;
           },
           "The forces of friction on the nodes of pressed(), N.")
@@ -150,19 +152,21 @@ std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std
   return list;
 }
 
-palpate::NetworkParts network_parts(const Points& places, const Numbers& masses, const Flags& held, const IndexRows<2>& springs,
-                                    const Numbers& stiffness, const IndexRows<4>& tetrahedra, const Numbers& pressure) {
+palpate::deformable::SpringNetworkData network_parts(const Points& places, const Numbers& inertia_parameters, const Flags& held,
+                                                     const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
+                                                     const Numbers& pressure) {
   const std::size_t count = places.shape(0);
-  if (masses.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
+  if (inertia_parameters.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count ||
+      stiffness.shape(0) != springs.shape(0))
     throw nb::value_error("the sizes of a network's arrays do not fit each other");
-  return {points(places),          numbers(masses),    {held.data(), held.data() + count},
-          rows<2>(springs, count), numbers(stiffness), rows<4>(tetrahedra, count),
+  return {points(places),          numbers(inertia_parameters), {held.data(), held.data() + count},
+          rows<2>(springs, count), numbers(stiffness),          rows<4>(tetrahedra, count),
           numbers(pressure)};
 }
 
-palpate::NetworkPatches network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares, std::size_t nodes,
-                                        std::size_t below) {
-  palpate::NetworkPatches p{
+palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares, std::size_t nodes,
+                                                  std::size_t below) {
+  palpate::deformable::PatchWeights p{
       {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
   bool fit = p.begin.size() == nodes + 1 && p.shares.size() == p.vertices.size() && p.begin.front() == 0 &&
              static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
@@ -175,77 +179,77 @@ palpate::NetworkPatches network_patches(const Indices& begin, const Indices& ver
 template <class At>
 auto new_points(std::size_t n, At at) {
   auto [array, x] = new_array<double>({n, 3});
-  for (std::size_t i = 0; i < n; ++i) Eigen::Map<palpate::Vector3<>>(x + 3 * i) = at(i);
+  for (std::size_t i = 0; i < n; ++i) Eigen::Map<palpate::math::Vector3<>>(x + 3 * i) = at(i);
   return array;
 }
 
 void bind_lattice(nb::module_& m) {
-  using palpate::Lattice;
-  bind_kind<Lattice>(m, "LatticeBody")
+  using palpate::deformable::MassSpringModel;
+  bind_kind<MassSpringModel>(m, "LatticeBody")
       .def(
           "__init__",
-          [](BodyCore<Lattice>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
-             const Numbers& masses, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
+          [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
+             const Numbers& inertia_parameters, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
              const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
              double period, double alpha, double beta, double hold, double slide) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
-            palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
-            Lattice lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
-                            network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
+            palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
+            MassSpringModel lattice(nodes, network_parts(places, inertia_parameters, held, springs, stiffness, tetrahedra, pressure),
+                                    network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
             if (!lattice.definite()) throw nb::value_error("a network has positive masses and volumes");
-            new (self) BodyCore<Lattice>(std::move(nodes), std::move(lattice), {hold, slide});
+            new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(lattice), {hold, slide});
           },
           "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
           "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
-          [](const BodyCore<Lattice>& self) {
+          [](const BodyCore<MassSpringModel>& self) {
             return new_points(static_cast<std::size_t>(self.nodes.size()),
                               [&](std::size_t i) { return self.body.displacement(static_cast<std::int32_t>(i)); });
           },
           "Of the nodes' patches (n, 3), m.")
       .def(
           "places",
-          [](const BodyCore<Lattice>& self) {
+          [](const BodyCore<MassSpringModel>& self) {
             return new_points(self.body.places().size(), [&](std::size_t v) { return self.body.places()[v]; });
           },
           "Of the vertices (N, 3), m.")
       .def(
           "set",
-          [](BodyCore<Lattice>& self, const Points& places, const Points& speeds) {
+          [](BodyCore<MassSpringModel>& self, const Points& places, const Points& speeds) {
             if (places.shape(0) != self.body.places().size() || speeds.shape(0) != places.shape(0))
               throw nb::value_error("as many places and speeds as the network has vertices are needed");
             self.body.set(points(places).data(), points(speeds).data());
           },
           "places"_a, "speeds"_a, "Go on from here.")
       .def_prop_ro(
-          "energy", [](const BodyCore<Lattice>& self) { return self.body.energy(); }, "Kinetic and stored, J.")
+          "energy", [](const BodyCore<MassSpringModel>& self) { return self.body.energy(); }, "Kinetic and stored, J.")
       .def_prop_ro(
-          "held_back", [](const BodyCore<Lattice>& self) { return self.body.held_back(); },
+          "held_back", [](const BodyCore<MassSpringModel>& self) { return self.body.held_back(); },
           "Periods that lost speed because they would have made energy.");
 }
 
 void bind_spline(nb::module_& m) {
-  using palpate::Spline;
-  bind_kind<Spline>(m, "SplineBody")
+  using palpate::deformable::FreeFormDeformation;
+  bind_kind<FreeFormDeformation>(m, "SplineBody")
       .def(
           "__init__",
-          [](BodyCore<Spline>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing, double give,
-             double layer, double give_across, double layer_across, double hold, double slide) {
+          [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
+             double give, double layer, double give_across, double layer_across, double hold, double slide) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
-            palpate::BodyNodes nodes(points(at), points(normals), numbers(areas));
-            Spline spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
-            new (self) BodyCore<Spline>(std::move(nodes), std::move(spline), {hold, slide});
+            palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
+            FreeFormDeformation spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
+            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(spline), {hold, slide});
           },
           "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a, "give_across"_a, "layer_across"_a,
           "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
-          [](const BodyCore<Spline>& self) {
+          [](const BodyCore<FreeFormDeformation>& self) {
             return new_points(static_cast<std::size_t>(self.nodes.size()), [&](std::size_t i) {
-              palpate::Vector3<> sum = palpate::Vector3<>::Zero();
+              palpate::math::Vector3<> sum = palpate::math::Vector3<>::Zero();
               for (int c = 0; c < self.contact.last().nodes; ++c) {
                 const std::int32_t node = self.contact.pressed()[c];
                 sum += self.body.displacement(static_cast<std::int32_t>(i), node, self.contact.forces()[c], self.contact.dragged(node));
@@ -259,7 +263,7 @@ void bind_spline(nb::module_& m) {
 }  // namespace
 
 void bind_body(nb::module_& m) {
-  using palpate::Compliance, palpate::Modal, palpate::Relaxing;
+  using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
   nb::class_<BodyInLoop>(m, "BodyInLoop", "A body of any kind, as a servo loop takes it.");
   nb::class_<SurfaceFrames>(m, "SurfaceFrames", "A thread that draws what a servo loop presses.")
       .def(
@@ -280,17 +284,17 @@ void bind_body(nb::module_& m) {
             return nb::make_tuple(frame.number, frame.tick, rows);
           },
           "The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
-  nb::class_<TouchedBody>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
-      .def(nb::init<const BodyInLoop&, const palpate::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a, "turn"_a,
-           "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
+  nb::class_<BodyPlacement>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
+      .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
+           "turn"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
   bind_kind<Compliance>(m, "ElasticBody")
       .def(
           "__init__",
           [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              double hold, double slide) {
-            new (self) BodyCore<Compliance>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
-              return Compliance(nodes, compliance.data(), hold > 0.0);
-            });
+            new (self) BodyCore<Compliance>(
+                at, normals, areas, compliance, {hold, slide},
+                [&](const palpate::deformable::SurfaceNodes& nodes) { return Compliance(nodes, compliance.data(), hold > 0.0); });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_kind<Modal>(m, "ModalBody")
@@ -301,20 +305,21 @@ void bind_body(nb::module_& m) {
              double hold, double slide) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of a body's modes do not fit each other");
-            new (self) BodyCore<Modal>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
+            new (self) BodyCore<Modal>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::deformable::SurfaceNodes& nodes) {
               return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta, instant, creep, hold > 0.0);
             });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
           "instant"_a = 1.0, "creep"_a = 1.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
-  bind_kind<Relaxing>(m, "RelaxingBody")
+  bind_kind<StandardLinearSolid>(m, "RelaxingBody")
       .def(
           "__init__",
-          [](BodyCore<Relaxing>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+          [](BodyCore<StandardLinearSolid>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              double instant, double creep, double period, double hold, double slide) {
-            new (self) BodyCore<Relaxing>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::BodyNodes& nodes) {
-              return Relaxing(Compliance(nodes, compliance.data(), hold > 0.0), instant, creep, period);
-            });
+            new (self) BodyCore<StandardLinearSolid>(
+                at, normals, areas, compliance, {hold, slide}, [&](const palpate::deformable::SurfaceNodes& nodes) {
+                  return StandardLinearSolid(Compliance(nodes, compliance.data(), hold > 0.0), instant, creep, period);
+                });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a, "static_friction"_a = 0.0,
           "dynamic_friction"_a = 0.0);

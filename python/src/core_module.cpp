@@ -32,12 +32,12 @@ using RowMajor = Eigen::Matrix<double, rows, columns, (columns > 1 ? Eigen::RowM
 template <class Mechanism>
 void bind_mechanism(nb::class_<Mechanism>& cls) {
   constexpr int dof = Mechanism::dof;
-  using Q = palpate::Joints<dof>;
+  using Q = palpate::math::Joints<dof>;
   const auto joint = [](const Rows& a, std::size_t i) { return Q(Eigen::Map<const Q>(a.data() + i * dof)); };
 
   cls.def("forward", [joint](const Mechanism& self, const Rows& q) {
     auto [out, data] = new_array<double>({q.shape(0), 3});
-    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<palpate::Vector3<>>(data + 3 * i) = self.forward(joint(q, i));
+    for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<palpate::math::Vector3<>>(data + 3 * i) = self.forward(joint(q, i));
     return out;
   });
   cls.def("jacobian", [joint](const Mechanism& self, const Rows& q) {
@@ -46,13 +46,13 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
     return out;
   });
   cls.def("tip_hessian", [joint](const Mechanism& self, const Rows& q) {
-    using Variable = palpate::Dual<dof>;
+    using Variable = palpate::math::Dual<dof>;
     auto [out, data] = new_array<double>({q.shape(0), 3, dof, dof});
     for (std::size_t i = 0; i < q.shape(0); ++i) {
       const Q at = joint(q, i);
-      palpate::Joints<dof, Variable> variables;
+      palpate::math::Joints<dof, Variable> variables;
       for (int k = 0; k < dof; ++k) variables[k] = Variable::variable(at[k], k);
-      const palpate::TipJacobian<dof, Variable> j = self.jacobian(variables);
+      const palpate::math::TipJacobian<dof, Variable> j = self.jacobian(variables);
       double* hessian = data + 3 * dof * dof * i;
       for (int row = 0; row < 3; ++row)
         for (int a = 0; a < dof; ++a)
@@ -85,23 +85,23 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
     }
     return out;
   });
-  cls.def("acceleration",
-          [joint](const Mechanism& self, const palpate::Friction<dof>& friction, const Rows& q, const Rows& qd, const Rows& tau) {
-            const palpate::Motion<Mechanism> motion(self, friction, palpate::Hand{});
-            auto [out, data] = new_array<double>({q.shape(0), dof});
-            for (std::size_t i = 0; i < q.shape(0); ++i)
-              Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
-            return out;
-          });
+  cls.def("acceleration", [joint](const Mechanism& self, const palpate::plant::JointFriction<dof>& friction, const Rows& q, const Rows& qd,
+                                  const Rows& tau) {
+    const palpate::plant::PlantIntegrator<Mechanism> motion(self, friction, palpate::plant::HumanArm{});
+    auto [out, data] = new_array<double>({q.shape(0), dof});
+    for (std::size_t i = 0; i < q.shape(0); ++i)
+      Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
+    return out;
+  });
   cls.def("linearization", [](const Mechanism& self, const Q& viscous, const Q& q, const Q& qd, const Q& tau) {
-    using Variable = palpate::Dual<3 * dof>;
-    palpate::Joints<dof, Variable> at, speed, torque;
+    using Variable = palpate::math::Dual<3 * dof>;
+    palpate::math::Joints<dof, Variable> at, speed, torque;
     for (int k = 0; k < dof; ++k) {
       at[k] = Variable::variable(q[k], k);
       speed[k] = Variable::variable(qd[k], dof + k);
       torque[k] = Variable::variable(tau[k], 2 * dof + k) - viscous[k] * speed[k];
     }
-    const palpate::Joints<dof, Variable> qdd = self.acceleration(at, speed, torque);
+    const palpate::math::Joints<dof, Variable> qdd = self.acceleration(at, speed, torque);
     Eigen::Matrix<double, dof, 3 * dof> d;
     for (int k = 0; k < dof; ++k) d.row(k) = qdd[k].gradient.transpose();
     return Eigen::MatrixXd(d);
@@ -110,24 +110,25 @@ void bind_mechanism(nb::class_<Mechanism>& cls) {
 
 /// Runs the nonlinear device's loop and times the servo's part of each period. If it is paced, a body's slow steps have a thread.
 template <class Mechanism>
-void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
+void time_ticks(const palpate::servo::SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                 bool paced, double* seconds) {
   using Time = std::chrono::steady_clock;
-  palpate::detail::MovingPlant<Mechanism> plant(setup);
-  palpate::Servo<Mechanism> servo(setup);
-  const palpate::Clock<double> regular(setup.period, 0.0, 0);
+  palpate::servo::detail::MovingPlant<Mechanism> plant(setup);
+  palpate::servo::Servo<Mechanism> servo(setup);
+  const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
   std::optional<SlowThread> slow;
-  palpate::BodyTouch* body = servo.body();
+  palpate::object::BodyInstance* body = servo.body();
   if (paced && body != nullptr && body->body().slow()) slow.emplace([body] { body->body().slow_step(); });
   const Time::time_point first = Time::now();
   for (int k = 0; k < ticks; ++k) {
     if (paced)
       std::this_thread::sleep_until(first + std::chrono::duration_cast<Time::duration>(std::chrono::duration<double>(k * setup.period)));
     const Time::time_point begin = Time::now();
-    const auto& tick = palpate::detail::tick_of(servo, plant, palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(reference + 3 * k)));
+    const auto& tick = palpate::servo::detail::tick_of(
+        servo, plant, palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(reference + 3 * k)));
     seconds[k] = std::chrono::duration<double>(Time::now() - begin).count();
     if (!slow) servo.in_turn();
-    const palpate::Vector3<> push = Eigen::Map<const palpate::Vector3<>>(operator_force + 3 * k);
+    const palpate::math::Vector3<> push = Eigen::Map<const palpate::math::Vector3<>>(operator_force + 3 * k);
     plant.advance(tick.torque, {push, push}, regular);
   }
 }
@@ -135,17 +136,17 @@ void time_ticks(const palpate::SimulationSetup<Mechanism>& setup, int ticks, con
 template <class Mechanism>
 void bind_loop(nb::module_& m, const char* name) {
   constexpr int dof = Mechanism::dof;
-  using Setup = palpate::SimulationSetup<Mechanism>;
-  using Friction = palpate::Friction<dof>;
-  using Limits = palpate::DriveLimits<dof>;
+  using Setup = palpate::servo::SimulationSetup<Mechanism>;
+  using JointFriction = palpate::plant::JointFriction<dof>;
+  using Limits = palpate::actuation::DriveLimits<dof>;
   const std::string prefix = name;
 
-  nb::class_<Friction>(m, (prefix + "Friction").c_str())
+  nb::class_<JointFriction>(m, (prefix + "Friction").c_str())
       .def(nb::init<>())
-      .def_rw("viscous", &Friction::viscous)
-      .def_rw("coulomb", &Friction::coulomb)
-      .def_rw("breakaway", &Friction::breakaway)
-      .def_rw("stribeck_speed", &Friction::stribeck_speed);
+      .def_rw("viscous", &JointFriction::viscous)
+      .def_rw("coulomb", &JointFriction::coulomb)
+      .def_rw("breakaway", &JointFriction::breakaway)
+      .def_rw("stribeck_speed", &JointFriction::stribeck_speed);
   nb::class_<Limits>(m, (prefix + "Limits").c_str())
       .def(nb::init<>())
       .def_rw("peak_force", &Limits::peak_force)
@@ -159,7 +160,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("hand", &Setup::hand)
       .def_prop_rw(
           "encoder_step", [](const Setup& s) { return s.encoder.step; },
-          [](Setup& s, const palpate::Joints<dof>& step) { s.encoder.step = step; })
+          [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
       .def_rw("limits", &Setup::limits)
       .def_rw("delay", &Setup::delay)
       .def_rw("anchor", &Setup::anchor)
@@ -186,7 +187,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "lateness",
           [](const Setup& self, int ticks) {
-            palpate::Clock<double> clock(self.period, self.jitter, self.seed);
+            palpate::actuation::TickSchedule<double> clock(self.period, self.jitter, self.seed);
             auto [out, data] = new_array<double>({static_cast<std::size_t>(ticks) + 1});
             for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.late();
             return out;
@@ -196,7 +197,7 @@ void bind_loop(nb::module_& m, const char* name) {
           "touch", [](Setup& s, const TouchedSurface& t) { s.touched = t.touched(); }, "surface"_a, nb::keep_alive<1, 2>(),
           "Puts a mesh in the anchor's place.")
       .def(
-          "touch_body", [](Setup& s, const TouchedBody& t) { s.body = t.placed; }, "body"_a, nb::keep_alive<1, 2>(),
+          "touch_body", [](Setup& s, const BodyPlacement& t) { s.body = t.placed; }, "body"_a, nb::keep_alive<1, 2>(),
           "Puts a body that yields in the anchor's place.")
       .def(
           "watch", [](Setup& s, SurfaceFrames& f) { s.body.watched = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
@@ -225,11 +226,12 @@ void bind_loop(nb::module_& m, const char* name) {
               throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
             const int ticks = static_cast<int>(reference.shape(0)) - 1;
             const int most = ticks / self.record_every + 1;
-            auto [rows, data] = new_array<double>({static_cast<std::size_t>(most), static_cast<std::size_t>(palpate::row_width(self))});
-            palpate::SimulationOutcome outcome;
+            auto [rows, data] =
+                new_array<double>({static_cast<std::size_t>(most), static_cast<std::size_t>(palpate::servo::row_width(self))});
+            palpate::servo::SimulationOutcome outcome;
             {
               const nb::gil_scoped_release unlocked;
-              outcome = palpate::simulate(self, ticks, reference.data(), operator_force.data(), data);
+              outcome = palpate::servo::simulate(self, ticks, reference.data(), operator_force.data(), data);
             }
             return nb::make_tuple(rows, outcome.rows, outcome.unstable_tick);
           },
@@ -253,40 +255,40 @@ NB_MODULE(_core, m) {
   bind_solid(m);
   bind_touch(m);
 
-  nb::class_<palpate::Hand>(m, "Hand")
+  nb::class_<palpate::plant::HumanArm>(m, "Hand")
       .def(nb::init<>())
-      .def_rw("mass", &palpate::Hand::mass)
-      .def_rw("damping", &palpate::Hand::damping)
-      .def_rw("stiffness", &palpate::Hand::stiffness)
-      .def_rw("tissue", &palpate::Hand::tissue)
-      .def_rw("tissue_stiffness", &palpate::Hand::tissue_stiffness)
-      .def_rw("tissue_damping", &palpate::Hand::tissue_damping)
-      .def_rw("rest", &palpate::Hand::rest);
+      .def_rw("mass", &palpate::plant::HumanArm::mass)
+      .def_rw("damping", &palpate::plant::HumanArm::damping)
+      .def_rw("stiffness", &palpate::plant::HumanArm::stiffness)
+      .def_rw("tissue", &palpate::plant::HumanArm::tissue)
+      .def_rw("tissue_stiffness", &palpate::plant::HumanArm::tissue_stiffness)
+      .def_rw("tissue_damping", &palpate::plant::HumanArm::tissue_damping)
+      .def_rw("rest", &palpate::plant::HumanArm::rest);
 
-  nb::class_<palpate::Anchor> anchor(m, "Anchor");
-  nb::enum_<palpate::Anchor::Kind>(anchor, "Kind")
-      .value("none", palpate::Anchor::Kind::none)
-      .value("point", palpate::Anchor::Kind::point)
-      .value("half_space", palpate::Anchor::Kind::half_space);
+  nb::class_<palpate::object::SpringWall> anchor(m, "Anchor");
+  nb::enum_<palpate::object::SpringWall::Kind>(anchor, "Kind")
+      .value("none", palpate::object::SpringWall::Kind::none)
+      .value("point", palpate::object::SpringWall::Kind::point)
+      .value("half_space", palpate::object::SpringWall::Kind::half_space);
   anchor.def(nb::init<>())
-      .def_rw("kind", &palpate::Anchor::kind)
-      .def_rw("point", &palpate::Anchor::point)
-      .def_rw("normal", &palpate::Anchor::normal);
+      .def_rw("kind", &palpate::object::SpringWall::kind)
+      .def_rw("point", &palpate::object::SpringWall::point)
+      .def_rw("normal", &palpate::object::SpringWall::normal);
 
-  nb::enum_<palpate::VirtualCoupling::Difference>(m, "Difference")
-      .value("backward", palpate::VirtualCoupling::Difference::backward)
-      .value("bilinear", palpate::VirtualCoupling::Difference::bilinear);
+  nb::enum_<palpate::control::VirtualCoupling::Difference>(m, "Difference")
+      .value("backward", palpate::control::VirtualCoupling::Difference::backward)
+      .value("bilinear", palpate::control::VirtualCoupling::Difference::bilinear);
 
-  nb::class_<palpate::StateSpace>(m, "StateSpace")
+  nb::class_<palpate::control::StateSpace>(m, "StateSpace")
       .def(nb::init<>())
       .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&,
                     const Eigen::MatrixXd&>(),
            "a"_a, "b"_a, "c"_a, "d"_a, "antiwindup"_a)
-      .def_prop_ro("order", &palpate::StateSpace::order)
-      .def("output", &palpate::StateSpace::output)
-      .def("advance", &palpate::StateSpace::advance);
+      .def_prop_ro("order", &palpate::control::StateSpace::order)
+      .def("output", &palpate::control::StateSpace::output)
+      .def("advance", &palpate::control::StateSpace::advance);
 
-  using palpate::PremiumParameters;
+  using palpate::mechanism::PremiumParameters;
   nb::class_<PremiumParameters>(m, "PremiumParameters")
       .def(nb::init<>())
       .def_rw("l1", &PremiumParameters::l1)
@@ -306,23 +308,23 @@ NB_MODULE(_core, m) {
       .def_rw("rotor_inertia", &PremiumParameters::rotor_inertia)
       .def_rw("gravity", &PremiumParameters::gravity);
 
-  m.def("phantom_premium_1_5a", &palpate::phantom_premium_1_5a, "The C++ catalogue's entry.");
+  m.def("phantom_premium_1_5a", &palpate::plant::phantom_premium_1_5a, "The C++ catalogue's entry.");
 
-  bind_loop<palpate::Premium>(m, "Premium");
-  bind_loop<palpate::Slider>(m, "Slider");
+  bind_loop<palpate::mechanism::Premium>(m, "Premium");
+  bind_loop<palpate::mechanism::Slider>(m, "Slider");
 
-  nb::class_<palpate::Premium> premium(m, "Premium");
+  nb::class_<palpate::mechanism::Premium> premium(m, "Premium");
   premium.def(nb::init<const PremiumParameters&>());
   bind_mechanism(premium);
   premium.def(
       "inverse",
-      [](const palpate::Premium& self, const palpate::Vector3<>& p, bool behind, bool elbow_down) {
+      [](const palpate::mechanism::Premium& self, const palpate::math::Vector3<>& p, bool behind, bool elbow_down) {
         const auto pose = self.inverse(p, behind, elbow_down);
         return nb::make_tuple(static_cast<int>(pose.reach), pose.q);
       },
       "p"_a, "behind"_a, "elbow_down"_a);
 
-  nb::class_<palpate::Slider> slider(m, "Slider");
+  nb::class_<palpate::mechanism::Slider> slider(m, "Slider");
   slider.def(nb::init<double>(), "mass"_a);
   bind_mechanism(slider);
 

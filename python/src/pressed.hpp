@@ -1,7 +1,7 @@
 #pragma once
 
 #include <memory>
-#include <palpate/body/pressed_solid.hpp>
+#include <palpate/deformable/hyperelastic/quasi_static_solver.hpp>
 
 namespace palpate::solid {
 
@@ -22,7 +22,7 @@ class AnyPressed {
   AnyPressed& operator=(const AnyPressed&) = delete;
   virtual ~AnyPressed() = default;
 
-  virtual PressedStep step(const BodyTips& tips, Snapshot& to) = 0;
+  virtual PressedStep step(const deformable::TipPair& tips, deformable::LocalModel& to) = 0;
   /// Of all points, 3 x point + axis, m.
   virtual void displacement(double* to) const = 0;
   [[nodiscard]] virtual double energy() = 0;
@@ -32,6 +32,7 @@ class AnyPressed {
 };
 
 template <int lanes>
-std::unique_ptr<AnyPressed> press(bool corotational, const SolidMesh& mesh, const SolidSurface& surface, const Effort& effort);
+std::unique_ptr<AnyPressed> press(bool corotational, const deformable::TetMesh& mesh, const deformable::TetSurface& surface,
+                                  const deformable::SolverOptions& effort);
 
 }  // namespace palpate::solid

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <memory>
-#include <palpate/body/solid.hpp>
+#include <palpate/deformable/hyperelastic/hyperelastic_model.hpp>
 #include <string>
 
 namespace palpate::solid {
@@ -26,6 +26,6 @@ class AnySolid {
 };
 
 template <int lanes>
-std::unique_ptr<AnySolid> make(bool corotational, const SolidMesh& mesh);
+std::unique_ptr<AnySolid> make(bool corotational, const deformable::TetMesh& mesh);
 
 }  // namespace palpate::solid

@@ -1,7 +1,7 @@
 /// Compiled once for each width of vector registers, as batch_lanes.cpp is and for the same reasons.
 #include <algorithm>
-#include <palpate/body/corotational.hpp>
-#include <palpate/body/neo_hookean.hpp>
+#include <palpate/deformable/hyperelastic/corotational.hpp>
+#include <palpate/deformable/hyperelastic/neo_hookean.hpp>
 
 #include "pressed.hpp"
 #include "solid.hpp"
@@ -13,7 +13,7 @@ namespace {
 template <template <class> class Material>
 class SolidOf final : public AnySolid {
  public:
-  explicit SolidOf(const SolidMesh& mesh)
+  explicit SolidOf(const deformable::TetMesh& mesh)
       : solid_(mesh), free_(static_cast<std::size_t>(solid_.free_nodes())), at_(3 * solid_.nodes()), load_(solid_.unknowns()) {}
 
   double evaluate(const double* displacement, double* forces) override {
@@ -63,7 +63,7 @@ class SolidOf final : public AnySolid {
   }
   [[nodiscard]] std::size_t point(std::size_t node) const { return static_cast<std::size_t>(solid_.point_of(static_cast<int>(node))); }
 
-  Solid<Material, PALPATE_LANES> solid_;
+  deformable::HyperelasticModel<Material, PALPATE_LANES> solid_;
   std::size_t free_;
   std::vector<double> at_, load_;
 };
@@ -74,9 +74,10 @@ class PressedOf final : public AnyPressed {
   PressedOf(const PressedOf& other) : AnyPressed(), pressed_(other.pressed_) {}
   PressedOf& operator=(const PressedOf&) = delete;
   ~PressedOf() override = default;
-  PressedOf(const SolidMesh& mesh, const SolidSurface& surface, const Effort& effort) : pressed_(mesh, surface, effort) {}
+  PressedOf(const deformable::TetMesh& mesh, const deformable::TetSurface& surface, const deformable::SolverOptions& effort)
+      : pressed_(mesh, surface, effort) {}
 
-  PressedStep step(const BodyTips& tips, Snapshot& to) override {
+  PressedStep step(const deformable::TipPair& tips, deformable::LocalModel& to) override {
     const auto report = pressed_.step(tips, to);
     return {report.unrest, report.newton.residual, report.newton.solver_steps, report.compliance.steps, report.compliance.left};
   }
@@ -91,22 +92,22 @@ class PressedOf final : public AnyPressed {
   }
 
  private:
-  PressedSolid<Material, PALPATE_LANES> pressed_;
+  deformable::QuasiStaticSolver<Material, PALPATE_LANES> pressed_;
 };
 
 }  // namespace
 
 template <>
-std::unique_ptr<AnySolid> make<PALPATE_LANES>(bool corotational, const SolidMesh& mesh) {
-  if (corotational) return std::make_unique<SolidOf<Corotational>>(mesh);
-  return std::make_unique<SolidOf<NeoHookean>>(mesh);
+std::unique_ptr<AnySolid> make<PALPATE_LANES>(bool corotational, const deformable::TetMesh& mesh) {
+  if (corotational) return std::make_unique<SolidOf<deformable::Corotational>>(mesh);
+  return std::make_unique<SolidOf<deformable::NeoHookean>>(mesh);
 }
 
 template <>
-std::unique_ptr<AnyPressed> press<PALPATE_LANES>(bool corotational, const SolidMesh& mesh, const SolidSurface& surface,
-                                                 const Effort& effort) {
-  if (corotational) return std::make_unique<PressedOf<Corotational>>(mesh, surface, effort);
-  return std::make_unique<PressedOf<NeoHookean>>(mesh, surface, effort);
+std::unique_ptr<AnyPressed> press<PALPATE_LANES>(bool corotational, const deformable::TetMesh& mesh, const deformable::TetSurface& surface,
+                                                 const deformable::SolverOptions& effort) {
+  if (corotational) return std::make_unique<PressedOf<deformable::Corotational>>(mesh, surface, effort);
+  return std::make_unique<PressedOf<deformable::NeoHookean>>(mesh, surface, effort);
 }
 
 }  // namespace palpate::solid

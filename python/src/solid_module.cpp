@@ -3,8 +3,8 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
-#include <palpate/body/loop_solid.hpp>
-#include <palpate/body/two_rates.hpp>
+#include <palpate/deformable/multirate/multirate_coupling.hpp>
+#include <palpate/object/hyperelastic_object.hpp>
 #include <thread>
 #include <type_traits>
 
@@ -24,7 +24,7 @@ namespace {
 using palpate::solid::AnyPressed;
 using palpate::solid::AnySolid;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Cells = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using JobScheduler = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Integers = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
@@ -46,11 +46,12 @@ auto widest(Make make) {
   return make(std::integral_constant<int, 2>());
 }
 
-palpate::SolidMesh mesh_of(const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held) {
+palpate::deformable::TetMesh mesh_of(const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
+                                     const Flags& held) {
   const std::size_t n = points.shape(0), m = cells.shape(0);
   if (n == 0 || m == 0 || shear.shape(0) != m || lame.shape(0) != m || held.shape(0) != n)
     throw nb::value_error("the sizes of a solid's arrays do not fit each other");
-  palpate::SolidMesh mesh;
+  palpate::deformable::TetMesh mesh;
   for (std::size_t i = 0; i < n; ++i) mesh.points.emplace_back(points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]);
   for (std::size_t c = 0; c < m; ++c) {
     auto& corners = mesh.tetrahedra.emplace_back();
@@ -71,8 +72,8 @@ void check(const SolidCore& self, const Points& vectors) {
   if (vectors.shape(0) != self.points) throw nb::value_error("one vector for each point is needed");
 }
 
-palpate::SolidSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
-                                 const Integers& shared, const Numbers& weights, const Triangles& triangles) {
+palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
+                                           const Integers& shared, const Numbers& weights, const Triangles& triangles) {
   const std::size_t n = point.shape(0);
   const auto fits = [points](const auto& numbers, std::size_t count) {
     return std::all_of(numbers.data(), numbers.data() + count,
@@ -83,7 +84,7 @@ palpate::SolidSurface surface_of(std::size_t points, const Integers& point, cons
       begin.data()[n] != static_cast<std::int32_t>(shares) || !std::is_sorted(begin.data(), begin.data() + n + 1) || begin.data()[0] != 0 ||
       !fits(point, n) || !fits(shared, shares) || !fits(triangles, 3 * triangles.shape(0)))
     throw nb::value_error("the arrays of a solid's surface do not fit each other");
-  palpate::SolidSurface surface;
+  palpate::deformable::TetSurface surface;
   surface.point.assign(point.data(), point.data() + n);
   surface.area.assign(areas.data(), areas.data() + n);
   surface.begin.assign(begin.data(), begin.data() + n + 1);
@@ -94,15 +95,16 @@ palpate::SolidSurface surface_of(std::size_t points, const Integers& point, cons
   return surface;
 }
 
-std::unique_ptr<AnyPressed> pressed_of(const palpate::SolidMesh& mesh, bool corotational, const palpate::SolidSurface& surface, int near) {
-  palpate::Effort effort;
+std::unique_ptr<AnyPressed> pressed_of(const palpate::deformable::TetMesh& mesh, bool corotational,
+                                       const palpate::deformable::TetSurface& surface, int near) {
+  palpate::deformable::SolverOptions effort;
   effort.near = near;
   return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, effort); });
 }
 
 struct PressedCore {
   std::size_t points;
-  palpate::TwoRates<AnyPressed> pressing;
+  palpate::deformable::MultirateCoupling<AnyPressed> pressing;
 };
 
 /// The tips at each tick of a path (ticks, tips, 3).
@@ -111,31 +113,31 @@ class Ways {
   Ways(const Paths& centres, const Paths& outward, const Numbers& radii, bool flat)
       : centres_(centres.data()), outward_(outward.data()), ticks_(centres.shape(0)) {
     const std::size_t count = centres.shape(1);
-    if (count == 0 || count > palpate::BodyTips::most) throw nb::value_error("one or two tips press a solid");
+    if (count == 0 || count > palpate::deformable::TipPair::most) throw nb::value_error("one or two tips press a solid");
     if (outward.shape(0) != ticks_ || outward.shape(1) != count || radii.shape(0) != count)
       throw nb::value_error("as many directions as places, and a radius for each tip are needed");
     tips_.count = static_cast<int>(count);
     for (std::size_t t = 0; t < count; ++t) {
-      tips_.tip[t].kind = flat ? palpate::BodyTip::Kind::flat : palpate::BodyTip::Kind::sphere;
+      tips_.tip[t].kind = flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere;
       tips_.tip[t].radius = radii.data()[t];
     }
   }
   [[nodiscard]] std::size_t ticks() const { return ticks_; }
   [[nodiscard]] std::size_t columns() const { return 10 * static_cast<std::size_t>(tips_.count) + 4; }
-  const palpate::BodyTips& at(std::size_t tick) {
+  const palpate::deformable::TipPair& at(std::size_t tick) {
     const auto count = static_cast<std::size_t>(tips_.count);
     for (std::size_t t = 0; t < count; ++t) {
-      tips_.tip[t].centre = Eigen::Map<const palpate::Vector3<>>(centres_ + 3 * (tick * count + t));
-      tips_.tip[t].outward = Eigen::Map<const palpate::Vector3<>>(outward_ + 3 * (tick * count + t));
+      tips_.tip[t].centre = Eigen::Map<const palpate::math::Vector3<>>(centres_ + 3 * (tick * count + t));
+      tips_.tip[t].outward = Eigen::Map<const palpate::math::Vector3<>>(outward_ + 3 * (tick * count + t));
     }
     return tips_;
   }
   /// A row of what a tick answered.
-  void write(const palpate::BlendedContact& servo, double* row) const {
+  void write(const palpate::deformable::PassiveModelSwitch& servo, double* row) const {
     for (std::size_t t = 0; t < static_cast<std::size_t>(tips_.count); ++t, row += 10) {
-      const palpate::BodyAnswer& a = servo.last().tip[t];
-      Eigen::Map<palpate::Vector3<>>(row + 0) = a.force;
-      Eigen::Map<palpate::Vector3<>>(row + 3) = a.deflection;
+      const palpate::deformable::ContactResult& a = servo.last().tip[t];
+      Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
+      Eigen::Map<palpate::math::Vector3<>>(row + 3) = a.deflection;
       row[6] = a.energy;
       row[7] = a.nodes;
       row[8] = a.touching ? 1.0 : 0.0;
@@ -152,7 +154,7 @@ class Ways {
   const double* centres_;
   const double* outward_;
   std::size_t ticks_;
-  palpate::BodyTips tips_;
+  palpate::deformable::TipPair tips_;
 };
 
 Out step_row(const palpate::solid::PressedStep& step) {
@@ -168,12 +170,12 @@ void bind_pressed(nb::module_& m) {
   nb::class_<PressedCore>(m, "PressedSolid")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near) {
+          [](PressedCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
+             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
+             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near) {
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
-            new (self) PressedCore{points.shape(0), palpate::TwoRates<AnyPressed>(std::move(solid))};
+            new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
           "weights"_a, "triangles"_a, "near"_a)
@@ -212,7 +214,7 @@ void bind_pressed(nb::module_& m) {
       .def(
           "live",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
-            using Clock = SlowThread::Clock;
+            using TickSchedule = SlowThread::TickSchedule;
             Ways ways(centres, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             auto [times, t] = new_array<double>({ways.ticks(), 2});
@@ -224,15 +226,15 @@ void bind_pressed(nb::module_& m) {
                 self.pressing.tick(ways.at(0));
                 other = std::make_unique<SlowThread>([&self] { self.pressing.slow_step(); });
               }
-              const auto begin = Clock::now();
+              const auto begin = TickSchedule::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
-                const palpate::BodyTips& tips = ways.at(k);
-                const auto due =
-                    begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
+                const palpate::deformable::TipPair& tips = ways.at(k);
+                const auto due = begin + std::chrono::duration_cast<TickSchedule::duration>(
+                                             std::chrono::duration<double>(period * static_cast<double>(k)));
                 std::this_thread::sleep_until(due);
-                const auto woken = Clock::now();
+                const auto woken = TickSchedule::now();
                 self.pressing.tick(tips);
-                t[1] = std::chrono::duration<double>(Clock::now() - woken).count();
+                t[1] = std::chrono::duration<double>(TickSchedule::now() - woken).count();
                 t[0] = std::chrono::duration<double>(woken - due).count();
                 ways.write(self.pressing.servo(), row);
               }
@@ -258,7 +260,7 @@ void bind_pressed(nb::module_& m) {
       .def(
           "snapshot",
           [](PressedCore& self) {
-            const palpate::Snapshot& s = self.pressing.newest();
+            const palpate::deformable::LocalModel& s = self.pressing.newest();
             const auto n = static_cast<std::size_t>(s.nodes.size());
             auto [names, i] = new_array<double>({n, 1});
             auto [compliance, c] = new_array<double>({n, n});
@@ -280,19 +282,19 @@ void bind_pressed(nb::module_& m) {
 /// A solid as one of a body's kinds: one tip, slow steps in turn.
 struct NonlinearCore : BodyInLoop {
   std::size_t points;
-  palpate::LoopSolid<AnyPressed> body;
+  palpate::object::HyperelasticObject<AnyPressed> body;
   bool begun = false;
 
-  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every, palpate::SnapshotSlip slip)
+  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every, palpate::deformable::LocalModelSlip slip)
       : points(count), body(std::move(solid), every, std::move(slip)) {}
 
-  [[nodiscard]] std::unique_ptr<palpate::LoopBody> in_loop() const override { return body.fresh(); }
+  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.fresh(); }
 
-  const palpate::BodyAnswer& tick(palpate::BodyTip tip) {
-    if (tip.kind == palpate::BodyTip::Kind::sphere) tip.outward = body.outward(tip);
+  const palpate::deformable::ContactResult& tick(palpate::deformable::Tip tip) {
+    if (tip.kind == palpate::deformable::Tip::Kind::sphere) tip.outward = body.outward(tip);
     if (!begun) body.begin(tip);
     begun = true;
-    const palpate::BodyAnswer& answer = body.step(tip);
+    const palpate::deformable::ContactResult& answer = body.step(tip);
     body.in_turn();
     return answer;
   }
@@ -304,7 +306,7 @@ void bind_nonlinear(nb::module_& m) {
       .def(
           "latest",
           [](SolidFrames& self) {
-            const palpate::MovedPoints& moved = self.latest();
+            const palpate::object::DeformationFrame& moved = self.latest();
             auto [rows, data] = new_array<double>({self.points(), 3});
             std::copy(moved.displacement.begin(), moved.displacement.end(), data);
             return nb::make_tuple(moved.step, moved.tick, rows);
@@ -313,16 +315,16 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double hold,
-             double slide) {
+          [](NonlinearCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
+             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
+             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway,
+             double hold, double slide) {
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
-            new (self)
-                NonlinearCore(points.shape(0), std::move(solid), every,
-                              hold > 0.0 ? palpate::SnapshotSlip({hold, slide}, ratio, sway, point.shape(0)) : palpate::SnapshotSlip());
+            new (self) NonlinearCore(points.shape(0), std::move(solid), every,
+                                     hold > 0.0 ? palpate::deformable::LocalModelSlip({hold, slide}, ratio, sway, point.shape(0))
+                                                : palpate::deformable::LocalModelSlip());
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
           "weights"_a, "triangles"_a, "near"_a, "every"_a, "ratio"_a = 1.0, "sway"_a = 0.0, "static_friction"_a = 0.0,
@@ -336,9 +338,10 @@ void bind_nonlinear(nb::module_& m) {
             auto [rows, row] = new_array<double>({n, answer_width});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i, row += answer_width) {
-              const palpate::Vector3<> out =
-                  faces ? palpate::Vector3<>::UnitZ() : palpate::Vector3<>(Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
-              put(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i), out)), row);
+              const palpate::math::Vector3<> out =
+                  faces ? palpate::math::Vector3<>::UnitZ()
+                        : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+              set_lane(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
             }
             return rows;
           },
@@ -353,11 +356,11 @@ void bind_nonlinear(nb::module_& m) {
             auto [rows, row] = new_array<double>({n, answer_width + 1});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i, row += answer_width + 1) {
-              const palpate::BodyTip tip = tip_of(radius, flat, Eigen::Map<const palpate::Vector3<>>(centres.data() + 3 * i),
-                                                  Eigen::Map<const palpate::Vector3<>>(outward.data() + 3 * i));
+              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
+                                                          Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               self.begun = true;
               row[answer_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
-              put(self.body.last(), row);
+              set_lane(self.body.last(), row);
             }
             return rows;
           },
@@ -388,9 +391,9 @@ void bind_solid(nb::module_& m) {
   nb::class_<SolidCore>(m, "Solid")
       .def(
           "__init__",
-          [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+          [](SolidCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
              bool corotational) {
-            const palpate::SolidMesh mesh = mesh_of(points, cells, shear, lame, held);
+            const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, held);
             auto solid = widest([&](auto lanes) { return palpate::solid::make<lanes()>(corotational, mesh); });
             new (self) SolidCore{points.shape(0), std::move(solid)};
           },

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
-#include <palpate/body/touched.hpp>
-#include <palpate/math/latest.hpp>
+#include <palpate/math/latest_value.hpp>
+#include <palpate/object/deformable_object.hpp>
 #include <thread>
 #include <vector>
 
@@ -41,7 +41,7 @@ class SurfaceFrames {
     thread_.join();
   }
 
-  [[nodiscard]] palpate::Latest<palpate::PressedNodes>* pressed() noexcept { return &pressed_; }
+  [[nodiscard]] palpate::math::LatestValue<palpate::object::ContactFrame>* pressed() noexcept { return &pressed_; }
   [[nodiscard]] std::size_t size() const noexcept { return nodes_; }
 
   /// For one thread at a time.
@@ -62,7 +62,7 @@ class SurfaceFrames {
   }
 
   void show(std::int64_t number) noexcept {
-    const palpate::PressedNodes& pressed = pressed_.value();
+    const palpate::object::ContactFrame& pressed = pressed_.value();
     Frame& frame = frames_.next();
     const std::size_t row = 3 * nodes_;
     for (double& d : frame.displacement) d = 0.0;
@@ -82,8 +82,8 @@ class SurfaceFrames {
   std::size_t nodes_;
   const float* compliance_;
   std::chrono::steady_clock::duration every_;
-  palpate::Latest<palpate::PressedNodes> pressed_;
-  palpate::Latest<Frame> frames_;
+  palpate::math::LatestValue<palpate::object::ContactFrame> pressed_;
+  palpate::math::LatestValue<Frame> frames_;
   std::mutex ending_;
   std::condition_variable end_;
   bool ended_ = false;

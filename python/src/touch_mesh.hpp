@@ -2,29 +2,29 @@
 
 #include <cstdint>
 #include <memory>
-#include <palpate/loop/servo.hpp>
-#include <palpate/touch/deformation.hpp>
-#include <palpate/touch/proxy.hpp>
+#include <palpate/mesh/mesh_updater.hpp>
+#include <palpate/mesh/proxy.hpp>
+#include <palpate/servo/servo.hpp>
 #include <utility>
 #include <vector>
 
 /// A mesh with its tree, and what moves it once it has moved.
 struct TouchMesh {
-  palpate::Mesh mesh;
-  palpate::Tree tree;
-  palpate::Deformation deformation;
+  palpate::mesh::TriangleMesh mesh;
+  palpate::mesh::AabbTree tree;
+  palpate::mesh::MeshUpdater deformation;
   std::int64_t moves = 0;
 
-  TouchMesh(std::vector<palpate::Vector3<>> vertices, std::vector<palpate::Triangle> triangles, bool open)
+  TouchMesh(std::vector<palpate::math::Vector3<>> vertices, std::vector<palpate::mesh::Triangle> triangles, bool open)
       : mesh(std::move(vertices), std::move(triangles), open) {
-    if (mesh.usable()) tree = palpate::Tree(mesh);
+    if (mesh.usable()) tree = palpate::mesh::AabbTree(mesh);
   }
 
   /// See Deformation::move.
-  std::int32_t move(const std::vector<std::int32_t>& vertices, const std::vector<palpate::Vector3<>>& to) {
-    if (moves == 0) deformation = palpate::Deformation(mesh);
+  std::int32_t move(const std::vector<std::int32_t>& vertices, const std::vector<palpate::math::Vector3<>>& to) {
+    if (moves == 0) deformation = palpate::mesh::MeshUpdater(mesh);
     const std::int32_t flat = deformation.move(mesh, tree, vertices.data(), to.data(), vertices.size());
-    if (flat == palpate::Mesh::none) ++moves;
+    if (flat == palpate::mesh::TriangleMesh::none) ++moves;
     return flat;
   }
 };
@@ -32,15 +32,15 @@ struct TouchMesh {
 /// A mesh with the surface laid out over it, and the radius of the tip that touches it.
 struct TouchedSurface {
   std::shared_ptr<const TouchMesh> mesh;
-  std::unique_ptr<palpate::SurfaceField> field;
+  std::unique_ptr<palpate::mesh::SurfaceField> field;
   double radius;  // m
 
-  TouchedSurface(std::shared_ptr<const TouchMesh> m, const palpate::Surface& surface, double r)
-      : mesh(std::move(m)), field(std::make_unique<palpate::SurfaceField>(surface, mesh->mesh)), radius(r) {}
+  TouchedSurface(std::shared_ptr<const TouchMesh> m, const palpate::mesh::Surface& surface, double r)
+      : mesh(std::move(m)), field(std::make_unique<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
 
   /// After the mesh has moved from its state `seen` moves ago.
   void refit(std::int64_t seen) noexcept {
-    const palpate::Deformation& d = mesh->deformation;
+    const palpate::mesh::MeshUpdater& d = mesh->deformation;
     if (mesh->moves == seen + 1) {
       field->refit(mesh->mesh, d.around().begin(), d.around().end());
     } else {
@@ -48,5 +48,5 @@ struct TouchedSurface {
     }
   }
 
-  [[nodiscard]] palpate::TouchedMesh touched() const noexcept { return {&mesh->mesh, &mesh->tree, field.get(), radius}; }
+  [[nodiscard]] palpate::servo::MeshPlacement touched() const noexcept { return {&mesh->mesh, &mesh->tree, field.get(), radius}; }
 };

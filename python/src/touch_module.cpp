@@ -7,8 +7,8 @@
 
 #include <chrono>
 #include <memory>
-#include <palpate/touch/mend.hpp>
-#include <palpate/touch/proxy.hpp>
+#include <palpate/mesh/mesh_repair.hpp>
+#include <palpate/mesh/proxy.hpp>
 #include <vector>
 
 #include "arrays.hpp"
@@ -22,15 +22,15 @@ namespace {
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
-std::vector<palpate::Vector3<>> points(const Points& a) {
-  std::vector<palpate::Vector3<>> list(a.shape(0));
+std::vector<palpate::math::Vector3<>> points(const Points& a) {
+  std::vector<palpate::math::Vector3<>> list(a.shape(0));
   for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
   return list;
 }
 
-std::vector<palpate::Triangle> triangles(const Indices& a) {
+std::vector<palpate::mesh::Triangle> triangles(const Indices& a) {
   const auto index = [](std::int64_t i) { return static_cast<std::int32_t>(i < 0 || i > 0x7fffffff ? -1 : i); };
-  std::vector<palpate::Triangle> list(a.shape(0));
+  std::vector<palpate::mesh::Triangle> list(a.shape(0));
   for (std::size_t i = 0; i < list.size(); ++i) list[i] = {index(a.data()[3 * i]), index(a.data()[3 * i + 1]), index(a.data()[3 * i + 2])};
   return list;
 }
@@ -38,8 +38,8 @@ std::vector<palpate::Triangle> triangles(const Indices& a) {
 /// A proxy with what it refers to.
 struct TouchProxy {
   std::unique_ptr<TouchedSurface> on;
-  palpate::Proxy proxy;
-  palpate::Proxy::Grip grip{};
+  palpate::mesh::Proxy proxy;
+  palpate::mesh::Proxy::Grip grip{};
   std::int64_t seen;  // moves of the mesh
 
   explicit TouchProxy(TouchedSurface&& surface)
@@ -56,8 +56,8 @@ struct TouchProxy {
   }
 };
 
-TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::Surface& surface, double radius) {
-  if (!mesh->mesh.usable() || !palpate::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
+TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::mesh::Surface& surface, double radius) {
+  if (!mesh->mesh.usable() || !palpate::mesh::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
     throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
   return {std::move(mesh), surface, radius};
 }
@@ -65,9 +65,11 @@ TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::Sur
 }  // namespace
 
 void bind_touch(nb::module_& m) {
-  using palpate::Surface;
+  using palpate::mesh::Surface;
 
-  nb::enum_<palpate::Field>(m, "Field").value("discrete", palpate::Field::discrete).value("continuous", palpate::Field::continuous);
+  nb::enum_<palpate::mesh::FieldKind>(m, "Field")
+      .value("discrete", palpate::mesh::FieldKind::discrete)
+      .value("continuous", palpate::mesh::FieldKind::continuous);
   nb::class_<Surface>(m, "TouchSurface")
       .def(nb::init<>())
       .def_rw("stiffness", &Surface::stiffness)
@@ -90,30 +92,30 @@ void bind_touch(nb::module_& m) {
       .def_prop_ro("extent", [](const TouchMesh& self) { return self.mesh.extent(); })
       .def("diagnosis",
            [](const TouchMesh& self) {
-             const palpate::MeshDiagnosis& d = self.mesh.diagnosis();
+             const palpate::mesh::MeshDiagnosis& d = self.mesh.diagnosis();
              nb::dict out;
-             const auto put = [&out](const char* name, const palpate::MeshDiagnosis::Count& c) {
+             const auto set_lane = [&out](const char* name, const palpate::mesh::MeshDiagnosis::Count& c) {
                out[name] = nb::make_tuple(c.count, c.first);
              };
-             put("not_finite", d.not_finite);
-             put("index_out_of_range", d.index_out_of_range);
-             put("degenerate", d.degenerate);
-             put("duplicate", d.duplicate);
-             put("non_manifold", d.non_manifold);
-             put("mixed_winding", d.mixed_winding);
-             put("open", d.open);
+             set_lane("not_finite", d.not_finite);
+             set_lane("index_out_of_range", d.index_out_of_range);
+             set_lane("degenerate", d.degenerate);
+             set_lane("duplicate", d.duplicate);
+             set_lane("non_manifold", d.non_manifold);
+             set_lane("mixed_winding", d.mixed_winding);
+             set_lane("open", d.open);
              out["parts"] = d.parts;
              out["volume"] = d.volume;
              return out;
            })
       .def("pinched_vertices",
            [](const TouchMesh& self) {
-             const auto c = palpate::pinched_vertices(self.mesh);
+             const auto c = palpate::mesh::pinched_vertices(self.mesh);
              return nb::make_tuple(c.count, c.first);
            })
       .def("self_intersections",
            [](const TouchMesh& self) {
-             const auto c = palpate::self_intersections(self.mesh, self.tree);
+             const auto c = palpate::mesh::self_intersections(self.mesh, self.tree);
              return nb::make_tuple(c.count, c.first);
            })
       .def(
@@ -126,8 +128,8 @@ void bind_touch(nb::module_& m) {
             auto [at, p] = new_array<double>({x.shape(0), 3});
             auto [facet, f] = new_array<std::int64_t>({x.shape(0)});
             for (std::size_t i = 0; i < x.shape(0); ++i) {
-              const auto near = self.tree.nearest(self.mesh, Eigen::Map<const palpate::Vector3<>>(x.data() + 3 * i));
-              Eigen::Map<palpate::Vector3<>>(p + 3 * i) = near.at.point;
+              const auto near = self.tree.nearest(self.mesh, Eigen::Map<const palpate::math::Vector3<>>(x.data() + 3 * i));
+              Eigen::Map<palpate::math::Vector3<>>(p + 3 * i) = near.at.point;
               f[i] = near.facet;
             }
             return nb::make_tuple(at, facet);
@@ -137,8 +139,8 @@ void bind_touch(nb::module_& m) {
   m.def(
       "mend_mesh",
       [](const Points& v, const Indices& t) {
-        std::vector<palpate::Triangle> list = triangles(t);
-        const palpate::Mending done = palpate::mend(points(v), list);
+        std::vector<palpate::mesh::Triangle> list = triangles(t);
+        const palpate::mesh::RepairReport done = palpate::mesh::repair_mesh(points(v), list);
         auto [out, data] = new_array<std::int64_t>({list.size(), 3});
         for (std::size_t f = 0; f < list.size(); ++f)
           for (std::size_t i = 0; i < 3; ++i) data[3 * f + i] = list[f][i];
@@ -171,10 +173,10 @@ void bind_touch(nb::module_& m) {
               const nb::gil_scoped_release unlocked;
               self.catch_up();
               for (std::size_t i = 0; i < n; ++i, row += 11) {
-                const palpate::Contact& c = self.proxy.step(Eigen::Map<const palpate::Vector3<>>(path.data() + 3 * i));
-                Eigen::Map<palpate::Vector3<>>(row + 0) = c.position;
-                Eigen::Map<palpate::Vector3<>>(row + 3) = c.normal;
-                Eigen::Map<palpate::Vector3<>>(row + 6) = c.force;
+                const palpate::mesh::Contact& c = self.proxy.step(Eigen::Map<const palpate::math::Vector3<>>(path.data() + 3 * i));
+                Eigen::Map<palpate::math::Vector3<>>(row + 0) = c.position;
+                Eigen::Map<palpate::math::Vector3<>>(row + 3) = c.normal;
+                Eigen::Map<palpate::math::Vector3<>>(row + 6) = c.force;
                 row[9] = c.depth;
                 row[10] = c.stiffness;
                 f[i] = c.triangle;
@@ -191,7 +193,7 @@ void bind_touch(nb::module_& m) {
             auto [seconds, s] = new_array<double>({n});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i) {
-              const palpate::Vector3<> tip = Eigen::Map<const palpate::Vector3<>>(path.data() + 3 * i);
+              const palpate::math::Vector3<> tip = Eigen::Map<const palpate::math::Vector3<>>(path.data() + 3 * i);
               const auto begin = std::chrono::steady_clock::now();
               self.proxy.step(tip);
               s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

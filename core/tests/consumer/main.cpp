@@ -2,12 +2,13 @@
 #include <palpate/palpate.hpp>
 
 int main() {
-  palpate::ServoSetup<palpate::Premium> setup{.mechanism = palpate::Premium(palpate::phantom_premium_1_5a())};
-  setup.anchor.kind = palpate::Anchor::Kind::half_space;  // a wall through the origin, facing the operator
-  setup.stiffness.setConstant(800.0);                     // N/m
-  palpate::Servo<palpate::Premium> servo(setup);
+  palpate::servo::ServoSetup<palpate::mechanism::Premium> setup{.mechanism =
+                                                                    palpate::mechanism::Premium(palpate::plant::phantom_premium_1_5a())};
+  setup.anchor.kind = palpate::object::SpringWall::Kind::half_space;  // a wall through the origin, facing the operator
+  setup.stiffness.setConstant(800.0);                                 // N/m
+  palpate::servo::Servo<palpate::mechanism::Premium> servo(setup);
 
   const auto inside = setup.mechanism.inverse({0.0, 0.0, -0.001}).q;  // one millimetre
-  const auto& tick = servo.tick(inside, palpate::Vector3<>::Zero());
+  const auto& tick = servo.tick(inside, palpate::math::Vector3<>::Zero());
   std::printf("torque %.6f %.6f %.6f N*m\n", tick.torque[0], tick.torque[1], tick.torque[2]);
 }

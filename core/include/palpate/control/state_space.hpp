@@ -4,10 +4,10 @@
 #include <cstddef>
 #include <vector>
 
-#include "palpate/math/choose.hpp"
+#include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
-namespace palpate {
+namespace palpate::control {
 
 /// A sampled controller from reference and object force to tip force:
 ///   u_k = C x_k + D [reference; object],   x_{k+1} = A x_k + B [reference; object] + L (applied - u)
@@ -47,7 +47,7 @@ class BasicStateSpace {
   }
 
   /// Puts one loop's state into a lane; the controller is the same for all.
-  void put(int lane, const BasicStateSpace<double>& one) {
+  void set_lane(int lane, const BasicStateSpace<double>& one) {
     for (std::size_t i = 0; i < xv_.size(); ++i) xv_[i].set(lane, one.xv_[i]);
   }
 
@@ -121,4 +121,4 @@ class BasicStateSpace {
 };
 using StateSpace = BasicStateSpace<double>;
 
-}  // namespace palpate
+}  // namespace palpate::control

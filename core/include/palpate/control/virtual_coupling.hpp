@@ -3,7 +3,7 @@
 #include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
-namespace palpate {
+namespace palpate::control {
 
 /// How a virtual coupling takes the speed from samples.
 enum class CouplingDifference { backward, bilinear };
@@ -30,14 +30,14 @@ class BasicVirtualCoupling {
   }
 
   /// Puts one loop's coupling into a lane; all lanes have the same rule and period.
-  void put(int lane, const BasicVirtualCoupling<double>& one) {
-    using palpate::put;
-    put(stiffness_, lane, one.stiffness_);
-    put(damping_, lane, one.damping_);
+  void set_lane(int lane, const BasicVirtualCoupling<double>& one) {
+    using math::set_lane;
+    set_lane(stiffness_, lane, one.stiffness_);
+    set_lane(damping_, lane, one.damping_);
     difference_ = one.difference_;
     per_period_ = one.per_period_;
-    put(previous_, lane, one.previous_);
-    put(rate_, lane, one.rate_);
+    set_lane(previous_, lane, one.previous_);
+    set_lane(rate_, lane, one.rate_);
   }
 
  private:
@@ -53,4 +53,4 @@ class BasicVirtualCoupling {
 };
 using VirtualCoupling = BasicVirtualCoupling<double>;
 
-}  // namespace palpate
+}  // namespace palpate::control

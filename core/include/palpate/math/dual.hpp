@@ -6,7 +6,7 @@
 
 #include "palpate/math/sincos.hpp"
 
-namespace palpate {
+namespace palpate::math {
 
 /// A number with its exact derivatives along N directions: value + gradient . epsilon, epsilon^2 = 0
 /// (forward-mode differentiation). Run through a templated formula it gives the formula's Jacobian to rounding.
@@ -77,14 +77,14 @@ Dual<N, Value> sqrt(const Dual<N, Value>& x) {
   return {root, x.gradient / (2.0 * root)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::math
 
 namespace Eigen {
 template <int N, class Value>
-struct NumTraits<palpate::Dual<N, Value>> : NumTraits<double> {
-  using Real = palpate::Dual<N, Value>;
-  using NonInteger = palpate::Dual<N, Value>;
-  using Nested = palpate::Dual<N, Value>;
+struct NumTraits<palpate::math::Dual<N, Value>> : NumTraits<double> {
+  using Real = palpate::math::Dual<N, Value>;
+  using NonInteger = palpate::math::Dual<N, Value>;
+  using Nested = palpate::math::Dual<N, Value>;
   enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 1, AddCost = N, MulCost = 2 * N };
 };
 }  // namespace Eigen

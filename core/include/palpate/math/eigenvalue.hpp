@@ -2,10 +2,10 @@
 
 #include <cmath>
 
-#include "palpate/math/choose.hpp"
+#include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
-namespace palpate {
+namespace palpate::math {
 
 /// The largest eigenvalue of a symmetric matrix, from above: Newton's steps on its polynomial, down from a bound beyond which that is
 /// convex.
@@ -20,11 +20,11 @@ Scalar largest_eigenvalue(const Matrix3<Scalar>& a) noexcept {
   Scalar x = Scalar(2.0) * sqrt(q) + Scalar(1e-300);
   for (int i = 0; i < 40; ++i) {
     const Scalar slope = Scalar(3.0) * (x * x - q);
-    const Scalar step = ((x * x - Scalar(3.0) * q) * x - d) / choose(slope > Scalar(0.0), slope, Scalar(1.0));
+    const Scalar step = ((x * x - Scalar(3.0) * q) * x - d) / select(slope > Scalar(0.0), slope, Scalar(1.0));
     if (!any(step > Scalar(1e-10) * x)) break;
-    x = choose(step > Scalar(0.0), x - step, x);
+    x = select(step > Scalar(0.0), x - step, x);
   }
   return mean + x;
 }
 
-}  // namespace palpate
+}  // namespace palpate::math

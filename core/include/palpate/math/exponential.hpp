@@ -3,10 +3,10 @@
 #include <bit>
 #include <cstdint>
 
-#include "palpate/math/choose.hpp"
 #include "palpate/math/pack.hpp"
+#include "palpate/math/select.hpp"
 
-namespace palpate {
+namespace palpate::math {
 
 namespace detail {
 
@@ -29,7 +29,7 @@ template <class Scalar>
 [[gnu::always_inline]] inline Scalar decaying_exponential(const Scalar& x) noexcept {
   const Scalar lowest = -700.0;
   const auto vanishes = x < lowest;
-  const Scalar y = choose(vanishes, lowest, x);
+  const Scalar y = select(vanishes, lowest, x);
   const Scalar whole = nearest(Scalar(y * 1.4426950408889634074));
   const Scalar r = (y - whole * 0x1.62e42feep-1) - whole * 0x1.a39ef35793c76p-33;  // |r| <= ln(2)/2
   // Taylor, cut where the next term is below 5e-18; sums in pairs.
@@ -40,7 +40,7 @@ template <class Scalar>
   const Scalar high = ((1.0 / 40320.0) + r * (1.0 / 362880.0)) + r2 * ((1.0 / 3628800.0) + r * (1.0 / 39916800.0));
   const Scalar highest = (1.0 / 479001600.0) + r * (1.0 / 6227020800.0);
   const Scalar near_one = low + r4 * (middle + r4 * (high + r4 * highest));
-  return choose(vanishes, Scalar(0.0), near_one * detail::power_of_two(whole));
+  return select(vanishes, Scalar(0.0), near_one * detail::power_of_two(whole));
 }
 
-}  // namespace palpate
+}  // namespace palpate::math

@@ -11,10 +11,10 @@
 #include <immintrin.h>
 #endif
 
-#include "palpate/math/choose.hpp"
+#include "palpate/math/select.hpp"
 #include "palpate/math/sincos.hpp"
 
-namespace palpate {
+namespace palpate::math {
 
 namespace detail {
 
@@ -99,7 +99,7 @@ struct Pack {
 };
 
 template <int lanes>
-struct WholeOf<Pack<lanes>> {
+struct LaneIndexOf<Pack<lanes>> {
   using Type = std::array<int, lanes>;
 };
 
@@ -130,33 +130,33 @@ template <int lanes>
 }
 
 template <int lanes>
-[[gnu::always_inline]] inline Pack<lanes> choose(const Mask<lanes>& mask, const Pack<lanes>& yes, const Pack<lanes>& no) {
+[[gnu::always_inline]] inline Pack<lanes> select(const Mask<lanes>& mask, const Pack<lanes>& yes, const Pack<lanes>& no) {
   return Pack<lanes>(mask.bits ? yes.v : no.v);
 }
 
 /// Puts one loop's number, condition or vector into a lane.
 template <int lanes>
-[[gnu::always_inline]] inline void put(Pack<lanes>& pack, int lane, double one) {
+[[gnu::always_inline]] inline void set_lane(Pack<lanes>& pack, int lane, double one) {
   pack.set(lane, one);
 }
 template <int lanes>
-[[gnu::always_inline]] inline void put(Mask<lanes>& mask, int lane, bool one) {
+[[gnu::always_inline]] inline void set_lane(Mask<lanes>& mask, int lane, bool one) {
   mask.set(lane, one);
 }
 template <class Value, std::size_t lanes>
-[[gnu::always_inline]] inline void put(std::array<Value, lanes>& each, int lane, const Value& one) {
+[[gnu::always_inline]] inline void set_lane(std::array<Value, lanes>& each, int lane, const Value& one) {
   each[static_cast<std::size_t>(lane)] = one;
 }
 template <int lanes, int rows, int columns>
-[[gnu::always_inline]] inline void put(Eigen::Matrix<Pack<lanes>, rows, columns>& packs, int lane,
-                                       const Eigen::Matrix<double, rows, columns>& one) {
+[[gnu::always_inline]] inline void set_lane(Eigen::Matrix<Pack<lanes>, rows, columns>& packs, int lane,
+                                            const Eigen::Matrix<double, rows, columns>& one) {
   for (int i = 0; i < rows * columns; ++i) packs.data()[i].set(lane, one.data()[i]);
 }
 
 template <int lanes>
-[[gnu::always_inline]] inline void put(SineCosine<Pack<lanes>>& packs, int lane, const SineCosine<double>& one) {
-  put(packs.sine, lane, one.sine);
-  put(packs.cosine, lane, one.cosine);
+[[gnu::always_inline]] inline void set_lane(SineCosine<Pack<lanes>>& packs, int lane, const SineCosine<double>& one) {
+  set_lane(packs.sine, lane, one.sine);
+  set_lane(packs.cosine, lane, one.cosine);
 }
 
 /// `function` of each lane by itself: for what is rare.
@@ -197,7 +197,7 @@ template <int lanes>
 [[gnu::always_inline]] inline Pack<lanes> nearest(const Pack<lanes>& x) {
   const Pack<lanes> round_to_integer(6755399441055744.0);  // 1.5 * 2^52
   const Pack<lanes> rounded = (x + round_to_integer) - round_to_integer;
-  return choose(abs(x) < Pack<lanes>(2251799813685248.0), rounded, x);
+  return select(abs(x) < Pack<lanes>(2251799813685248.0), rounded, x);
 }
 
 template <int lanes>
@@ -207,14 +207,14 @@ template <int lanes>
 
 /// Writes all lanes in single precision.
 template <int lanes>
-[[gnu::always_inline]] inline void narrow(const Pack<lanes>& x, float* to) {
+[[gnu::always_inline]] inline void store_float(const Pack<lanes>& x, float* to) {
   const auto single = __builtin_convertvector(x.v, typename detail::Lanes<lanes>::Single);
   std::memcpy(to, &single, sizeof single);
 }
 
 /// Numbers of a table, each lane's own: `place` is a whole number of at least 0.
 template <int lanes>
-[[gnu::always_inline]] inline Pack<lanes> gathered(const double* table, const Pack<lanes>& place) {
+[[gnu::always_inline]] inline Pack<lanes> gather(const double* table, const Pack<lanes>& place) {
   using Bits = typename Mask<lanes>::Bits;
   // 2^52 + place has the whole number in its lowest bits.
   const Bits at = Bits((place + Pack<lanes>(4503599627370496.0)).v) & 0xfffffffffffffLL;
@@ -231,7 +231,7 @@ template <int lanes>
 
 /// Whether a whole number's bit `weight` is set.
 template <int lanes>
-[[gnu::always_inline]] inline Mask<lanes> odd(const Pack<lanes>& whole, double shift, std::int64_t weight) {
+[[gnu::always_inline]] inline Mask<lanes> test_bit(const Pack<lanes>& whole, double shift, std::int64_t weight) {
   // 1.5 * 2^52 + whole has the whole number in its lowest bits, two's complement.
   using Bits = typename Mask<lanes>::Bits;
   const Bits low = Bits((whole + Pack<lanes>(6755399441055744.0 + shift)).v);
@@ -259,32 +259,32 @@ template <int lanes>
   const Pack<lanes> round_to_integer(6755399441055744.0);
   const Pack<lanes> quadrants = (angle * two_over_pi + round_to_integer) - round_to_integer;
   const SineCosine<Pack<lanes>> near_zero = detail::sincos_near_zero(detail::reduced(angle, quadrants));
-  const Mask<lanes> swapped = odd(quadrants, 0.0, 1);
-  const Pack<lanes> s = choose(swapped, near_zero.cosine, near_zero.sine);
-  const Pack<lanes> c = choose(swapped, near_zero.sine, near_zero.cosine);
-  SineCosine<Pack<lanes>> out{choose(odd(quadrants, 0.0, 2), -s, s), choose(odd(quadrants, 1.0, 2), -c, c)};
+  const Mask<lanes> swapped = test_bit(quadrants, 0.0, 1);
+  const Pack<lanes> s = select(swapped, near_zero.cosine, near_zero.sine);
+  const Pack<lanes> c = select(swapped, near_zero.sine, near_zero.cosine);
+  SineCosine<Pack<lanes>> out{select(test_bit(quadrants, 0.0, 2), -s, s), select(test_bit(quadrants, 1.0, 2), -c, c)};
   const Mask<lanes> outside = !(abs(angle) <= Pack<lanes>(1e5));
   if (any(outside)) [[unlikely]]
     detail::sincos_beyond(angle, outside, out);
   return out;
 }
 
-}  // namespace palpate
+}  // namespace palpate::math
 
 namespace Eigen {
 template <int lanes>
-struct NumTraits<palpate::Pack<lanes>> : NumTraits<double> {
-  using Real = palpate::Pack<lanes>;
-  using NonInteger = palpate::Pack<lanes>;
-  using Nested = palpate::Pack<lanes>;
+struct NumTraits<palpate::math::Pack<lanes>> : NumTraits<double> {
+  using Real = palpate::math::Pack<lanes>;
+  using NonInteger = palpate::math::Pack<lanes>;
+  using Nested = palpate::math::Pack<lanes>;
   enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 0, ReadCost = 1, AddCost = 1, MulCost = 1 };
 };
 template <int lanes, class Operation>
-struct ScalarBinaryOpTraits<double, palpate::Pack<lanes>, Operation> {
-  using ReturnType = palpate::Pack<lanes>;
+struct ScalarBinaryOpTraits<double, palpate::math::Pack<lanes>, Operation> {
+  using ReturnType = palpate::math::Pack<lanes>;
 };
 template <int lanes, class Operation>
-struct ScalarBinaryOpTraits<palpate::Pack<lanes>, double, Operation> {
-  using ReturnType = palpate::Pack<lanes>;
+struct ScalarBinaryOpTraits<palpate::math::Pack<lanes>, double, Operation> {
+  using ReturnType = palpate::math::Pack<lanes>;
 };
 }  // namespace Eigen

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace palpate {
+namespace palpate::math {
 
 /// Sine and cosine of one angle, computed together.
 template <class Scalar>
@@ -87,4 +87,8 @@ template <class Scalar>
   return {from.sine + (from.sine * cosine_less_one + from.cosine * sine), from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::math
+
+namespace palpate {
+using namespace math;  // vocabulary of every folder
+}

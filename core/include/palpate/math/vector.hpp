@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-namespace palpate {
+namespace palpate::math {
 
 /// A point, displacement [m] or force [N] in the device's base frame: x to the right, y up, z towards the operator.
 template <class Scalar = double>
@@ -28,4 +28,8 @@ using Joints = Eigen::Matrix<Scalar, dof, 1>;
 template <int dof, class Scalar = double>
 using TipJacobian = Eigen::Matrix<Scalar, 3, dof>;
 
-}  // namespace palpate
+}  // namespace palpate::math
+
+namespace palpate {
+using namespace math;  // vocabulary of every folder
+}

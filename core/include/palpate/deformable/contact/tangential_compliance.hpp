@@ -1,0 +1,53 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/math/shared_buffer.hpp"
+
+namespace palpate::deformable {
+
+/// A surface's compliance in the nodes' tangent planes (BodyNodes::across), in single precision.
+class TangentialCompliance {
+ public:
+  TangentialCompliance() = default;
+
+  /// Of `nodes` nodes, nothing yields.
+  explicit TangentialCompliance(std::size_t nodes)
+      : count_(nodes), blocks_(nodes * nodes, Eigen::Matrix<float, 2, 2, Eigen::DontAlign>::Zero()) {}
+
+  /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric.
+  TangentialCompliance(const SurfaceNodes& nodes, const float* full)
+      : count_(static_cast<std::size_t>(nodes.size())), blocks_(count_ * count_) {
+    using Rows = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+    const Eigen::OuterStride<> row(static_cast<Eigen::Index>(3 * count_));
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t j = 0; j <= i; ++j) {
+        const Eigen::Map<const Rows, 0, Eigen::OuterStride<>> block(full + 9 * i * count_ + 3 * j, row);
+        const Eigen::Matrix2d across =
+            nodes.across(static_cast<std::int32_t>(i)).transpose() * block.cast<double>() * nodes.across(static_cast<std::int32_t>(j));
+        blocks_[i * count_ + j] = across.cast<float>();
+        blocks_[j * count_ + i] = across.transpose().cast<float>();
+      }
+  }
+
+  /// The same both ways.
+  void set(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept {
+    const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
+    blocks_[a * count_ + b] = block.cast<float>();
+    blocks_[b * count_ + a] = block.transpose().cast<float>();
+  }
+
+  /// How far node i moves by a unit force on node j, m/N.
+  [[nodiscard]] Eigen::Matrix2d operator()(std::int32_t i, std::int32_t j) const noexcept {
+    return blocks_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)].cast<double>();
+  }
+
+ private:
+  std::size_t count_ = 0;
+  SharedBuffer<Eigen::Matrix<float, 2, 2, Eigen::DontAlign>> blocks_;  // n x n
+};
+
+}  // namespace palpate::deformable

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/contact/tangential_compliance.hpp"
+#include "palpate/math/shared_buffer.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::deformable {
+
+/// A body without inertia: its surface's compliance, condensed from finite elements (James & Pai 1999), along the nodes' inward normals.
+class Compliance {
+ public:
+  Compliance() = default;
+
+  /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric. Kept in single precision, along the normals: n^2; if `tangential`, which
+  /// friction needs, 4 n^2 more.
+  Compliance(const SurfaceNodes& nodes, const float* full, bool tangential = false)
+      : count_(static_cast<std::size_t>(nodes.size())), along_(count_ * count_) {
+    const std::size_t row = 3 * count_;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Vector3<>& ni = nodes.normal(static_cast<std::int32_t>(i));
+      for (std::size_t j = 0; j <= i; ++j) {
+        const Vector3<>& nj = nodes.normal(static_cast<std::int32_t>(j));
+        double sum = 0.0;
+        for (std::size_t a = 0; a < 3; ++a) {
+          const float* c = full + (3 * i + a) * row + 3 * j;
+          sum += ni[static_cast<int>(a)] *
+                 (static_cast<double>(c[0]) * nj[0] + static_cast<double>(c[1]) * nj[1] + static_cast<double>(c[2]) * nj[2]);
+        }
+        along_[i * count_ + j] = along_[j * count_ + i] = static_cast<float>(sum);
+      }
+    }
+    if (tangential) across_ = TangentialCompliance(nodes, full);
+  }
+
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
+    return static_cast<double>(along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
+  }
+  /// Both ways.
+  void set(std::int32_t i, std::int32_t j, double value) noexcept {
+    along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)] = static_cast<float>(value);
+    along_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
+  }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return across_(i, j); }
+  /// Both ways.
+  void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { across_.set(i, j, block); }
+  [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
+  [[nodiscard]] bool surely_above_all(std::size_t, double place) const noexcept { return place <= 0.0; }
+  void advance(const std::int32_t*, const double*, int) noexcept {}
+  void reset() noexcept {}
+
+ private:
+  std::size_t count_ = 0;
+  SharedBuffer<float> along_;  // n x n, m/N
+  TangentialCompliance across_;
+};
+
+}  // namespace palpate::deformable

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+namespace palpate::math {
+
+/// Numbers that an object and its copies have in common: written while the first is made, only read from then on.
+template <class T>
+class SharedBuffer {
+ public:
+  SharedBuffer() = default;
+  explicit SharedBuffer(std::size_t count) : numbers_(std::make_shared<std::vector<T>>(count)) {}
+  SharedBuffer(std::size_t count, const T& value) : numbers_(std::make_shared<std::vector<T>>(count, value)) {}
+
+  [[nodiscard]] T* data() noexcept { return numbers_ ? numbers_->data() : nullptr; }
+  [[nodiscard]] const T* data() const noexcept { return numbers_ ? numbers_->data() : nullptr; }
+  [[nodiscard]] T& operator[](std::size_t i) noexcept { return (*numbers_)[i]; }
+  [[nodiscard]] const T& operator[](std::size_t i) const noexcept { return (*numbers_)[i]; }
+
+ private:
+  std::shared_ptr<std::vector<T>> numbers_;
+};
+
+}  // namespace palpate::math
+
+namespace palpate {
+using namespace math;  // vocabulary of every folder
+}

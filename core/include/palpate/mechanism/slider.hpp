@@ -1,0 +1,132 @@
+#pragma once
+
+#include <array>
+
+#include "palpate/math/select.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::mechanism {
+
+/// One mass on one axis: the device of the sampled-wall literature (Colgate & Schenkel 1997; Gil et al. 2004).
+/// Its joint is the tip's x [m]; "torques" are forces along x [N].
+class Slider {
+ public:
+  static constexpr int dof = 1;
+  template <class Scalar>
+  using Angles = Joints<1, Scalar>;
+
+  Slider() = default;
+  explicit Slider(double mass) : mass_(mass) {}
+
+  /// A slider's pose needs nothing computed beforehand.
+  template <class Scalar>
+  [[nodiscard]] const Angles<Scalar>& kinematics(const Angles<Scalar>& q) const {
+    return q;
+  }
+  template <class Scalar>
+  [[nodiscard]] const Angles<Scalar>& kinematics_near(const Angles<Scalar>& /*anchor*/, const Angles<Scalar>& q) const {
+    return q;
+  }
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> turned(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
+    return from + shift;
+  }
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> advance_small(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
+    return from + shift;
+  }
+  template <class Scalar>
+  [[nodiscard]] static Condition<Scalar> is_small(const Angles<Scalar>& /*shift*/) {
+    return true;
+  }
+
+  /// Tip position (q, 0, 0) [m].
+  template <class Scalar>
+  [[nodiscard]] Vector3<Scalar> forward(const Angles<Scalar>& q) const {
+    return {q[0], Scalar(0.0), Scalar(0.0)};
+  }
+
+  /// dp/dq = (1, 0, 0).
+  template <class Scalar>
+  [[nodiscard]] TipJacobian<1, Scalar> jacobian(const Angles<Scalar>& /*q*/) const {
+    return TipJacobian<1, Scalar>(Scalar(1.0), Scalar(0.0), Scalar(0.0));
+  }
+
+  /// Velocity of the tip [m/s].
+  template <class Scalar>
+  [[nodiscard]] Vector3<Scalar> velocity(const Angles<Scalar>& /*q*/, const Angles<Scalar>& qd) const {
+    return {qd[0], Scalar(0.0), Scalar(0.0)};
+  }
+
+  /// The part of a tip force [N] along the axis.
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> torque(const Angles<Scalar>& /*q*/, const Vector3<Scalar>& force) const {
+    return Angles<Scalar>(force[0]);
+  }
+
+  /// The mass [kg]; with another one carried at the tip.
+  [[nodiscard]] double inertia_parameters() const { return mass_; }
+  template <class Scalar>
+  [[nodiscard]] Scalar inertia_parameters(const Scalar& at_tip) const {
+    return mass_ + at_tip;
+  }
+
+  /// The equation of motion, mass qdd = force.
+  template <class Scalar>
+  struct Dynamics {
+    Scalar mass;
+
+    /// 1 / mass, or 0 when the slider is held.
+    struct Inverse {
+      Scalar per_mass;
+      Angles<Scalar> operator*(const Angles<Scalar>& force) const { return Angles<Scalar>(per_mass * force[0]); }
+    };
+    [[nodiscard]] const Angles<Scalar>& net(const Angles<Scalar>& force, const Angles<Scalar>& /*qd*/) const { return force; }
+    [[nodiscard]] Inverse inverse() const { return {1.0 / mass}; }
+    [[nodiscard]] Inverse inverse(const std::array<Condition<Scalar>, 1>& held) const { return {select(held[0], Scalar(0.0), 1.0 / mass)}; }
+    [[nodiscard]] Angles<Scalar> inertial(const Angles<Scalar>& qdd) const { return Angles<Scalar>(mass * qdd[0]); }
+  };
+
+  template <class Scalar, class Mass>
+  [[nodiscard]] Dynamics<Scalar> dynamics(const Angles<Scalar>& /*q*/, const Mass& mass) const {
+    return {Scalar(mass)};
+  }
+  template <class Scalar>
+  [[nodiscard]] Dynamics<Scalar> dynamics(const Angles<Scalar>& q) const {
+    return dynamics(q, mass_);
+  }
+
+  /// The mass [kg], 1 x 1.
+  template <class Scalar>
+  [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> mass_matrix(const Angles<Scalar>& /*q*/) const {
+    return Eigen::Matrix<Scalar, 1, 1>(Scalar(mass_));
+  }
+
+  /// Zero: nothing turns.
+  template <class Scalar>
+  [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> coriolis(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/) const {
+    return Eigen::Matrix<Scalar, 1, 1>(Scalar(0.0));
+  }
+
+  /// Zero: the axis is level.
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> gravity(const Angles<Scalar>& /*q*/) const {
+    return Angles<Scalar>(Scalar(0.0));
+  }
+
+  template <class Scalar>
+  [[nodiscard]] Scalar potential(const Angles<Scalar>& /*q*/) const {
+    return Scalar(0.0);
+  }
+
+  /// force / mass [m/s^2].
+  template <class Scalar>
+  [[nodiscard]] Angles<Scalar> acceleration(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/, const Angles<Scalar>& force) const {
+    return Angles<Scalar>(force[0] / mass_);
+  }
+
+ private:
+  double mass_ = 1.0;
+};
+
+}  // namespace palpate::mechanism

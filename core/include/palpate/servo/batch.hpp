@@ -1,0 +1,293 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "palpate/actuation/tick_schedule.hpp"
+#include "palpate/math/pack.hpp"
+#include "palpate/servo/servo.hpp"
+#include "palpate/servo/simulation.hpp"
+
+namespace palpate::servo {
+
+/// What a loop of a batch leaves behind: a row of numbers, not a trace.
+/// unstable tick (-1: never); swing early, prior and late, m; ripple, m; steady tip displacement (3), m; peak object force and command, N;
+/// share of the time in touch and in saturation; joints (dof) and their speeds (dof) at the end.
+template <int dof>
+constexpr int outcome_width = 12 + 2 * dof;
+
+/// One loop at its first tick, and where its outcome goes: a row of outcome_width<dof>.
+template <class Mechanism>
+struct BatchJob {
+  Servo<Mechanism> servo;
+  detail::MovingPlant<Mechanism> plant;
+  actuation::TickSchedule<double> clock;
+  double speed_limit;
+  double* row;
+
+  BatchJob(const SimulationSetup<Mechanism>& s, double* row)
+      : servo(s), plant(s), clock(s.period, s.jitter, s.seed), speed_limit(s.speed_limit), row(row) {}
+};
+
+/// What decides the shape of a loop's computation: loops of one base setup that agree in this can run side by side.
+struct BatchKey {
+  bool dry, held, tissue, jitters, counts;
+
+  template <class Mechanism>
+  explicit BatchKey(const SimulationSetup<Mechanism>& s)
+      : dry(s.friction.dry()), held(!s.hand.empty()), tissue(s.hand.tissue), jitters(s.jitter > 0.0), counts(!s.encoder.exact()) {}
+  bool operator==(const BatchKey&) const = default;
+};
+
+/// Where lanes get their loops from: `next(owner)` is the next one, of the same shape as those before; null when there is none. It stays
+/// what it is until the next call, and after a null the last one does.
+template <class Mechanism>
+struct JobQueue {
+  const BatchJob<Mechanism>* (*next)(void* owner) = nullptr;
+  void* owner = nullptr;
+};
+
+namespace detail {
+
+/// Watches loops side by side, each at its own tick. A swing is the largest second difference of the tip's position over a fifth of the
+/// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest,
+/// over the last fifth.
+template <class Mechanism, int lanes>
+class StabilityMonitor {
+ public:
+  static constexpr int dof = Mechanism::dof;
+  using Scalar = Pack<lanes>;
+  using Where = Mask<lanes>;
+  using Vector = Vector3<Scalar>;
+
+  explicit StabilityMonitor(int ticks) : ticks_(ticks) {}
+
+  /// Starts anew in one lane, with the tip at `tip` [m].
+  void set_lane(int lane, const Vector3<>& tip) noexcept {
+    using math::set_lane;
+    for (Vector* v : {&start_, &before_, &last_}) set_lane(*v, lane, tip);
+    for (Vector* v : {&lowest_, &highest_, &steady_}) set_lane(*v, lane, Vector3<>(Vector3<>::Zero()));
+    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_}) x->set(lane, 0.0);
+    share_before_.set(lane, 1.0);
+  }
+
+  /// The tick `k` of each lane.
+  template <class Plant, class Servo>
+  [[gnu::always_inline]] void see(const Scalar& k, const Plant& plant, const Servo& servo,
+                                  const actuation::TickSchedule<Scalar>& clock) noexcept {
+    const auto& tick = servo.last();
+    const Vector tip = plant.tip();
+    const Vector bend = clock.jitters() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
+    const Scalar swing = bend.squaredNorm();
+    before_ = last_;
+    last_ = tip;
+    const double fifth = ticks_ / 5;
+    early_ = select((k > Scalar(fifth)) & (k <= Scalar(2.0 * fifth)) & (early_ < swing), swing, early_);
+    prior_ = select((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < swing), swing, prior_);
+    object_force_ = max_of(object_force_, tick.object_force.squaredNorm());
+    command_ = max_of(command_, tick.command.squaredNorm());
+    touching_ += select(tick.touching, Scalar(1.0), Scalar(0.0));
+    saturated_ += select(tick.saturated, Scalar(1.0), Scalar(0.0));
+    const Where ending = k > Scalar(ticks_ - fifth);
+    if (any(ending)) see_ending(ending, k, plant, tip, swing);
+  }
+
+  /// Writes one lane's row of outcome_width<dof>; `unstable` is the tick at which it diverged, -1 if it did not.
+  void write(int lane, double unstable, double* row) const noexcept {
+    const double fifth = ticks_ / 5 > 0 ? ticks_ / 5 : 1;
+    const bool ended = unstable < 0.0;
+    const double unknown = std::numeric_limits<double>::quiet_NaN();
+    const double samples = ended ? ticks_ + 1.0 : std::max(unstable, 1.0);
+    double ripple = 0.0;
+    for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (highest_[i][lane] - lowest_[i][lane]));
+    row[0] = unstable;
+    row[1] = std::sqrt(early_[lane]);
+    row[2] = ended ? std::sqrt(prior_[lane]) : unknown;
+    row[3] = ended ? std::sqrt(late_[lane]) : unknown;
+    row[4] = ended ? ripple : unknown;
+    for (int i = 0; i < 3; ++i) row[5 + i] = ended ? steady_[i][lane] / fifth : unknown;
+    row[8] = std::sqrt(object_force_[lane]);
+    row[9] = std::sqrt(command_[lane]);
+    row[10] = touching_[lane] / samples;
+    row[11] = saturated_[lane] / samples;
+    for (int i = 0; i < dof; ++i) {
+      row[12 + i] = ended ? q_[i][lane] : unknown;
+      row[12 + dof + i] = ended ? qd_[i][lane] : unknown;
+    }
+  }
+
+ private:
+  /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
+  Vector bend_to(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
+    const Scalar share = clock.period() / clock.past();
+    const Vector bend = share * (tip - last_) - share_before_ * (last_ - before_);
+    share_before_ = share;
+    return bend;
+  }
+
+  /// The last fifth.
+  template <class Plant>
+  void see_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& swing) noexcept {
+    const Where first = ending & (k <= Scalar(ticks_ - ticks_ / 5 + 1.0));
+    late_ = select(ending & (late_ < swing), swing, late_);
+    for (int i = 0; i < 3; ++i) {
+      lowest_[i] = select(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
+      highest_[i] = select(first | (ending & (highest_[i] < tip[i])), tip[i], highest_[i]);
+      steady_[i] = select(ending, steady_[i] + (tip[i] - start_[i]), steady_[i]);
+    }
+    const Where last = k == Scalar(ticks_);
+    q_ = select_each(last, plant.angles(), q_);
+    qd_ = select_each(last, plant.speeds(), qd_);
+  }
+
+  int ticks_;
+  Vector start_, before_, last_;
+  Vector lowest_, highest_, steady_;
+  Scalar share_before_, early_, prior_, late_, object_force_, command_, touching_, saturated_;
+  Joints<dof, Scalar> q_, qd_;
+};
+
+/// Forces at every sample, for loops that need not be at the same one.
+template <int lanes>
+class SignalTable {
+ public:
+  using Vector = Vector3<Pack<lanes>>;
+
+  /// @param table  (ticks + 1) x 3, row by row, N
+  SignalTable(const double* table, int ticks)
+      : table_(table), ticks_(ticks), silent_(std::all_of(table, table + 3 * (ticks + 1), [](double f) { return f == 0.0; })) {}
+
+  /// Force at each lane's tick `k`, the last one's after it; `together`: all are at the same.
+  [[nodiscard]] Vector at(const Pack<lanes>& k, bool together) const noexcept {
+    Vector out = Vector::Constant(0.0);
+    if (silent_) return out;
+    if (together) {
+      const double* row = table_ + 3 * std::min(static_cast<int>(k[0]), ticks_);
+      for (int i = 0; i < 3; ++i) out[i] = row[i];
+    } else {
+      const Pack<lanes> row = 3.0 * min_of(k, Pack<lanes>(ticks_));
+      for (int i = 0; i < 3; ++i) out[i] = gather(table_ + i, row);
+    }
+    return out;
+  }
+
+  /// From each lane's tick to the next, as a single loop has it.
+  [[nodiscard]] plant::ForceSegment<Pack<lanes>> during(const Pack<lanes>& k, bool together,
+                                                        const actuation::TickSchedule<Pack<lanes>>& clock) const noexcept {
+    plant::ForceSegment<Pack<lanes>> out{at(k, together), at(k + 1.0, together)};
+    if (silent_ || !clock.jitters()) return out;
+    const Vector after = at(k + 2.0, together);
+    const Vector begin = out.begin;
+    out.begin = begin + (clock.late() / clock.period()) * (out.end - begin);
+    out.end = out.end + (clock.next_late() / clock.period()) * (after - out.end);
+    return out;
+  }
+
+ private:
+  const double* table_;
+  int ticks_;
+  bool silent_;
+};
+
+/// Loops in the lanes of a pack. Each lane is at its own tick: one whose loop has ended or diverged takes the next.
+template <class Mechanism, int lanes>
+class LaneRunner {
+ public:
+  using Scalar = Pack<lanes>;
+  using Where = Mask<lanes>;
+
+  LaneRunner(const JobQueue<Mechanism>& queue, const BatchJob<Mechanism>& first, int ticks)
+      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), watch_(ticks) {
+    begin(0, first);
+    rows_[0] = first.row;
+    running_ = 1;
+    for (int lane = 1; lane < lanes; ++lane) refill(lane);
+  }
+
+  /// Runs until the queue and every lane are empty.
+  void run(const double* reference, const double* operator_force) noexcept {
+    const SignalTable<lanes> wanted(reference, ticks_);
+    const SignalTable<lanes> push(operator_force, ticks_);
+    for (;; tick_ += 1.0, clock_.tick()) {
+      leave();
+      if (running_ == 0) return;
+      const auto& tick = servo_.tick(plant_.angles(), plant_.kinematics(), wanted.at(tick_, together_));
+      watch_.see(tick_, plant_, servo_, clock_);
+      plant_.advance(tick.torque, push.during(tick_, together_, clock_), clock_);
+    }
+  }
+
+ private:
+  /// Lanes whose loop has ended, or diverged, give their outcome and take the next.
+  void leave() noexcept {
+    for (Where left;;) {
+      const Where over = tick_ > Scalar(ticks_);
+      const Where lost = !(over | calm(plant_, fastest_));
+      left = over | lost;
+      if (!any(left)) [[likely]]
+        return;
+      bool again = false;
+      for (int lane = 0; lane < lanes; ++lane) {
+        if (!left[lane]) continue;
+        if (double*& row = rows_[static_cast<std::size_t>(lane)]; row != nullptr) {
+          watch_.write(lane, lost[lane] ? tick_[lane] : -1.0, row);
+          row = nullptr;
+          --running_;
+        }
+        refill(lane);
+        again = again || rows_[static_cast<std::size_t>(lane)] != nullptr;
+      }
+      together_ = all(tick_ == Scalar(tick_[0]));
+      if (!again) return;
+    }
+  }
+
+  /// Puts the next loop into a lane; when there is none, the last one once more, for nobody.
+  void refill(int lane) noexcept {
+    if (queue_.next != nullptr) {
+      if (const BatchJob<Mechanism>* next = queue_.next(queue_.owner)) {
+        last_ = next;
+        rows_[static_cast<std::size_t>(lane)] = next->row;
+        ++running_;
+      } else {
+        queue_.next = nullptr;
+      }
+    }
+    begin(lane, *last_);
+  }
+
+  void begin(int lane, const BatchJob<Mechanism>& one) noexcept {
+    servo_.set_lane(lane, one.servo);
+    plant_.set_lane(lane, one.plant);
+    clock_.set_lane(lane, one.clock);
+    watch_.set_lane(lane, one.plant.tip());
+    tick_.set(lane, 0.0);
+  }
+
+  JobQueue<Mechanism> queue_;
+  const BatchJob<Mechanism>* last_;
+  int ticks_;
+  double fastest_;
+  Servo<Mechanism, Scalar> servo_;
+  MovingPlant<Mechanism, Scalar> plant_;
+  actuation::TickSchedule<Scalar> clock_;
+  StabilityMonitor<Mechanism, lanes> watch_;
+  Scalar tick_ = 0.0;
+  bool together_ = true;
+  int running_ = 0;
+  std::array<double*, lanes> rows_{};
+};
+
+}  // namespace detail
+
+/// Runs loops of a queue side by side, samples 0 to `ticks`, until it has no more: alike in shape, moving (neither held nor linear).
+template <class Mechanism, int lanes>
+void simulate_side_by_side(const JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force) {
+  if (const BatchJob<Mechanism>* first = queue.next(queue.owner))
+    detail::LaneRunner<Mechanism, lanes>(queue, *first, ticks).run(reference, operator_force);
+}
+
+}  // namespace palpate::servo

@@ -1,0 +1,43 @@
+// The latest value handed from thread to thread: whole, never older than one seen before, and the last one arrives.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <palpate/math/latest_value.hpp>
+#include <thread>
+
+namespace {
+
+struct Numbers {
+  std::int64_t first = 0;
+  std::int64_t more[30] = {};
+  std::int64_t last = 0;
+};
+
+TEST(LatestValue, IsWholeAndNeverOlder) {
+  const std::int64_t count = 200'000;
+  palpate::math::LatestValue<Numbers> latest;
+  EXPECT_FALSE(latest.fetch());
+  std::thread writer([&latest] {
+    for (std::int64_t i = 1; i <= count; ++i) {
+      Numbers& next = latest.next();
+      next.first = i;
+      for (std::int64_t& m : next.more) m = i;
+      next.last = i;
+      latest.publish();
+    }
+  });
+  std::int64_t seen = 0;
+  while (seen < count) {
+    if (!latest.fetch()) continue;
+    const Numbers& value = latest.value();
+    ASSERT_GT(value.first, seen);
+    ASSERT_EQ(value.first, value.last);
+    for (const std::int64_t m : value.more) ASSERT_EQ(m, value.first);
+    seen = value.first;
+  }
+  writer.join();
+  EXPECT_FALSE(latest.fetch());
+  EXPECT_EQ(latest.value().first, count);
+}
+
+}  // namespace

@@ -1,0 +1,151 @@
+#include <gtest/gtest.h>
+
+#include "states.hpp"
+
+namespace {
+
+using palpate::math::Joints;
+using palpate::math::Vector3;
+using palpate::mechanism::Premium;
+using palpate::mechanism::Slider;
+using palpate::plant::ForceSegment;
+using palpate::plant::HumanArm;
+using palpate::plant::JointFriction;
+using palpate::plant::PlantIntegrator;
+using palpate::plant::PlantState;
+
+// Law: without friction and forces the energy stays.
+TEST(PlantIntegrator, ConservesEnergyForTenSeconds) {
+  const PlantIntegrator<Premium> motion(arm, JointFriction<3>{}, HumanArm{});
+  PlantState<3> s;
+  s.q = Joints<3>(0.2, 0.4, 0.6);
+  s.qd = Joints<3>(1.0, -2.0, 1.5);
+  const auto energy = [&] { return 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q); };
+  const double before = energy();
+  for (int k = 0; k < 10000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 4);
+  EXPECT_LT(std::abs(energy() - before), 1e-9 * std::abs(before));
+}
+
+// Law: a slider with viscous friction under constant force has an exponential answer.
+TEST(PlantIntegrator, SliderFollowsItsClosedForm) {
+  JointFriction<1> friction;
+  friction.viscous[0] = 0.8;
+  const PlantIntegrator<Slider> motion(Slider(0.06), friction, HumanArm{});
+  PlantState<1> s;
+  for (int k = 0; k < 500; ++k) motion.advance(s, Joints<1>(0.3), ForceSegment<>{}, 1e-3, 2);
+  const double tau = 0.06 / 0.8;
+  const double v = 0.3 / 0.8 * (1.0 - std::exp(-0.5 / tau));
+  const double x = 0.3 / 0.8 * (0.5 - tau * (1.0 - std::exp(-0.5 / tau)));
+  EXPECT_NEAR(s.qd[0], v, 1e-12);
+  EXPECT_NEAR(s.q[0], x, 1e-12);
+}
+
+// Law: Coulomb friction stops a sliding mass after v^2 m / (2 f), and it stays exactly there.
+TEST(PlantIntegrator, CoulombFrictionStopsAMassAtTheRightPlaceForEver) {
+  JointFriction<1> friction;
+  friction.coulomb[0] = friction.breakaway[0] = 0.04;
+  const PlantIntegrator<Slider> motion(Slider(0.06), friction, HumanArm{});
+  PlantState<1> s;
+  s.qd[0] = 0.1;
+  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 2);
+  EXPECT_EQ(s.qd[0], 0.0);
+  EXPECT_NEAR(s.q[0], 0.01 * 0.06 / (2 * 0.04), 1e-10);
+  const double stopped = s.q[0];
+  for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0399), ForceSegment<>{}, 1e-3, 2);
+  EXPECT_EQ(s.q[0], stopped);  // a force it can hold moves nothing: no creep, no chatter
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0401), ForceSegment<>{}, 1e-3, 2);
+  EXPECT_GT(s.qd[0], 0.0);
+}
+
+// Law: gravity on the arm is a slope; joints whose friction exceeds it do not move by one bit.
+TEST(PlantIntegrator, StickingHoldsTheArmAgainstGravity) {
+  JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
+  friction.coulomb = Joints<3>::Constant(0.02);
+  friction.breakaway = Joints<3>::Constant(0.05);
+  const PlantIntegrator<Premium> motion(arm, friction, HumanArm{});
+  PlantState<3> s;
+  s.q = Joints<3>(0.3, 0.5, 0.7);
+  ASSERT_LT(arm.gravity(s.q).cwiseAbs().maxCoeff(), 0.05);
+  ASSERT_GT(arm.gravity(s.q).cwiseAbs().maxCoeff(), 0.005);
+  const Joints<3> before = s.q;
+  for (int k = 0; k < 2000; ++k) motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 1);
+  EXPECT_EQ(s.q, before);
+  EXPECT_EQ(s.qd, Joints<3>(Joints<3>::Zero()));
+}
+
+// Law: friction and the arm's damper only take energy away.
+TEST(PlantIntegrator, DissipationNeverAddsEnergy) {
+  JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
+  friction.coulomb = Joints<3>::Constant(0.002);
+  friction.breakaway = Joints<3>::Constant(0.003);
+  const PlantIntegrator<Premium> motion(arm, friction, HumanArm{});
+  PlantState<3> s;
+  s.q = Joints<3>(0.2, 2.0, 3.0);
+  s.qd = Joints<3>(5.0, -4.0, 3.0);
+  double before = 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q);
+  for (int k = 0; k < 3000; ++k) {
+    motion.advance(s, Joints<3>::Zero(), ForceSegment<>{}, 1e-3, 2);
+    const double energy = 0.5 * s.qd.dot(arm.mass_matrix(s.q) * s.qd) + arm.potential(s.q);
+    EXPECT_LE(energy, before + 1e-13);
+    before = energy;
+  }
+}
+
+// Law: a hand gripping rigidly adds its mass, damper and spring: a slider becomes one damped oscillator.
+TEST(PlantIntegrator, RigidGripIsAMassDamperSpring) {
+  HumanArm hand;
+  hand.mass = 0.15;
+  hand.damping = 4.5;
+  hand.stiffness = 560.0;
+  const PlantIntegrator<Slider> motion(Slider(0.06), JointFriction<1>{}, hand);
+  PlantState<1> s;
+  s.q[0] = 0.01;
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 4);
+  const double m = 0.21;
+  const double decay = 4.5 / (2 * m);
+  const double frequency = std::sqrt(560.0 / m - decay * decay);
+  const double t = 0.1;
+  const double x = 0.01 * std::exp(-decay * t) * (std::cos(frequency * t) + decay / frequency * std::sin(frequency * t));
+  EXPECT_NEAR(s.q[0], x, 1e-10);
+}
+
+// Law: through very stiff tissue the grip is rigid.
+TEST(PlantIntegrator, StiffTissueTendsToTheRigidGrip) {
+  HumanArm rigid;
+  rigid.mass = 0.15;
+  rigid.damping = 4.5;
+  rigid.stiffness = 560.0;
+  HumanArm soft = rigid;
+  soft.tissue = true;
+  soft.tissue_stiffness = 1e7;
+  soft.tissue_damping = 1e3;
+  const PlantIntegrator<Slider> a(Slider(0.06), JointFriction<1>{}, rigid);
+  const PlantIntegrator<Slider> b(Slider(0.06), JointFriction<1>{}, soft);
+  PlantState<1> s;
+  s.q[0] = 0.01;
+  PlantState<1> t = s;
+  t.hand[0] = 0.01;
+  for (int k = 0; k < 100; ++k) {
+    a.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);
+    b.advance(t, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);
+  }
+  EXPECT_NEAR(s.q[0], t.q[0], 1e-6);
+}
+
+// Law: Runge-Kutta of order 4: halving the step divides the error by sixteen.
+TEST(PlantIntegrator, IsOfFourthOrder) {
+  const PlantIntegrator<Premium> motion(arm, palpate::plant::phantom_premium_1_5a_friction(), HumanArm{});
+  const auto end = [&](int substeps) {
+    PlantState<3> s;
+    s.q = Joints<3>(0.2, 2.0, 3.0);
+    s.qd = Joints<3>(2.0, -3.0, 3.0);
+    for (int k = 0; k < 20; ++k) motion.advance(s, Joints<3>(0.05, 0.02, 0.01), ForceSegment<>{}, 2e-2, substeps);
+    return s.q;
+  };
+  const Joints<3> exact = end(256);
+  const double ratio = (end(2) - exact).norm() / (end(4) - exact).norm();
+  EXPECT_GT(ratio, 14.0);
+  EXPECT_LT(ratio, 19.0);
+}
+
+}  // namespace

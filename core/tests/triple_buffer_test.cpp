@@ -1,0 +1,57 @@
+// Snapshots from a slow thread to the servo's: whole, newest first, without a lock; under the thread sanitizer where sanitizers are on.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <palpate/math/triple_buffer.hpp>
+#include <thread>
+#include <utility>
+
+namespace {
+
+struct Page {
+  long number = 0;
+  std::array<long, 200> copies{};
+};
+
+// Each page is whole, none comes twice or out of turn, and what the reader holds stays as it is, however long it looks.
+TEST(TripleBuffer, PagesAreWholeAndInTurn) {
+  palpate::math::TripleBuffer<Page, 3> box;
+  std::atomic<bool> done{false};
+  const long last = 50000;
+  std::thread writer([&] {
+    for (long n = 1; n <= last; ++n) {
+      Page& page = box.writing();
+      page.number = n;
+      page.copies.fill(n);
+      box.publish();
+    }
+    done = true;
+  });
+  std::array<int, 3> held{0, 1, 2};
+  std::array<long, 3> number{};
+  long newest = 0, taken = 0;
+  long wrong = 0;
+  while (newest < last && wrong == 0) {
+    if (!box.fresh()) {
+      if (!done) std::this_thread::yield();
+      continue;
+    }
+    const auto k = static_cast<std::size_t>(taken++ % 3);
+    held[k] = box.take(held[k]);
+    number[k] = box.at(held[k]).number;
+    wrong += number[k] > newest ? 0 : 1;
+    newest = number[k];
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Page& page = box.at(held[i]);
+      wrong += page.number == number[i] ? 0 : 1;
+      for (const long copy : page.copies) wrong += copy == number[i] ? 0 : 1;
+    }
+  }
+  writer.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(taken, 1);
+  EXPECT_FALSE(box.fresh());
+}
+
+}  // namespace

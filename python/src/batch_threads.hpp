@@ -24,11 +24,10 @@ RunLanes<Mechanism> lanes_of(int lanes) {
 }
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
-template <class Mechanism, class Cell>
+template <class Mechanism, class Setup, class Cell>
 class JobScheduler {
  public:
-  JobScheduler(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken,
-               double* rows)
+  JobScheduler(const Setup& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken, double* rows)
       : setup_(base), cell_(cell), count_(count), taken_(taken), rows_(rows) {}
 
   /// Loops for lanes to begin with; whether there are any.
@@ -62,7 +61,7 @@ class JobScheduler {
     return &beginning_.emplace(setup_, rows_ + at_ * servo::outcome_width<Mechanism::dof>);
   }
 
-  servo::SimulationSetup<Mechanism> setup_;
+  Setup setup_;
   const Cell& cell_;
   std::ptrdiff_t count_;
   std::atomic<std::ptrdiff_t>& taken_;
@@ -73,15 +72,15 @@ class JobScheduler {
   std::optional<servo::BatchJob<Mechanism>> beginning_;
 };
 
-template <class Mechanism, class Cell>
-void run_cells(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
-               const double* operator_force, double* rows, int threads, int lanes) {
+template <class Mechanism, class Setup, class Cell>
+void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
+               double* rows, int threads, int lanes) {
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
   const RunLanes<Mechanism> run = lanes_of<Mechanism>(wide);
   std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
-    JobScheduler<Mechanism, Cell> cells(base, cell, count, taken, rows);
+    JobScheduler<Mechanism, Setup, Cell> cells(base, cell, count, taken, rows);
     while (cells.begin()) run(cells.queue(), ticks, reference, operator_force);
   };
   const auto most = static_cast<int>((count + wide - 1) / wide);

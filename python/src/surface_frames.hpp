@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <palpate/math/latest_value.hpp>
 #include <palpate/object/deformable_object.hpp>
@@ -41,7 +42,7 @@ class SurfaceFrames {
     thread_.join();
   }
 
-  [[nodiscard]] palpate::math::LatestValue<palpate::object::ContactFrame>* pressed() noexcept { return &pressed_; }
+  [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::ContactFrame>> pressed() const noexcept { return pressed_; }
   [[nodiscard]] std::size_t size() const noexcept { return nodes_; }
 
   /// For one thread at a time.
@@ -57,12 +58,12 @@ class SurfaceFrames {
     for (std::int64_t number = 1; !ended_; ++number) {
       next += every_;
       if (end_.wait_until(held, next, [this] { return ended_; })) return;
-      if (pressed_.fetch()) show(number);
+      if (pressed_->fetch()) show(number);
     }
   }
 
   void show(std::int64_t number) noexcept {
-    const palpate::object::ContactFrame& pressed = pressed_.value();
+    const palpate::object::ContactFrame& pressed = pressed_->value();
     Frame& frame = frames_.next();
     const std::size_t row = 3 * nodes_;
     for (double& d : frame.displacement) d = 0.0;
@@ -82,7 +83,8 @@ class SurfaceFrames {
   std::size_t nodes_;
   const float* compliance_;
   std::chrono::steady_clock::duration every_;
-  palpate::math::LatestValue<palpate::object::ContactFrame> pressed_;
+  std::shared_ptr<palpate::math::LatestValue<palpate::object::ContactFrame>> pressed_ =
+      std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
   palpate::math::LatestValue<Frame> frames_;
   std::mutex ending_;
   std::condition_variable end_;

@@ -4,7 +4,7 @@
 #include <memory>
 #include <palpate/mesh/mesh_updater.hpp>
 #include <palpate/mesh/proxy.hpp>
-#include <palpate/servo/servo.hpp>
+#include <palpate/object/mesh_object.hpp>
 #include <utility>
 #include <vector>
 
@@ -32,11 +32,11 @@ struct TouchMesh {
 /// A mesh with the surface laid out over it, and the radius of the tip that touches it.
 struct TouchedSurface {
   std::shared_ptr<const TouchMesh> mesh;
-  std::unique_ptr<palpate::mesh::SurfaceField> field;
+  std::shared_ptr<palpate::mesh::SurfaceField> field;
   double radius;  // m
 
   TouchedSurface(std::shared_ptr<const TouchMesh> m, const palpate::mesh::Surface& surface, double r)
-      : mesh(std::move(m)), field(std::make_unique<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
+      : mesh(std::move(m)), field(std::make_shared<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
 
   /// After the mesh has moved from its state `seen` moves ago.
   void refit(std::int64_t seen) noexcept {
@@ -48,5 +48,5 @@ struct TouchedSurface {
     }
   }
 
-  [[nodiscard]] palpate::servo::MeshPlacement touched() const noexcept { return {&mesh->mesh, &mesh->tree, field.get(), radius}; }
+  [[nodiscard]] palpate::object::MeshModel model() const noexcept { return {{mesh, &mesh->mesh}, {mesh, &mesh->tree}, field}; }
 };

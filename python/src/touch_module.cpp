@@ -94,16 +94,16 @@ void bind_touch(nb::module_& m) {
            [](const TouchMesh& self) {
              const palpate::mesh::MeshDiagnosis& d = self.mesh.diagnosis();
              nb::dict out;
-             const auto set_lane = [&out](const char* name, const palpate::mesh::MeshDiagnosis::Count& c) {
+             const auto put = [&out](const char* name, const palpate::mesh::MeshDiagnosis::Count& c) {
                out[name] = nb::make_tuple(c.count, c.first);
              };
-             set_lane("not_finite", d.not_finite);
-             set_lane("index_out_of_range", d.index_out_of_range);
-             set_lane("degenerate", d.degenerate);
-             set_lane("duplicate", d.duplicate);
-             set_lane("non_manifold", d.non_manifold);
-             set_lane("mixed_winding", d.mixed_winding);
-             set_lane("open", d.open);
+             put("not_finite", d.not_finite);
+             put("index_out_of_range", d.index_out_of_range);
+             put("degenerate", d.degenerate);
+             put("duplicate", d.duplicate);
+             put("non_manifold", d.non_manifold);
+             put("mixed_winding", d.mixed_winding);
+             put("open", d.open);
              out["parts"] = d.parts;
              out["volume"] = d.volume;
              return out;

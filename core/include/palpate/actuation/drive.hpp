@@ -111,6 +111,9 @@ class Drive {
   /// Heat of the windings: 1 is what the continuous force keeps up.
   [[nodiscard]] const Scalar& heat() const { return heat_; }
 
+  /// Return to cold windings.
+  void reset() noexcept { heat_ = 0.0; }
+
   /// Puts one loop's drive into a lane.
   void set_lane(int lane, const Drive<dof>& one) {
     using math::set_lane;
@@ -154,6 +157,13 @@ class Delay {
     line_[static_cast<std::size_t>(position_)] = value;
     position_ = position_ < periods_ ? position_ + 1 : 0;  // the oldest is the next to be overwritten
     return line_[static_cast<std::size_t>(position_)];
+  }
+
+  /// Return to `initial` in every place.
+  void reset(const Value& initial) noexcept {
+    initial_ = initial;
+    line_.fill(initial);
+    position_ = 0;
   }
 
   [[nodiscard]] int periods() const { return periods_; }

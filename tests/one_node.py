@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-from palpate.fem.storage import Contents, write
+from palpate.fem.storage import BodyData, write
 
 
 def one_node(stiffness: float, path: Path) -> Path:
     """Write a body whose one node, at the origin, yields by 1 / `stiffness`, m/N, in each direction."""
-    contents = Contents(
+    contents = BodyData(
         points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
         triangles=np.array([[0, 1, 2]]),
         touchable=np.array([True]),

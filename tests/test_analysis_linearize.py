@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from palpate import devices
 from palpate.errors import PoseError
 from palpate.linear import damping_effect, discretize, equilibria, linearize, modes
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 
 from experiments.hosseini2004.checks import Check, compare
 
@@ -70,7 +70,7 @@ def test_thesis_matrices_to_their_printed_digits() -> None:
     """(3.9), (3.41) and (3.42) entry by entry; where the print is wrong, the corrected value."""
     bare = linearize(ARM.frictionless(), POSE, tau=TORQUE).A
     damped = linearize(ARM.frictionless().with_viscous([1, 1, 1]), POSE, tau=TORQUE).A
-    held = hold_force(ARM.jacobian(POSE), TORQUE)
+    held = static_tip_force(ARM.jacobian(POSE), TORQUE)
     continuous = linearize(ARM, POSE, inputs="force", outputs="object_force", force=held, stiffness=K)
     sampled = discretize(continuous, 5e-4, "tustin")
     checks: list[Check] = [

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import _core
-from palpate.simulation.simulator import Experiment, prepare
+from palpate.simulation.simulator import Simulation, build_simulation
 
 ROOT = Path(__file__).parents[1]
 POSE = ["0.1 rad", "2.2305 rad", "3.2776 rad"]
@@ -71,11 +71,11 @@ SCENARIOS: dict[str, dict[str, Any]] = {
 }
 
 
-def _ready(name: str, duration: str = "0.2 s") -> Experiment:
-    return prepare({**SCENARIOS[name], "run": {"duration": duration}})
+def _ready(name: str, duration: str = "0.2 s") -> Simulation:
+    return build_simulation({**SCENARIOS[name], "run": {"duration": duration}})
 
 
-def _cells(experiment: Experiment, stiffness: np.ndarray, **options: int) -> np.ndarray:
+def _cells(experiment: Simulation, stiffness: np.ndarray, **options: int) -> np.ndarray:
     columns = {"stiffness": np.ascontiguousarray(np.repeat(stiffness[:, None], 3, axis=1))}
     rows = _core.run_cells(
         experiment.setup, experiment.reference, experiment.operator, columns, len(stiffness), **options

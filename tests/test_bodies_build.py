@@ -14,14 +14,14 @@ import pytest
 from palpate import fem as bodies
 from palpate.fem import BodyError, BodyWarning, Volume, block, dense
 from palpate.fem.condensation import Condensation, check_memory
-from palpate.fem.dissection import dissect
+from palpate.fem.dissection import nested_dissection
 from palpate.fem.elements import Elements
 from palpate.fem.factor import Factor, installed
-from palpate.fem.material import Material, Region, Skin
-from palpate.fem.selectors import ball, beyond, box, place
+from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.selectors import box, half_space, parse_selector, sphere
 from scipy import sparse
 
-BOTTOM = beyond("z", "<", 1e-9)
+BOTTOM = half_space("z", "<", 1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +77,8 @@ def bent(nu: float, order: int) -> float:
     """Deflection of a slender clamped bar under an even end load, over Timoshenko's P L^3 / 3EI + P L / (kappa G A)."""
     length, side, young = 0.2, 0.02, 20e3
     volume = block((length, side, side), 0.01)
-    end = beyond("x", ">", length - 1e-9)
-    elements = Elements(volume, Material(young, nu), [beyond("x", "<", 1e-9)], touch=end, order=order)
+    end = half_space("x", ">", length - 1e-9)
+    elements = Elements(volume, Material(young, nu), [half_space("x", "<", 1e-9)], touch=end, order=order)
     factor = Factor(elements.stiffness[elements.free][:, elements.free])
     share = elements.areas / elements.areas.sum()
     load = np.zeros((len(elements.nodes), 3))
@@ -129,7 +129,7 @@ def test_every_factorisation_solves_and_refuses_what_is_not_definite(small: Elem
 
 
 def test_regions_and_skin_stiffen_where_they_are() -> None:
-    material = Material(5e3, regions=[Region(ball((0, 0, 0), 0.01), 25e3)], skin=Skin(2e-3, 50e3))
+    material = Material(5e3, regions=[Region(sphere((0, 0, 0), 0.01), 25e3)], skin=SurfaceLayer(2e-3, 50e3))
     x = np.array([[0, 0, 0], [0, 0, 0.02], [0, 0, 0.03]], dtype=float)
     assert material.young_at(x, lambda p: np.array([1.0, 1.0, 1e-3])).tolist() == [25e3, 5e3, 50e3]
 
@@ -146,7 +146,7 @@ def test_what_is_stiffer_anywhere_makes_a_body_stiffer_everywhere(order: int) ->
     felt = 0
     for share in ([0.25, 0.25, 0.25, 0.25], [0.1, 0.1, 0.1, 0.7], [0.4, 0.4, 0.1, 0.1]):
         for times in (5.0, 100.0):
-            region = Region(ball(np.asarray(share) @ corners, 2e-3), 5e3 * times)
+            region = Region(sphere(np.asarray(share) @ corners, 2e-3), 5e3 * times)
             elements = Elements(volume, Material(5e3, 0.45, regions=[region]), [BOTTOM], order=order)
             try:
                 elements.young  # noqa: B018
@@ -164,29 +164,29 @@ def test_a_skin_that_the_mesh_does_not_resolve_is_told() -> None:
     with pytest.raises(BodyError, match=r"skin 0.01 mm = 1000 kPa: no point of integration lies in it"):
         Elements(volume, Material(5e3, skin="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
     with pytest.warns(BodyWarning, match=r"0.5 mm = 50 kPa: the cells under it are 10 mm high: give the skin"):
-        Elements(volume, Material(5e3, skin="0.5 mm = 50 kPa"), [BOTTOM], place("z > 19 mm")).young  # noqa: B018
+        Elements(volume, Material(5e3, skin="0.5 mm = 50 kPa"), [BOTTOM], parse_selector("z > 19 mm")).young  # noqa: B018
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for touch in (place("z > 19 mm"), place("box 9 9 19 to 21 21 21 mm"), None):
+        for touch in (parse_selector("z > 19 mm"), parse_selector("box 9 9 19 to 21 21 21 mm"), None):
             Elements(volume, Material(5e3, skin="10 mm = 50 kPa"), [BOTTOM], touch).young  # noqa: B018
 
 
 def test_places_are_read_from_text() -> None:
     x = np.array([[0, 0, 0], [0, 0, 2e-3], [5e-3, 0, 0]])
-    assert place("z < 1 mm").inside(x).tolist() == [True, False, True]
-    assert place("box -1 -1 -1 to 1, 1, 3 mm").inside(x).tolist() == [True, True, False]
-    assert place("surface sphere 5 0 0 radius 1 mm").inside(x).tolist() == [False, False, True]
-    assert place("surface z > 1 mm").surface
+    assert parse_selector("z < 1 mm").inside(x).tolist() == [True, False, True]
+    assert parse_selector("box -1 -1 -1 to 1, 1, 3 mm").inside(x).tolist() == [True, True, False]
+    assert parse_selector("surface sphere 5 0 0 radius 1 mm").inside(x).tolist() == [False, False, True]
+    assert parse_selector("surface z > 1 mm").surface
     for text in ("z <= 0 mm", "z<=0mm", "z ≤ −0 mm", "z <= -0.0000001 mm"):  # its own plane too, and rounding
-        assert place(text).inside(x).tolist() == [True, False, True]
-    assert place("x >= 5 mm").inside(x).tolist() == [False, False, True]
+        assert parse_selector(text).inside(x).tolist() == [True, False, True]
+    assert parse_selector("x >= 5 mm").inside(x).tolist() == [False, False, True]
     for text in ("", "z < 1", "z = 1 mm", "z =< 1 mm", "sphere 0 0 radius 1 mm", "everything"):
         with pytest.raises(BodyError, match=r"place|unit"):
-            place(text)
+            parse_selector(text)
 
 
 def test_a_file_comes_back_as_it_was_written(body: bodies.Body, tmp_path: Path) -> None:
-    path = body.write(tmp_path / "b.h5")
+    path = body.save(tmp_path / "b.h5")
     again = bodies.load(path)
     assert np.array_equal(again.compliance, body.compliance)
     assert np.array_equal(again.nodes, body.nodes)
@@ -198,7 +198,7 @@ def test_a_file_comes_back_as_it_was_written(body: bodies.Body, tmp_path: Path) 
 def test_a_truncated_or_foreign_file_is_refused(body: bodies.Body, tmp_path: Path) -> None:
     import h5py
 
-    whole = body.write(tmp_path / "b.h5").read_bytes()
+    whole = body.save(tmp_path / "b.h5").read_bytes()
     for size, sentence in ((0, "empty file"), (6, "not a body"), (100, "cut short"), (len(whole) - 10, "cut short")):
         (tmp_path / "cut.h5").write_bytes(whole[:size])
         with pytest.raises(BodyError, match=sentence):
@@ -229,7 +229,7 @@ def test_a_killed_build_leaves_nothing_that_loads(tmp_path: Path) -> None:
 
 def test_fronts_give_what_columns_give(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two roads to the compliance: elimination front by front, however often halved, and columns solved one by one."""
-    elements = Elements(block((0.05, 0.04, 0.03), 0.01), Material(5e3, 0.49), [BOTTOM], place("z > 29 mm"))
+    elements = Elements(block((0.05, 0.04, 0.03), 0.01), Material(5e3, 0.49), [BOTTOM], parse_selector("z > 29 mm"))
     load = sparse.kron(elements.load, sparse.eye(3)).tocsr()[elements.free].toarray()
     expected = load.T @ Factor(elements.stiffness[elements.free][:, elements.free]).solve(load)
     for leaf in (10_000, 96, 12):
@@ -266,7 +266,7 @@ def test_dissection_parts_what_it_halves(small: Elements, monkeypatch: pytest.Mo
     """Every node comes once, and no front touches one that is neither below it nor on its way to the root."""
     monkeypatch.setattr("palpate.fem.dissection._LEAF", 20)
     graph = abs(small.stiffness[::3][:, ::3])
-    order, fronts = dissect(graph, small.nodes)
+    order, fronts = nested_dissection(graph, small.nodes)
     assert np.array_equal(np.sort(order), np.arange(len(small.nodes)))
     parent = {child: number for number, front in enumerate(fronts) for child in front.children}
     front_of = np.empty(len(order), dtype=int)

@@ -69,7 +69,7 @@ def test_no_closed_path_around_a_slender_body_gives_work(shape: tuple[Body, floa
     for _ in range(8):
         path = wander(rng, 16_000, deep) + (top + radius) * UP
         body.core.reset()
-        felt = body.follow(path, radius, outward=UP)
+        felt = body.simulate_path(path, radius, outward=UP)
         work = -(0.5 * (felt.force[1:] + felt.force[:-1]) * np.diff(path, axis=0)).sum(axis=1)
         assert abs(work.sum()) <= 2e-4 * np.abs(work).sum()
         assert not felt.nodes[[0, -1]].any()
@@ -110,7 +110,7 @@ def test_the_forces_are_those_of_all_nodes_at_once(shape: tuple[Body, float]) ->
             expected = np.zeros(n)
             expected[near], _ = nnls(root.T, np.linalg.solve(root, deep[near]), maxiter=10_000)
             body.core.reset()
-            body.follow(place[None], radius, outward=UP)
+            body.simulate_path(place[None], radius, outward=UP)
             nodes, forces = body.core.pressed()
             found = np.zeros(n)
             found[nodes] = forces
@@ -119,20 +119,20 @@ def test_the_forces_are_those_of_all_nodes_at_once(shape: tuple[Body, float]) ->
     assert tried > 20
 
 
-@pytest.mark.parametrize("kind", ["compliance", "modal", "spline"])
+@pytest.mark.parametrize("kind", ["compliance", "modal", "free_form"])
 def test_force_has_no_step_on_a_slender_body(shape: tuple[Body, float], kind: str) -> None:
     """A slide at constant depth across all of it, 1 um a tick: as nodes come and go force moves little."""
     body, top = shape
     made = {
         "compliance": body,
-        "modal": body.modal(PERIOD, by_mass=50.0, by_stiffness=2e-3),
-        "spline": body.spline(control_spacing="4 mm"),
+        "modal": body.modal(PERIOD, rayleigh_alpha=50.0, rayleigh_beta=2e-3),
+        "free_form": body.free_form(control_spacing="4 mm"),
     }[kind]
     across = np.arange(-3e-3, 3e-3, 1e-6)
     path = np.stack([np.full_like(across, 5e-4), across, np.full_like(across, top - 1.5e-3 + 2.5e-3)], axis=1)
     down = path[0] + np.outer(np.linspace(3e-3, 0.0, 1000), UP)
     made.core.reset()
-    felt = made.follow(np.concatenate([down, path]), 2.5e-3, outward=UP)
+    felt = made.simulate_path(np.concatenate([down, path]), 2.5e-3, outward=UP)
     force = felt.force[1200:]  # what inertia stirs up has died down
     assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() < 0.05 * np.linalg.norm(force, axis=1).max()
 
@@ -144,7 +144,7 @@ def test_a_tip_through_a_thin_plate_presses_its_near_face_only(tip: Shape) -> No
     top = 5e-3 if tip == "sphere" else 0.0
     depth = np.linspace(0.0, 7e-3, 2000)
     path = np.array([0.003, 0.0005, top]) - np.outer(depth, UP)
-    felt = body.follow(path, 5e-3, outward=UP, tip=tip)
+    felt = body.simulate_path(path, 5e-3, outward=UP, tip=tip)
     nodes, _ = body.core.pressed()
     assert (body.normals[nodes] @ UP > 0).all()
     assert (np.diff(felt.force[200:, 2]) > 0).all()

@@ -14,12 +14,12 @@ TOP, PERIOD = 0.02, 1e-3
 TIPS: dict[Shape, float] = {"sphere": 4e-3, "flat": 3e-3}
 KINDS: dict[str, Callable[[Body], Body]] = {
     "compliance": lambda body: body,
-    "compliance, rough": lambda body: body.rough(0.5),
-    "modal": lambda body: body.modal(PERIOD, by_mass=50.0, by_stiffness=2e-3),
-    "modal, rough": lambda body: body.modal(PERIOD, by_mass=50.0, by_stiffness=2e-3, static_friction=0.5),
-    "relaxing": lambda body: body.relaxing(PERIOD, instant=2.0, creep=0.5),
-    "lattice": lambda body: body.lattice(PERIOD, by_mass=20.0, by_stiffness=2e-3),
-    "spline": lambda body: body.spline(),
+    "compliance, rough": lambda body: body.with_friction(0.5),
+    "modal": lambda body: body.modal(PERIOD, rayleigh_alpha=50.0, rayleigh_beta=2e-3),
+    "modal, rough": lambda body: body.modal(PERIOD, rayleigh_alpha=50.0, rayleigh_beta=2e-3, static_friction=0.5),
+    "viscoelastic": lambda body: body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time=0.5),
+    "mass_spring": lambda body: body.mass_spring(PERIOD, rayleigh_alpha=20.0, rayleigh_beta=2e-3),
+    "free_form": lambda body: body.free_form(),
 }
 
 
@@ -40,7 +40,7 @@ def test_force_grows_with_depth_for_three_radii_and_no_energy_comes_out(body: Bo
     depth = np.r_[depth, depth[::-1], np.full(50, -radius)]
     path = np.array([0.0197, 0.0206, TOP + (radius if tip == "sphere" else 0.0)]) - np.outer(depth, [0, 0, 1])
     kind.core.reset()
-    felt = kind.follow(path, radius, outward=[0, 0, 1], tip=tip)
+    felt = kind.simulate_path(path, radius, outward=[0, 0, 1], tip=tip)
     force = felt.force[:1000, 2]
     assert (np.diff(force[100:]) > 0).all()
     assert force[-1] > 1.5 * force[500] > 0
@@ -54,10 +54,10 @@ def test_a_sphere_that_is_not_told_where_out_is_finds_it_by_what_it_presses(body
     radius = TIPS[tip]
     depth = np.linspace(-1e-3, 3.0 * radius, 400)
     path = np.array([0.0197, 0.0206, TOP + (radius if tip == "sphere" else 0.0)]) - np.outer(depth, [0, 0, 1])
-    told = body.follow(path, radius, outward=[0, 0, 1], tip=tip)
+    told = body.simulate_path(path, radius, outward=[0, 0, 1], tip=tip)
     if tip == "sphere":
-        assert np.array_equal(body.follow(path, radius, tip=tip).force, told.force)
-    pressed = body.press([0.0197, 0.0206, TOP], radius, 3.0 * radius, tip=tip)
+        assert np.array_equal(body.simulate_path(path, radius, tip=tip).force, told.force)
+    pressed = body.indent([0.0197, 0.0206, TOP], radius, 3.0 * radius, tip=tip)
     assert pressed.force == pytest.approx(told.force[-1], rel=1e-9, abs=1e-12)
 
 
@@ -70,7 +70,7 @@ def test_deep_in_it_a_tip_slides_and_comes_back_without_work(body: Body) -> None
             path = 1.5e-3 * waves.T + np.array([0.02, 0.02, TOP])
             path[:, 2] += (radius if tip == "sphere" else 0.0) + radius - 3.0 * radius * np.sin(t / 2)
             body.core.reset()
-            felt = body.follow(path, radius, outward=[0, 0, 1], tip=tip)
+            felt = body.simulate_path(path, radius, outward=[0, 0, 1], tip=tip)
             work = -(0.5 * (felt.force[1:] + felt.force[:-1]) * np.diff(path, axis=0)).sum(axis=1)
             assert abs(work.sum()) < 1e-4 * np.abs(work).sum()
             assert not felt.nodes[[0, -1]].any()

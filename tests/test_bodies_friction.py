@@ -33,26 +33,26 @@ def small() -> Body:
 Rough = Callable[[Body, float, float], Body]
 PERIOD = 1e-3
 KINDS: dict[str, Rough] = {
-    "compliance": lambda body, hold, slide: body.rough(hold, slide),
+    "compliance": lambda body, hold, slide: body.with_friction(hold, slide),
     "modal": lambda body, hold, slide: body.modal(
-        PERIOD, by_mass=100.0, by_stiffness=2e-3, static_friction=hold, dynamic_friction=slide
+        PERIOD, rayleigh_alpha=100.0, rayleigh_beta=2e-3, static_friction=hold, dynamic_friction=slide
     ),
     "modal that creeps": lambda body, hold, slide: body.modal(
         PERIOD,
-        by_mass=100.0,
-        by_stiffness=2e-3,
-        instant=2.0,
-        creep=0.02,
+        rayleigh_alpha=100.0,
+        rayleigh_beta=2e-3,
+        instantaneous_ratio=2.0,
+        retardation_time=0.02,
         static_friction=hold,
         dynamic_friction=slide,
     ),
-    "relaxing": lambda body, hold, slide: body.relaxing(
-        PERIOD, instant=2.0, creep=0.02, static_friction=hold, dynamic_friction=slide
+    "viscoelastic": lambda body, hold, slide: body.viscoelastic(
+        PERIOD, instantaneous_ratio=2.0, retardation_time=0.02, static_friction=hold, dynamic_friction=slide
     ),
-    "lattice": lambda body, hold, slide: body.lattice(
-        PERIOD, by_mass=20.0, by_stiffness=2e-3, static_friction=hold, dynamic_friction=slide
+    "mass_spring": lambda body, hold, slide: body.mass_spring(
+        PERIOD, rayleigh_alpha=20.0, rayleigh_beta=2e-3, static_friction=hold, dynamic_friction=slide
     ),
-    "spline": lambda body, hold, slide: body.spline(static_friction=hold, dynamic_friction=slide),
+    "free_form": lambda body, hold, slide: body.free_form(static_friction=hold, dynamic_friction=slide),
 }
 
 
@@ -63,8 +63,8 @@ def _drag(way: np.ndarray, depth: float = 1.5e-3) -> np.ndarray:
 def test_a_patch_that_sticks_is_the_dense_solution(body: Body) -> None:
     """Tangential forces that move all pressed nodes with the tip, by solving the whole compliance for them."""
     way = 1e-6
-    felt = body.rough(100.0).follow(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
-    body.follow(_drag(np.array([way]), 3e-3), RADIUS, outward=[0, 0, 1])
+    felt = body.with_friction(100.0).simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
+    body.simulate_path(_drag(np.array([way]), 3e-3), RADIUS, outward=[0, 0, 1])
     nodes, _ = body.core.pressed()
     unknown = np.stack([3 * nodes, 3 * nodes + 1], axis=1).ravel()
     part = body.compliance[np.ix_(unknown, unknown)].astype(float)
@@ -74,10 +74,10 @@ def test_a_patch_that_sticks_is_the_dense_solution(body: Body) -> None:
 
 
 def test_the_surface_goes_along_until_the_cone_and_its_displacement_is_that_of_all_forces(body: Body) -> None:
-    rough = body.rough(0.8, 0.5)
-    felt = rough.follow(_drag(np.arange(0.0, 4e-3, 1e-5)), RADIUS, outward=[0, 0, 1])
+    rough = body.with_friction(0.8, 0.5)
+    felt = rough.simulate_path(_drag(np.arange(0.0, 4e-3, 1e-5)), RADIUS, outward=[0, 0, 1])
     pressing = felt.force - felt.friction
-    smooth = body.follow(_drag(np.arange(0.0, 4e-3, 1e-5)), RADIUS, outward=[0, 0, 1])
+    smooth = body.simulate_path(_drag(np.arange(0.0, 4e-3, 1e-5)), RADIUS, outward=[0, 0, 1])
     assert pressing[:, 2] == pytest.approx(smooth.force[:, 2], rel=1e-12)
     ratio = np.linalg.norm(felt.friction, axis=1) / pressing[:, 2]
     assert ratio.max() == pytest.approx(0.8, rel=0.01)
@@ -96,7 +96,7 @@ def test_the_surface_goes_along_until_the_cone_and_its_displacement_is_that_of_a
 
 def test_a_press_from_rest_has_no_friction_in_it(body: Body) -> None:
     at = ([0.02, 0.02, TOP], RADIUS, 1.5e-3)
-    assert body.rough(0.5).press(*at).force == pytest.approx(body.press(*at).force, rel=1e-12)
+    assert body.with_friction(0.5).indent(*at).force == pytest.approx(body.indent(*at).force, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -110,7 +110,7 @@ def test_every_kind_rests_in_its_cones_breaks_away_and_slides(small: Body, name:
     rough.core.reset()
     felt, cones = [], []
     for part in np.array_split(path, 45):
-        felt.append(rough.follow(part, RADIUS, outward=[0, 0, 1]))
+        felt.append(rough.simulate_path(part, RADIUS, outward=[0, 0, 1]))
         forces, dragged = rough.core.pressed()[1], rough.core.dragged()
         cones.append(np.linalg.norm(dragged, axis=1) / forces)
         assert np.abs(dragged[:, 2]).max() == 0.0
@@ -123,18 +123,18 @@ def test_every_kind_rests_in_its_cones_breaks_away_and_slides(small: Body, name:
     assert ratio[-1] == pytest.approx(slide, rel=2e-3)
     assert friction[-1] @ [-0.8, -0.6, 0.0] == pytest.approx(slide * pressing[-1], rel=2e-3)
     # Let go to rest where it is, it stays there, within the cones.
-    held = rough.follow(np.tile(path[-1], (400, 1)), RADIUS, outward=[0, 0, 1])
+    held = rough.simulate_path(np.tile(path[-1], (400, 1)), RADIUS, outward=[0, 0, 1])
     assert held.friction[-1] == pytest.approx(held.friction[-2], rel=1e-3)
     assert np.linalg.norm(held.friction[-1]) <= hold * pressing[-1]
 
 
-@pytest.mark.parametrize("name", ["modal", "modal that creeps", "relaxing"])
+@pytest.mark.parametrize("name", ["modal", "modal that creeps", "viscoelastic"])
 def test_dragged_slowly_kinds_with_a_memory_are_the_compliance(small: Body, name: str) -> None:
     """At 1 mm/s, far slower than masses swing or tissue creeps: the same friction, sticking, slipping, sliding."""
     way = np.r_[np.zeros(300), np.linspace(0.0, 4e-3, 4000)]
     path = np.array([0.0125, 0.0143, TOP + RADIUS - 2e-3]) + np.outer(way, [0.8, 0.6, 0.0])
-    still = KINDS["compliance"](small, 0.6, 0.6).follow(path, RADIUS, outward=[0, 0, 1])
-    moving = KINDS[name](small, 0.6, 0.6).follow(path, RADIUS, outward=[0, 0, 1])
+    still = KINDS["compliance"](small, 0.6, 0.6).simulate_path(path, RADIUS, outward=[0, 0, 1])
+    moving = KINDS[name](small, 0.6, 0.6).simulate_path(path, RADIUS, outward=[0, 0, 1])
     pressing = (still.force - still.friction)[300::100, 2]
     assert (moving.force - moving.friction)[300::100, 2] == pytest.approx(pressing, rel=0.02)
     one, other = (np.linalg.norm(felt.friction[300::100], axis=1) / pressing for felt in (still, moving))
@@ -145,16 +145,16 @@ def test_dragged_slowly_kinds_with_a_memory_are_the_compliance(small: Body, name
 
 def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body) -> None:
     """Forces that move all pressed nodes sideways with the tip, and inwards by what it has sunk there."""
-    rough, way = KINDS["lattice"](small, 100.0, 100.0), 2e-5
+    rough, way = KINDS["mass_spring"](small, 100.0, 100.0), 2e-5
     path = np.tile([0.0125, 0.0143, TOP + 0.06 - 1e-3], (600, 1))
     path[300:, 0] += way
-    felt = rough.follow(path, 0.06, outward=[0, 0, 1])
+    felt = rough.simulate_path(path, 0.06, outward=[0, 0, 1])
     nodes, _ = rough.core.pressed()
     begin, vertices, shares = small._patches()
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(small.nodes), len(small.contents.vertices)))[nodes]
     free = np.flatnonzero(np.repeat(~small.contents.held, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
-    yields = full @ splu(small.network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
+    yields = full @ splu(small.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
     aside = small.nodes[nodes] - path[0]
     sunk = [np.sqrt(0.06**2 - (aside[:, 0] - x) ** 2 - aside[:, 1] ** 2) for x in (0.0, way)]
     moved = np.stack([np.full(len(nodes), way), np.zeros(len(nodes)), sunk[0] - sunk[1]], axis=1)
@@ -166,9 +166,9 @@ def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body)
 
 def test_a_spline_that_sticks_is_the_dense_solution_of_its_law(body: Body) -> None:
     way = 1e-6
-    rough = body.spline(static_friction=100.0)
-    felt = rough.follow(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
-    nodes, law = rough.core.pressed()[0], rough.spline_law
+    rough = body.free_form(static_friction=100.0)
+    felt = rough.simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
+    nodes, law = rough.core.pressed()[0], rough.free_form_law
     shared = (weights(body.nodes[nodes], law.spacing) @ weights(body.nodes[nodes], law.spacing).T).toarray()
     yields = law.give_across * shared + np.diag(law.layer_across / body.contents.areas[nodes])
     forces = np.linalg.solve(yields, np.full(len(nodes), way))
@@ -183,8 +183,8 @@ def test_a_spline_sticks_about_as_stiffly_as_the_solid(body: Body) -> None:
     path[1:, 0] += 1e-6
     for radius in (5e-3, 7e-3):
         solid, shaped = (
-            kind.follow(path, radius, outward=[0, 0, 1], tip="flat").friction[-1, 0]
-            for kind in (body.rough(100.0), body.spline(static_friction=100.0))
+            kind.simulate_path(path, radius, outward=[0, 0, 1], tip="flat").friction[-1, 0]
+            for kind in (body.with_friction(100.0), body.free_form(static_friction=100.0))
         )
         assert shaped == pytest.approx(solid, rel=0.4)
 
@@ -192,4 +192,4 @@ def test_a_spline_sticks_about_as_stiffly_as_the_solid(body: Body) -> None:
 def test_coefficients_that_cannot_be_are_refused(body: Body) -> None:
     for static, dynamic in ((-0.1, None), (0.3, 0.4), (np.nan, None), (np.inf, 0.2)):
         with pytest.raises(BodyError, match="_friction: "):
-            body.rough(static, dynamic)
+            body.with_friction(static, dynamic)

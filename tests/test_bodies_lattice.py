@@ -10,14 +10,14 @@ from palpate import fem as bodies
 from palpate.fem import Body, BodyError, block
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
-from palpate.fem.selectors import beyond
-from palpate.fem.spring_network import network, patches
+from palpate.fem.selectors import half_space
+from palpate.fem.spring_network import build_network, patches
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 HEIGHT = 0.02
-BOTTOM, TOP = beyond("z", "<", 1e-9), beyond("z", ">", HEIGHT - 1e-9)
+BOTTOM, TOP = half_space("z", "<", 1e-9), half_space("z", ">", HEIGHT - 1e-9)
 VOLUME = block((0.03, 0.03, HEIGHT), 0.005)
 YOUNG, POISSON = 5e3, 0.45
 
@@ -29,7 +29,7 @@ def body() -> Body:
 
 @pytest.fixture(scope="module")
 def lattice(body: Body) -> Body:
-    return body.lattice("1 ms", by_stiffness=2e-3)
+    return body.mass_spring("1 ms", rayleigh_beta=2e-3)
 
 
 def static_compliance(body: Body) -> np.ndarray:
@@ -38,7 +38,7 @@ def static_compliance(body: Body) -> np.ndarray:
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
     free = np.flatnonzero(np.repeat(~body.contents.held, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
-    return np.asarray(full @ splu(body.network.matrix[free][:, free].tocsc()).solve(full.T.toarray()))
+    return np.asarray(full @ splu(body.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray()))
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.49])
@@ -51,7 +51,7 @@ def test_its_compliance_is_near_that_of_finite_elements(poisson: float) -> None:
 @pytest.mark.parametrize("poisson", [0.0, 0.25, 0.45])
 def test_uniform_strain_stores_what_the_solid_stores(poisson: float) -> None:
     """The patch test that a network can pass: nearly"""
-    net = network(VOLUME, np.full(len(VOLUME.tetrahedra), YOUNG), poisson, 1000.0)
+    net = build_network(VOLUME, np.full(len(VOLUME.tetrahedra), YOUNG), poisson, 1000.0)
     shear = YOUNG / (2 * (1 + poisson))
     lame = 2 * shear * poisson / (1 - 2 * poisson)
     random = np.random.default_rng(1)
@@ -65,7 +65,7 @@ def test_uniform_strain_stores_what_the_solid_stores(poisson: float) -> None:
 
 
 def test_springs_alone_have_poissons_ratio_one_quarter() -> None:
-    net = network(VOLUME, np.full(len(VOLUME.tetrahedra), YOUNG), 0.25, 1000.0)
+    net = build_network(VOLUME, np.full(len(VOLUME.tetrahedra), YOUNG), 0.25, 1000.0)
     assert np.abs(net.pressure).max() < 1e-9 * YOUNG
     assert (net.stiffness >= 0).all()
     assert net.masses.sum() == pytest.approx(1000.0 * VOLUME.size)
@@ -79,12 +79,12 @@ def test_forces_spread_as_those_of_finite_elements(body: Body) -> None:
 
 
 def test_moved_as_a_whole_it_feels_nothing(lattice: Body) -> None:
-    core, places = lattice.core, lattice.network.places
+    core, places = lattice.core, lattice.spring_network.places
     turned = places @ Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix().T + [0.01, 0.02, -0.03]
     core.reset()
     core.set(turned, np.zeros_like(turned))
     assert core.energy < 1e-25
-    lattice.follow([[1.0, 1.0, 1.0]] * 100, 0.005, outward=[0, 0, 1])
+    lattice.simulate_path([[1.0, 1.0, 1.0]] * 100, 0.005, outward=[0, 0, 1])
     assert np.abs(core.places() - turned).max() < 1e-12
     core.set(places * [1.0, 1.0, 1.1], np.zeros_like(places))
     assert core.energy > 1e-6
@@ -95,21 +95,21 @@ def test_a_force_held_for_long_gives_the_static_answer_at_any_period(body: Body,
     """The core's ticks beside the stiffness that is assembled in Python."""
     node = int(np.argmin(np.linalg.norm(body.nodes - [0.01, 0.015, HEIGHT], axis=1)))
     force = 1e-3
-    found = body.lattice(period, by_stiffness=3e-3).core.respond(node, np.full(int(1.5 / period), force))[-1]
+    found = body.mass_spring(period, rayleigh_beta=3e-3).core.respond(node, np.full(int(1.5 / period), force))[-1]
     assert found == pytest.approx(force * static_compliance(body)[3 * node + 2, 3 * node + 2], rel=2e-3)
 
 
 @pytest.mark.parametrize("young", [2e3, 100e3])
 def test_no_tick_makes_energy_while_a_tip_shakes_it(young: float) -> None:
     """At 1 kHz, without damping of its own; the work is that of the forces on what the nodes really moved."""
-    springy = bodies.build(VOLUME, young=young, poisson=0.49, fixed=BOTTOM, touch=TOP).lattice("1 ms")
+    springy = bodies.build(VOLUME, young=young, poisson=0.49, fixed=BOTTOM, touch=TOP).mass_spring("1 ms")
     core, inward = springy.core, -springy.normals
     random = np.random.default_rng(2)
     place, before, total, pressed = np.zeros(3), springy.displacement(), 0.0, 0
     for _ in range(1500):
         place = 0.95 * place + random.normal(size=3) * [1e-3, 1e-3, 4e-4]
         had = core.energy
-        springy.follow((place + np.array([0.015, 0.015, HEIGHT + 0.0075]))[None], 0.008, outward=[0, 0, 1])
+        springy.simulate_path((place + np.array([0.015, 0.015, HEIGHT + 0.0075]))[None], 0.008, outward=[0, 0, 1])
         nodes, forces = core.pressed()
         now = springy.displacement()
         work = (forces * np.einsum("ij,ij->i", inward[nodes], (now - before)[nodes])).sum()
@@ -123,11 +123,11 @@ def test_no_tick_makes_energy_while_a_tip_shakes_it(young: float) -> None:
 def test_thrown_about_violently_it_only_loses_energy(lattice: Body) -> None:
     """Speeds that turn tetrahedra inside out: far outside of what it models, and still it does not blow up."""
     core, random = lattice.core, np.random.default_rng(3)
-    places = lattice.network.places
+    places = lattice.spring_network.places
     core.set(places, random.normal(size=places.shape) * 10.0)
     had = core.energy
     for _ in range(300):
-        lattice.follow([[1.0, 1.0, 1.0]], 0.005, outward=[0, 0, 1])
+        lattice.simulate_path([[1.0, 1.0, 1.0]], 0.005, outward=[0, 0, 1])
         assert core.energy <= had * (1 + 1e-12)
         had = core.energy
     assert np.isfinite(core.places()).all()
@@ -140,14 +140,14 @@ def test_closed_paths_of_the_tip_give_no_work(lattice: Body) -> None:
         a, b = random.normal(size=(2, 3)) * [3e-3, 3e-3, 8e-4]
         way = np.outer(1 - np.cos(t), a) + np.outer(np.sin(2 * t), b) + [0.015, 0.015, HEIGHT + 0.0078]
         lattice.core.reset()
-        felt = lattice.follow(way, 0.008, outward=[0, 0, 1])
+        felt = lattice.simulate_path(way, 0.008, outward=[0, 0, 1])
         assert -(felt.force[1:] * np.diff(way, axis=0)).sum() > -1e-9
 
 
 def test_press_lets_it_come_to_rest(body: Body, lattice: Body) -> None:
     at = [0.015, 0.015, HEIGHT]
-    force, displacement = lattice.press(at, "8 mm", "1 mm", tip="flat")
-    solid = body.press(at, "8 mm", "1 mm", tip="flat")
+    force, displacement = lattice.indent(at, "8 mm", "1 mm", tip="flat")
+    solid = body.indent(at, "8 mm", "1 mm", tip="flat")
     assert force[2] == pytest.approx(solid.force[2], rel=0.25)
     assert np.linalg.norm(displacement - solid.displacement) < 0.2 * np.linalg.norm(solid.displacement)
 
@@ -160,9 +160,9 @@ def test_a_stiff_region_makes_stiff_springs() -> None:
 
 
 def test_it_comes_from_a_file_and_bad_numbers_are_told(body: Body, tmp_path: Path) -> None:
-    again = Body.load(body.write(tmp_path / "b.h5"))
-    assert np.array_equal(again.network.stiffness, body.network.stiffness)
+    again = Body.load(body.save(tmp_path / "b.h5"))
+    assert np.array_equal(again.spring_network.stiffness, body.spring_network.stiffness)
     with pytest.raises(BodyError, match="period: 0 s must be positive"):
-        body.lattice(0.0)
+        body.mass_spring(0.0)
     with pytest.raises(BodyError, match="must not be negative"):
-        body.lattice("1 ms", by_mass=-1.0)
+        body.mass_spring("1 ms", rayleigh_alpha=-1.0)

@@ -11,21 +11,21 @@ import pytest
 from numpy.typing import NDArray
 from palpate import fem as bodies
 from palpate.errors import PoseError
-from palpate.fem import BodyError, Law, Material, PressedSolid, Solid, block
+from palpate.fem import BodyError, HyperelasticModel, Law, Material, QuasiStaticSolver, block
 from palpate.fem.body import Shape
-from palpate.fem.selectors import beyond
+from palpate.fem.selectors import half_space
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
-BOTTOM, TOP = beyond("z", "<", 1e-9), beyond("z", ">", 0.03 - 1e-9)
+BOTTOM, TOP = half_space("z", "<", 1e-9), half_space("z", ">", 0.03 - 1e-9)
 VOLUME = block((0.04, 0.04, 0.03), 0.005)
 MATERIAL = Material(8e3, 0.4)
 RADIUS, UP = 8e-3, np.array([0.0, 0.0, 1.0])
 MIDDLE = np.array([0.02, 0.02, 0.03])
 
 
-def pressed(law: Law = "neo-hookean") -> PressedSolid:
-    return PressedSolid(Solid(VOLUME, MATERIAL, BOTTOM, TOP, law=law))
+def pressed(law: Law = "neo-hookean") -> QuasiStaticSolver:
+    return QuasiStaticSolver(HyperelasticModel(VOLUME, MATERIAL, BOTTOM, TOP, law=law))
 
 
 def centre(x: float, y: float, depth: float) -> Array:
@@ -37,8 +37,8 @@ def test_a_small_press_is_the_condensed_body_of_the_same_mesh() -> None:
     for tip, radius in (("sphere", RADIUS), ("flat", 6e-3)):
         top = RADIUS if tip == "sphere" else 0.0
         path = np.array([[0.021, 0.018, 0.03 + top - 2e-5]])
-        expected = linear.follow(path, radius, outward=UP, tip=tip)  # type: ignore[arg-type]
-        force, _ = pressed().press(path[0] - [0, 0, top - 2e-5], radius, 2e-5, outward=UP, tip=tip)  # type: ignore[arg-type]
+        expected = linear.simulate_path(path, radius, outward=UP, tip=tip)  # type: ignore[arg-type]
+        force, _ = pressed().indent(path[0] - [0, 0, top - 2e-5], radius, 2e-5, outward=UP, tip=tip)  # type: ignore[arg-type]
         assert force[2] == pytest.approx(expected.force[0, 2], rel=5e-3)
 
 
@@ -48,7 +48,7 @@ def test_deep_presses_do_the_work_that_the_body_holds(law: Law) -> None:
     body = pressed(law)
     held, felt = [], []
     for depth in (5.9e-3, 6e-3, 6.1e-3):
-        force, _ = body.press(MIDDLE, RADIUS, depth, outward=UP)
+        force, _ = body.indent(MIDDLE, RADIUS, depth, outward=UP)
         felt.append(force[2])
         held.append(body.core.energy())
     assert felt[1] == pytest.approx((held[2] - held[0]) / 2e-4, rel=0.01)
@@ -66,53 +66,53 @@ def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law,
     The force is that of the solid's own assembly; a sphere's is the slope of its energy (a flat end's edge stores some
     of its own); a body pressed in ticks feels the same.
     """
-    solid = Solid(SLIM, MATERIAL, BOTTOM, TOP, law=law)
-    column, point, depths = PressedSolid(solid), [0.012, 0.01, 0.03], (9.7e-3, 10e-3, 10.3e-3)
+    solid = HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP, law=law)
+    column, point, depths = QuasiStaticSolver(solid), [0.012, 0.01, 0.03], (9.7e-3, 10e-3, 10.3e-3)
     held = []
     for depth in depths:
-        force, displacement = column.press(point, RADIUS, depth, outward=UP, tip=tip)
+        force, displacement = column.indent(point, RADIUS, depth, outward=UP, tip=tip)
         strain = solid.evaluate(displacement)
         held.append(strain.energy)
         assert force[2] == pytest.approx(-strain.forces[:, 2].sum(), rel=0.02)
-    middle, _ = column.press(point, RADIUS, depths[1], outward=UP, tip=tip)
+    middle, _ = column.indent(point, RADIUS, depths[1], outward=UP, tip=tip)
     if tip == "sphere":
         assert middle[2] == pytest.approx((held[2] - held[0]) / (depths[2] - depths[0]), rel=0.02)
-    body = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).nonlinear("1 ms", law=law)
-    assert body.press(point, RADIUS, depths[1], tip=tip).force[2] == pytest.approx(middle[2], rel=0.02)
+    body = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).hyperelastic("1 ms", law=law)
+    assert body.indent(point, RADIUS, depths[1], tip=tip).force[2] == pytest.approx(middle[2], rel=0.02)
 
 
 def test_a_press_through_which_the_tip_loses_the_body_is_refused() -> None:
-    column = PressedSolid(Solid(SLIM, MATERIAL, BOTTOM, TOP))
+    column = QuasiStaticSolver(HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP))
     with pytest.raises(BodyError, match=r"pressed 15 mm deep the body .*at rest until 1\d.* mm: press less deep"):
-        column.press([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
-    slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).nonlinear("1 ms")
+        column.indent([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
+    slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).hyperelastic("1 ms")
     with pytest.raises(BodyError, match=r"pressed 20 mm deep the body .*at rest until"):
-        slim.press([0.01, 0.01, 0.03], RADIUS, 20e-3, tip="flat")
+        slim.indent([0.01, 0.01, 0.03], RADIUS, 20e-3, tip="flat")
 
 
 def test_far_in_a_press_ends_at_rest_or_says_that_it_does_not() -> None:
     """A sphere deep into a small block: the slope of the solid's own energy, the same by every road, or a sentence."""
     low = block((0.04, 0.04, 0.02), 0.005)
-    solid = PressedSolid(Solid(low, MATERIAL, BOTTOM, beyond("z", ">", 0.02 - 1e-9)))
-    body = bodies.build(low, young=8e3, poisson=0.4, fixed=BOTTOM, touch="z > 19.999 mm", order=1).nonlinear("1 ms")
+    solid = QuasiStaticSolver(HyperelasticModel(low, MATERIAL, BOTTOM, half_space("z", ">", 0.02 - 1e-9)))
+    body = bodies.build(low, young=8e3, poisson=0.4, fixed=BOTTOM, touch="z > 19.999 mm", order=1).hyperelastic("1 ms")
     top, held = [0.02, 0.02, 0.02], []
     for depth in (12.95e-3, 13.05e-3):
-        solid.press(top, RADIUS, depth, outward=UP)
+        solid.indent(top, RADIUS, depth, outward=UP)
         held.append(solid.core.energy())
-    force = body.press(top, RADIUS, 13e-3).force
+    force = body.indent(top, RADIUS, 13e-3).force
     assert force[2] == pytest.approx((held[1] - held[0]) / 1e-4, rel=1e-3)
-    assert solid.press(top, RADIUS, 13e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
+    assert solid.indent(top, RADIUS, 13e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
     for depth in ("14 mm", "15 mm", "16 mm"):
         with pytest.raises(
             BodyError, match=rf"pressed {depth} deep the body .*felt at rest until 1\d.* mm: press less"
         ):
-            body.press(top, RADIUS, depth)
+            body.indent(top, RADIUS, depth)
 
 
 def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
     """Under a deep press: against the inverse of the whole tangent; estimated farther out, and definite throughout."""
     body = pressed()
-    _, displacement = body.press(MIDDLE, RADIUS, 6e-3, outward=UP)
+    _, displacement = body.indent(MIDDLE, RADIUS, 6e-3, outward=UP)
     names, normals, compliance, inner = body.core.snapshot()
     solid = body.solid
     solid.evaluate(displacement)
@@ -167,7 +167,7 @@ def test_tips_never_get_out_more_than_they_put_in(tips: int) -> None:
         for _ in range(3):
             body.reset()
             path = wander(rng, 6000, tips)
-            felt = body.follow(path, RADIUS, outward=UP, every=80)  # 0.25 ms each, for the sum's sake
+            felt = body.simulate_path(path, RADIUS, outward=UP, every=80)  # 0.25 ms each, for the sum's sake
             mean = 0.5 * (felt.force[1:] + felt.force[:-1])
             work = np.concatenate([[0.0], np.cumsum(-(mean * np.diff(path, axis=0)).sum(axis=(1, 2)))])
             most = felt.potential.max()
@@ -213,14 +213,14 @@ def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
 def test_a_quick_tip_does_not_lose_the_surface(speed: float, every: int) -> None:
     """8 or 12 mm a slow step, over cells of 5 mm: nodes without columns carry it until the next snapshot."""
     volume = block((0.1, 0.04, 0.03), 0.005)
-    body = PressedSolid(Solid(volume, MATERIAL, BOTTOM, TOP))
+    body = QuasiStaticSolver(HyperelasticModel(volume, MATERIAL, BOTTOM, TOP))
     down = np.linspace(-1e-3, 4e-3, 160)
     along = np.arange(0.02, 0.08, speed * 1e-3)
     path = np.concatenate(
         [[centre(0.02, 0.02, d) for d in down], [centre(0.02, 0.02, 4e-3)] * 300,
          [centre(x, 0.02, 4e-3) for x in along], [centre(0.08, 0.02, 4e-3)] * 300]
     )  # fmt: skip
-    force = body.follow(path, RADIUS, outward=UP, every=every).force[:, 0, 2]
+    force = body.simulate_path(path, RADIUS, outward=UP, every=every).force[:, 0, 2]
     slide = force[460 : 460 + len(along)]
     assert slide.min() > 0.75 * force[459]
     assert slide.max() < 1.6 * force[459]
@@ -236,11 +236,11 @@ def test_in_turn_is_the_same_each_time_and_ends_where_it_settles() -> None:
     depth = np.concatenate([np.linspace(-1e-3, 6e-3, 300), np.full(500, 6e-3)])
     path = np.array([centre(0.02, 0.021, d) for d in depth])
     body = pressed()
-    felt = body.follow(path, RADIUS, outward=UP)
+    felt = body.simulate_path(path, RADIUS, outward=UP)
     body.reset()
-    again = body.follow(path, RADIUS, outward=UP)
+    again = body.simulate_path(path, RADIUS, outward=UP)
     assert np.array_equal(felt.force, again.force)
-    settled, _ = body.press([0.02, 0.021, 0.03], RADIUS, 6e-3, outward=UP)
+    settled, _ = body.indent([0.02, 0.021, 0.03], RADIUS, 6e-3, outward=UP)
     assert felt.force[-1, 0] == pytest.approx(settled, rel=0.01, abs=0.01 * settled[2])
     steps = np.abs(np.diff(felt.force[:, 0, 2]))
     assert steps.max() < 0.03 * settled[2]  # blended: a snapshot makes no step that is felt
@@ -251,7 +251,7 @@ def test_a_thread_of_its_own_brings_the_servo_to_the_same_force() -> None:
     path = np.array([centre(0.02, 0.02, d) for d in depth])
     body = pressed()
     live = body.live(path, RADIUS, outward=UP)
-    settled, _ = body.press(MIDDLE, RADIUS, 5e-3, outward=UP)
+    settled, _ = body.indent(MIDDLE, RADIUS, 5e-3, outward=UP)
     assert live.touches.force[-1, 0, 2] == pytest.approx(settled[2], rel=0.03)
     assert len(live.steps) > 3
     assert len(live.ticks) == len(path)
@@ -260,16 +260,16 @@ def test_a_thread_of_its_own_brings_the_servo_to_the_same_force() -> None:
 
 
 def test_what_is_refused() -> None:
-    solid = Solid(VOLUME, MATERIAL, BOTTOM, TOP)
+    solid = HyperelasticModel(VOLUME, MATERIAL, BOTTOM, TOP)
     with pytest.raises(BodyError, match="near: 65 must be a whole number, from 4 to 64"):
-        PressedSolid(solid, near=65)
-    body = PressedSolid(solid)
+        QuasiStaticSolver(solid, near=65)
+    body = QuasiStaticSolver(solid)
     with pytest.raises(PoseError, match="two tips"):
-        body.follow(np.zeros((5, 3, 3)), RADIUS, outward=UP)
+        body.simulate_path(np.zeros((5, 3, 3)), RADIUS, outward=UP)
     with pytest.raises(BodyError, match="radius: 0 m must be positive"):
-        body.follow(np.zeros((5, 3)), 0.0, outward=UP)
+        body.simulate_path(np.zeros((5, 3)), 0.0, outward=UP)
     with pytest.raises(BodyError, match="every: 0 must be"):
-        body.follow(np.zeros((5, 3)), RADIUS, outward=UP, every=0)
+        body.simulate_path(np.zeros((5, 3)), RADIUS, outward=UP, every=0)
     with pytest.raises(BodyError, match='period: "0 s" must be positive'):
         body.live(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
 

@@ -7,8 +7,8 @@ from typing import get_args
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.fem import BodyError, Law, Material, Solid, block
-from palpate.fem.selectors import beyond
+from palpate.fem import BodyError, HyperelasticModel, Law, Material, block
+from palpate.fem.selectors import half_space
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
@@ -18,19 +18,19 @@ Array = NDArray[np.float64]
 LAWS: tuple[Law, ...] = get_args(Law)
 MATERIAL = Material(8e3, 0.4)
 MU, LAMBDA = 8e3 / 2.8, 8e3 * 0.4 / (1.4 * 0.2)
-BOTTOM = beyond("z", "<", 1e-9)
+BOTTOM = half_space("z", "<", 1e-9)
 
 
-def shaken(law: Law, seed: int = 0) -> Solid:
+def shaken(law: Law, seed: int = 0) -> HyperelasticModel:
     """A small block whose inner points are moved, held at its bottom."""
     volume = block((0.03, 0.02, 0.03), 0.01)
     rng = np.random.default_rng(seed)
     inside = (volume.points > 1e-9).all(axis=1) & (volume.points < np.array([0.03, 0.02, 0.03]) - 1e-9).all(axis=1)
     points = volume.points + 2e-3 * rng.standard_normal(volume.points.shape) * inside[:, None]
-    return Solid(type(volume)(points, volume.tetrahedra), MATERIAL, BOTTOM, law=law)
+    return HyperelasticModel(type(volume)(points, volume.tetrahedra), MATERIAL, BOTTOM, law=law)
 
 
-def homogeneous(solid: Solid, gradient: Array) -> Array:
+def homogeneous(solid: HyperelasticModel, gradient: Array) -> Array:
     return solid.points @ (gradient - np.eye(3)).T
 
 
@@ -81,7 +81,7 @@ def test_homogeneous_deformations_have_the_textbooks_stress(law: Law) -> None:
         )
 
 
-def side_share(solid: Solid, stress: Array) -> Array:
+def side_share(solid: HyperelasticModel, stress: Array) -> Array:
     """What the tractions of the four sides give to the points that are held, taken off: their hats' integrals."""
     total = np.zeros(3)
     for face in solid.elements.volume.surface:
@@ -96,7 +96,7 @@ def side_share(solid: Solid, stress: Array) -> Array:
 def test_neo_hookean_uniaxial_and_simple_shear() -> None:
     """A bar pulled with free sides: the lateral stretch and the stress of the closed form; shear: mu gamma."""
     volume = block((0.02, 0.02, 0.02), 0.01)
-    solid = Solid(volume, MATERIAL, BOTTOM)
+    solid = HyperelasticModel(volume, MATERIAL, BOTTOM)
     top = np.abs(volume.points[:, 2] - 0.02) < 1e-9
     side = np.abs(volume.points[:, 0] - 0.02) < 1e-9
     for stretch in (0.6, 0.9, 1.5, 2.5):
@@ -152,8 +152,8 @@ def test_a_large_bend_is_that_of_another_program() -> None:
     from skfem.helpers import ddot, det, grad, inv, transpose
 
     volume = block((0.06, 0.01, 0.01), 0.005)
-    wall = beyond("x", "<", 1e-9)
-    solid = Solid(volume, MATERIAL, wall)
+    wall = half_space("x", "<", 1e-9)
+    solid = HyperelasticModel(volume, MATERIAL, wall)
     load = np.zeros_like(solid.points)
     end = np.abs(solid.points[:, 0] - 0.06) < 1e-9
     load[end, 2] = -0.02 / end.sum()
@@ -202,7 +202,7 @@ def test_a_cantilever_bends_as_the_elastica(law: Law) -> None:
     down = []
     for cells in (2, 4):
         volume = block((long, thick, thick), thick / cells)
-        solid = Solid(volume, Material(young, 0.0), beyond("x", "<", 1e-9), law=law)
+        solid = HyperelasticModel(volume, Material(young, 0.0), half_space("x", "<", 1e-9), law=law)
         load = np.zeros_like(solid.points)
         end = np.abs(solid.points[:, 0] - long) < 1e-9
         for share in np.linspace(0.2, 1, 5):
@@ -225,10 +225,10 @@ def test_a_cantilever_bends_as_the_elastica(law: Law) -> None:
 def test_what_is_refused() -> None:
     volume = block((0.02, 0.02, 0.02), 0.01)
     with pytest.raises(BodyError, match="neo-hookean or corotational"):
-        Solid(volume, MATERIAL, BOTTOM, law="rubber")  # type: ignore[arg-type]
+        HyperelasticModel(volume, MATERIAL, BOTTOM, law="rubber")  # type: ignore[arg-type]
     with pytest.raises(BodyError, match="fixed: no node"):
-        Solid(volume, MATERIAL, beyond("z", "<", -1.0))
-    solid = Solid(volume, MATERIAL, BOTTOM)
+        HyperelasticModel(volume, MATERIAL, half_space("z", "<", -1.0))
+    solid = HyperelasticModel(volume, MATERIAL, BOTTOM)
     with pytest.raises(BodyError, match="one finite vector"):
         solid.relax(np.zeros((3, 3)))
     load = np.zeros_like(solid.points)

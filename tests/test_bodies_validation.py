@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 from palpate.fem import Body
-from palpate.fem.body import Presses
+from palpate.fem.body import ContactHistory
 
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.passivity import energy_out, small_body
@@ -54,10 +54,10 @@ def test_what_is_compared_is_what_lattices_and_splines_do(body: Body) -> None:
     """Their compliances, put together in Python, beside the core's own contact."""
     at = ([0.02, 0.02, 0.02], 60e-3, 5e-4)
     for other, kind in (
-        (lattice_near_rest(body), body.lattice(1e-3, by_mass=20.0, by_stiffness=2e-3)),
-        (spline_in_full(body), body.spline()),
+        (lattice_near_rest(body), body.mass_spring(1e-3, rayleigh_alpha=20.0, rayleigh_beta=2e-3)),
+        (spline_in_full(body), body.free_form()),
     ):
-        one, two = other.press(*at), kind.press(*at)
+        one, two = other.indent(*at), kind.indent(*at)
         assert two.force[2] == pytest.approx(one.force[2], rel=0.03)
         assert two.displacement == pytest.approx(one.displacement, abs=0.03 * 5e-4)
 
@@ -68,7 +68,9 @@ def test_no_closed_path_gives_energy_out(body: Body, name: str) -> None:
     kind = {
         "compliance": lambda _period: body,
         "modal": body.modal,
-        "standard linear solid": lambda period: body.relaxing(period, instant=2.5, creep="0.1 s"),
+        "standard linear solid": lambda period: body.viscoelastic(
+            period, instantaneous_ratio=2.5, retardation_time="0.1 s"
+        ),
     }[name]
     assert energy_out(kind, PATHS, held=name != "compliance", again=5) < 1e-4  # type: ignore[operator]
 
@@ -76,8 +78,8 @@ def test_no_closed_path_gives_energy_out(body: Body, name: str) -> None:
 class _Late(Body):
     """A body whose force comes fifty ticks late: it gives energy."""
 
-    def follow(self, *arguments: object, **options: object) -> Presses:
-        found = super().follow(*arguments, **options)  # type: ignore[arg-type]
+    def simulate_path(self, *arguments: object, **options: object) -> ContactHistory:
+        found = super().simulate_path(*arguments, **options)  # type: ignore[arg-type]
         return found._replace(force=np.concatenate([np.zeros((50, 3)), found.force[:-50]]))
 
 

@@ -17,7 +17,20 @@ from palpate import fem as bodies
 from palpate.cli.main import app
 from palpate.contact.mesh import MeshError
 from palpate.errors import PalpateError, PoseError
-from palpate.fem import Body, BodyError, Material, PressedSolid, Region, Skin, Solid, ball, beyond, block, box, place
+from palpate.fem import (
+    Body,
+    BodyError,
+    HyperelasticModel,
+    Material,
+    QuasiStaticSolver,
+    Region,
+    SurfaceLayer,
+    block,
+    box,
+    half_space,
+    parse_selector,
+    sphere,
+)
 
 from experiments.body_validation.__main__ import app as validation
 
@@ -42,56 +55,56 @@ def body(file: Path) -> Body:
 
 KINDS: dict[str, Callable[[Body], Body]] = {
     "compliance": lambda body: body,
-    "modal": lambda body: body.modal("1 ms", by_stiffness="2 ms"),
-    "relaxing": lambda body: body.relaxing("1 ms", instant="1.5", creep="50 ms"),
-    "lattice": lambda body: body.lattice("1 ms", by_mass="20 1/s"),
-    "spline": lambda body: body.spline(),
-    "nonlinear": lambda body: body.nonlinear("1 ms", near="16"),
+    "modal": lambda body: body.modal("1 ms", rayleigh_beta="2 ms"),
+    "viscoelastic": lambda body: body.viscoelastic("1 ms", instantaneous_ratio="1.5", retardation_time="50 ms"),
+    "mass_spring": lambda body: body.mass_spring("1 ms", rayleigh_alpha="20 1/s"),
+    "free_form": lambda body: body.free_form(),
+    "hyperelastic": lambda body: body.hyperelastic("1 ms", near="16"),
 }
 
 
-def pressed() -> PressedSolid:
+def pressed() -> QuasiStaticSolver:
     """The cube of 5 kPa, bonded below."""
-    return PressedSolid(Solid(CUBE, Material("5 kPa"), "z < 0.001 mm"))
+    return QuasiStaticSolver(HyperelasticModel(CUBE, Material("5 kPa"), "z < 0.001 mm"))
 
 
 def dragged(body: Body) -> float:
     """Force along x of a flat end that is dragged along x, 1 mm deep, N."""
     way = np.linspace([0.015, 0.02, 0.019], [0.018, 0.02, 0.019], 60)
     body.core.reset()
-    return float(body.follow(way, "8 mm", outward=(0, 0, 1), tip="flat").friction[-1, 0])
+    return float(body.simulate_path(way, "8 mm", outward=(0, 0, 1), tip="flat").friction[-1, 0])
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_friction_stays_when_a_kind_is_made_of_a_rough_body(body: Body, name: str) -> None:
-    """Before or after the kind, the same friction; numbers of its own count more; `stiffer` keeps kind and friction."""
+    """Before or after the kind, the same friction; numbers of its own count more; `scaled_stiffness` keeps both."""
     make = KINDS[name]
     plain = make(body)
-    rough = make(body.rough("0.5", 0.4))
+    rough = make(body.with_friction("0.5", 0.4))
     assert rough.kind.friction == (0.5, 0.4)
     assert dragged(rough) < -0.01
-    assert dragged(rough) == dragged(plain.rough(0.5, 0.4))
-    hard = rough.stiffer(2.0)
+    assert dragged(rough) == dragged(plain.with_friction(0.5, 0.4))
+    hard = rough.scaled_stiffness(2.0)
     assert dragged(hard) == pytest.approx(2.0 * dragged(rough), rel=0.05)
     assert hard.kind == rough.kind
     assert plain.kind.friction == (0.0, 0.0)
     if name == "modal":
-        assert body.rough(0.5).modal("1 ms", static_friction=0.0).kind.friction == (0.0, 0.0)
+        assert body.with_friction(0.5).modal("1 ms", static_friction=0.0).kind.friction == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
     ("name", "told"),
     [
         ("compliance", "compliance, friction 0.5, 0.4 sliding"),
-        ("modal", "modal (period 1 ms, by_stiffness 2 ms), friction"),
-        ("relaxing", "relaxing (period 1 ms, instant 1.5, creep 50 ms), friction"),
-        ("lattice", "lattice (period 1 ms, by_mass 20 1/s), friction"),
-        ("spline", "spline, friction"),
-        ("nonlinear", "nonlinear (period 1 ms, neo-hookean, slow_step 20 ms, near 16), friction"),
+        ("modal", "modal (period 1 ms, rayleigh_beta 2 ms), friction"),
+        ("viscoelastic", "viscoelastic (period 1 ms, instantaneous_ratio 1.5, retardation_time 50 ms), friction"),
+        ("mass_spring", "mass_spring (period 1 ms, rayleigh_alpha 20 1/s), friction"),
+        ("free_form", "free_form, friction"),
+        ("hyperelastic", "hyperelastic (period 1 ms, neo-hookean, slow_step 20 ms, near 16), friction"),
     ],
 )
 def test_a_body_says_what_it_is(body: Body, name: str, told: str) -> None:
-    assert f"<Body: {told}" in repr(KINDS[name](body.rough(0.5, 0.4)))
+    assert f"<Body: {told}" in repr(KINDS[name](body.with_friction(0.5, 0.4)))
     assert repr(body) == (
         "<Body: compliance, no friction; 81 touchable nodes, 10 modes, 40 × 40 × 20 mm, of block of 40 x 40 x 20 mm>"
     )
@@ -100,19 +113,24 @@ def test_a_body_says_what_it_is(body: Body, name: str, told: str) -> None:
 def test_quantities_are_text_or_si(body: Body) -> None:
     """The same body, place, material and press from text as from numbers."""
     assert Material("5 kPa", "0.3", "1 g/cm^3") == Material(5e3, 0.3, 1000.0)
-    assert Material(5e3, skin="2 mm = 50 kPa").skin == Skin("2 mm", "50 kPa") == Skin(2e-3, 50e3)
-    assert Region("z < 1 mm", "25 kPa").young == Region.read("z < 1 mm = 25 kPa").young == 25e3
-    assert str(Region.read("z <= 1 mm = 25 kPa").where) == "z <= 1 mm"
-    assert str(ball(["1 cm", 0, 0], "5 mm")) == str(ball((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
+    assert Material(5e3, skin="2 mm = 50 kPa").skin == SurfaceLayer("2 mm", "50 kPa") == SurfaceLayer(2e-3, 50e3)
+    assert Region("z < 1 mm", "25 kPa").young == Region.parse("z < 1 mm = 25 kPa").young == 25e3
+    assert str(Region.parse("z <= 1 mm = 25 kPa").where) == "z <= 1 mm"
+    assert str(sphere(["1 cm", 0, 0], "5 mm")) == str(sphere((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
     assert str(box(["0 mm"] * 3, (0.01, "1 cm", "10 mm"))) == "box 0 0 0 to 10 10 10 mm"
-    assert str(beyond("z", "<", "1 mm")) == str(place("z < 1mm")) == str(place("Z<1e-3m")) == "z < 1 mm"
-    assert str(place("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 10 0 0 radius 5 mm"
-    felt, same = body.press(TEXT, "8 mm", "1 mm", tip="flat"), body.press(MIDDLE, 8e-3, 1e-3, tip="flat")
+    assert (
+        str(half_space("z", "<", "1 mm"))
+        == str(parse_selector("z < 1mm"))
+        == str(parse_selector("Z<1e-3m"))
+        == "z < 1 mm"
+    )
+    assert str(parse_selector("sphere 1 cm 0 mm 0 mm radius 5 mm")) == "sphere 10 0 0 radius 5 mm"
+    felt, same = body.indent(TEXT, "8 mm", "1 mm", tip="flat"), body.indent(MIDDLE, 8e-3, 1e-3, tip="flat")
     assert felt.force == pytest.approx(same.force, rel=1e-12)
-    assert np.array_equal(body.follow([TEXT], "8 mm").force, body.follow([MIDDLE], 8e-3).force)
-    assert body.stiffer("2").contents.young[0] == pytest.approx(2e4)
-    solid = Solid(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm")
-    forces = [PressedSolid(solid).press(at, 8e-3, 1e-4, outward=(0, 0, 2))[0] for at in (TEXT[:3], MIDDLE)]
+    assert np.array_equal(body.simulate_path([TEXT], "8 mm").force, body.simulate_path([MIDDLE], 8e-3).force)
+    assert body.scaled_stiffness("2").contents.young[0] == pytest.approx(2e4)
+    solid = HyperelasticModel(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm")
+    forces = [QuasiStaticSolver(solid).indent(at, 8e-3, 1e-4, outward=(0, 0, 2))[0] for at in (TEXT[:3], MIDDLE)]
     assert np.array_equal(*forces)
     assert repr(solid) == (
         "<Solid: neo-hookean, of <Volume: 48 tetrahedra, 27 points, 20 × 20 × 20 mm, block of 20 x 20 x 20 mm>>"
@@ -125,15 +143,15 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: Material("5 mm"), 'young: "5 mm" is a length'),
         (lambda body: Material(np.nan), "young: nan is not a finite number"),
         (lambda body: Material(5e3, [0.3]), r"poisson: \[0.3\] is not a quantity"),
-        (lambda body: Skin.read("2 mm"), 'skin: "2 mm" is written as "2 mm = 50 kPa"'),
-        (lambda body: Region.read("z < 1 mm = "), 'region: "z < 1 mm = " is written as'),
-        (lambda body: Region.read("z <= 1 mm"), 'region: "z <= 1 mm" is written as'),
+        (lambda body: SurfaceLayer.parse("2 mm"), 'skin: "2 mm" is written as "2 mm = 50 kPa"'),
+        (lambda body: Region.parse("z < 1 mm = "), 'region: "z < 1 mm = " is written as'),
+        (lambda body: Region.parse("z <= 1 mm"), 'region: "z <= 1 mm" is written as'),
         (lambda body: bodies.load(None), "a file is named by text or a Path, not by None"),
-        (lambda body: place("z < -12"), '"z < -12": "-12" has no unit.*write it as "-12 mm"'),
-        (lambda body: place("box 0 0 0 to 1 1 1"), '"1" has no unit'),
-        (lambda body: place("z < 5 kPa"), '"z < 5 kPa": "5 kPa" is a pressure'),
-        (lambda body: place("surface surface z < 1 mm"), "is no place; write"),
-        (lambda body: place(3.0), "3.0 is no place; write"),
+        (lambda body: parse_selector("z < -12"), '"z < -12": "-12" has no unit.*write it as "-12 mm"'),
+        (lambda body: parse_selector("box 0 0 0 to 1 1 1"), '"1" has no unit'),
+        (lambda body: parse_selector("z < 5 kPa"), '"z < 5 kPa": "5 kPa" is a pressure'),
+        (lambda body: parse_selector("surface surface z < 1 mm"), "is no place; write"),
+        (lambda body: parse_selector(3.0), "3.0 is no place; write"),
         (lambda body: bodies.phantom(depth="10 cm"), "depth: 100 mm; the nodule lies between.*: from 2 to 35 mm"),
         (lambda body: bodies.phantom(diameter="49 mm"), "diameter: 49 mm; between a skin of 2 mm"),
         (lambda body: bodies.phantom(depth=np.nan), "depth: nan is not a finite number"),
@@ -142,39 +160,45 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: block((0.1, 0.1), 0.01), "size: a block has three of them, or one for all, not 2"),
         (lambda body: bodies.grid([[0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]), "three rising lists"),
         (lambda body: bodies.build(block(0.02, 0.01), young=1e3, fixed="z < 1 mm", modes=2.5), "modes: 2.5 must be"),
-        (lambda body: body.modal("1 ms", by_mass="5 Pa"), 'by_mass: "5 Pa" is a pressure'),
-        (lambda body: body.modal("1 ms", instant=0.5), "instant: at once, tissue is at least as stiff"),
-        (lambda body: body.lattice(True), "period: True is not a quantity"),
-        (lambda body: body.rough(0.3, "0.4"), r"dynamic_friction: 0.4 must not exceed static_friction \(0.3\)"),
-        (lambda body: body.spline(dynamic_friction=0.4), "must not exceed"),
-        (lambda body: body.nonlinear("1 ms", near=4.5), "near: 4.5 must be a whole number, from 4 to 64"),
-        (lambda body: body.spline(control_spacing="1 mm"), "control_spacing: 1 mm; it must lie between 1.11 mm"),
-        (lambda body: body.spline(control_spacing="61 mm"), "and the body's extent of 60 mm"),
-        (lambda body: body.stiffer(-2.0), "stiffer: -2 must be positive"),
-        (lambda body: body.stiffer(1e300), "stiffer: 1e.300; a body is"),
-        (lambda body: body.press(["20", "20", "20"], 8e-3, 1e-3), 'point: "20" has no unit'),
-        (lambda body: body.press("20 mm", 8e-3, 1e-3), "a point is three finite numbers"),
-        (lambda body: body.press(MIDDLE, [8e-3, 8e-3], 1e-3), "radius: .* is not a quantity"),
-        (lambda body: body.press(MIDDLE, np.array([8e-3, 8e-3]), 1e-3), "radius: array.* is not a quantity"),
-        (lambda body: body.press(MIDDLE, 8e-3, np.inf), "depth: inf is not a finite number"),
-        (lambda body: body.press(MIDDLE, 8e-3, "-3 mm"), 'depth: "-3 mm" leads out of the body'),
-        (lambda body: pressed().press(MIDDLE, 8e-3, -1e-3, outward=(0, 0, 1)), "depth: -0.001 m leads out of the body"),
-        (lambda body: body.press(MIDDLE, 8e-3, 1.0), "depth: 1 m is more than the body is across"),
-        (lambda body: body.follow([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
-        (lambda body: body.follow(MIDDLE, 8e-3), r"a path is \(m, 3\) numbers in m; this has shape \(3,\)"),
+        (lambda body: body.modal("1 ms", rayleigh_alpha="5 Pa"), 'rayleigh_alpha: "5 Pa" is a pressure'),
         (
-            lambda body: body.follow([MIDDLE, [0, 0, np.nan]], 8e-3),
+            lambda body: body.modal("1 ms", instantaneous_ratio=0.5),
+            "instantaneous_ratio: at once, tissue is at least as stiff",
+        ),
+        (lambda body: body.mass_spring(True), "period: True is not a quantity"),
+        (lambda body: body.with_friction(0.3, "0.4"), r"dynamic_friction: 0.4 must not exceed static_friction \(0.3\)"),
+        (lambda body: body.free_form(dynamic_friction=0.4), "must not exceed"),
+        (lambda body: body.hyperelastic("1 ms", near=4.5), "near: 4.5 must be a whole number, from 4 to 64"),
+        (lambda body: body.free_form(control_spacing="1 mm"), "control_spacing: 1 mm; it must lie between 1.11 mm"),
+        (lambda body: body.free_form(control_spacing="61 mm"), "and the body's extent of 60 mm"),
+        (lambda body: body.scaled_stiffness(-2.0), "stiffness_scale: -2 must be positive"),
+        (lambda body: body.scaled_stiffness(1e300), "stiffness_scale: 1e.300; a body is"),
+        (lambda body: body.indent(["20", "20", "20"], 8e-3, 1e-3), 'point: "20" has no unit'),
+        (lambda body: body.indent("20 mm", 8e-3, 1e-3), "a point is three finite numbers"),
+        (lambda body: body.indent(MIDDLE, [8e-3, 8e-3], 1e-3), "radius: .* is not a quantity"),
+        (lambda body: body.indent(MIDDLE, np.array([8e-3, 8e-3]), 1e-3), "radius: array.* is not a quantity"),
+        (lambda body: body.indent(MIDDLE, 8e-3, np.inf), "depth: inf is not a finite number"),
+        (lambda body: body.indent(MIDDLE, 8e-3, "-3 mm"), 'depth: "-3 mm" leads out of the body'),
+        (
+            lambda body: pressed().indent(MIDDLE, 8e-3, -1e-3, outward=(0, 0, 1)),
+            "depth: -0.001 m leads out of the body",
+        ),
+        (lambda body: body.indent(MIDDLE, 8e-3, 1.0), "depth: 1 m is more than the body is across"),
+        (lambda body: body.simulate_path([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
+        (lambda body: body.simulate_path(MIDDLE, 8e-3), r"a path is \(m, 3\) numbers in m; this has shape \(3,\)"),
+        (
+            lambda body: body.simulate_path([MIDDLE, [0, 0, np.nan]], 8e-3),
             r"path: row 1 of 2 has .* not finite: \(0, 0, nan\)",
         ),
         (
-            lambda body: pressed().follow([[0, np.inf, 0]], 8e-3, outward=(0, 0, 1)),
+            lambda body: pressed().simulate_path([[0, np.inf, 0]], 8e-3, outward=(0, 0, 1)),
             "path: row 0 of 1 has .* not finite",
         ),
-        (lambda body: body.follow([MIDDLE], 8e-3, outward=(0, 0, 0)), "not all of them zero"),
-        (lambda body: body.follow([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
-        (lambda body: body.press(MIDDLE, 1e-12, 1e-3), "radius: 1e-12 m; a tip that goes 0.001 m deep"),
-        (lambda body: body.lattice(1e-300), "period: 1e-300 s; a tick lasts from 0.1 us to 100 s"),
-        (lambda body: body.nonlinear("1 ms", slow_step=1e9), "slow_step: it lasts a million ticks"),
+        (lambda body: body.simulate_path([MIDDLE], 8e-3, outward=(0, 0, 0)), "not all of them zero"),
+        (lambda body: body.simulate_path([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
+        (lambda body: body.indent(MIDDLE, 1e-12, 1e-3), "radius: 1e-12 m; a tip that goes 0.001 m deep"),
+        (lambda body: body.mass_spring(1e-300), "period: 1e-300 s; a tick lasts from 0.1 us to 100 s"),
+        (lambda body: body.hyperelastic("1 ms", slow_step=1e9), "slow_step: it lasts a million ticks"),
         (lambda body: Material(1e300), "young: Young's modulus is positive"),
         (lambda body: Material(5e3, density=1e-300), "density: the density is positive"),
         (lambda body: Material(5e3, skin=2e-3), "skin: 0.002 is none; write"),  # type: ignore[arg-type]
@@ -188,10 +212,16 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: bodies.Volume([["0 mm"] * 3] * 3 + [["1 s"] * 3], [[0, 1, 2, 3]]), 'points: "1 s" is a time'),
         (lambda body: bodies.Volume(np.eye(4, 3), [[0, 1, 2, -1]]), "names point -1, but points are numbered 0 to 3"),
         (lambda body: bodies.fill(np.eye(3), [[0, 1, 9]], 0.1), "triangle 0 is"),
-        (lambda body: Solid(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),
-        (lambda body: PressedSolid(CUBE), "solid: a palpate.fem.Solid is pressed"),
-        (lambda body: Solid(CUBE, Material(5e3), "z < 1 mm").relax(0 * CUBE.points, most=2.5), "most: 2.5 must be"),
-        (lambda body: Solid(CUBE, Material(5e3), "z < 1 mm").relax("1 N"), "numbers are needed, three for each point"),
+        (lambda body: HyperelasticModel(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),
+        (lambda body: QuasiStaticSolver(CUBE), "solid: a palpate.fem.HyperelasticModel is pressed"),
+        (
+            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").relax(0 * CUBE.points, most=2.5),
+            "most: 2.5 must be",
+        ),
+        (
+            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").relax("1 N"),
+            "numbers are needed, three for each point",
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence(body: Body, wrong: Callable[[Body], object], sentence: str) -> None:
@@ -311,7 +341,7 @@ def test_what_is_drawn_is_the_surface_with_its_fixed_vertices() -> None:
     assert (rest[:, 2] == 0.0).any()
     assert np.array_equal(moved[rest[:, 2] == 0.0], rest[rest[:, 2] == 0.0])
     assert moved[rest[:, 2] > 0.0] == pytest.approx(rest[rest[:, 2] > 0.0] + 1e-3)
-    felt = whole.press(["20 mm", "20 mm", "10 mm"], "12 mm", "1 mm", tip="flat")  # on nodes inside the top only
+    felt = whole.indent(["20 mm", "20 mm", "10 mm"], "12 mm", "1 mm", tip="flat")  # on nodes inside the top only
     assert whole.on_surface(whole.pressure() * whole.contents.areas).sum() == pytest.approx(felt.force[2], rel=1e-6)
     with pytest.raises(BodyError, match=r"each of the 25 nodes is needed, not \(3,\)"):
         whole.on_surface([1.0, 2.0, 3.0])
@@ -330,7 +360,7 @@ def test_the_drawing_in_the_documentation_runs(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_pressed_solid_refuses_what_is_no_tip() -> None:
-    solid = PressedSolid(Solid(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm"))
+    solid = QuasiStaticSolver(HyperelasticModel(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm"))
     for options, sentence in (
         ({"tip": "Flat"}, "not 'Flat'"),
         ({"outward": (0, 0)}, "three numbers"),
@@ -338,6 +368,6 @@ def test_a_pressed_solid_refuses_what_is_no_tip() -> None:
         ({"every": 0}, "every: 0 must be a whole number, 1 or more"),
     ):
         with pytest.raises(PalpateError, match=sentence):
-            solid.follow([MIDDLE], **{"radius": "8 mm", "outward": (0, 0, 1), **options})
+            solid.simulate_path([MIDDLE], **{"radius": "8 mm", "outward": (0, 0, 1), **options})
     with pytest.raises(BodyError, match="steps: 0"):
-        solid.press(MIDDLE, "8 mm", "1 mm", outward=(0, 0, 1), steps=0)
+        solid.indent(MIDDLE, "8 mm", "1 mm", outward=(0, 0, 1), steps=0)

@@ -19,7 +19,7 @@ from palpate import Trace
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
 from palpate.errors import OutputError
-from palpate.files import write_folder, write_whole
+from palpate.files import atomic_write, write_folder
 from typer.testing import CliRunner
 
 SCENARIO = """
@@ -63,7 +63,7 @@ def test_run_writes_trace_summary_and_report(tmp_path: Path) -> None:
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["report.html", "summary.json", "trace.h5"]
     assert sorted(file.name for file in tmp_path.iterdir()) == ["cube.toml", "out"]
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    trace = Trace.read(tmp_path / "out" / "trace.h5")
+    trace = Trace.load(tmp_path / "out" / "trace.h5")
     steady = summary["axes"]["z"]["steady_deflection_m"]
     assert steady == pytest.approx(float(np.mean(trace["deflection"][-30:, 2])), rel=1e-9)
     assert steady == pytest.approx(8.5 / 3500, rel=1e-3)
@@ -73,7 +73,7 @@ def test_run_of_a_diverging_loop_says_from_when_and_keeps_the_trace(tmp_path: Pa
     """Exit code 1, "unstable from t = …", and a finite trace that ends there."""
     code, text = palpate("run", scenario(tmp_path, "30 N/mm", "none"), "--out", tmp_path / "out")
     assert code == 1
-    trace = Trace.read(tmp_path / "out" / "trace.h5")
+    trace = Trace.load(tmp_path / "out" / "trace.h5")
     assert trace.unstable_from is not None
     assert f"unstable from t = {trace.unstable_from:.4g} s" in text
     assert trace.time[-1] < trace.unstable_from
@@ -95,7 +95,7 @@ def test_control_c_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("palpate.report.Page.write", interrupted)
+    monkeypatch.setattr("palpate.report.Page.save", interrupted)
     code, text = palpate("run", scenario(tmp_path), "--out", tmp_path / "out")
     assert code == 130
     assert "nothing was written" in text
@@ -177,7 +177,7 @@ def test_a_full_disk_is_told_by_the_name_that_was_asked_for(tmp_path: Path) -> N
         raise OSError("Unable to create file (errno = 28, error message = 'No space left on device', buf = 0x5)")
 
     with pytest.raises(OutputError) as told:
-        write_folder(tmp_path / "out", {"trace.h5": lambda path: write_whole(path, full)})
+        write_folder(tmp_path / "out", {"trace.h5": lambda path: atomic_write(path, full)})
     assert str(told.value) == f"{tmp_path / 'out' / 'trace.h5'}: cannot be written: No space left on device"
     assert list(tmp_path.iterdir()) == []
 

@@ -10,7 +10,7 @@ import pytest
 from palpate import fem as bodies
 from palpate.fem import BodyError
 from palpate.simulation.bodies import pressed_at
-from palpate.simulation.simulator import prepare
+from palpate.simulation.simulator import build_simulation
 from palpate.simulation.surface_frames import SurfaceFrames
 
 from experiments.palpation_phantom import press_scenario
@@ -27,8 +27,8 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def test_the_loop_is_the_same_bit_for_bit_while_its_body_is_drawn(tables: dict[str, Any]) -> None:
     """A thread that fetches as often as it can, and a reader beside it, change nothing."""
-    alone = prepare(tables).run()[0]
-    watched = prepare(tables)
+    alone = build_simulation(tables).run()[0]
+    watched = build_simulation(tables)
     frames = SurfaceFrames(watched, rate=20_000.0)
     for _ in range(5):
         rows, _ = watched.run()
@@ -40,7 +40,7 @@ def test_the_loop_is_the_same_bit_for_bit_while_its_body_is_drawn(tables: dict[s
 def test_the_last_frame_shows_the_last_tick(tables: dict[str, Any], friction: float) -> None:
     """Against the run played to the body again: compliance times the forces of the end of the run, friction's too."""
     body = {**tables["object"]["body"], "static_friction": friction}
-    experiment = prepare({**tables, "object": {**tables["object"], "body": body}})
+    experiment = build_simulation({**tables, "object": {**tables["object"], "body": body}})
     frames = SurfaceFrames(experiment, rate=500.0)
     first = frames.latest()
     assert first.tick == -1
@@ -60,7 +60,7 @@ def test_a_live_loop_is_seen_while_it_runs(tables: dict[str, Any]) -> None:
     """Paced by the clock, a loop of 0.3 s is shown many times on the way, each frame a later tick."""
     import threading
 
-    experiment = prepare({**tables, "run": {"duration": "0.3 s"}})
+    experiment = build_simulation({**tables, "run": {"duration": "0.3 s"}})
     frames = SurfaceFrames(experiment, rate=200.0)
     loop = threading.Thread(target=experiment.setup.time_ticks, args=(experiment.reference, experiment.operator, True))
     seen: dict[int, int] = {}
@@ -84,8 +84,8 @@ def soft(tables: dict[str, Any]) -> dict[str, Any]:
 
 def test_large_displacements_are_drawn_as_the_slow_steps_left_them(soft: dict[str, Any]) -> None:
     """Against the run played to the body again; and the loop is the same, bit for bit, with and without."""
-    alone = prepare(soft).run()[0]
-    experiment = prepare(soft)
+    alone = build_simulation(soft).run()[0]
+    experiment = build_simulation(soft)
     frames = SurfaceFrames(experiment)
     first = frames.latest()
     assert (first.number, first.tick) == (0, -1)
@@ -104,7 +104,7 @@ def test_large_displacements_are_seen_while_a_live_loop_runs(soft: dict[str, Any
     """Paced by the clock, slow steps in their thread: each is a frame, of a later tick than the one before."""
     import threading
 
-    experiment = prepare(soft)
+    experiment = build_simulation(soft)
     frames = SurfaceFrames(experiment)
     loop = threading.Thread(target=experiment.setup.time_ticks, args=(experiment.reference, experiment.operator, True))
     seen: dict[int, tuple[int, float]] = {}
@@ -122,6 +122,6 @@ def test_large_displacements_are_seen_while_a_live_loop_runs(soft: dict[str, Any
 
 def test_what_cannot_be_drawn_is_refused(tables: dict[str, Any]) -> None:
     with pytest.raises(BodyError, match="no body to draw"):
-        SurfaceFrames(prepare({**tables, "object": {"kind": "spring", "stiffness": "1 N/mm"}}))
+        SurfaceFrames(build_simulation({**tables, "object": {"kind": "spring", "stiffness": "1 N/mm"}}))
     with pytest.raises(BodyError, match="positive rate"):
-        SurfaceFrames(prepare(tables), rate=0.0)
+        SurfaceFrames(build_simulation(tables), rate=0.0)

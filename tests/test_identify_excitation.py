@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate.errors import RecordingError
-from palpate.identification import crest_factor, multisine, prbs, sweep
+from palpate.identification import chirp, crest_factor, multisine, prbs
 
 PERIOD = 1e-3
 
@@ -13,14 +13,14 @@ PERIOD = 1e-3
     [
         multisine([0.1, 0.2, 0.05], (0.5, 20.0), lines=15, seed=4),
         prbs([0.1, 0.2, 0.05], 0.02, seed=4),
-        sweep([0.1, 0.2, 0.05], (0.5, 20.0), seed=4),
+        chirp([0.1, 0.2, 0.05], (0.5, 20.0), seed=4),
     ],
-    ids=["multisine", "prbs", "sweep"],
+    ids=["multisine", "prbs", "chirp"],
 )
 def test_peak_is_exact_and_the_seed_fixes_the_signal(excitation):
     values = excitation.sample(8.0, PERIOD)
     assert values.shape == (8000, 3)
-    tolerance = 1e-3 if excitation.describe()["kind"] == "sweep" else 1e-12  # a sampled sine may miss its own peak
+    tolerance = 1e-3 if excitation.describe()["kind"] == "chirp" else 1e-12  # a sampled sine may miss its own peak
     np.testing.assert_allclose(np.abs(values).max(axis=0), [0.1, 0.2, 0.05], rtol=tolerance)
     np.testing.assert_array_equal(values, excitation.sample(8.0, PERIOD))
 
@@ -62,7 +62,7 @@ def test_prbs_is_binary_with_flat_correlation():
 
 
 def test_sweep_passes_the_band_once_per_channel():
-    values = sweep([1.0, 1.0], (1.0, 30.0), seed=3).sample(10.0, PERIOD)
+    values = chirp([1.0, 1.0], (1.0, 30.0), seed=3).sample(10.0, PERIOD)
     assert np.all((values[:, 0] == 0) | (values[:, 1] == 0))
     for channel in values.T:
         wave = channel[np.flatnonzero(channel)[0] : np.flatnonzero(channel)[-1] + 1]

@@ -33,13 +33,13 @@ def test_twenty_seconds_give_damping_and_inertia_within_five_percent():
 
 def test_dry_friction_and_rotors_are_recovered():
     device = devices.load("phantom-premium-1.5a-rotors")
-    fit = identify.estimate_parameters(identify.experiment(device, seed=1), device)
+    fit = identify.estimate_parameters(identify.simulate_experiment(device, seed=1), device)
     np.testing.assert_allclose(fit.value, truth(fit, device), rtol=0.05)
 
 
 def test_slider_is_recovered():
     device = devices.load("slider").with_friction(coulomb=0.01)
-    fit = identify.estimate_parameters(identify.experiment(device, seed=1), device)
+    fit = identify.estimate_parameters(identify.simulate_experiment(device, seed=1), device)
     np.testing.assert_allclose(fit.value, truth(fit, device), rtol=0.05)
 
 
@@ -95,7 +95,7 @@ def test_weak_form_where_second_differences_drown_in_counts():
 
 def test_weak_rows_hold_for_the_true_parameters_without_noise():
     quiet = identify.Noise(angle=0.0, torque=0.0)
-    recording = identify.experiment(ARM, duration=5.0, noise=quiet, encoder=False)
+    recording = identify.simulate_experiment(ARM, duration=5.0, noise=quiet, encoder=False)
     rows = weak_rows(ARM, recording, TestFunctions())
     true = np.concatenate([identify.base_values(ARM), ARM.viscous, np.zeros(3)])
     rest = rows.torque - rows.columns @ true
@@ -135,7 +135,9 @@ def test_one_pose_does_not_tell_how_inertia_changes_with_it():
 
 def test_weak_excitation_is_told_by_parameter():
     small = identify.multisine([2e-3, 1e-3, 5e-4], (0.3, 3.0), lines=6)
-    fit = identify.estimate_parameters(identify.experiment(ARM, small, duration=10.0, period=2e-3), ARM, coulomb=False)
+    fit = identify.estimate_parameters(
+        identify.simulate_experiment(ARM, small, duration=10.0, period=2e-3), ARM, coulomb=False
+    )
     assert {"A", "P", "Q"} <= set(fit.undetermined)
     rows = identify.summary_rows(fit)
     assert [row["name"] for row in rows if not row["determined"]] == fit.undetermined
@@ -144,7 +146,7 @@ def test_weak_excitation_is_told_by_parameter():
 def test_slow_motion_cannot_show_dry_friction():
     small = identify.multisine([2e-3, 1e-3, 5e-4], (0.3, 3.0), lines=6)
     with pytest.raises(RecordingError, match="too little excitation: joint 1 turns one way faster than"):
-        identify.estimate_parameters(identify.experiment(ARM, small, duration=10.0, period=2e-3), ARM)
+        identify.estimate_parameters(identify.simulate_experiment(ARM, small, duration=10.0, period=2e-3), ARM)
 
 
 def test_a_recording_of_another_device_is_refused():

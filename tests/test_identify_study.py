@@ -62,7 +62,7 @@ def test_bad_input_is_one_sentence_with_the_file(tmp_path):
 
 def test_experiment_is_reproducible_and_its_seed_is_the_noise():
     one, again, other = (
-        identify.experiment(ARM, duration=1.0, sway=None, excitation=fast(), seed=s) for s in (1, 1, 2)
+        identify.simulate_experiment(ARM, duration=1.0, sway=None, excitation=fast(), seed=s) for s in (1, 1, 2)
     )
     np.testing.assert_array_equal(one.angle, again.angle)
     assert np.any(one.angle != other.angle)
@@ -76,31 +76,31 @@ def fast():
 
 def test_without_the_servo_the_arm_drifts_and_with_it_it_stays():
     push = identify.multisine([0.02, 0.02, 0.01], (0.3, 6.0), lines=5)
-    held = identify.experiment(ARM, push, duration=10.0, period=2e-3)
-    tuned = identify.Servo.tuned(ARM)
-    limp = identify.Servo(tuned.pose, (0.0,) * 3, (0.0,) * 3, tuned.hold)
-    free = identify.experiment(ARM, push, duration=10.0, period=2e-3, servo=limp)
+    held = identify.simulate_experiment(ARM, push, duration=10.0, period=2e-3)
+    tuned = identify.JointServo.tuned(ARM)
+    limp = identify.JointServo(tuned.pose, (0.0,) * 3, (0.0,) * 3, tuned.bias_torque)
+    free = identify.simulate_experiment(ARM, push, duration=10.0, period=2e-3, servo=limp)
     away = np.abs(np.array([r.angle[-2000:] - tuned.pose for r in (held, free)])).max(axis=(1, 2))
     assert away[0] < 0.5
     assert away[1] > 3 * away[0]
 
 
 def test_the_servo_law_is_what_is_recorded():
-    recording = identify.experiment(ARM, fast(), duration=1.0)
-    servo = identify.Servo(**recording.metadata["servo"])
+    recording = identify.simulate_experiment(ARM, fast(), duration=1.0)
+    servo = identify.JointServo(**recording.metadata["servo"])
     keep = np.exp(-2 * np.pi * servo.cutoff * recording.period)
     velocity, torque = np.zeros(3), []
     for k, angle in enumerate(recording.angle):
         if k:
             velocity = keep * velocity + (1 - keep) / recording.period * (angle - recording.angle[k - 1])
-        torque.append(servo.hold + np.array(servo.kp) * (servo.pose - angle) - np.array(servo.kd) * velocity)
+        torque.append(servo.bias_torque + np.array(servo.kp) * (servo.pose - angle) - np.array(servo.kd) * velocity)
     np.testing.assert_allclose(recording.torque, torque + recording.excitation, atol=1e-12)
 
 
 def test_a_runaway_experiment_says_when():
-    tuned = identify.Servo.tuned(ARM)
-    wrong_way = identify.Servo(tuned.pose, tuple(-10 * k for k in tuned.kp), tuned.kd, tuned.hold)
+    tuned = identify.JointServo.tuned(ARM)
+    wrong_way = identify.JointServo(tuned.pose, tuple(-10 * k for k in tuned.kp), tuned.kd, tuned.bias_torque)
     with pytest.raises(RecordingError, match=r"runs away at t = [\d.]+ s"):
-        identify.experiment(ARM, fast(), duration=5.0, servo=wrong_way)
+        identify.simulate_experiment(ARM, fast(), duration=5.0, servo=wrong_way)
     with pytest.raises(RecordingError, match=r"has 2 channels; phantom-premium-1\.5a has 3 joints"):
-        identify.experiment(ARM, identify.multisine([0.1, 0.1], (1.0, 5.0)))
+        identify.simulate_experiment(ARM, identify.multisine([0.1, 0.1], (1.0, 5.0)))

@@ -11,7 +11,7 @@ import palpate
 import pytest
 from palpate import _core, linear, stability
 from palpate.errors import ScenarioError
-from palpate.simulation.simulator import prepare
+from palpate.simulation.simulator import build_simulation
 from palpate.sweeps import SweepError, sweep
 from scipy.stats import kstest
 
@@ -59,7 +59,7 @@ def test_the_motion_between_late_ticks_is_the_exact_one(delay: int) -> None:
 
 
 def test_lateness_is_uniform_and_every_seed_has_its_own() -> None:
-    setup = prepare(SLIDER).setup
+    setup = build_simulation(SLIDER).setup
     drawn = []
     for seed in range(20):
         setup.seed = seed
@@ -110,12 +110,12 @@ def test_a_cell_is_what_its_scenario_finds_alone(device: str) -> None:
         step = np.diff(trace.time, prepend=-PERIOD)[:, None] / PERIOD
         speed = np.diff(trace["tip"], axis=0, prepend=trace["tip"][:1]) / step
         bend = np.linalg.norm(np.diff(speed, axis=0), axis=1)
-        assert found["late_swing"][index] == pytest.approx(bend[80:].max(), rel=1e-6)
+        assert found["oscillation_5"][index] == pytest.approx(bend[80:].max(), rel=1e-6)
     assert len(seeds) == 18
 
 
 def test_the_result_does_not_depend_on_lanes_threads_or_who_runs_it(tmp_path: Path) -> None:
-    experiment = prepare(changed(operator=HAND))
+    experiment = build_simulation(changed(operator=HAND))
     count = 37
     columns = {"jitter": np.linspace(0.0, 9e-4, count)[:, None], "seed": np.arange(count, dtype=float)[:, None] * 10**9}
     rows = [
@@ -136,7 +136,7 @@ def test_the_result_does_not_depend_on_lanes_threads_or_who_runs_it(tmp_path: Pa
         sweep(long, over, seed=2, executor=pool, workers=2, out=tmp_path / "two.h5")
     assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "two.h5").read_bytes()
     same = sweep(long, {**over, "run.seed": [0]}, seed=2)  # all cells late alike
-    assert not np.array_equal(same["late_swing"][:, 1, 0], sweep(long, over, seed=2)["late_swing"][:, 1])
+    assert not np.array_equal(same["oscillation_5"][:, 1, 0], sweep(long, over, seed=2)["oscillation_5"][:, 1])
 
 
 @pytest.mark.parametrize("jitter", [0.5e-3, 0.9e-3])
@@ -151,7 +151,7 @@ def test_the_boundary_moves_in_as_far_as_late_ticks_feed_a_slow_swing(jitter: fl
     typical = np.median(np.log(found.outcomes.growth), axis=1)
     stiffness = found.values("object.stiffness")
     boundary = np.interp(0.0, typical, stiffness)
-    on_time = stability.critical_stiffness(linear.Tip.of_mass(MASS, DAMPING), period=PERIOD)
+    on_time = stability.critical_stiffness(linear.LinearDevice.of_mass(MASS, DAMPING), period=PERIOD)
     assert boundary == pytest.approx(on_time / (1 + jitter**2 / (6 * PERIOD**2)), rel=0.01)
     passive = 2 * DAMPING / (PERIOD + jitter)
     assert stability.field_damping(lipschitz=passive, longest_period=PERIOD + jitter) == pytest.approx(DAMPING)

@@ -45,11 +45,11 @@ def test_a_body_is_as_many_times_as_stiff_as_its_material() -> None:
         bodies.build(bodies.block((0.03, 0.03, 0.01), 0.01), young=e, fixed="z < 0.001 mm", order=1, modes=3)
         for e in (2e3, 6e3)
     ]
-    stiffer = made[0].stiffer(3.0)
+    stiffer = made[0].scaled_stiffness(3.0)
     np.testing.assert_allclose(stiffer.compliance, made[1].compliance, atol=2e-6 * np.abs(made[1].compliance).max())
     np.testing.assert_allclose(stiffer.contents.frequencies, made[1].contents.frequencies, rtol=1e-6)
-    with pytest.raises(BodyError, match="stiffer: 0 must be positive"):
-        made[0].stiffer(0.0)
+    with pytest.raises(BodyError, match="stiffness_scale: 0 must be positive"):
+        made[0].scaled_stiffness(0.0)
 
 
 def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> N
     assert judged.stiffness == pytest.approx(512.0, rel=1e-6)
     assert judged.normal == pytest.approx([0, 0, 1], abs=1e-12)
     assert judged.radius == pytest.approx(margin["spectral_radius_where_it_rests"], abs=1e-6)
-    assert judged.stiffer == pytest.approx(margin["object_stiffer_by_factor_where_it_rests"], rel=1e-4)
+    assert judged.stiffness_margin == pytest.approx(margin["object_stiffer_by_factor_where_it_rests"], rel=1e-4)
     assert judged.stable
 
 
@@ -71,12 +71,12 @@ def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> N
 def test_loops_oscillate_where_the_linear_contact_says(block: dict[str, Any], law: str) -> None:
     """The same light press on a body at 0.8 of the critical stiffness rests; at 1.3 it swings or bounces for ever."""
 
-    def press(stiffer: float) -> Any:
+    def press(scale: float) -> Any:
         tables = press_scenario(YOUNG, law, 400.0, block)
-        tables["object"]["body"]["stiffer"] = stiffer
+        tables["object"]["body"]["stiffness_scale"] = scale
         return simulate(tables)
 
-    factor = contact_stability(press(1.0)).stiffer
+    factor = contact_stability(press(1.0)).stiffness_margin
     assert 5.0 < factor < 500.0
     below, above = press(0.8 * factor), press(1.3 * factor)
     assert summarize(below)["palpation"]["settled"]
@@ -132,8 +132,8 @@ def test_a_sweep_finds_the_nodule_where_it_is(sweep: Sweep) -> None:
     run = summarize(sweep.trace)
     assert run["stable"]
     felt_along = run["palpation"]
-    assert felt_along["felt_most_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
-    assert felt_along["felt_most_N_per_m"] > 1.23 * felt_along["felt_median_N_per_m"]
+    assert felt_along["path_stiffness_max_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
+    assert felt_along["path_stiffness_max_N_per_m"] > 1.23 * felt_along["path_stiffness_median_N_per_m"]
 
 
 def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
@@ -156,11 +156,11 @@ def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
 
 def test_the_page_says_what_was_found(block: dict[str, Any], sweep: Sweep, tmp_path: Path) -> None:
     held = press_all((10e3,), ("LQG",), body=block)
-    html = palpation_page(held, sweep).write(tmp_path / "page.html").read_text("utf-8")
+    html = palpation_page(held, sweep).save(tmp_path / "page.html").read_text("utf-8")
     assert "1 of 1 loops, on bodies of 10 to 10 kPa, stay bounded" in html
     assert "a hand can tell" in html
     assert html.count("<figure") == 5
-    assert 0.0 < sweep.as_dict()["contrast"] < 10.0
+    assert 0.0 < sweep.to_dict()["contrast"] < 10.0
 
 
 def test_what_is_given_to_the_experiments_is_text_or_si() -> None:

@@ -11,14 +11,14 @@ import pytest
 from palpate import simulate
 from palpate.cli.main import app
 from palpate.errors import StabilityError
-from palpate.linear import Arm
+from palpate.linear import HumanArm
 from palpate.metrics import (
     LoopResponse,
-    buzz,
-    hand_stiffness,
+    arm_stiffness,
     hold_response,
-    measure,
+    measure_performance,
     rate_hardness,
+    ripple,
     vibration_threshold,
 )
 from palpate.scenario import Scenario
@@ -109,17 +109,17 @@ def test_a_hold_has_lost_half_its_power_at_443_thousandths_of_the_rate() -> None
     """|sin x / x| = 1/sqrt 2 at f T = 0.44295; a half-period delay at low frequency."""
     assert abs(hold_response([442.946], T)[0]) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
     assert np.angle(hold_response([1.0], T)[0]) == pytest.approx(-np.pi * 1e-3, rel=1e-9)
-    assert measure(slider()).hold_bandwidth == pytest.approx(442.946, rel=1e-6)
+    assert measure_performance(slider()).hold_bandwidth == pytest.approx(442.946, rel=1e-6)
 
 
 def test_force_on_a_hand_is_divided_between_hand_and_device() -> None:
     """F_hand/F = Z_h/(Z_h + Z_d) H, in closed form; all of it at rest."""
-    arm = Arm(0.15, 4.5, 560.0, 500.0, 0.5)
+    arm = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)
     f = np.array([0.1, 5.0, 60.0])
     s = 2j * np.pi * f
     bone, tissue = 560 + 4.5 * s + 0.15 * s**2, 500 + 0.5 * s
     hand, device = bone * tissue / (bone + tissue), MASS * s**2 + B * s
-    assert hand_stiffness(arm, f) == pytest.approx(hand, rel=1e-12)
+    assert arm_stiffness(arm, f) == pytest.approx(hand, rel=1e-12)
     through = response(slider()).transmitted(f, arm, (1, 0, 0))
     assert through == pytest.approx(hand / (hand + device) * hold_response(f, T), rel=1e-8)
     assert abs(through[0]) == pytest.approx(1.0, rel=1e-3)
@@ -155,17 +155,17 @@ def test_buzz_finds_the_line_that_is_felt() -> None:
     """Half a micrometre at 250 Hz is five times the threshold; twenty at 25 Hz would be felt, three are not."""
     t = np.arange(2000) * T
     drift = 1e-3 * t
-    found = buzz(drift + 0.5e-6 * np.sin(2 * np.pi * 250 * t), T)
+    found = ripple(drift + 0.5e-6 * np.sin(2 * np.pi * 250 * t), T)
     assert found.worst == pytest.approx(250, abs=0.6)
     assert found.ratio == pytest.approx(5.0, rel=0.01)
-    assert found.felt
+    assert found.perceptible
     assert "buzzes" in str(found)
-    between = buzz(0.5e-6 * np.sin(2 * np.pi * 250.23 * t), T)  # a sine between two lines keeps its height
+    between = ripple(0.5e-6 * np.sin(2 * np.pi * 250.23 * t), T)  # a sine between two lines keeps its height
     assert between.ratio == pytest.approx(5.0, rel=0.02)
     for size, there in ((20e-6, True), (3e-6, False)):
-        assert buzz(np.outer(size * np.sin(2 * np.pi * 25 * t), [0.6, 0.0, 0.8]), T).felt is there
+        assert ripple(np.outer(size * np.sin(2 * np.pi * 25 * t), [0.6, 0.0, 0.8]), T).perceptible is there
     with pytest.raises(StabilityError, match="too short a stretch"):
-        buzz(t[:100], T)
+        ripple(t[:100], T)
 
 
 def test_encoder_counts_make_the_arm_buzz() -> None:
@@ -174,10 +174,10 @@ def test_encoder_counts_make_the_arm_buzz() -> None:
     ratios = []
     for encoder in (False, True):
         tables["device"] = {**tables["device"], "encoder": encoder}
-        found = measure(tables)
-        assert found.buzz is not None
+        found = measure_performance(tables)
+        assert found.ripple is not None
         assert ("switched off" in found.remark) is not encoder
-        ratios.append(found.buzz.ratio)
+        ratios.append(found.ripple.ratio)
     assert ratios[1] > 10 * ratios[0]
 
 
@@ -197,7 +197,7 @@ def test_encoder_counts_make_the_arm_buzz() -> None:
 )
 def test_what_cannot_be_felt_is_refused(change: dict[str, Any], says: str) -> None:
     with pytest.raises(StabilityError, match=says):
-        measure(slider(**change))
+        measure_performance(slider(**change))
     with pytest.raises(StabilityError, match="below half the sampling rate, 500 Hz"):
         response(slider()).displacement([600.0])
 

@@ -325,7 +325,7 @@ def test_a_page_is_the_same_page_again(pressed: Trace, text: str) -> None:
 def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A write that fails leaves the old page, and no other file."""
     page = Page("µ → 木")
-    path = page.write(tmp_path / "report.html")
+    path = page.save(tmp_path / "report.html")
     before = path.read_text("utf-8")
     assert before == page.html()
 
@@ -334,7 +334,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(Path, "write_text", stop)
     with pytest.raises(PalpateError, match=r"report\.html: cannot be written: disk full"):
-        Page("new").write(path)
+        Page("new").save(path)
     assert path.read_text("utf-8") == before
     assert list(tmp_path.iterdir()) == [path]
 

@@ -73,7 +73,7 @@ def scale_ends(figure: Any) -> list[float]:
 
 def test_the_colour_scales_end_at_the_nodes_largest_values_and_the_picture_reaches_them(block: Body) -> None:
     """The mean of a facet under the edge of a tip is a third or two of what its nodes have."""
-    felt = block.press([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
+    felt = block.indent([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
     pressure = block.pressure()
     figure = deformed(block, felt.displacement, pressure)
     most = (1e3 * np.linalg.norm(felt.displacement, axis=1).max(), 1e-3 * pressure.max())
@@ -100,7 +100,7 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
 
     A surface that no extent of is shorter is drawn as it is, and nothing is said.
     """
-    felt = block.press([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
+    felt = block.indent([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
     figure = deformed(block, felt.displacement, block.pressure())
     x = block.surface.vertices + block.on_surface(felt.displacement)
     high, wide = np.ptp(x[:, 2]), max(np.ptp(x[:, 0]), np.ptp(x[:, 1]))
@@ -118,5 +118,5 @@ def test_the_picture_of_a_sweep_tells_how_much_harder_one_body_is(tmp_path: Path
         bodies.block((0.1, 0.1, 0.05), 0.0125), young=5e3, fixed="z < 0.001 mm", touch="z > 49.9 mm", order=1
     )
     path = tmp_path / "sweep.png"
-    assert draw_sweep(plain.stiffer(2.0), plain, path, radius=15e-3) == pytest.approx(2.0, rel=1e-3)
+    assert draw_sweep(plain.scaled_stiffness(2.0), plain, path, radius=15e-3) == pytest.approx(2.0, rel=1e-3)
     assert path.read_bytes().startswith(b"\x89PNG")

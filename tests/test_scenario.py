@@ -81,7 +81,7 @@ def test_values_are_si() -> None:
     assert scenario.period == 5e-4
     assert tuple(scenario.start.pose) == (0.0, 2.2305, 3.2776)
     assert scenario.run.substeps == 2
-    assert scenario.servo.gravity_hold
+    assert scenario.servo.gravity_compensation
     assert scenario.controller.kind == "none"
     assert scenario.device.model == "nonlinear"
 
@@ -160,12 +160,12 @@ def test_a_mistake_is_told_with_file_line_field_and_remedy(old: str, new: str, s
         (display(operator={**ARM, "mass": "1 N"}), 'operator.mass: "1 N" is a force [N]; a mass is needed'),
         (display(operator={"kind": "arm", "mass": "1 kg"}), "damping is missing: an arm has mass, damping and"),
         (display(operator={**ARM, "tissue_damping": "1 N*s/m"}), "tissue_damping needs tissue_stiffness"),
-        (display(operator={"kind": "hold", "mass": "1 kg"}), 'mass has no meaning for kind = "hold"'),
+        (display(operator={"kind": "fixed", "mass": "1 kg"}), 'mass has no meaning for kind = "fixed"'),
         (display(operator={"kind": "force", "force": "1 N", "mass": "1 kg"}), 'mass belongs to kind = "arm"'),
         (display(operator={"kind": "force"}), "force is missing"),
         (display(reference={"force": "1 N"}), "reference: an impedance_display has no reference force"),
         (tables(reference=None), "reference is missing: a force_tracking loop follows a force"),
-        (tables(operator={"kind": "hold"}), "operator: a force_tracking loop takes the operator's force as"),
+        (tables(operator={"kind": "fixed"}), "operator: a force_tracking loop takes the operator's force as"),
         (tables(object={"kind": "wall"}), "a wall needs its outward normal, for example normal = [0, 0, 1]"),
         (tables(object={"kind": "wall", "normal": [0, 0, 0]}), "a normal must point somewhere"),
         (tables(object={"normal": [0, 0, 1]}), 'normal belongs to kind = "wall"'),

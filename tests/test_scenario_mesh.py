@@ -14,7 +14,7 @@ from palpate.errors import ScenarioError
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
-from palpate.simulation.meshes import box, organ
+from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid
 from palpate.stability import certify
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -46,17 +46,17 @@ def refusal(scenario: dict[str, Any], **kw: Any) -> str:
 
 def test_shapes_are_closed_and_sound() -> None:
     """Box and organ enclose what they should: no border, nothing pierced, the box's volume; tops at the origin."""
-    cube = Mesh(*box(0.08, 6))
+    cube = Mesh(*box_mesh(0.08, 6))
     found = cube.diagnose()
     assert found.clean
     assert found.triangles == 6 * 6 * 6 * 2
     assert found.volume == pytest.approx(0.08**3, rel=1e-12)
     assert cube.vertices.max(axis=0) == pytest.approx([0.04, 0.04, 0.0], abs=1e-15)
-    liver = Mesh(*organ((0.09, 0.07, 0.05), 0.06, 4))
+    liver = Mesh(*bumpy_ellipsoid((0.09, 0.07, 0.05), 0.06, 4))
     assert liver.diagnose().clean
     at, _ = liver.nearest([[0.0, 0.0, 0.001]])
     assert np.linalg.norm(at) < 1e-3
-    unbumped = Mesh(*organ((0.09, 0.07, 0.05), 0.0, 5))
+    unbumped = Mesh(*bumpy_ellipsoid((0.09, 0.07, 0.05), 0.0, 5))
     assert unbumped.diagnose().volume == pytest.approx(np.pi / 6 * 0.09 * 0.07 * 0.05, rel=2e-3)
 
 
@@ -74,7 +74,7 @@ def test_a_flat_mesh_is_a_wall() -> None:
 def test_shading_reaches_the_loop() -> None:
     """On the shaded top of a ball the normal in the loop is radial, as on a true ball; unshaded it is a facet's."""
     radius, off = 0.04, 5.4e-3
-    ball = {"shape": "organ", "size": ["80 mm"] * 3, "bump": 0.0, "divisions": 3}
+    ball = {"shape": "bumpy_ellipsoid", "size": ["80 mm"] * 3, "bump": 0.0, "divisions": 3}
     angle = {}
     for shading in ("0 deg", "30 deg"):
         scenario = tables({"shading": shading, "tangential": "1 N/mm", "static_friction": 1.0}, ball)
@@ -149,7 +149,7 @@ def test_patterns_and_placement() -> None:
 
 def test_a_file_is_the_shape_it_holds(tmp_path: Path) -> None:
     """A cube written to STL in mm gives the run of the built-in one; the path is relative to the scenario."""
-    vertices, triangles = box(0.08, 8)
+    vertices, triangles = box_mesh(0.08, 8)
     trimesh.Trimesh(vertices * 1e3, triangles, process=False).export(tmp_path / "cube.stl")
     scenario = tables(mesh={"shape": "file", "file": "cube.stl", "unit": "mm"})
     trace = simulate(Scenario.from_dict(scenario, base=tmp_path))
@@ -197,8 +197,12 @@ def test_the_way_to_text_and_back() -> None:
         ({}, {"shape": "box", "edge": "80 mm", "divisions": 0}, "must be between 1 and 500"),
         ({}, {"shape": "box", "edge": "80 mm", "divisions": 2, "bump": 0.1}, "bump has no meaning"),
         ({}, {"file": "liver.stl"}, "unit is missing"),
-        ({}, {"shape": "organ", "size": ["9 mm", "7 mm", "0 mm"], "bump": 0.1, "divisions": 3}, "must be positive"),
-        ({}, {"shape": "organ", "size": ["9 mm", "7 mm", "5 mm"], "bump": 1.5, "divisions": 3}, "below 1"),
+        (
+            {},
+            {"shape": "bumpy_ellipsoid", "size": ["9 mm", "7 mm", "0 mm"], "bump": 0.1, "divisions": 3},
+            "must be positive",
+        ),
+        ({}, {"shape": "bumpy_ellipsoid", "size": ["9 mm", "7 mm", "5 mm"], "bump": 1.5, "divisions": 3}, "below 1"),
     ],
 )
 def test_mistakes_are_told(surface: dict[str, Any], mesh: dict[str, Any] | None, said: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 from palpate import fem as bodies
 from palpate import simulate
 from palpate.errors import ScenarioError
-from palpate.fem import BodyError, Material, PressedSolid, Solid
+from palpate.fem import BodyError, HyperelasticModel, Material, QuasiStaticSolver
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import pressed_at, scenario_body
@@ -19,7 +19,7 @@ from palpate.stability import contact_stability
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
 HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
 VOLUME = bodies.block((0.04, 0.04, 0.03), 0.005)
-BOTTOM, TOP = bodies.beyond("z", "<", 1e-9), bodies.beyond("z", ">", 0.03 - 1e-9)
+BOTTOM, TOP = bodies.half_space("z", "<", 1e-9), bodies.half_space("z", ">", 0.03 - 1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
     path = trace["tip"] - trace["tip"][0] + [0.021, 0.0185, 0.03 + height]
     body = scenario_body(scenario)
     body.core.reset()
-    felt = body.follow(path, 8e-3, outward=[0, 0, 1], tip=tip)  # type: ignore[arg-type]
+    felt = body.simulate_path(path, 8e-3, outward=[0, 0, 1], tip=tip)  # type: ignore[arg-type]
     assert felt.nodes.max() >= 4
     np.testing.assert_allclose(trace["object_force"], -felt.force, atol=1e-9)
     np.testing.assert_allclose(trace["deflection"], felt.deflection, atol=1e-9)
@@ -123,9 +123,9 @@ def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
     assert found["settled"]
     depth = trace["tip"][0, 2] - trace["tip"][-1, 2] - 0.3e-3
     assert depth > 5e-3
-    solid = PressedSolid(Solid(VOLUME, Material(8e3, 0.4), BOTTOM, TOP))
+    solid = QuasiStaticSolver(HyperelasticModel(VOLUME, Material(8e3, 0.4), BOTTOM, TOP))
     aside = (trace["tip"][-1] - trace["tip"][0])[:2]
-    force, _ = solid.press([0.021 + aside[0], 0.0185 + aside[1], 0.03], 8e-3, depth, outward=[0, 0, 1])
+    force, _ = solid.indent([0.021 + aside[0], 0.0185 + aside[1], 0.03], 8e-3, depth, outward=[0, 0, 1])
     np.testing.assert_allclose(trace["object_force"][-1], -force, atol=0.01 * force[2])
     judged = contact_stability(trace)
     assert judged.stable
@@ -137,12 +137,12 @@ def test_what_cannot_be_is_refused(block: Path) -> None:
         simulate(deep(block, slow_step="0.1 ms"))
     with pytest.raises(ScenarioError, match="near: 65 must be a whole number, from 4 to 64"):
         simulate(deep(block, near=65))
-    with pytest.raises(ScenarioError, match=r'unknown key "creep" in \[object.body\]'):
-        simulate(deep(block, creep="1 s"))
+    with pytest.raises(ScenarioError, match=r'unknown key "retardation_time" in \[object.body\]'):
+        simulate(deep(block, retardation_time="1 s"))
     with pytest.raises(ScenarioError, match="did you mean neo-hookean"):
         simulate(deep(block, kind="neo-hooke"))
     with pytest.raises(BodyError, match="neo-hookean or corotational"):
-        bodies.load(block).nonlinear("1 ms", law="mooney")  # type: ignore[arg-type]
+        bodies.load(block).hyperelastic("1 ms", law="mooney")  # type: ignore[arg-type]
 
 
 def sideways(depth: float, reach: float, ticks: int) -> np.ndarray:
@@ -156,8 +156,8 @@ def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None
     """Small: way to sliding by a ratio and a sway against the true compliance along the surface; sliding is mu N."""
     body = bodies.load(block)
     path = sideways(5e-5, 8e-4, 400)
-    kinds = (body.nonlinear("1 ms", static_friction=0.5, dynamic_friction=0.4), body.rough(0.5, 0.4))
-    large, small = (kind.follow(path, "6 mm", outward=[0, 0, 1], tip="flat") for kind in kinds)
+    kinds = (body.hyperelastic("1 ms", static_friction=0.5, dynamic_friction=0.4), body.with_friction(0.5, 0.4))
+    large, small = (kind.simulate_path(path, "6 mm", outward=[0, 0, 1], tip="flat") for kind in kinds)
     drag, true = large.friction[:, 0], small.friction[:, 0]
     load = large.force[:, 2]
     rate = np.abs(drag[301:] / load[301:])

@@ -15,7 +15,7 @@ from palpate import Scenario, devices, linear, simulate
 from palpate import control as design
 from palpate.control import Controller
 from palpate.errors import PalpateError, ScenarioError
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 from palpate.metrics import summarize
 from palpate.simulation.trace import Trace
 from scipy.integrate import solve_ivp
@@ -155,7 +155,7 @@ def test_what_made_a_trace_is_in_its_metadata(controller: dict[str, Any], tmp_pa
     trace = simulate(press(controller=controller, run={"duration": "5 ms"}))
     assert json.loads(json.dumps(trace.metadata, allow_nan=False)) == trace.metadata
     assert set(trace.metadata) == {"scenario", "version", "controller"}
-    assert Trace.read(trace.write(tmp_path / "t.h5")).scenario == trace.scenario
+    assert Trace.load(trace.save(tmp_path / "t.h5")).scenario == trace.scenario
 
 
 # the equations of one tick
@@ -171,7 +171,7 @@ def test_force_tracking_feeds_back_what_the_object_feels() -> None:
     np.testing.assert_allclose(
         trace["command_force"], gain * (trace["reference_force"] - trace["object_force"]), atol=1e-12
     )
-    hold = hold_force(ARM.jacobian(POSE), ARM.gravity(POSE))
+    hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     np.testing.assert_allclose(trace["torque"], torque_of(trace["command_force"] + hold, trace["angle"]), atol=1e-12)
     assert np.abs(trace["deflection"]).max() > 1e-4
 
@@ -182,7 +182,7 @@ def test_an_impedance_display_answers_with_the_objects_force() -> None:
     np.testing.assert_array_equal(trace["command_force"], -trace["object_force"])
     time = trace.time[:, None]
     np.testing.assert_allclose(trace["operator_force"], np.sin(10 * np.pi * time) * [0.3, -1.5, 0.2], atol=1e-12)
-    hold = hold_force(ARM.jacobian(POSE), ARM.gravity(POSE))
+    hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     np.testing.assert_allclose(trace["torque"], torque_of(hold - trace["object_force"], trace["angle"]), atol=1e-12)
     assert trace["touching"].any()
 
@@ -240,7 +240,7 @@ def test_a_delay_shifts_the_torque_by_whole_periods(delay: int) -> None:
     """torque_k = J^T (u + hold) of k - n; before that the hold alone."""
     trace = simulate(press(device={"delay": delay}, controller={"kind": "gain", "gain": 0.003}))
     assert trace.stable
-    hold = hold_force(ARM.jacobian(POSE), ARM.gravity(POSE))
+    hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     computed = torque_of(trace["command_force"] + hold, trace["angle"])
     resting = np.tile(ARM.jacobian(POSE).T @ hold, (delay, 1))
     np.testing.assert_allclose(trace["torque"], np.vstack([resting, computed])[: len(trace)], atol=1e-12)
@@ -252,7 +252,7 @@ def test_frozen_kinematics_are_the_jacobian_of_the_start(model: str) -> None:
     """p = p0 + J (q - q0); torque = J^T (u + hold) + d(J^T hold)/dq (q - q0)."""
     trace = simulate(press(device={"kinematics": "linear", "model": model}))
     jacobian, turn = ARM.jacobian(POSE), trace["angle"] - POSE
-    hold = hold_force(jacobian, ARM.gravity(POSE))
+    hold = static_tip_force(jacobian, ARM.gravity(POSE))
     np.testing.assert_allclose(trace["tip"], ARM.forward(POSE) + turn @ jacobian.T, atol=1e-15)
     turning = np.einsum("k,kij->ij", hold, ARM.tip_hessian(POSE))
     wanted = (trace["command_force"] + hold) @ jacobian + turn @ turning.T
@@ -301,9 +301,9 @@ def test_the_drive_gives_its_peak_for_a_moment_and_its_continuous_force_for_ever
     trace = simulate(
         display(
             device={"saturation": True},
-            operator={"kind": "hold"},
+            operator={"kind": "fixed"},
             object={"kind": "wall", "stiffness": "3.5 N/mm", "position": ["0 mm", "4 mm", "0 mm"], "normal": [0, 1, 0]},
-            servo={"gravity_hold": False},
+            servo={"gravity_compensation": False},
             run={"duration": "20 s", "record_every": 10},
         )
     )
@@ -328,12 +328,12 @@ def test_a_limited_force_keeps_its_direction_and_the_hold_counts() -> None:
     trace = simulate(
         display(
             device={"saturation": True},
-            operator={"kind": "hold"},
+            operator={"kind": "fixed"},
             object={"kind": "spring", "stiffness": "3.5 N/mm", "position": ["3 mm", "-3 mm", "3 mm"]},
             run={"duration": "0.01 s"},
         )
     )
-    hold = hold_force(ARM.jacobian(POSE), ARM.gravity(POSE))
+    hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     given, asked = trace["command_force"][0] + hold, hold - trace["object_force"][0]
     assert np.linalg.norm(given) == pytest.approx(8.5, rel=1e-12)
     np.testing.assert_allclose(given / np.linalg.norm(given), asked / np.linalg.norm(asked), atol=1e-12)
@@ -343,9 +343,9 @@ def test_who_holds_the_tip_still_bears_what_the_motors_do_not() -> None:
     """Statics: torque + J^T f = N(q), nothing moves."""
     trace = simulate(
         display(
-            operator={"kind": "hold"},
+            operator={"kind": "fixed"},
             object={"kind": "spring", "stiffness": "2 N/mm", "position": ["1 mm", "2 mm", "-3 mm"]},
-            servo={"gravity_hold": False},
+            servo={"gravity_compensation": False},
         )
     )
     assert not np.any(trace["velocity"])
@@ -433,7 +433,7 @@ def test_gravity_is_held_where_it_is_balanced() -> None:
     assert np.abs(rest["angle"] - POSE).max() < 1e-12
     fall = simulate(
         press(reference={"force": "0 N"}, object={"kind": "none"}, controller={"kind": "none"},
-              servo={"gravity_hold": False})
+              servo={"gravity_compensation": False})
     )  # fmt: skip
     first = 0.5 * PERIOD**2 * ARM.acceleration(POSE, np.zeros(3), np.zeros(3))
     np.testing.assert_allclose(fall["angle"][1] - POSE, first, atol=0.05 * np.abs(first).max())
@@ -456,7 +456,7 @@ def test_the_linear_loop_is_python_controls(kind: str) -> None:
     )  # fmt: skip
     arm = control.c2d(continuous, PERIOD, "zoh")
     jacobian = ARM.jacobian(POSE)
-    hold = hold_force(jacobian, ARM.gravity(POSE))
+    hold = static_tip_force(jacobian, ARM.gravity(POSE))
     turning = control.ss([], [], [], np.einsum("k,kij->ij", hold, ARM.tip_hessian(POSE)), PERIOD)
     plant = control.feedback(arm, turning, sign=1) * control.ss([], [], [], jacobian.T, PERIOD)
     felt = control.ss([], [], [], stiffness[:, None] * jacobian, PERIOD) * plant
@@ -478,7 +478,7 @@ def test_the_nonlinear_loop_is_scipys() -> None:
     """The same sampled loop around scipy's DOP853 at 1e-12: equal to 1e-9 rad."""
     gain, stiffness = 0.03, np.array([1000.0, 2000.0, 3000.0])
     trace = simulate(press(controller={"kind": "gain", "gain": gain}, run={"duration": "0.05 s", "substeps": 4}))
-    hold = hold_force(ARM.jacobian(POSE), ARM.gravity(POSE))
+    hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     reference = np.array([0.5, -1.0, 2.0])
     state, anchor = np.concatenate([POSE, np.zeros(3)]), ARM.forward(POSE)
     for k in range(len(trace)):
@@ -526,7 +526,7 @@ def test_a_loop_that_overflows_at_once_still_leaves_a_trace(model: str, gain: fl
     )
     assert trace.unstable_from is not None
     assert trace.unstable_from <= 2 * PERIOD
-    read = Trace.read(trace.write(tmp_path / "t.h5"))
+    read = Trace.load(trace.save(tmp_path / "t.h5"))
     assert read.unstable_from == trace.unstable_from
     assert len(read) == len(trace)
     assert json.dumps(summarize(read), allow_nan=False)

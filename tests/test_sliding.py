@@ -12,10 +12,10 @@ import pytest
 from palpate import Mesh, Proxy, Surface, simulate
 from palpate.control import Controller
 from palpate.metrics import summarize
-from palpate.metrics.mesh_contact import slide
+from palpate.metrics.mesh_contact import sliding_metrics
 from palpate.report.run import run_page
 from palpate.scenario import Scenario
-from palpate.simulation.meshes import box, touched_mesh
+from palpate.simulation.meshes import box_mesh, touched_mesh
 from palpate.simulation.trace import Trace
 
 from experiments.hosseini2004.sliding import FIELDS, GROUNDS, pair, slide_controller, slide_scenario
@@ -26,11 +26,11 @@ PERIOD = 5e-4
 
 def dragged(surface: Surface, depth: float = 2e-3, ticks: int = 2000) -> Trace:
     """A tip led by nobody's loop: down onto a cube, 30 mm along x at constant depth, and up again."""
-    mesh = Mesh(*box(0.08, 16))
+    mesh = Mesh(*box_mesh(0.08, 16))
     s = np.linspace(0.0, 1.0, ticks)
     height = np.interp(s, [0.0, 0.2, 0.8, 1.0], [1e-3, -depth, -depth, 1e-3])
     path = np.stack([np.interp(s, [0.2, 0.8], [-0.015, 0.015]), np.full(ticks, 1e-3), height], axis=1)
-    c = Proxy(mesh, surface).follow(path)
+    c = Proxy(mesh, surface).simulate_path(path)
     values = {
         "tip": path, "proxy": c.position, "normal": c.normal, "depth": c.depth, "surface_stiffness": c.stiffness,
         "triangle": c.triangle, "touching": c.touching, "object_force": -c.force,
@@ -41,14 +41,14 @@ def dragged(surface: Surface, depth: float = 2e-3, ticks: int = 2000) -> Trace:
 
 def halves(**kw: Any) -> Surface:
     """1 N/mm for x < 0, 3 N/mm for x > 0."""
-    vertices, triangles = box(0.08, 16)
+    vertices, triangles = box_mesh(0.08, 16)
     stiff = np.where(vertices[triangles].mean(axis=1)[:, 0] < 0.0, 1000.0, 3000.0)
     return Surface(stiffness=stiff, **kw)
 
 
 def test_a_step_and_the_energy_it_makes() -> None:
     """From k1 to k2 at constant depth d the force steps by (k2 - k1) d, and the field makes (k2 - k1) d^2 / 2."""
-    found = slide(dragged(halves(tangential=0.0)), tangential=0.0)
+    found = sliding_metrics(dragged(halves(tangential=0.0)), tangential=0.0)
     assert found is not None
     assert found.step_at_crossing == pytest.approx(2000.0 * 2e-3, rel=1e-9)
     assert found.energy_generated == pytest.approx(0.5 * 2000.0 * 4e-6, rel=2e-3)
@@ -58,20 +58,20 @@ def test_a_step_and_the_energy_it_makes() -> None:
 
 def test_the_continuous_field_makes_none() -> None:
     """Where the force is the slope of a potential, in and out by another way gives back what was put in."""
-    found = slide(dragged(halves(tangential=0.0, field="continuous")), tangential=0.0)
+    found = sliding_metrics(dragged(halves(tangential=0.0, field="continuous")), tangential=0.0)
     assert found is not None
     assert abs(found.energy_generated) < 1e-3 * 0.5 * 2000.0 * 4e-6
-    discrete = slide(dragged(halves(tangential=0.0)), tangential=0.0)
+    discrete = sliding_metrics(dragged(halves(tangential=0.0)), tangential=0.0)
     assert discrete is not None
     assert discrete.step_at_crossing is not None
     assert found.step_at_crossing is not None
     assert found.step_at_crossing < 0.01 * discrete.step_at_crossing
-    assert found.buzz < 0.05 * discrete.buzz
+    assert found.ripple_power < 0.05 * discrete.ripple_power
 
 
 def test_friction_takes_force_times_way() -> None:
     """A proxy that slides with mu takes mu k d over its way."""
-    found = slide(dragged(Surface(stiffness=1000.0, tangential=1000.0, static_friction=0.2), ticks=20_000))
+    found = sliding_metrics(dragged(Surface(stiffness=1000.0, tangential=1000.0, static_friction=0.2), ticks=20_000))
     assert found is not None
     held = 0.2 * 1000.0 * 2e-3
     assert found.energy_dissipated == pytest.approx(held * (0.03 - 0.2 * 2e-3), rel=0.01)
@@ -84,22 +84,22 @@ def test_buzz_is_the_power_between_20_and_500_hz() -> None:
     for frequency, share in ((100.0, 1.0), (400.0, 1.0), (5.0, 0.0), (800.0, 0.0)):
         wave = 0.3 * np.sin(2 * np.pi * frequency * base.time)
         force = np.stack([wave, 0 * wave, 0 * wave], axis=1)
-        found = slide(Trace.of(base.time, {n: base[n] for n in base.channels} | {"object_force": force}))
+        found = sliding_metrics(Trace.of(base.time, {n: base[n] for n in base.channels} | {"object_force": force}))
         assert found is not None
-        assert found.buzz == pytest.approx(share * 0.045, rel=0.02, abs=2e-4)
+        assert found.ripple_power == pytest.approx(share * 0.045, rel=0.02, abs=2e-4)
 
 
 def test_lost_contact_is_counted() -> None:
     """Ticks apart after the first touch; a trace that never touches has no slide."""
     trace = dragged(Surface(stiffness=1000.0, tangential=0.0))
     apart = int(np.sum(trace["touching"][:, 0] == 0.0))
-    found = slide(trace)
+    found = sliding_metrics(trace)
     assert found is not None
     assert found.lost_ticks == apart - int(np.argmax(trace["touching"][:, 0]))
     assert not found.touching_at_end
     assert not found.settled
     away = {name: trace[name] for name in trace.channels} | {"touching": np.zeros(len(trace))}
-    assert slide(Trace.of(trace.time, away)) is None
+    assert sliding_metrics(Trace.of(trace.time, away)) is None
 
 
 @pytest.mark.parametrize(
@@ -154,15 +154,15 @@ def test_the_report_of_a_slide(tmp_path: Path) -> None:
     """Numbers, verdict and page of one run fit together."""
     trace = simulate(SCENARIOS / "slide-cube-small-steps.toml")
     summary = summarize(trace)
-    found = slide(trace)
+    found = sliding_metrics(trace)
     assert found is not None
-    assert summary["sliding"] == found.as_dict()
+    assert summary["sliding"] == found.to_dict()
     assert summary["stable"]
     assert "rests in contact" in summary["verdict"]
-    page = run_page(trace, summary).write(tmp_path / "report.html").read_text("utf-8")
+    page = run_page(trace, summary).save(tmp_path / "report.html").read_text("utf-8")
     for text in ("The slide in numbers", "largest force step at a crossing", "20 to 500 Hz"):
         assert text in page
-    assert summarize(Trace.read(trace.write(tmp_path / "trace.h5"))) == summary
+    assert summarize(Trace.load(trace.save(tmp_path / "trace.h5"))) == summary
 
 
 def test_the_loop_meets_what_the_proxy_meets() -> None:
@@ -171,7 +171,7 @@ def test_the_loop_meets_what_the_proxy_meets() -> None:
     trace = simulate(scenario)
     origin = trace["tip"][0] + np.array(scenario.object.position)
     mesh, surface = touched_mesh(scenario, origin)
-    contacts = Proxy(mesh, surface).follow(trace["tip"])
+    contacts = Proxy(mesh, surface).simulate_path(trace["tip"])
     assert np.array_equal(contacts.triangle, trace["triangle"][:, 0].astype(int))
     np.testing.assert_allclose(-contacts.force, trace["object_force"], atol=1e-8)
     np.testing.assert_allclose(contacts.position, trace["proxy"], atol=1e-11)
@@ -183,7 +183,7 @@ def test_shading_takes_the_facets_out_of_an_organ() -> None:
     largest = {}
     for field, shading in (("discrete", "0 deg"), ("continuous", "0 deg"), ("continuous", "30 deg")):
         tables["object"]["surface"] |= {"field": field, "shading": shading}
-        found = slide(simulate(Scenario.from_dict(tables)))
+        found = sliding_metrics(simulate(Scenario.from_dict(tables)))
         assert found is not None
         assert found.settled
         assert found.step_at_crossing is not None

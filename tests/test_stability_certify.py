@@ -11,12 +11,12 @@ import pytest
 from palpate import simulate
 from palpate.cli.main import app
 from palpate.errors import StabilityError
-from palpate.linear import Arm
-from palpate.linear.linear_device import Tip
+from palpate.linear import HumanArm
+from palpate.linear.linear_device import LinearDevice
 from palpate.report import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
-from palpate.stability import boundary, certify, wall, worst_hand, zwidth
+from palpate.stability import certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
 from palpate.stability.counter_example import growth, to_toml
 from palpate.stability.zwidth_map import wall_loops
 from typer.testing import CliRunner
@@ -43,11 +43,11 @@ def test_stable_and_passive_slider() -> None:
     assert certificate.stable
     assert certificate.passive
     assert certificate.counter_example is None
-    exact = wall(mass=0.06, damping=0.05, period=1e-3).critical_stiffness
+    exact = wall_limit(mass=0.06, damping=0.05, period=1e-3).critical_stiffness
     assert certificate.margin["object_stiffer_by_factor"] == pytest.approx(exact / 97, rel=1e-8)
     assert certificate.margin["passive_damping_needed_N_s_per_m"] == pytest.approx(0.0485, rel=1e-8)
-    assert set(certificate.roads) == {"eigenvalues", "Jury", "Routh", "Lyapunov"}
-    assert all(certificate.roads.values())
+    assert set(certificate.criteria) == {"eigenvalues", "Jury", "Routh", "Lyapunov"}
+    assert all(certificate.criteria.values())
     assert "passive" in certificate.claim
     json.dumps(certificate.to_dict(), allow_nan=False)
 
@@ -56,7 +56,7 @@ def test_unstable_slider_has_a_counter_example_that_runs() -> None:
     """130 N/m is beyond the limit: the scenario in the certificate, read back from its text, diverges from rest."""
     certificate = certify(slider("130 N/m"))
     assert certificate.verdict == "unstable"
-    assert not any(certificate.roads.values())
+    assert not any(certificate.criteria.values())
     assert certificate.margin["stable_share_of_the_object"] == pytest.approx(100.0139 / 130, rel=1e-5)
     example = certificate.counter_example
     assert example is not None
@@ -77,9 +77,9 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     hand = Scenario.from_text(example.toml())
     assert hand.operator.kind == "arm"
     assert hand.operator.damping == 0.0
-    assert scenario_loop(hand).radius() > 1
+    assert scenario_loop(hand).spectral_radius() > 1
     assert example.growth > 1.5
-    assert worst_hand(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
+    assert destabilizing_operator(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
 
 
 def test_no_passivity_is_claimed_of_an_arm_that_tips_over() -> None:
@@ -88,7 +88,7 @@ def test_no_passivity_is_claimed_of_an_arm_that_tips_over() -> None:
     soft = scenario.to_dict()
     soft["object"] = {**soft["object"], "stiffness": "1 N/m", "damping": "0 N*s/m"}
     loop = scenario_loop(Scenario.from_dict(soft))
-    assert loop.damping_felt > 1e-3 * 1.5 * 1.0  # K(n + 1/2)T would be covered
+    assert loop.device_damping > 1e-3 * 1.5 * 1.0  # K(n + 1/2)T would be covered
     assert not loop.rests
     assert certify(soft).passive is None
     assert zwidth(scenario, simulated=False).passive is None
@@ -107,7 +107,7 @@ def test_a_run_that_diverges_is_not_called_stable() -> None:
         "run": {"duration": "0.5 s"},
     }
     certificate = certify(thrown)
-    assert all(certificate.roads.values())
+    assert all(certificate.criteria.values())
     assert certificate.verdict != "stable"
 
 
@@ -142,7 +142,10 @@ def test_loop_of_a_slider_scenario_is_the_wall_loop() -> None:
     """Delay, controller gain and damping of a scenario against the same in the one-line question."""
     tables = slider("1 N/m", device={"name": "slider", "delay": 2}, controller={"kind": "gain", "gain": 2.0})
     loop = wall_loops(scenario_loop(Scenario.from_dict(tables)))[0]
-    curve, same = boundary(loop, points=300), boundary(Tip.of_mass(0.06, 0.05), period=1e-3, delay=2, points=300)
+    curve, same = (
+        stability_boundary(loop, points=300),
+        stability_boundary(LinearDevice.of_mass(0.06, 0.05), period=1e-3, delay=2, points=300),
+    )
     assert 2 * curve.stiffest[1] == pytest.approx(same.stiffest[1], rel=1e-4)
     assert 2 * curve.damping[-1] == pytest.approx(same.damping[-1], rel=1e-4)
 
@@ -166,7 +169,7 @@ def test_zwidth_of_a_slider() -> None:
     assert corner.simulated.furthest < 2e-3
     assert corner.edge.damping.max() > corner.window[0]
     for b, k in zip(corner.simulated.damping[::10], corner.simulated.stiffness[::10], strict=True):
-        exact = wall(mass=0.06, damping=0.05, period=1e-3, virtual_damping=b).critical_stiffness
+        exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, virtual_damping=b).critical_stiffness
         assert k == pytest.approx(exact, rel=2e-3)
     html = zwidth_page(found).html()
     assert "<svg" in html
@@ -196,7 +199,7 @@ def test_a_loop_that_settles_elsewhere_is_not_called_stable() -> None:
     ("change", "says"),
     [
         ({"object": {"kind": "none"}}, "nothing is touched"),
-        ({"operator": {"kind": "hold"}}, "keeps the tip still"),
+        ({"operator": {"kind": "fixed"}}, "keeps the tip still"),
         ({"object": {"kind": "wall", "stiffness": "1 N/m", "normal": [0, 1, 0]}}, "cannot move along it"),
     ],
 )
@@ -211,7 +214,7 @@ def test_certify_and_zwidth_from_the_command_line(tmp_path: Path) -> None:
     good, bad, none = tmp_path / "good.toml", tmp_path / "bad.toml", tmp_path / "none.toml"
     good.write_text(to_toml(slider()), "utf-8")
     bad.write_text(to_toml(slider("130 N/m")), "utf-8")
-    none.write_text(to_toml(slider(operator={"kind": "hold"})), "utf-8")
+    none.write_text(to_toml(slider(operator={"kind": "fixed"})), "utf-8")
     result = runner.invoke(app, ["certify", str(good), "--out", str(tmp_path / "good")])
     assert result.exit_code == 0, result.output
     assert "Stable: " in result.output
@@ -234,8 +237,8 @@ def test_certificate_of_a_held_slider_is_the_one_line_answer() -> None:
     """The same arm, rigid and through tissue, in a scenario and in `wall`: the same critical stiffness."""
     operator = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
     tissue = {"tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}
-    for extra, arm in (({}, Arm(0.15, 4.5, 560)), (tissue, Arm(0.15, 4.5, 560, 500, 0.5))):
+    for extra, arm in (({}, HumanArm(0.15, 4.5, 560)), (tissue, HumanArm(0.15, 4.5, 560, 500, 0.5))):
         certificate = certify(slider("1000 N/m", operator={**operator, **extra}))
-        exact = wall(mass=0.06, damping=0.05, period=1e-3, arm=arm).critical_stiffness
+        exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, arm=arm).critical_stiffness
         assert certificate.stable
         assert 1000 * certificate.margin["object_stiffer_by_factor"] == pytest.approx(exact, rel=1e-8)

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate.linear import Arm, Tip
+from palpate.linear import HumanArm, LinearDevice
 from palpate.stability import (
-    boundary,
     certify_coupling,
     coulomb_amplitude,
     coupling_damping,
     critical_stiffness,
     field_damping,
-    held_energy,
     naive_energy,
     passive_damping,
-    quantised_stiffness,
-    spectral_radius,
+    quantized_stiffness,
+    stability_boundary,
     two_port_limit,
     two_port_margin,
-    wall,
+    wall_limit,
+    wall_spectral_radius,
+    zoh_energy,
 )
 from scipy.optimize import brentq
 
@@ -45,21 +45,23 @@ def scaled(mass: float, period: float, stiffness: float, damping: float) -> tupl
 @pytest.mark.parametrize(("mass", "period"), [(0.06, 1e-3), (2.0, 5e-4)])
 def test_stiffest_wall_of_a_free_mass(delay: int, kappa: str, beta: str, mass: float, period: float) -> None:
     """KT^2/m at its largest, over all BT/m, for n samples of delay; 12 - 8 sqrt 2 at 2 sqrt 2 - 2 without."""
-    traced = boundary(Tip.of_mass(mass), period=period, delay=delay, points=20_001)
+    traced = stability_boundary(LinearDevice.of_mass(mass), period=period, delay=delay, points=20_001)
     damping, stiffness = traced.stiffest
     found = scaled(mass, period, stiffness, damping)
     assert f"{found[0]:.5f}"[1:] == kappa
     assert found[1] == pytest.approx(float(beta), abs=2e-4)  # flat at the top
     if delay == 0:
         assert found[0] == pytest.approx(12 - 8 * np.sqrt(2), rel=1e-7)
-        at = critical_stiffness(Tip.of_mass(mass), period=period, virtual_damping=(2 * np.sqrt(2) - 2) * mass / period)
+        at = critical_stiffness(
+            LinearDevice.of_mass(mass), period=period, virtual_damping=(2 * np.sqrt(2) - 2) * mass / period
+        )
         assert at * period**2 / mass == pytest.approx(12 - 8 * np.sqrt(2), rel=1e-12)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2, 3, 5])
 def test_closed_form_of_the_undamped_boundary(delay: int) -> None:
     """kappa = 4 tan^2(t/2) cos((n+1)t), beta = 2 sin(t/2) sin((n+1/2)t)/cos^2(t/2), every point of the curve."""
-    traced = boundary(Tip.of_mass(1.0), period=1.0, delay=delay)
+    traced = stability_boundary(LinearDevice.of_mass(1.0), period=1.0, delay=delay)
     t = traced.angle
     kappa = 4 * np.tan(t / 2) ** 2 * np.cos((delay + 1) * t)
     beta = 2 * np.sin(t / 2) * np.sin((delay + 0.5) * t) / np.cos(t / 2) ** 2
@@ -72,7 +74,7 @@ def test_closed_form_of_the_undamped_boundary(delay: int) -> None:
 @pytest.mark.parametrize("beta", [0.01, 0.3, 0.83, 1.5, 1.9])
 def test_undamped_critical_stiffness_without_delay(beta: float) -> None:
     """kappa < 2 beta (2 - beta)/(2 + beta)."""
-    critical = critical_stiffness(Tip.of_mass(1.0), period=1.0, virtual_damping=beta)
+    critical = critical_stiffness(LinearDevice.of_mass(1.0), period=1.0, virtual_damping=beta)
     assert critical == pytest.approx(2 * beta * (2 - beta) / (2 + beta), rel=1e-11)
 
 
@@ -87,7 +89,7 @@ def test_damped_critical_stiffness_without_delay(b: float, damping: float) -> No
     a, tau = mp.exp(-c * t / m), m / c
     b1, b0 = (t - tau * (1 - a)) / c, (tau * (1 - a) - a * t) / c
     exact = ((1 - a) + rate * (b1 + a * b0) - rate**2 * b0 * (b0 + b1)) / (b0 * (1 + b1 * rate))
-    found = critical_stiffness(Tip.of_mass(0.06, b), period=PERIOD, virtual_damping=damping)
+    found = critical_stiffness(LinearDevice.of_mass(0.06, b), period=PERIOD, virtual_damping=damping)
     assert found == pytest.approx(float(exact), rel=1e-9)
 
 
@@ -96,7 +98,7 @@ def test_linear_rule_overestimates() -> None:
     ratios = []
     for delay in (0, 1):
         for beta in (1e-4, 0.1):
-            exact = critical_stiffness(Tip.of_mass(1.0), period=1.0, delay=delay, virtual_damping=beta)
+            exact = critical_stiffness(LinearDevice.of_mass(1.0), period=1.0, delay=delay, virtual_damping=beta)
             ratios.append(exact / (beta / (0.5 + delay)))
     assert [f"{r:.2f}" for r in (ratios[0], ratios[2])] == ["1.00", "1.00"]
     assert 0.845 < ratios[3] < ratios[1] < 0.915
@@ -104,9 +106,9 @@ def test_linear_rule_overestimates() -> None:
 
 def test_the_hand_raises_a_bare_device_from_100_to_9135() -> None:
     """A rigid grip does; through fingertip tissue the same arm gives a sixth of it."""
-    bare = wall(mass=0.06, damping=0.05, period=PERIOD)
-    rigid = wall(mass=0.06, damping=0.05, period=PERIOD, arm=Arm(*ARM))
-    tissue = wall(mass=0.06, damping=0.05, period=PERIOD, arm=Arm(*ARM, 500.0, 0.5))
+    bare = wall_limit(mass=0.06, damping=0.05, period=PERIOD)
+    rigid = wall_limit(mass=0.06, damping=0.05, period=PERIOD, arm=HumanArm(*ARM))
+    tissue = wall_limit(mass=0.06, damping=0.05, period=PERIOD, arm=HumanArm(*ARM, 500.0, 0.5))
     assert f"{bare.critical_stiffness:.0f}" == "100"
     assert f"{rigid.critical_stiffness:.0f}" == "9135"
     assert tissue.critical_stiffness < rigid.critical_stiffness / 6
@@ -137,7 +139,7 @@ def test_the_hand_behind_tissue_by_another_route() -> None:
         return float(np.abs(np.linalg.eigvals(closed)).max()) - 1
 
     direct = brentq(outside, 500.0, 3000.0, xtol=1e-9)
-    found = critical_stiffness(Tip.of_mass(m, b, Arm(mh, bh, kh, kt, bt)), period=PERIOD)
+    found = critical_stiffness(LinearDevice.of_mass(m, b, HumanArm(mh, bh, kh, kt, bt)), period=PERIOD)
     assert found == pytest.approx(direct, rel=1e-9)
     assert f"{found:.1f}" == "1483.9"
 
@@ -174,8 +176,8 @@ def test_two_port_admits_four_times_the_exact_stiffness() -> None:
 def test_field_quantisation_and_coulomb_bounds() -> None:
     """L(T_max/2 + n T_max) + B_max; min(2b/T, 2f_c/Delta); A* = 4f_c/[pi sqrt(K/m)(KT/2 - b)]."""
     assert field_damping(lipschitz=1000, longest_period=2e-3, delay=1, virtual_damping=0.5) == pytest.approx(3.5)
-    assert quantised_stiffness(damping=0.05, coulomb=0.04, period=1e-3, quantum=23e-6) == pytest.approx(100)
-    assert quantised_stiffness(damping=5, coulomb=0.04, period=1e-3, quantum=40e-6) == pytest.approx(2000)
+    assert quantized_stiffness(damping=0.05, coulomb=0.04, period=1e-3, quantum=23e-6) == pytest.approx(100)
+    assert quantized_stiffness(damping=5, coulomb=0.04, period=1e-3, quantum=40e-6) == pytest.approx(2000)
     swing = coulomb_amplitude(mass=0.06, stiffness=600, damping=0.1, coulomb=0.02, period=1e-3)
     assert swing == pytest.approx(4 * 0.02 / (np.pi * 100 * 0.2))
     assert coulomb_amplitude(mass=0.06, stiffness=200, damping=0.1, coulomb=0.02, period=1e-3) == np.inf
@@ -187,10 +189,15 @@ def test_half_a_sample_of_prediction() -> None:
 
     def beyond(kappa: float) -> float:
         return (
-            float(spectral_radius(Tip.of_mass(1.0, delta), stiffness=kappa, virtual_damping=kappa / 2, period=1.0)) - 1
+            float(
+                wall_spectral_radius(
+                    LinearDevice.of_mass(1.0, delta), stiffness=kappa, virtual_damping=kappa / 2, period=1.0
+                )
+            )
+            - 1
         )
 
-    plain = critical_stiffness(Tip.of_mass(1.0, delta), period=1.0)
+    plain = critical_stiffness(LinearDevice.of_mass(1.0, delta), period=1.0)
     assert f"{plain:.3f}" == "0.002"
     assert f"{brentq(beyond, 0.01, 0.3):.3f}" == "0.063"
     for kappa in (0.01, 1.0, 3.99):  # x+ = x + v + a/2, v+ = v + a, a = -kappa (x + v/2)
@@ -209,5 +216,5 @@ def test_a_held_force_works_over_the_way_after_it() -> None:
         x, v = x + v * PERIOD + f * PERIOD**2 / (2 * m), v + f * PERIOD / m
     v_last = v - fs[-1] * PERIOD / m
     gained = 0.5 * m * (v_last**2 - 0.1**2)
-    assert held_energy(fs, xs) == pytest.approx(gained, rel=1e-9)
+    assert zoh_energy(fs, xs) == pytest.approx(gained, rel=1e-9)
     assert naive_energy(fs, xs) < 0 < gained

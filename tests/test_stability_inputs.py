@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from palpate import devices
 from palpate.errors import PalpateError, StabilityError
-from palpate.linear import Arm, hold
-from palpate.linear.linear_device import Tip
+from palpate.linear import HumanArm, discretize_zoh
+from palpate.linear.linear_device import LinearDevice
 from palpate.scenario import Scenario
 from palpate.stability import (
     MeasuredResponse,
-    boundary,
     certify,
     field_damping,
     positive_real_margin,
     routh,
-    spectral_radius,
+    stability_boundary,
+    wall_spectral_radius,
 )
 
 ARM = {"name": "phantom-premium-1.5a-rotors"}
@@ -118,7 +118,7 @@ def test_a_law_that_looks_ahead_or_runs_away_is_no_object_behind_a_coupling() ->
 def test_a_measured_response_that_cannot_tell(frequencies: Any, noise: float, says: str) -> None:
     """No number is given, and the reason names what would be right."""
     rng = np.random.default_rng(0)
-    g = hold(Tip.of_mass(0.06, 0.5), 1e-3, 1).response(2e-3 * np.pi * frequencies)
+    g = discretize_zoh(LinearDevice.of_mass(0.06, 0.5), 1e-3, 1).response(2e-3 * np.pi * frequencies)
     g = g * (1 + noise * (rng.normal(size=len(g)) + 1j * rng.normal(size=len(g))))
     verdict = MeasuredResponse(frequencies, g, 1e-3).critical_stiffness(2.0)
     assert not verdict.known
@@ -133,9 +133,9 @@ def test_what_is_no_number_or_too_long_is_told() -> None:
     with pytest.raises(StabilityError, match="one for each frequency, 50"):
         MeasuredResponse(frequencies, response + 0j, 1e-3, np.array([1e-5, 1e-5]))
     with pytest.raises(StabilityError, match="the most is 1000"):
-        hold(Tip.of_mass(0.06, 0.05), 1e-3, 1e6)
-    with pytest.raises(StabilityError, match=r"Tip\.at_pose"):
-        hold(devices.load("slider"), 1e-3)  # type: ignore[arg-type]
+        discretize_zoh(LinearDevice.of_mass(0.06, 0.05), 1e-3, 1e6)
+    with pytest.raises(StabilityError, match=r"LinearDevice\.at_pose"):
+        discretize_zoh(devices.load("slider"), 1e-3)  # type: ignore[arg-type]
     with pytest.raises(StabilityError, match="must be numbers"):
         routh("abc")  # type: ignore[arg-type]
     bare = 1 / (
@@ -148,10 +148,10 @@ def test_what_is_no_number_or_too_long_is_told() -> None:
 
 def test_options_and_devices_that_a_loop_does_not_have_are_told() -> None:
     with pytest.raises(StabilityError, match="the wall's damping is virtual_damping"):
-        spectral_radius(Tip.of_mass(0.06, 0.05), stiffness=1.0, damping=1.0, period=1e-3)
+        wall_spectral_radius(LinearDevice.of_mass(0.06, 0.05), stiffness=1.0, damping=1.0, period=1e-3)
     arm = devices.load("phantom-premium-1.5a")
-    alone = Tip.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1))  # gravity throws it along the wall
+    alone = LinearDevice.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1))  # gravity throws it along the wall
     with pytest.raises(StabilityError, match="give the tip an arm"):
-        boundary(alone, period=1e-3)
-    held = Tip.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1), arm=Arm(0.15, 4.5, 560.0))
-    assert "Walls up to" in str(boundary(held, period=1e-3))
+        stability_boundary(alone, period=1e-3)
+    held = LinearDevice.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1), arm=HumanArm(0.15, 4.5, 560.0))
+    assert "Walls up to" in str(stability_boundary(held, period=1e-3))

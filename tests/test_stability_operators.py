@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.linear import Arm, Tip, wall_loop
+from palpate.linear import HumanArm, LinearDevice, wall_loop
 from palpate.stability import certify, critical_stiffness, field_damping, passive_stiffness
 from scipy.linalg import expm
 from scipy.optimize import differential_evolution
@@ -60,11 +60,13 @@ def test_a_certificate_survives_the_worst_of_thousands_of_hands(stiffness: float
     assert len(seen) >= 5000
     assert bool(max(seen) <= 1 + 1e-9) is survives
     mass, damping, spring, tissue, soft = 10.0**worst
-    loop = wall_loop(Tip.of_mass(MASS, B, Arm(mass, damping, spring, tissue, soft)), PERIOD)
-    assert loop.radius(stiffness) == pytest.approx(max(seen), abs=1e-8)  # the product's loop of the worst agrees
+    loop = wall_loop(LinearDevice.of_mass(MASS, B, HumanArm(mass, damping, spring, tissue, soft)), PERIOD)
+    assert loop.spectral_radius(stiffness) == pytest.approx(
+        max(seen), abs=1e-8
+    )  # the product's loop of the worst agrees
 
 
-def network(rng: np.random.Generator, inner: int) -> Tip:
+def network(rng: np.random.Generator, inner: int) -> LinearDevice:
     """The slider with a random passive network on it: masses, dampers and springs among ``inner`` more coordinates."""
     n = inner + 1
 
@@ -77,7 +79,7 @@ def network(rng: np.random.Generator, inner: int) -> Tip:
     inertia = MASS * device + part(-2, 0, n) + np.diag([0.0] + [1e-4] * inner)
     damping = B * device + part(-2, 0.5, int(rng.integers(0, n + 1)))
     stiffness = part(0, 3, n)
-    return Tip(inertia, damping, stiffness, np.eye(1, n), np.ones(1))
+    return LinearDevice(inertia, damping, stiffness, np.eye(1, n), np.ones(1))
 
 
 def test_a_thousand_random_passive_networks() -> None:
@@ -86,11 +88,11 @@ def test_a_thousand_random_passive_networks() -> None:
     virtual = 0.01
     limit = float(passive_stiffness(damping=B, period=PERIOD, virtual_damping=virtual))
     largest = max(
-        wall_loop(network(rng, int(rng.integers(0, 4))), PERIOD).radius(limit * (1 - 1e-9), virtual)
+        wall_loop(network(rng, int(rng.integers(0, 4))), PERIOD).spectral_radius(limit * (1 - 1e-9), virtual)
         for _ in range(1000)
     )
     assert largest <= 1 + 1e-9
-    assert limit < critical_stiffness(Tip.of_mass(MASS, B), period=PERIOD, virtual_damping=virtual)
+    assert limit < critical_stiffness(LinearDevice.of_mass(MASS, B), period=PERIOD, virtual_damping=virtual)
 
 
 def pull(x: float) -> float:

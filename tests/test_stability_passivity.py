@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from palpate.linear import Arm, Tip, wall_loop
+from palpate.linear import HumanArm, LinearDevice, wall_loop
 from palpate.stability import (
     EnergyObserver,
     PassivityController,
     coupling_damping,
     critical_stiffness,
-    held_energy,
     naive_energy,
     passive_damping,
     passive_stiffness,
     positive_real_margin,
-    spectral_radius,
     sufficient_damping,
+    wall_spectral_radius,
+    zoh_energy,
 )
 from scipy.linalg import eigh
 
@@ -94,18 +94,20 @@ def test_a_passive_wall_is_stable(
     virtual = share * damping / 2
     stiffest = float(passive_stiffness(damping=damping, period=period, virtual_damping=virtual, delay=delay))
     assert stiffest > 0
-    arm = Arm(*(10.0**x for x in hand))
-    for tip in (Tip.of_mass(mass, damping), Tip.of_mass(mass, damping, arm)):
-        radius = spectral_radius(tip, stiffness=0.999 * stiffest, virtual_damping=virtual, period=period, delay=delay)
+    arm = HumanArm(*(10.0**x for x in hand))
+    for tip in (LinearDevice.of_mass(mass, damping), LinearDevice.of_mass(mass, damping, arm)):
+        radius = wall_spectral_radius(
+            tip, stiffness=0.999 * stiffest, virtual_damping=virtual, period=period, delay=delay
+        )
         assert float(radius) < 1 + 1e-10
-    bare = critical_stiffness(Tip.of_mass(mass, damping), period=period, delay=delay, virtual_damping=virtual)
+    bare = critical_stiffness(LinearDevice.of_mass(mass, damping), period=period, delay=delay, virtual_damping=virtual)
     assert stiffest <= bare * (1 + 1e-9)
 
 
-def random_hand(rng: np.random.Generator) -> Arm:
+def random_hand(rng: np.random.Generator) -> HumanArm:
     """A passive operator: mass, spring and damper, rigid or behind tissue, over many decades."""
     tissue = 10 ** rng.uniform(0, 6) if rng.random() < 0.5 else None
-    return Arm(
+    return HumanArm(
         10 ** rng.uniform(-3, 1),
         10 ** rng.uniform(-4, 1) if rng.random() < 0.7 else 0.0,
         10 ** rng.uniform(-1, 6),
@@ -121,12 +123,14 @@ def test_a_thousand_passive_hands_and_the_worst_of_them() -> None:
     virtual = 0.3
     stiffness = float(passive_stiffness(damping=b, period=period, virtual_damping=virtual, delay=delay))
     hands = [random_hand(rng) for _ in range(1000)]
-    radii = [wall_loop(Tip.of_mass(mass, b, h), period, delay).radius(stiffness, virtual) for h in hands]
+    radii = [
+        wall_loop(LinearDevice.of_mass(mass, b, h), period, delay).spectral_radius(stiffness, virtual) for h in hands
+    ]
     assert max(radii) <= 1 + 1e-10
 
     def radius(log_mass: float, log_stiffness: float, wall: float) -> float:
-        tip = Tip.of_mass(mass, b, Arm(10**log_mass, 0.0, 10**log_stiffness))
-        return wall_loop(tip, period, delay).radius(wall, virtual)
+        tip = LinearDevice.of_mass(mass, b, HumanArm(10**log_mass, 0.0, 10**log_stiffness))
+        return wall_loop(tip, period, delay).spectral_radius(wall, virtual)
 
     grid = [(m, k) for m in np.linspace(-1, 2, 31) for k in np.linspace(2, 7, 51)]
     worst = max(grid, key=lambda hand: radius(*hand, 1.1 * stiffness))
@@ -147,8 +151,8 @@ def test_one_bounce_off_a_wall_to_the_microjoule() -> None:
     observer = EnergyObserver()
     for position, force in zip(positions, forces, strict=True):
         observer.update(position)
-        observer.hold(force)
-    assert f"{1e3 * held_energy(forces, positions):.3f}" == "1.149"
+        observer.set_force(force)
+    assert f"{1e3 * zoh_energy(forces, positions):.3f}" == "1.149"
     assert f"{1e3 * naive_energy(forces[:-1], positions[:-1]):.3f}" == "-1.106"
     assert observer.given == pytest.approx(0.5 * mass * (v**2 - speed**2), rel=1e-12)
 

@@ -1,4 +1,4 @@
-"""Eigenvalues, Jury, Routh and Lyapunov: four roads that share no step, one verdict."""
+"""Eigenvalues, Jury, Routh and Lyapunov: four criteria that share no step, one verdict."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from palpate.errors import StabilityError
-from palpate.linear import Tip, wall_loop
+from palpate.linear import LinearDevice, wall_loop
 from palpate.stability import (
     characteristic_polynomial,
     critical_stiffness,
@@ -22,7 +22,7 @@ LOOPS = 10_000
 
 
 def agree(matrices: Array, polynomials: Array, outside: float = 1e-9) -> tuple[int, int]:
-    """Hold the four roads against each other; return how many loops were stable, and how many unstable."""
+    """Hold the four criteria against each other; return how many loops were stable, and how many unstable."""
     radius = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
     clear = np.abs(radius - 1) > outside
     stable = radius < 1
@@ -46,7 +46,10 @@ def test_ten_thousand_random_loops() -> None:
     for n in range(5):
         which = np.flatnonzero(delay == n)
         matrices = np.array(
-            [wall_loop(Tip.of_mass(m[i], b[i]), t[i], n, alpha[i]).matrix(stiffness[i], damping[i]) for i in which]
+            [
+                wall_loop(LinearDevice.of_mass(m[i], b[i]), t[i], n, alpha[i]).matrix(stiffness[i], damping[i])
+                for i in which
+            ]
         )
         polynomials = wall_polynomial(
             mass=m[which],
@@ -73,7 +76,7 @@ def test_loops_next_to_the_boundary(delay: int) -> None:
     for _ in range(40):
         m, b, t = 10 ** rng.uniform(-1.5, 0), 10 ** rng.uniform(-2, 0.5), 10 ** rng.uniform(-3.5, -2.5)
         damping = 10 ** rng.uniform(-2, -0.8) * m / t
-        loop = wall_loop(Tip.of_mass(m, b), t, delay)
+        loop = wall_loop(LinearDevice.of_mass(m, b), t, delay)
         critical = critical_stiffness(loop, virtual_damping=damping)
         stiffness = critical * (1 + sides)
         matrices.append(loop.matrix(stiffness, damping))
@@ -87,7 +90,7 @@ def test_loops_next_to_the_boundary(delay: int) -> None:
 
 def test_lyapunov_matrix_is_a_certificate() -> None:
     """P > 0 and P - A^T P A > 0, recomputed here; an unstable A has none."""
-    loop = wall_loop(Tip.of_mass(0.06, 0.5), 1e-3, 1)
+    loop = wall_loop(LinearDevice.of_mass(0.06, 0.5), 1e-3, 1)
     stable = lyapunov(loop.matrix(500.0, 1.0))
     assert stable.stable
     a, p = loop.matrix(500.0, 1.0), stable.matrix

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from palpate import _core
-from palpate.linear import Arm, Tip, WallLoop, wall_loop
-from palpate.simulation.simulator import prepare
-from palpate.stability import boundary, coulomb_amplitude, critical_stiffness
+from palpate.linear import HumanArm, LinearDevice, WallLoop, wall_loop
+from palpate.simulation.simulator import build_simulation
+from palpate.stability import coulomb_amplitude, critical_stiffness, stability_boundary
 
 Array = NDArray[np.float64]
 SETS = 100
 
 
-def experiment(mass: float, damping: float, period: float, delay: int, arm: Arm | None) -> Any:
+def experiment(mass: float, damping: float, period: float, delay: int, arm: HumanArm | None) -> Any:
     """Return a slider of these numbers against a spring, ready to run with `palpate.simulate`'s machinery."""
     operator: dict[str, Any] = {"kind": "none"}
     if arm is not None:
@@ -29,7 +29,7 @@ def experiment(mass: float, damping: float, period: float, delay: int, arm: Arm 
         if arm.tissue_stiffness is not None:
             operator["tissue_stiffness"] = f"{arm.tissue_stiffness!r} N/m"
             operator["tissue_damping"] = f"{arm.tissue_damping!r} N*s/m"
-    ready = prepare(
+    ready = build_simulation(
         {
             "device": {"name": "slider", "delay": delay},
             "servo": {"period": f"{period!r} s", "topology": "impedance_display"},
@@ -80,11 +80,11 @@ def test_boundary_at_random_devices_delays_and_hands() -> None:
         arm = None
         if kind:
             scale = (10 ** rng.uniform(-0.3, 0.3, 3)).tolist()
-            arm = Arm(0.15 * scale[0], 4.5 * scale[1], 560 * scale[2])
+            arm = HumanArm(0.15 * scale[0], 4.5 * scale[1], 560 * scale[2])
             if kind == 2:
-                arm = Arm(arm.mass, arm.damping, arm.stiffness, 500 * scale[2], 0.5 * scale[1])
-        loop = wall_loop(Tip.of_mass(mass, b, arm), period, delay)
-        curve = boundary(loop, points=200)
+                arm = HumanArm(arm.mass, arm.damping, arm.stiffness, 500 * scale[2], 0.5 * scale[1])
+        loop = wall_loop(LinearDevice.of_mass(mass, b, arm), period, delay)
+        curve = stability_boundary(loop, points=200)
         at = rng.choice(np.flatnonzero(curve.stiffness > 0.1 * curve.stiffness.max()))
         damping, exact, angle = float(curve.damping[at]), float(curve.stiffness[at]), float(curve.angle[at])
         ticks = enough(loop, exact, damping, angle)
@@ -108,7 +108,7 @@ def test_coulomb_friction_holds_small_swings_only(share: float) -> None:
     """Beyond b = KT/2 dry friction alone steadies: a swing of .7 A* dies, one of 1.4 A* grows."""
     mass, stiffness, b, coulomb, period = 0.06, 400.0, 0.1, 0.01, 1e-3
     amplitude = coulomb_amplitude(mass=mass, stiffness=stiffness, damping=b, coulomb=coulomb, period=period)
-    assert stiffness > critical_stiffness(Tip.of_mass(mass, b), period=period)
+    assert stiffness > critical_stiffness(LinearDevice.of_mass(mass, b), period=period)
     ready = experiment(mass, b, period, 0, None)
     ready.setup.friction = ready.device.with_friction(viscous=[b], coulomb=[coulomb]).core_friction
     ready.setup.stiffness = np.array([stiffness, 0.0, 0.0])

@@ -13,11 +13,11 @@ from palpate import devices, simulate
 from palpate.cli.main import app
 from palpate.control import Controller
 from palpate.errors import StabilityError
-from palpate.linear import Arm
+from palpate.linear import HumanArm
 from palpate.report import workspace_page
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
-from palpate.stability import Workspace, certify, critical, workspace
+from palpate.stability import Workspace, certify, stability_interval, workspace
 from palpate.stability.counter_example import growth
 from palpate.stability.pose_loops import PoseLoops
 from palpate.stability.zwidth_map import wall_loops
@@ -61,7 +61,7 @@ def test_every_limit_is_that_of_the_pose_by_itself(delayed: tuple[dict[str, Any]
         i, j = int(rng.integers(len(found.poses))), int(rng.integers(found.stiffness.shape[1]))
         loop = scenario_loop(Scenario.from_dict(placed(tables, found.poses[i], found.directions[i, j])))
         damping = float(loop.damping[0, 0])
-        limit = critical(wall_loops(loop)[0], damping)
+        limit = stability_interval(wall_loops(loop)[0], damping)
         assert found.stiffness[i, j] == pytest.approx(limit.stiffness, rel=1e-8)
         assert found.frequency[i, j] == pytest.approx(limit.frequency, rel=1e-6)
 
@@ -100,10 +100,10 @@ def test_the_weakest_direction_is_found() -> None:
     rng = np.random.default_rng(1)
     found = workspace(display(), poses=60)
     law = Controller.gain(1.0, 1e-3)
-    loops = PoseLoops.of(ARM, found.poses, law, 1e-3, 0, Arm(0.15, 4.5, 560, 500, 0.5))
+    loops = PoseLoops.of(ARM, found.poses, law, 1e-3, 0, HumanArm(0.15, 4.5, 560, 500, 0.5))
     normals = rng.normal(size=(len(loops), 30, 3))
     normals /= np.linalg.norm(normals, axis=2)[:, :, None]
-    searched = loops.critical(normals, np.zeros((len(loops), 30)))[0].min(axis=1)
+    searched = loops.critical_stiffness(normals, np.zeros((len(loops), 30)))[0].min(axis=1)
     assert np.all(searched > 0.97 * found.worst)
 
 
@@ -111,9 +111,9 @@ def test_turning_the_base_changes_nothing() -> None:
     """Gravity and the hand are the same all round: the yaw may turn if the wall turns with it."""
     law = Controller.gain(1.0, 1e-3)
     poses = np.array([[yaw, 0.3, 0.2] for yaw in np.linspace(-1.2, 1.2, 7)])
-    loops = PoseLoops.of(ARM, poses, law, 1e-3, 1, Arm(0.15, 4.5, 560))
+    loops = PoseLoops.of(ARM, poses, law, 1e-3, 1, HumanArm(0.15, 4.5, 560))
     turned = np.array([[np.sin(yaw), 0.0, np.cos(yaw)] for yaw in poses[:, 0]])[:, None, :]
-    limits = loops.critical(turned, np.full((7, 1), 2.0))[0]
+    limits = loops.critical_stiffness(turned, np.full((7, 1), 2.0))[0]
     assert limits == pytest.approx(limits[0, 0], rel=1e-9)
 
 
@@ -141,7 +141,7 @@ def test_nobody_holds_a_device_that_tips_over() -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"operator": {"kind": "hold"}}, "keeps the tip still"),
+        ({"operator": {"kind": "fixed"}}, "keeps the tip still"),
         ({"device": {"name": "phantom-premium-1.5a", "model": "linear"}, "operator": {"kind": "none"}}, "nonlinear"),
         (
             {"servo": {"topology": "force_tracking"}, "operator": {"kind": "none"}, "reference": {"force": "1 N"}},

@@ -29,7 +29,11 @@ def test_a_loop_that_needs_an_object_has_a_softest() -> None:
     scenario = Scenario.from_file(SLIDER.with_name("identified-model.toml"))
     found = zwidth(scenario, simulated=False)
     loop = scenario_loop(scenario)
-    assert found.softest > 1.0
+    assert found.min_stable_stiffness > 1.0
     for damping in (0.0, 0.5):
-        assert loop.radius(0.999 * found.softest, damping) > 1.0 > loop.radius(1.001 * found.softest, damping)
-    assert zwidth(Scenario.from_file(SLIDER), simulated=False).softest == 0.0
+        assert (
+            loop.spectral_radius(0.999 * found.min_stable_stiffness, damping)
+            > 1.0
+            > loop.spectral_radius(1.001 * found.min_stable_stiffness, damping)
+        )
+    assert zwidth(Scenario.from_file(SLIDER), simulated=False).min_stable_stiffness == 0.0

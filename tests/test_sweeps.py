@@ -58,9 +58,9 @@ def test_a_cell_is_what_simulate_finds() -> None:
             continue
         assert np.isnan(found["unstable_from"][index])
         bend = np.linalg.norm(np.diff(trace["tip"], n=2, axis=0), axis=1)  # entry k - 2 belongs to sample k
-        assert found["early_swing"][index] == pytest.approx(bend[49:99].max(), rel=1e-6)
-        assert found["prior_swing"][index] == pytest.approx(bend[149:199].max(), rel=1e-6)
-        assert found["late_swing"][index] == pytest.approx(bend[199:].max(), rel=1e-6)
+        assert found["oscillation_2"][index] == pytest.approx(bend[49:99].max(), rel=1e-6)
+        assert found["oscillation_4"][index] == pytest.approx(bend[149:199].max(), rel=1e-6)
+        assert found["oscillation_5"][index] == pytest.approx(bend[199:].max(), rel=1e-6)
         assert found.unstable[index] == (bend[199:].max() > min(bend[49:99].max(), bend[149:199].max()))
         assert found["ripple"][index] == pytest.approx(np.ptp(trace["tip"][-50:], axis=0).max() / 2, rel=1e-9)
         assert found["peak_object_force"][index] == pytest.approx(
@@ -239,7 +239,7 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(SweepError, match="cannot be drawn at random"):
         sweep(SLIDER, OVER, random={"servo.period": "1 ms..2 ms"})
     with pytest.raises(SweepError, match="free to move"):
-        sweep({**SLIDER, "operator": {"kind": "hold"}}, {"object.stiffness": [1.0]})
+        sweep({**SLIDER, "operator": {"kind": "fixed"}}, {"object.stiffness": [1.0]})
     with pytest.raises(SweepError, match="the most is"):
         sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:100000", "object.damping": "1 N*s/m..2 N*s/m:100000"})
     sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
@@ -251,8 +251,8 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         done = subprocess.run(other, capture_output=True, text=True, check=False)
         assert "is being written by another sweep" in done.stderr
     with h5py.File(tmp_path / "a.h5", "r+") as file:
-        del file["prior_swing"]
-    with pytest.raises(SweepError, match="has no prior_swing: another version wrote it"):
+        del file["oscillation_4"]
+    with pytest.raises(SweepError, match="has no oscillation_4: another version wrote it"):
         sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
     (tmp_path / "b.h5").write_text("no HDF5", "utf-8")
     with pytest.raises(SweepError, match="something else"):

@@ -48,7 +48,7 @@ def test_the_sliders_boundary_is_the_exact_one(delay: int) -> None:
     over = {"object.damping": "0 N*s/m..20 N*s/m:3", "object.stiffness": "0 N/m..64 N/mm:17"}
     found = refine(scenario, over, levels=5)
     assert found.ran.mean() < 0.2
-    tip = linear.Tip.of_mass(MASS, 0.05, linear.Arm(0.15, 4.5, 560.0))
+    tip = linear.LinearDevice.of_mass(MASS, 0.05, linear.HumanArm(0.15, 4.5, 560.0))
     assert len(found.boundary) >= len(found.values[0])
     for damping, stiffness in found.boundary[::8]:
         exact = stability.critical_stiffness(tip, period=T, delay=delay, virtual_damping=damping)
@@ -70,7 +70,7 @@ def test_the_arms_boundary_at_a_pose_is_the_exact_one() -> None:
     loop = scenario_loop(Scenario.from_dict(scenario))
     assert len(found.boundary) == len(found.values[0])
     for damping, stiffness in found.boundary[::4]:
-        exact = brentq(lambda k, b=damping: loop.radius(k, b) - 1, 0.8 * stiffness, 1.2 * stiffness)
+        exact = brentq(lambda k, b=damping: loop.spectral_radius(k, b) - 1, 0.8 * stiffness, 1.2 * stiffness)
         assert stiffness == pytest.approx(exact, rel=5e-3)
 
 
@@ -107,11 +107,11 @@ def test_counts_keep_a_swing_alive_unless_dry_friction_eats_it(slider: Callable[
         found = sweep(scenario, over)
         small = found["ripple"][stiffness < 1000.0] < count
         assert small.all()  # what is left is less than a count, far inside the linear boundary 2b/T = 2000 N/m
-        return (found["late_swing"] == 0.0).all(axis=1)
+        return (found["oscillation_5"] == 0.0).all(axis=1)
 
     assert not resting(0.0).any()
     rests = resting(coulomb)
-    bound = stability.quantised_stiffness(damping=damping, coulomb=coulomb, period=T, quantum=count)
+    bound = stability.quantized_stiffness(damping=damping, coulomb=coulomb, period=T, quantum=count)
     assert bound == pytest.approx(2 * coulomb / count)
     assert rests[stiffness <= bound].all()
     assert not rests[stiffness > 1.2 * bound].any()
@@ -132,9 +132,11 @@ def test_an_impact_does_not_hide_the_chatter_after_it() -> None:
     short, long = (sweep({**scenario, "run": {"duration": t}}, over) for t in ("3 s", "18 s"))
     alive = (long["ripple"] > 1e-4) | ~np.isnan(long["unstable_from"])
     assert 50 < alive.sum() < alive.size - 20
-    assert (short["late_swing"] < 0.8 * short["early_swing"])[alive].sum() > 2  # an impact that is hard to see past
-    assert np.mean(short["verdict"][alive] == Verdict.DIES) < 0.01
-    assert (short["verdict"][~alive] == Verdict.DIES).all()
+    assert (short["oscillation_5"] < 0.8 * short["oscillation_2"])[
+        alive
+    ].sum() > 2  # an impact that is hard to see past
+    assert np.mean(short["verdict"][alive] == Verdict.DECAYING) < 0.01
+    assert (short["verdict"][~alive] == Verdict.DECAYING).all()
 
 
 def test_a_refined_map_is_shown_in_a_line() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 
 from experiments.hosseini2004.cases import POSE, design
 from experiments.hosseini2004.topologies import display
@@ -24,7 +24,7 @@ def test_what_is_left_is_the_stiffness_of_gravity_and_of_the_constant_hold() -> 
     arm = devices.load("phantom-premium-1.5a")
     jacobian = arm.jacobian(POSE)
     a_q, _, a_tau = arm.linearization(POSE, np.zeros(3), arm.gravity(POSE))
-    hold = hold_force(jacobian, arm.gravity(POSE))
+    hold = static_tip_force(jacobian, arm.gravity(POSE))
     joint = -np.linalg.solve(a_tau, a_q) - np.einsum("k,kij->ij", hold, arm.tip_hessian(POSE))
     inverse = np.linalg.inv(jacobian)
     expected = np.linalg.solve(1000.0 * np.eye(3) + inverse.T @ joint @ inverse, np.full(3, 0.01)) * 1e3

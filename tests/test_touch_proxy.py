@@ -18,7 +18,7 @@ def test_step_and_follow_say_the_same() -> None:
     mesh = Mesh(*ball(12, bump=0.1))
     surface = Surface(stiffness="0.1 N/mm", static_friction=0.5, dynamic_friction=0.3)
     path = orbit(400, 0.1) * 1.02
-    whole = Proxy(mesh, surface).follow(path)
+    whole = Proxy(mesh, surface).simulate_path(path)
     one = Proxy(mesh, surface)
     for i, tip in enumerate(path):
         contact = one.step(tip)
@@ -34,7 +34,7 @@ def test_on_a_sphere_position_and_normal_are_radial(radius: float) -> None:
     pieces = 71
     mesh = Mesh(*ball(pieces))
     path = orbit(3000)
-    contacts = Proxy(mesh, Surface(stiffness=100.0), radius=radius).follow(path)
+    contacts = Proxy(mesh, Surface(stiffness=100.0), radius=radius).simulate_path(path)
     outward = path / np.linalg.norm(path, axis=1, keepdims=True)
     facet = 1.2 / pieces  # largest edge over radius
     assert contacts.touching.all()
@@ -52,7 +52,7 @@ def test_frictional_lag_on_a_sphere(radius: float) -> None:
     mesh = Mesh(*ball(71))
     angle = np.arange(3000) * 1e-3
     path = 0.48 * np.stack([np.cos(angle), np.sin(angle), 0.1 * np.ones_like(angle)], axis=1)
-    contacts = Proxy(mesh, Surface(static_friction=0.6, dynamic_friction=0.4), radius=radius).follow(path)
+    contacts = Proxy(mesh, Surface(static_friction=0.6, dynamic_friction=0.4), radius=radius).simulate_path(path)
     spring = contacts.position - path
     outward = contacts.position / np.linalg.norm(contacts.position, axis=1, keepdims=True)
     along = np.sum(spring * outward, axis=1)
@@ -73,7 +73,7 @@ def test_the_bumpy_ball_of_100k_triangles_never_locks_up(radius: float, friction
     assert len(mesh.triangles) == 100_820
     path = orbit(20_000, 0.04)
     proxy = Proxy(mesh, Surface(stiffness=100.0, static_friction=friction, dynamic_friction=friction / 1.5), radius)
-    contacts = proxy.follow(path)
+    contacts = proxy.simulate_path(path)
     assert contacts.touching.all()
     spring = contacts.position - path
     along = np.sum(spring * contacts.normal, axis=1)
@@ -95,7 +95,7 @@ def test_continuous_field_has_smaller_steps_and_does_no_net_work() -> None:
     for field in ("discrete", "continuous"):
         proxy = Proxy(mesh, Surface(stiffness=stiffness, field=field))
         proxy.step([0.031, 0.0, 0.06])
-        force = proxy.follow(path).force
+        force = proxy.simulate_path(path).force
         steps[field] = np.linalg.norm(np.diff(force, axis=0), axis=1).max()
         power = np.sum(force * speed, axis=1)[:-1]  # a sum over a whole period: exact for smooth forces
         work[field] = abs(power.sum()) / np.abs(power).sum()
@@ -107,7 +107,7 @@ def test_continuous_field_has_smaller_steps_and_does_no_net_work() -> None:
 def test_nan_is_counted_and_the_contact_held() -> None:
     proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)), Surface())
     path = np.array([[0.0, 0, 2], [0.1, 0.2, 0.9], [np.nan, 0, 0], [0.1, np.inf, 0], [0.2, 0.2, 0.9]])
-    contacts = proxy.follow(path)
+    contacts = proxy.simulate_path(path)
     assert proxy.faults == 2
     np.testing.assert_array_equal(contacts.force[2], contacts.force[1])
     np.testing.assert_allclose(contacts.position[4], [0.2, 0.2, 1.0], atol=1e-12)
@@ -135,7 +135,7 @@ def test_a_surface_that_cannot_be_is_refused(options: dict[str, object], words: 
 
 def test_shapes_of_tips_and_paths_are_checked() -> None:
     proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)))
-    for bad in (lambda: proxy.step([1.0, 2.0]), lambda: proxy.follow([1.0, 2.0, 3.0])):
+    for bad in (lambda: proxy.step([1.0, 2.0]), lambda: proxy.simulate_path([1.0, 2.0, 3.0])):
         with pytest.raises(PalpateError, match="shape"):
             bad()
     with pytest.raises(SurfaceError, match="radius"):
@@ -172,7 +172,7 @@ def test_friction_where_soft_meets_stiff_is_that_of_what_is_touched(radius: floa
     proxy = Proxy(mesh, Surface(stiffness=stiff, tangential=1000.0, static_friction=0.2), radius=radius)
     x = np.linspace(-2e-3, 6e-3, 1601)
     proxy.step([-2e-3, 1.3e-3, 0.06])
-    contacts = proxy.follow(np.stack([x, np.full_like(x, 1.3e-3), np.full_like(x, 0.0355 + radius)], axis=1))
+    contacts = proxy.simulate_path(np.stack([x, np.full_like(x, 1.3e-3), np.full_like(x, 0.0355 + radius)], axis=1))
     assert set(np.unique(contacts.stiffness)) == {200.0, 3500.0}
     assert np.all(x - contacts.position[:, 0] <= 0.2 * contacts.stiffness / 1000.0 * contacts.depth * (1 + 1e-9))
 
@@ -189,11 +189,11 @@ def test_shading_takes_the_facets_out_of_a_ball(radius: float, pieces: int) -> N
         return float(np.sqrt(np.mean(np.sum(np.diff(force, axis=0) ** 2, axis=1))))
 
     mesh = Mesh(*ball(pieces))
-    contacts = Proxy(mesh, Surface(stiffness=100.0, shading="30 deg"), radius).follow(path)
+    contacts = Proxy(mesh, Surface(stiffness=100.0, shading="30 deg"), radius).simulate_path(path)
     assert contacts.touching.all()
     assert steps(contacts.force) == pytest.approx(steps(true), rel=0.05)
     assert np.linalg.norm(contacts.normal - outward, axis=1).max() < 0.1 / pieces
-    assert steps(Proxy(mesh, Surface(stiffness=100.0), radius).follow(path).force) > 1.2 * steps(true)
+    assert steps(Proxy(mesh, Surface(stiffness=100.0), radius).simulate_path(path).force) > 1.2 * steps(true)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.01])
@@ -204,7 +204,7 @@ def test_shaded_force_is_continuous_across_edges(radius: float) -> None:
     def largest(ticks: int, shading: float) -> float:
         angle = np.linspace(0.2, 1.3, ticks)
         way = 0.47 * np.stack([np.cos(angle), np.sin(angle), 0.3 * np.ones(ticks)], axis=1) / np.sqrt(1.09)
-        force = Proxy(mesh, Surface(stiffness=100.0, shading=shading), radius).follow(way).force
+        force = Proxy(mesh, Surface(stiffness=100.0, shading=shading), radius).simulate_path(way).force
         return float(np.linalg.norm(np.diff(force[ticks // 20 :], axis=0), axis=1).max())
 
     assert largest(20_000, 0.5) < 0.15 * largest(2_000, 0.5)
@@ -219,7 +219,7 @@ def test_shading_leaves_creases_alone(friction: float) -> None:
     angle = np.linspace(0.0, 6.0, 4000)
     path = 0.049 * np.stack([np.cos(angle), np.sin(3 * angle), np.sin(2 * angle + 0.4)], axis=1)
     plain, shaded = (
-        Proxy(mesh, Surface(static_friction=friction, shading=angle)).follow(path).force for angle in (0.0, 0.5)
+        Proxy(mesh, Surface(static_friction=friction, shading=angle)).simulate_path(path).force for angle in (0.0, 0.5)
     )
     np.testing.assert_allclose(shaded, plain, atol=1e-3)
 
@@ -240,7 +240,7 @@ def test_a_curved_mesh_gives_no_energy(shading: float) -> None:
     path = (0.5 - 0.01 * (1.0 + 0.4 * np.sin(3 * angle)))[:, None] * out
     proxy = Proxy(mesh, Surface(stiffness=1000.0, shading=shading))
     proxy.step(1.2 * path[0])
-    proxy.follow(path[-1000:])
-    work = np.sum(proxy.follow(0.5 * (path[1:] + path[:-1])).force * np.diff(path, axis=0), axis=1)
+    proxy.simulate_path(path[-1000:])
+    work = np.sum(proxy.simulate_path(0.5 * (path[1:] + path[:-1])).force * np.diff(path, axis=0), axis=1)
     net = work.sum() / np.abs(work).sum()
     assert -0.05 < net < 1e-9 if shading == 0.0 else abs(net) < 1e-5

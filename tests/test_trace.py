@@ -17,10 +17,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from palpate import simulate
 from palpate.errors import OutputError
-from palpate.files import write_whole
+from palpate.files import atomic_write
 from palpate.metrics import summarize
 from palpate.metrics.step import step_response
 from palpate.simulation.trace import Channel, Trace, TraceError
+from scipy.io import loadmat
 
 PRESS: dict[str, Any] = {
     "title": "Press µ → 木",
@@ -60,25 +61,25 @@ def same(left: Trace, right: Trace) -> bool:
 
 def test_a_run_comes_back_from_its_file_bit_for_bit(pressed: Trace, tmp_path: Path) -> None:
     """Round trip: time, every channel, units, descriptions, scenario and version."""
-    assert same(Trace.read(pressed.write(tmp_path / "trace.h5")), pressed)
+    assert same(Trace.load(pressed.save(tmp_path / "trace.h5")), pressed)
 
 
 @given(values=arrays(np.float64, (3, 2), elements=st.floats(allow_nan=False, allow_infinity=False)))
 def test_any_finite_values_come_back(values: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Subnormal numbers and the sign of zero included."""
     trace = small(values, unstable_from=1.5, metadata={"note": ["µ", 1, None]})
-    assert same(Trace.read(trace.write(tmp_path_factory.mktemp("trace") / "t.h5")), trace)
+    assert same(Trace.load(trace.save(tmp_path_factory.mktemp("trace") / "t.h5")), trace)
 
 
 def test_a_traces_scenario_runs_again_to_the_same_bits(pressed: Trace, tmp_path: Path) -> None:
     """A trace file is enough to repeat its run."""
-    read = Trace.read(pressed.write(tmp_path / "trace.h5"))
+    read = Trace.load(pressed.save(tmp_path / "trace.h5"))
     assert same(simulate(read.scenario), pressed)
 
 
 def test_the_file_reads_without_palpate(pressed: Trace, tmp_path: Path) -> None:
     """Plain HDF5: a dataset per channel, time attached as its scale, the unit as an attribute, metadata as JSON."""
-    with h5py.File(pressed.write(tmp_path / "trace.h5")) as file:
+    with h5py.File(pressed.save(tmp_path / "trace.h5")) as file:
         units = {name: data.attrs["unit"] for name, data in file["channels"].items()}
         assert all(data.dims[0][0] == file["time"] for data in file["channels"].values())
         assert file["time"].attrs["unit"] == "s"
@@ -110,7 +111,7 @@ def test_a_trace_is_never_made_of_what_is_not_finite(wrong: float) -> None:
 def test_metadata_that_is_not_finite_is_not_written(tmp_path: Path) -> None:
     """NaN is no JSON: such a file would open nowhere but in Python."""
     with pytest.raises(ValueError, match="JSON"):
-        small(metadata={"note": float("nan")}).write(tmp_path / "trace.h5")
+        small(metadata={"note": float("nan")}).save(tmp_path / "trace.h5")
     assert not list(tmp_path.iterdir())
 
 
@@ -128,7 +129,7 @@ def test_rows_and_time_must_agree() -> None:
 
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole or not at all: half-way failure keeps the old bytes and leaves no temporary file."""
-    path = small().write(tmp_path / "trace.h5")
+    path = small().save(tmp_path / "trace.h5")
     before = path.read_bytes()
 
     def stop(*_: object, **__: object) -> None:
@@ -136,7 +137,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(h5py.Group, "create_group", stop)
     with pytest.raises(OutputError, match=r"trace\.h5: cannot be written: disk full"):
-        small([[5.0]] * 3).write(path)
+        small([[5.0]] * 3).save(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
@@ -149,7 +150,7 @@ def test_an_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_whole(tmp_path / "page.html", interrupted)
+        atomic_write(tmp_path / "page.html", interrupted)
     assert not list(tmp_path.iterdir())
 
 
@@ -157,7 +158,7 @@ def test_a_new_file_has_the_rights_of_any_new_file(tmp_path: Path) -> None:
     """A colleague can read what was written: the umask decides, not the temporary file."""
     mask = os.umask(0o022)
     try:
-        path = small().write(tmp_path / "new" / "folder" / "trace.h5")
+        path = small().save(tmp_path / "new" / "folder" / "trace.h5")
     finally:
         os.umask(mask)
     assert stat.S_IMODE(path.stat().st_mode) == 0o644
@@ -166,28 +167,28 @@ def test_a_new_file_has_the_rights_of_any_new_file(tmp_path: Path) -> None:
 def test_where_nothing_can_be_written_the_message_says_why(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"trace\.h5: cannot be written: "):
-        small().write(tmp_path / "file" / "trace.h5")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(OutputError, match="folder: cannot be written: Is a directory"):
-        small().write(tmp_path / "folder")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+        small().save(tmp_path / "file" / "trace.h5")
+    (tmp_path / "folder.h5").mkdir()
+    with pytest.raises(OutputError, match=r"folder\.h5: cannot be written: Is a directory"):
+        small().save(tmp_path / "folder.h5")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.h5"]
 
 
 def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
     """Missing, not HDF5, another program's HDF5, or cut off."""
     with pytest.raises(TraceError, match="there is no such file"):
-        Trace.read(tmp_path / "none.h5")
+        Trace.load(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("time,angle\n")
     with pytest.raises(TraceError, match="not a readable trace"):
-        Trace.read(tmp_path / "text.h5")
+        Trace.load(tmp_path / "text.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1
     with pytest.raises(TraceError, match="not a trace of palpate"):
-        Trace.read(tmp_path / "other.h5")
-    whole = small().write(tmp_path / "whole.h5").read_bytes()
+        Trace.load(tmp_path / "other.h5")
+    whole = small().save(tmp_path / "whole.h5").read_bytes()
     (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(TraceError, match="not a readable trace"):
-        Trace.read(tmp_path / "cut.h5")
+        Trace.load(tmp_path / "cut.h5")
 
 
 @pytest.mark.parametrize(
@@ -195,7 +196,7 @@ def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
 )
 def test_a_trace_of_another_shape_says_so(damage: str, tmp_path: Path) -> None:
     """Whatever h5py meets in a file that claims to be a trace ends in one sentence."""
-    path = small(metadata={"version": "1"}).write(tmp_path / "trace.h5")
+    path = small(metadata={"version": "1"}).save(tmp_path / "trace.h5")
     with h5py.File(path, "a") as file:
         if damage == "no unit":
             del file["channels/deflection"].attrs["unit"]
@@ -209,12 +210,12 @@ def test_a_trace_of_another_shape_says_so(damage: str, tmp_path: Path) -> None:
             if damage == "a list of channels":
                 file["channels"] = [1.0]
     with pytest.raises(TraceError, match=r"trace\.h5: not a readable trace: "):
-        Trace.read(path)
+        Trace.load(path)
 
 
 def test_csv_has_units_in_its_header_and_every_digit(pressed: Trace, tmp_path: Path) -> None:
     """Export: column names with units, values that read back to the same doubles."""
-    assert b"\r" not in pressed.write_csv(tmp_path / "trace.csv").read_bytes()
+    assert b"\r" not in pressed.save(tmp_path / "trace.csv").read_bytes()
     with (tmp_path / "trace.csv").open(encoding="utf-8") as file:
         header, *rows = list(csv.reader(file))
     assert header[:5] == ["time [s]", "angle_1 [rad]", "angle_2 [rad]", "angle_3 [rad]", "velocity_1 [rad/s]"]
@@ -283,3 +284,65 @@ def test_a_channel_is_read_by_name() -> None:
     assert trace.channels["deflection"] == Channel(trace["deflection"], "m", trace.channels["deflection"].description)
     assert trace["deflection"].shape == (3, 1)
     assert len(trace) == 3
+
+
+def test_the_suffix_decides_the_format_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match=r"t\.txt: the suffix decides the format of a trace; it is \.h5, \.csv, \.mat"):
+        small().save(tmp_path / "t.txt")
+    with pytest.raises(TraceError, match=r"t\.csv: a trace is loaded from \.h5, not from '\.csv'"):
+        Trace.load(small().save(tmp_path / "t.csv"))
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".csv", ".mat", ".parquet", ".mcap"])
+def test_a_file_of_another_format_is_not_overwritten(suffix: str, tmp_path: Path) -> None:
+    """A trace of the same format is; so is an empty file."""
+    path = tmp_path / f"file{suffix}"
+    path.write_text("notes of a whole day")
+    with pytest.raises(OutputError, match="a file of that name is there, and it is no trace saved as"):
+        small().save(path)
+    assert path.read_text() == "notes of a whole day"
+    path.write_text("")
+    if suffix in (".parquet", ".mcap"):
+        pytest.importorskip("pyarrow" if suffix == ".parquet" else "mcap")
+    small().save(path)
+    assert small([[5.0]] * 3).save(path) == path
+
+
+def test_another_programs_hdf5_is_not_overwritten(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    with pytest.raises(OutputError, match="it is no trace saved as"):
+        small().save(tmp_path / "other.h5")
+
+
+def test_mat_opens_with_its_channels_and_units(pressed: Trace, tmp_path: Path) -> None:
+    found = loadmat(pressed.save(tmp_path / "t.mat"), simplify_cells=True)
+    assert np.array_equal(found["time"], pressed.time)
+    assert np.array_equal(found["tip"], pressed["tip"])
+    assert found["units"]["object_force"] == "N"
+    assert json.loads(found["metadata"])["metadata"]["scenario"] == pressed.scenario
+
+
+def test_parquet_has_the_columns_of_csv(pressed: Trace, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(pressed.save(tmp_path / "t.parquet"))
+    assert np.array_equal(table["tip_z [m]"].to_numpy(), pressed["tip"][:, 2])
+    assert json.loads(table.schema.metadata[b"palpate"])["metadata"]["scenario"] == pressed.scenario
+
+
+def test_mcap_has_a_topic_per_channel(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    with small().save(tmp_path / "t.mcap").open("rb") as file:
+        messages = [(c.topic, m.log_time, json.loads(m.data)) for _, c, m in reader.make_reader(file).iter_messages()]
+    trace = small()
+    assert [topic for topic, _, _ in messages] == ["/deflection"] * len(trace)
+    assert [stamp for _, stamp, _ in messages] == [round(1e9 * t) for t in trace.time]
+    assert [message["value"] for _, _, message in messages] == trace["deflection"][:, 0].tolist()
+
+
+def test_a_data_frame_has_the_time_as_its_index(pressed: Trace) -> None:
+    pytest.importorskip("pandas")
+    frame = pressed.to_pandas()
+    assert np.array_equal(frame.index, pressed.time)
+    assert np.array_equal(frame["object_force_y [N]"], pressed["object_force"][:, 1])
+    assert frame.attrs["scenario"] == pressed.scenario

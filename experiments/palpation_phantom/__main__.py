@@ -39,10 +39,10 @@ def palpation(
         held = press_all(progress=lambda text, share: tell(text, 0.6 + 0.3 * share))
         tell("drawing", 0.9)
         page = palpation_page(held, sweep)
-        found = {"bodies": [one.as_dict() for one in held], "phantom": sweep.as_dict()}
+        found = {"bodies": [one.to_dict() for one in held], "phantom": sweep.to_dict()}
         text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         paths = write_folder(
-            out, {"report.html": page.write, "palpation.json": lambda path: path.write_text(text, "utf-8")}
+            out, {"report.html": page.save, "palpation.json": lambda path: path.write_text(text, "utf-8")}
         )
     good = sum(one.stable for one in held)
     colour = "green" if good == len(held) else "red"

@@ -36,7 +36,7 @@ def palpation_page(held: Sequence[Held], sweep: Sweep) -> Page:
     page.section("Bodies from soft to stiff")
     page.verdict(
         f"{good} of {len(held)} loops, on bodies of {soft:g} to {stiff:g} kPa, stay bounded and come to rest in "
-        "contact, where the linear loop is stable by four roads.",
+        "contact, where the linear loop is stable by four criteria.",
         "good" if good == len(held) else "bad",
     )
     page.paragraph(

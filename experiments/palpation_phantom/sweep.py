@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from palpate.errors import ScenarioError
 from palpate.metrics.body_contact import JND
 from palpate.scenario import Scenario
-from palpate.scenario.operators import STIFFNESS, loose_grip
+from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
-from palpate.units import in_si, write
+from palpate.units import to_si, write
 
 from experiments.palpation_phantom.stiffnesses import PERIOD, POSE, controller_of
 
@@ -74,7 +74,7 @@ class Sweep:
         """Whether a hand can tell: the contrast exceeds the just-noticeable difference."""
         return self.contrast > JND
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds."""
         return {
             "phantom": self.title,
@@ -103,8 +103,8 @@ def sweep_phantom(
     Raises:
         ScenarioError: such a phantom cannot be made.
     """
-    deep, stiff = in_si(depth, "m", "depth"), in_si(contrast, "", "contrast")
-    cells = write(in_si(spacing, "m", "spacing"), "m")
+    deep, stiff = to_si(depth, "m", "depth"), to_si(contrast, "", "contrast")
+    cells = write(to_si(spacing, "m", "spacing"), "m")
     body = {"shape": "phantom", "depth": write(deep, "m"), "spacing": cells, "radius": "8 mm", "tip": "flat"}
     traces = []
     for times in (stiff, 1.0):
@@ -129,16 +129,16 @@ def sweep_scenario(
     Raises:
         ScenarioError: the law is unknown, or the press cannot be read.
     """
-    controller, force = controller_of(law), in_si(press, "N", "press")
+    controller, force = controller_of(law), to_si(press, "N", "press")
     end = FROM + LENGTH / SPEED
-    lead = STIFFNESS * LENGTH
+    lead = OPERATOR_STIFFNESS * LENGTH
     return {
         "title": title or "A sweep over the phantom",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "force_tracking"},
         "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-force:g} N"]},
-        "operator": loose_grip(
+        "operator": default_operator(
             [
                 ["0 s", "0 N", "0 N", "0 N"],
                 [f"{FROM:g} s", "0 N", "0 N", "0 N"],
@@ -158,7 +158,7 @@ def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
     Raises:
         ScenarioError: the trace is not that of such a sweep: the tip does not touch both over the nodule and beside it.
     """
-    radius = in_si(nodule, "m", "nodule")
+    radius = to_si(nodule, "m", "nodule")
     moving = (trace.time > FROM + 0.2) & (trace["touching"][:, 0] > 0.0)
     place = trace["tip"][moving, 0] - trace["tip"][0, 0]
     deflection = np.linalg.norm(trace["deflection"][moving], axis=1)

@@ -11,7 +11,7 @@ from scipy.signal.windows import flattop
 from palpate.checks import positive
 from palpate.errors import StabilityError
 
-__all__ = ["Buzz", "buzz", "vibration_threshold"]
+__all__ = ["Ripple", "ripple", "vibration_threshold"]
 
 Array = NDArray[np.float64]
 BEST = 250.0  # Hz, where the skin feels best
@@ -20,7 +20,7 @@ FLAT = 40.0  # Hz, below which the threshold is flat
 
 
 @dataclass(frozen=True)
-class Buzz:
+class Ripple:
     """The tip's ripple.
 
     Attributes:
@@ -37,14 +37,14 @@ class Buzz:
     ratio: float
 
     @property
-    def felt(self) -> bool:
+    def perceptible(self) -> bool:
         """Whether a line of the spectrum is above the threshold."""
         return self.ratio > 1.0
 
     def __str__(self) -> str:
         at = int(np.argmax(self.amplitude / self.threshold))
         said = f"{1e6 * self.amplitude[at]:.3g} um at {self.worst:.4g} Hz"
-        if self.felt:
+        if self.perceptible:
             return f"It buzzes: {said}, {self.ratio:.3g} times what a fingertip can feel."
         return f"No buzz: the strongest ripple is {said}, {self.ratio:.2g} of what a fingertip can feel."
 
@@ -61,7 +61,7 @@ def vibration_threshold(frequency: ArrayLike) -> Array:
     return np.asarray(LEAST * np.maximum(BEST / f, f / BEST) ** 2, dtype=float)
 
 
-def buzz(tip: ArrayLike, period: float, lowest: float = 20.0) -> Buzz:
+def ripple(tip: ArrayLike, period: float, lowest: float = 20.0) -> Ripple:
     """Return the ripple of a tip that is at rest but for it.
 
     Args:
@@ -90,4 +90,4 @@ def buzz(tip: ArrayLike, period: float, lowest: float = 20.0) -> Buzz:
     keep = (f >= lowest) & (f < 0.5 / t)
     f, amplitude, threshold = f[keep], amplitude[keep], vibration_threshold(f[keep])
     at = int(np.argmax(amplitude / threshold))
-    return Buzz(np.asarray(f, float), amplitude, threshold, float(f[at]), float(amplitude[at] / threshold[at]))
+    return Ripple(np.asarray(f, float), amplitude, threshold, float(f[at]), float(amplitude[at] / threshold[at]))

@@ -48,8 +48,8 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
         "far it has moved, and the pressure of the tip on it." + stretched(picture),
     )
     page.figure(force_and_deflection(trace), "Force of the tip on the body, and how far the pressed patch has moved.")
-    if found["felt_most_N_per_m"] is not None:
-        rise = found["felt_most_N_per_m"] / found["felt_median_N_per_m"] - 1.0
+    if found["path_stiffness_max_N_per_m"] is not None:
+        rise = found["path_stiffness_max_N_per_m"] / found["path_stiffness_median_N_per_m"] - 1.0
         page.figure(
             felt(trace),
             f"Stiffness felt along the way: at most {100 * rise:.3g} % over its median, "

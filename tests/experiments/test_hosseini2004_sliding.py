@@ -20,7 +20,7 @@ from palpate.simulation.trace import Trace
 
 from experiments.hosseini2004.sliding import FIELDS, GROUNDS, pair, slide_controller, slide_scenario
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 PERIOD = 5e-4
 
 

@@ -10,7 +10,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import zwidth
 
-SLIDER = Path(__file__).parent.parent / "scenarios" / "slider-wall-stable.toml"
+SLIDER = Path(__file__).parents[2] / "scenarios" / "slider-wall-stable.toml"
 
 
 def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:

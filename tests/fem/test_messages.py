@@ -353,7 +353,7 @@ def test_the_drawing_in_the_documentation_runs(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     bodies.phantom(contrast=1.0, spacing="20 mm", output="phantom.h5")
-    text = (Path(__file__).parent.parent / "docs" / "bodies.md").read_text("utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "bodies.md").read_text("utf-8")
     code = text.split("## Drawing a press")[1].split("```python")[1].split("```")[0]
     exec(compile(code, "docs/bodies.md", "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"phantom.h5", "pressed.png", "mine.png", "pressed.vtu"}

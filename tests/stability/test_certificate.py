@@ -21,7 +21,7 @@ from palpate.stability.counter_example import growth, to_toml
 from palpate.stability.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 
 def slider(stiffness: str = "97 N/m", **tables: Any) -> dict[str, Any]:

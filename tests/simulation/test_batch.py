@@ -14,7 +14,7 @@ import pytest
 from palpate import _core
 from palpate.simulation.simulator import Simulation, build_simulation
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 POSE = ["0.1 rad", "2.2305 rad", "3.2776 rad"]
 ARM = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
 PUSH = {"shape": "ramp", "force": ["1 N", "-1 N", "-2 N"], "rise": "20 ms"}

@@ -24,7 +24,7 @@ from palpate.metrics import (
 from palpate.scenario import Scenario
 from typer.testing import CliRunner
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MASS, B, T = 0.06, 0.05, 1e-3  # the slider
 
 

@@ -18,7 +18,7 @@ from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.scenario.reader import find_line
 
-SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
+SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 TEXT = """\
 title = "A cube"
 

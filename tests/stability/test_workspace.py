@@ -23,7 +23,7 @@ from palpate.stability.pose_loops import PoseLoops
 from palpate.stability.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ARM = devices.load("phantom-premium-1.5a")
 HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
 TISSUE = {"tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}

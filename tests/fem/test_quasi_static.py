@@ -16,7 +16,7 @@ from palpate.fem.body import Shape
 from palpate.fem.selectors import half_space
 
 Array = NDArray[np.float64]
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 BOTTOM, TOP = half_space("z", "<", 1e-9), half_space("z", ">", 0.03 - 1e-9)
 VOLUME = block((0.04, 0.04, 0.03), 0.005)
 MATERIAL = Material(8e3, 0.4)

@@ -36,7 +36,7 @@ def certify(
         tell("judging the loop", 0.1)
         certificate = judge(loaded)
         folder = out if out is not None else Path("results") / scenario.stem
-        writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.write}
+        writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.save}
         example = certificate.counter_example
         if example is not None:
             text = example.toml()
@@ -66,15 +66,16 @@ def zwidth(
     Example: palpate zwidth scenarios/slider-wall-stable.toml
     """
     with progress("reading the scenario") as tell:
+        from palpate.report import zwidth_page
         from palpate.scenario import Scenario
         from palpate.stability import zwidth as map_of
 
         loaded = Scenario.from_file(scenario)
         found = map_of(loaded, simulated=simulate, progress=tell)
         tell("drawing", 0.95)
-        page = found.page()
+        page = zwidth_page(found)
         folder = out if out is not None else Path("results") / scenario.stem
-        paths = write_folder(folder, {"zwidth.html": page.write, "zwidth.json": found.write_json})
+        paths = write_folder(folder, {"zwidth.html": page.save, "zwidth.json": found.save})
     output.print(f"[bold]{loaded.title}[/]")
     for name, curve in found.curves.items():
         b, k = curve.stiffest
@@ -111,13 +112,14 @@ def workspace(
     Example: palpate workspace scenarios/arm-through-tissue-on-a-wall.toml
     """
     with progress("reading") as tell:
+        from palpate.report import workspace_page
         from palpate.stability import workspace as map_of
 
         found = map_of(subject, poses=poses, progress=tell)
         tell("drawing", 0.96)
-        page = found.page()
+        page = workspace_page(found)
         folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")
-        paths = write_folder(folder, {"workspace.html": page.write, "workspace.json": found.write_json})
+        paths = write_folder(folder, {"workspace.html": page.save, "workspace.json": found.save})
     output.print(f"[bold]{found.title}[/]: {found.loop}", soft_wrap=True)
     output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:

@@ -1,0 +1,44 @@
+"""Deformable bodies condensed from finite elements, fast enough for the servo."""
+
+from palpate.fem.body import Body, ContactHistory, Indentation
+from palpate.fem.builder import build
+from palpate.fem.errors import BodyError, BodyWarning
+from palpate.fem.hyperelastic import HyperelasticModel, Law, Strain
+from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.palpation_phantom import phantom
+from palpate.fem.quasi_static import MultiTipHistory, QuasiStaticSolver, RealtimeRun
+from palpate.fem.selectors import Selector, box, half_space, on_surface, parse_selector, sphere
+from palpate.fem.volume import Volume, block, fill, grid, read_volume
+
+__all__ = [
+    "Body",
+    "BodyError",
+    "BodyWarning",
+    "ContactHistory",
+    "HyperelasticModel",
+    "Indentation",
+    "Law",
+    "Material",
+    "MultiTipHistory",
+    "QuasiStaticSolver",
+    "RealtimeRun",
+    "Region",
+    "Selector",
+    "Strain",
+    "SurfaceLayer",
+    "Volume",
+    "block",
+    "box",
+    "build",
+    "fill",
+    "grid",
+    "half_space",
+    "load",
+    "on_surface",
+    "parse_selector",
+    "phantom",
+    "read_volume",
+    "sphere",
+]
+
+load = Body.load

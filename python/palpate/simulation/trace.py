@@ -1,0 +1,288 @@
+"""What a run leaves behind: channels with units, and the scenario and version they came from."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.errors import OutputError, PalpateError
+from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
+from palpate.simulation.trace_export import (
+    Exported,
+    columns,
+    write_csv,
+    write_mat,
+    write_mcap,
+    write_parquet,
+)
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
+
+Array = NDArray[np.float64]
+
+# channel: (unit, description); `angle`, `velocity` and `torque` are per joint (m, m/s, N for a sliding one).
+CHANNELS: Final[dict[str, tuple[str, str]]] = {
+    "angle": ("rad", "joint angles"),
+    "velocity": ("rad/s", "joint velocities"),
+    "tip": ("m", "tip position, base frame"),
+    "deflection": ("m", "how far the tip has pushed the object in, per axis"),
+    "object_force": ("N", "force of the tip on the object"),
+    "command_force": ("N", "tip force that the controller commands, without the gravity hold"),
+    "torque": ("N*m", "motor torques at the joints"),
+    "reference_force": ("N", "reference force"),
+    "operator_force": ("N", "force of the operator on the tip"),
+    "energy": ("J", "kinetic and potential energy of the device"),
+    "proxy": ("m", "the tip's proxy on the mesh (a sphere's centre)"),
+    "normal": ("", "unit normal of the mesh there, outward; zero where apart"),
+    "depth": ("m", "of the tip under the proxy, along the normal"),
+    "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
+    "stored_energy": ("J", "in the body: elastic and kinetic"),
+    "saved_energy": ("J", "put into the body besides, kept for snapshots to come (large displacements)"),
+    "pressed_nodes": ("", "number of the body's nodes that the tip presses"),
+    "solved": ("", "1; 0: more nodes lay under the tip than are looked at"),
+    "triangle": ("", "number of the touched triangle, -1 where apart"),
+}
+_FORMAT: Final = "palpate-trace-1"
+_HDF5: Final = (".h5", ".hdf5")
+# suffix: with which a file of that format begins
+_SIGNATURES: Final = {
+    ".h5": HDF5_SIGNATURE,
+    ".hdf5": HDF5_SIGNATURE,
+    ".csv": b"time [s]",
+    ".mat": b"MATLAB 5.0",
+    ".parquet": b"PAR1",
+    ".mcap": b"\x89MCAP0\r\n",
+}
+
+
+class TraceError(PalpateError):
+    """A trace has wrong shapes, values that are not finite, or a file that is none."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One quantity in time.
+
+    Attributes:
+        values: (n, k), one row per sample.
+        unit: SI, as "N*m".
+        description: one line.
+    """
+
+    values: Array
+    unit: str
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Channels of a run over one time axis.
+
+    Attributes:
+        time: (n,), s, increasing.
+        channels: by name; those of `CHANNELS`, and any other.
+        unstable_from: s, when the loop diverged; nothing is recorded from then on. None: it did not.
+        metadata: "scenario" (tables of text with units), "version", and anything that JSON can hold.
+
+    Raises:
+        TraceError: lengths differ, or a value is not finite.
+    """
+
+    time: Array
+    channels: dict[str, Channel]
+    unstable_from: float | None = None
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.time.ndim != 1 or not np.all(np.isfinite(self.time)) or np.any(np.diff(self.time) <= 0.0):
+            raise TraceError("time must be finite and increasing, one value per sample")
+        for name, channel in self.channels.items():
+            if channel.values.ndim != 2 or len(channel.values) != len(self.time):
+                shape, n = channel.values.shape, len(self.time)
+                raise TraceError(f"channel {name} must have one row per sample, {n} of them, not {shape}")
+            if not np.all(np.isfinite(channel.values)):
+                row = int(np.flatnonzero(~np.isfinite(channel.values).all(axis=1))[0])
+                raise TraceError(
+                    f"channel {name} is not finite at t = {self.time[row]:g} s: cut the trace where the loop diverges"
+                )
+        if self.unstable_from is not None and not math.isfinite(self.unstable_from):
+            raise TraceError("unstable_from must be a finite time or None")
+
+    @classmethod
+    def of(
+        cls,
+        time: ArrayLike,
+        values: Mapping[str, ArrayLike],
+        *,
+        units: Mapping[str, str] | None = None,
+        unstable_from: float | None = None,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> Trace:
+        """Return a trace of channels named as in `CHANNELS`, (n,) or (n, k) each; `units` overrides theirs."""
+        channels = {}
+        for name, entry in values.items():
+            array = np.array(entry, dtype=float)
+            unit, description = CHANNELS.get(name, ("", ""))
+            rows = array[:, None] if array.ndim == 1 else array
+            channels[name] = Channel(rows, (units or {}).get(name, unit), description)
+        return cls(np.array(time, dtype=float), channels, unstable_from, dict(metadata or {}))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return the values (n, k) of a channel."""
+        if name not in self.channels:
+            raise KeyError(f"no channel {name!r}; there are {', '.join(self.channels)}")
+        return self.channels[name].values
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels
+
+    @property
+    def stable(self) -> bool:
+        """Whether the run went to its end."""
+        return self.unstable_from is None
+
+    @property
+    def scenario(self) -> dict[str, Any]:
+        """The scenario's tables, as text with units; empty if none is known."""
+        return dict(self.metadata.get("scenario", {}))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the trace, whole or not at all; the suffix of the path decides the format.
+
+        `.h5` (HDF5): a dataset per channel with its unit, the metadata as JSON; `load` reads it back. Exports: `.csv`,
+        `.mat` (MATLAB 5), `.parquet`, and `.mcap` for Foxglove and PlotJuggler. The last two need `palpate[export]`.
+        Returns the path.
+
+        Raises:
+            TraceError: the suffix is of no known format.
+            OutputError: the file cannot be written, or is one of another format.
+        """
+        file = as_path(path, OutputError)
+        exports = {".csv": write_csv, ".mat": write_mat, ".parquet": write_parquet, ".mcap": write_mcap}
+        suffix = file.suffix.lower()
+        if suffix not in {*_HDF5, *exports}:
+            raise TraceError(
+                f"{file}: the suffix decides the format of a trace; it is .h5, .csv, .mat, .parquet or .mcap, "
+                f"not {file.suffix!r}"
+            )
+        _check_format(file)
+        if suffix in _HDF5:
+            return atomic_write(file, self._write_hdf5)
+        content = self._exported()
+        return atomic_write(file, lambda part: exports[suffix](content, part))
+
+    def to_pandas(self) -> DataFrame:
+        """Return a table with a row per sample and a column per component, "tip_x [m]"; the index is the time, s.
+
+        Raises:
+            TraceError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise TraceError("to_pandas needs pandas: pip install 'palpate[export]'") from None
+        table = pd.DataFrame(columns(self._exported())).set_index("time [s]")
+        table.attrs.update(self.metadata)
+        return table
+
+    def _exported(self) -> Exported:
+        channels = {name: (c.values, c.unit, c.description) for name, c in self.channels.items()}
+        return Exported(self.time, channels, self.metadata, self.unstable_from)
+
+    def _write_hdf5(self, path: Path) -> None:
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            file.attrs["format"] = _FORMAT
+            file.attrs["stable"] = self.stable
+            if self.unstable_from is not None:
+                file.attrs["unstable_from"] = self.unstable_from
+                file.attrs["unstable_from_unit"] = "s"
+            for key, value in self.metadata.items():
+                file[f"metadata/{key}"] = json.dumps(value, allow_nan=False, ensure_ascii=False)
+            time = file.create_dataset("time", data=self.time, track_times=False)
+            time.attrs["unit"] = "s"
+            time.make_scale("time")
+            group = file.create_group("channels", track_order=True)
+            for name, channel in self.channels.items():
+                data = group.create_dataset(
+                    name, data=channel.values, compression="gzip", compression_opts=1, shuffle=True, track_times=False
+                )
+                data.attrs["unit"] = channel.unit
+                data.attrs["description"] = channel.description
+                data.dims[0].attach_scale(time)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trace:
+        """Read a trace that `save` wrote as `.h5`.
+
+        Raises:
+            TraceError: the file does not exist, has another suffix, is no HDF5, or holds no trace.
+        """
+        import h5py
+
+        file_path = as_path(path, TraceError)
+        if file_path.suffix.lower() not in _HDF5:
+            raise TraceError(
+                f"{file_path}: a trace is loaded from .h5, not from {file_path.suffix!r}; the other formats are exports"
+            )
+        try:
+            with h5py.File(file_path, "r") as file:
+                if file.attrs.get("format") != _FORMAT:
+                    raise TraceError(f"{file_path}: not a trace of palpate")
+                channels = {
+                    name: Channel(np.array(data, dtype=float), str(data.attrs["unit"]), str(data.attrs["description"]))
+                    for name, data in file["channels"].items()
+                }
+                unstable = file.attrs.get("unstable_from")
+                metadata = {key: json.loads(entry[()]) for key, entry in file.get("metadata", {}).items()}
+                time = np.array(file["time"], dtype=float)
+        except FileNotFoundError:
+            raise TraceError(f"{file_path}: there is no such file") from None
+        except TraceError:
+            raise
+        except (OSError, LookupError, RuntimeError, TypeError, AttributeError, ValueError) as problem:
+            # What h5py raises for a damaged file, or one of another shape.
+            raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
+        return cls(time, channels, None if unstable is None else float(unstable), metadata)
+
+
+def _check_format(file: Path) -> None:
+    """Refuse to overwrite an existing file whose content is not of the format that its suffix names.
+
+    Raises:
+        OutputError: it holds something else.
+    """
+    try:
+        with file.open("rb") as opened:
+            begin = opened.read(len(b"MATLAB 5.0"))
+    except OSError:
+        return  # there is none, or writing it says why it cannot be written
+    suffix = file.suffix.lower()
+    same = not begin or begin.startswith(_SIGNATURES[suffix])
+    if same and begin and suffix in _HDF5:
+        import h5py
+
+        try:
+            with h5py.File(file, "r") as store:
+                same = store.attrs.get("format") == _FORMAT
+        except OSError:
+            same = True  # a trace that was cut short
+    if not same:
+        raise OutputError(
+            f"{file}: cannot be written: a file of that name is there, and it is no trace saved as {suffix}; choose "
+            "another name, or delete it"
+        )

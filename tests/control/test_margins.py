@@ -1,0 +1,177 @@
+"""Margins of sampled loops against closed forms, exact eigenvalues and the perturbation that each margin names."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+from palpate import devices
+from palpate.control import (
+    Controller,
+    closed_loop,
+    critical_gain,
+    gain_interval,
+    lead_lag,
+    loop_gain,
+    loop_margins,
+    lqg,
+    margins,
+    spectral_radius,
+    virtual_coupling,
+)
+from palpate.control.feedback_loop import series
+from palpate.control.stability_margins import frequency_response, peak_gain
+from palpate.errors import DesignError
+from palpate.linear import rendering_plant
+
+T = 5e-4
+POSE = np.array([0.0, 2.2305, 3.2776])
+ARM = devices.load("phantom-premium-1.5a")
+SLIDER = devices.load("slider")
+
+
+def integrator(gain: float) -> control.StateSpace:
+    return control.StateSpace([[1.0]], [[1.0]], [[gain]], [[0.0]], T)
+
+
+def delayed(loop: control.StateSpace, samples: int) -> control.StateSpace:
+    for _ in range(samples):
+        m = loop.noutputs
+        loop = series(loop, control.StateSpace(np.zeros((m, m)), np.eye(m), np.eye(m), np.zeros((m, m)), T))
+    return loop
+
+
+def random_loop(seed: int) -> control.StateSpace:
+    """A stable closed loop of two channels and four states."""
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(4, 4))
+    a *= 0.9 / np.abs(np.linalg.eigvals(a)).max()
+    return control.StateSpace(a, rng.normal(size=(4, 2)), 0.1 * rng.normal(size=(2, 4)), np.zeros((2, 2)), T)
+
+
+@pytest.mark.parametrize("gain", [0.05, 0.4, 1.1, 1.9])
+def test_integrator_has_the_textbook_margins(gain: float) -> None:
+    """L = g/(z-1): stable for 0 < g < 2, crosses 1 where 2 sin(theta/2) = g, with the phase -90 deg - theta/2."""
+    m = loop_margins(integrator(gain))
+    theta = 2 * np.arcsin(gain / 2)
+    assert m.gain_down == 0.0
+    assert m.gain_up == pytest.approx(2 / gain, rel=1e-9)
+    assert m.phase == pytest.approx(np.degrees(np.pi / 2 - theta / 2), rel=1e-9)
+    assert m.crossover == pytest.approx(theta / T, rel=1e-9)
+    assert m.delay == pytest.approx((np.pi / 2 - theta / 2) / theta * T, rel=1e-9)
+
+
+def test_slider_critical_stiffness_is_the_exact_one() -> None:
+    """A held mass with friction against a sampled spring leaves the unit circle at K = (1 - a)/beta0."""
+    mass, b = float(SLIDER.mass_matrix([0.0])[0, 0]), float(SLIDER.viscous[0])
+    a, tau = np.exp(-b * T / mass), mass / b
+    exact = (1 - a) * b / (tau * (1 - a) - a * T)
+    plant = rendering_plant(SLIDER, [0.0], stiffness=100.0, period=T)
+    loop = loop_gain(Controller.gain(1.0, T), plant)
+    scalar = control.StateSpace(loop.A, loop.B[:, :1], loop.C[:1], loop.D[:1, :1], T)
+    low, high = gain_interval(scalar, 0.5 * exact / 100.0)
+    assert low == 0.0
+    assert high * 100.0 == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize(("n", "kappa", "beta"), [(0, 0.68629, 0.8284), (1, 0.14447, 0.4247), (3, 0.03478, 0.2224)])
+def test_sampled_wall_reaches_the_known_peak(n: int, kappa: float, beta: float) -> None:
+    """Mass without friction, spring and backward-difference damper, n samples late: kappa_max at its beta."""
+    mass = 0.1
+    coupling = virtual_coupling(kappa * mass / T**2, beta * mass / T, T)
+    plant = control.StateSpace([[1, T], [0, 1]], [[T**2 / 2 / mass], [T / mass]], [[1, 0]], [[0]], T)
+    loop = delayed(series(plant, coupling), n)
+    assert spectral_radius(loop, 0.0) == pytest.approx(1.0)
+    # Only K grows; B stays: stable a little below the peak, unstable above.
+    for factor, stable in ((0.99, True), (1.01, False)):
+        wall = virtual_coupling(factor * kappa * mass / T**2, beta * mass / T, T)
+        assert (spectral_radius(delayed(series(plant, wall), n)) < 1) is stable
+
+
+@pytest.mark.parametrize("design", [lead_lag, lqg])
+def test_margins_of_the_arm_are_where_its_eigenvalues_leave_the_circle(design) -> None:  # type: ignore[no-untyped-def]
+    """Gain, phase and delay margins of the three-channel loop, each against exact closed-loop eigenvalues."""
+    plant = rendering_plant(ARM, POSE, stiffness=2000.0, period=T)
+    controller = design(rendering_plant(ARM, POSE, stiffness=1000.0, period=T))
+    loop = loop_gain(controller, plant)
+    m = margins(controller, plant)
+    for edge, out in ((m.gain_down, 0.999), (m.gain_up, 1.001)):
+        if 0 < edge < np.inf:
+            assert spectral_radius(loop, edge) == pytest.approx(1.0, abs=1e-9)
+            assert spectral_radius(loop, edge * out) > 1.0
+            assert spectral_radius(loop, edge / out) < 1.0
+    phi = np.radians(m.phase)
+    assert max(spectral_radius(loop, np.exp(1j * s * phi)) for s in (1, -1)) == pytest.approx(1.0, abs=1e-9)
+    assert max(spectral_radius(loop, np.exp(1j * s * phi * 0.98)) for s in (1, -1)) < 1.0
+    whole = int(m.delay / T)
+    assert spectral_radius(delayed(loop, whole)) < 1.0
+    assert spectral_radius(delayed(loop, whole + 1)) > 1.0
+    # The loop broken at the object force has the same uniform margins: its eigenvalues are the same.
+    other = margins(controller, plant, at="object_force")
+    assert (other.gain_up, other.phase) == pytest.approx((m.gain_up, m.phase), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_disk_margin_names_a_perturbation_that_destabilises(seed: int) -> None:
+    """At the peak, delta = u v*/sigma of size alpha makes I + L f singular; no grid frequency lies above the peak."""
+    loop = random_loop(seed)
+    if spectral_radius(loop) >= 1:
+        loop = control.StateSpace(loop.A, 0.1 * loop.B, loop.C, loop.D, T)
+    m = loop_margins(loop)
+    half = 0.5 * np.eye(2)
+    dense = np.linspace(0, np.pi, 4001)
+    worst = max(np.linalg.norm(np.linalg.inv(np.eye(2) + frequency_response(loop, t)) - half, 2) for t in dense)
+    assert 1 / m.disk >= worst * (1 - 1e-9)
+    assert 1 / m.disk == pytest.approx(worst, rel=0.02)
+    z = np.exp(1j * m.peak_frequency * T)
+    response = frequency_response(loop, m.peak_frequency * T)
+    u, s, vh = np.linalg.svd(np.linalg.inv(np.eye(2) + response) - half)
+    delta = np.outer(vh[0].conj(), u[:, 0].conj()) / s[0]
+    assert np.linalg.norm(delta, 2) == pytest.approx(m.disk, rel=1e-6)
+    factor = np.linalg.solve(np.eye(2) - delta / 2, np.eye(2) + delta / 2)
+    a = loop.A - loop.B @ factor @ loop.C
+    assert np.abs(np.linalg.eigvals(a) - z).min() < 1e-6
+
+
+def test_peak_gain_finds_a_resonance_narrower_than_the_grid() -> None:
+    """1/(z^2 - 2 r cos(t) z + r^2) with r = 1 - 1e-7: the peak is 1/((1-r)|e^{jt} - r e^{-jt}|) at t."""
+    r, t = 1 - 1e-7, 1.2345
+    a = np.array([[2 * r * np.cos(t), -(r**2)], [1.0, 0.0]])
+    peak, where = peak_gain(control.StateSpace(a, [[1.0], [0.0]], [[1.0, 0.0]], [[0.0]], T))
+    assert where == pytest.approx(t, abs=1e-6)
+    assert peak == pytest.approx(1 / ((1 - r) * abs(np.exp(1j * t) - r * np.exp(-1j * t))), rel=1e-4)
+
+
+def test_critical_gain_of_an_unstable_loop() -> None:
+    """5/(z-1) is unstable; from small gains up it leaves the circle at 2/5."""
+    assert critical_gain(integrator(5.0)) == pytest.approx(0.4, rel=1e-9)
+    with pytest.raises(DesignError, match="stable up to"):
+        critical_gain(integrator(1.0))
+    with pytest.raises(DesignError, match="unstable at every gain"):
+        critical_gain(integrator(-1.0))
+
+
+def test_an_unstable_loop_has_no_margins() -> None:
+    with pytest.raises(DesignError, match="spectral radius"):
+        loop_margins(integrator(2.5))
+    with pytest.raises(DesignError, match="unstable at the gain"):
+        gain_interval(integrator(2.5))
+
+
+def test_controller_and_plant_must_share_the_period() -> None:
+    plant = rendering_plant(ARM, POSE, stiffness=1000.0, period=1e-3)
+    with pytest.raises(DesignError, match="sample both alike"):
+        loop_gain(Controller.gain(1.0, T), plant)
+
+
+def test_closed_loop_agrees_with_the_loop_gain() -> None:
+    """y = (I + L)^-1 times the open path; its poles are those that the spectral radius sees."""
+    plant = rendering_plant(ARM, POSE, stiffness=1000.0, period=T, method="tustin")  # with a direct part
+    controller = lqg(plant)
+    whole = closed_loop(controller, plant)
+    assert np.abs(np.linalg.eigvals(whole.A)).max() == pytest.approx(spectral_radius(loop_gain(controller, plant)))
+    for theta in (0.01, 0.3, 2.0):
+        z = np.exp(1j * theta)
+        c, p = controller.system(z), plant(z)
+        u = np.linalg.solve(np.eye(3) - c[:, 3:] @ p, c[:, :3])
+        assert frequency_response(whole, theta) == pytest.approx(np.vstack([p @ u, u]), rel=1e-7, abs=1e-9)

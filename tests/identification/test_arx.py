@@ -1,0 +1,191 @@
+"""ARX: known models come back with honest uncertainty; residual tests and order selection tell right from wrong."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from palpate.errors import RecordingError
+from palpate.identification import Recording, arx, independence, select_order, whiteness
+from palpate.identification.arx_models import ArxModel
+
+PERIOD = 0.01
+NA = np.array([[2, 0], [1, 2]])
+NB = np.array([[2, 1], [0, 2]])
+NK = np.array([[1, 2], [0, 1]])
+
+
+def known():
+    a = np.zeros((2, 2, 3))
+    a[:, :, 0] = np.eye(2)
+    a[0, 0, 1:], a[1, 1, 1:], a[1, 0, 1] = [-1.5, 0.7], [-1.2, 0.5], 0.3
+    b = np.zeros((2, 2, 3))
+    b[0, 0, 1:3], b[0, 1, 2], b[1, 1, 1:3] = [1.0, 0.5], -0.4, [0.8, -0.2]
+    return a, b
+
+
+def record(n=4000, noise=0.1, seed=0):
+    """Simulate the difference equation itself, sample by sample."""
+    a, b = known()
+    draw = np.random.default_rng(seed)
+    u, e = draw.normal(size=(n, 2)), noise * draw.normal(size=(n, 2))
+    y = np.zeros((n, 2))
+    for t in range(n):
+        y[t] = e[t]
+        for lag in range(min(t, 2) + 1):
+            y[t] += b[:, :, lag] @ u[t - lag] - (a[:, :, lag] @ y[t - lag] if lag else 0)
+    return Recording(np.arange(n) * PERIOD, y, u)
+
+
+def test_a_known_model_is_recovered_exactly_without_noise():
+    a, b = known()
+    recording = record(400, noise=0.0)
+    # counting from the means spoils the first samples' equations by their means: ask to rounding of those
+    model = arx(recording, NA, NB, NK)
+    np.testing.assert_allclose(model.a, a, atol=0.02)
+    np.testing.assert_allclose(model.b, b, atol=0.02)
+    assert model.count == 5 + 5
+    assert np.count_nonzero(model.a_std) == 5
+
+
+def test_coefficients_scatter_as_the_covariance_says():
+    a, b = known()
+    scores = []
+    for seed in range(40):
+        model = arx(record(1000, seed=seed), NA, NB, NK)
+        for value, true, std in ((model.a, a, model.a_std), (model.b, b, model.b_std)):
+            scores.append(((value - true) / np.where(std > 0, std, np.inf))[std > 0])
+    scores = np.concatenate(scores)
+    assert abs(scores.mean()) < 0.2
+    assert 0.9 < scores.std() < 1.1  # 400 scores: standard error 0.035
+    assert np.mean(np.abs(scores) < 1.96) > 0.91  # 95 % promised, standard error 1.1 %, correlated
+
+
+def test_noise_covariance_is_estimated():
+    np.testing.assert_allclose(arx(record(20000), NA, NB, NK).noise, 0.01 * np.eye(2), atol=4e-4)
+
+
+def test_state_space_obeys_the_difference_equation():
+    a, b = known()
+    b[1, 0, 0] = 0.6  # a coefficient without delay, and what it does through y2
+    zero = np.zeros(2)
+    model = ArxModel(NA, np.add(NB, [[0, 0], [1, 0]]), NK, PERIOD, a, b, a * 0, b * 0, (), np.eye(2), zero, zero, 100)
+    system = model.to_statespace()
+    assert isinstance(system, control.StateSpace)
+    assert system.dt == PERIOD
+    u = np.random.default_rng(0).normal(size=(2, 60))
+    out = control.forced_response(system, inputs=u).outputs
+    for t in range(2, 60):
+        left = sum(a[:, :, lag] @ out[:, t - lag] for lag in range(3))
+        right = sum(b[:, :, lag] @ u[:, t - lag] for lag in range(3))
+        np.testing.assert_allclose(left, right, atol=1e-10)
+    np.testing.assert_allclose(model.simulate(u.T), out.T, atol=1e-10)
+
+
+def test_free_run_finds_its_initial_state():
+    recording = record(2000, noise=0.0)
+    model = arx(recording, NA, NB, NK)
+    late = recording.slice(1000, 1400)  # does not start at rest
+    fit = model.fit(late)
+    assert np.all(fit.free_run > 95)
+    assert np.all(fit.one_step > 95)
+    rest = model.simulate(late.torque)
+    assert np.linalg.norm(rest - late.angle) > 2 * np.linalg.norm(fit.free - late.angle)
+
+
+def test_the_structure_of_a_phantom_is_accepted():
+    # (3.24): joint 1 alone, joints 2 and 3 driven by both torques, two samples of delay.
+    draw = np.random.default_rng(0)
+    recording = Recording(np.arange(500) * PERIOD, draw.normal(size=(500, 3)), draw.normal(size=(500, 3)))
+    model = arx(recording, np.diag([6, 5, 5]), [[5, 0, 0], [0, 4, 4], [0, 4, 4]], [[2, 0, 0], [0, 2, 2], [0, 2, 2]])
+    assert model.count == 6 + 5 + 5 + 5 + 4 * 4
+    names = [row["name"] for row in model.coefficients()]
+    assert names[0] == "a11[1]"
+    assert "b23[2]" in names
+    assert "b23[1]" not in names
+    assert model.to_statespace().nstates == 6 + 5 + 5
+
+
+def test_noise_on_the_angles_biases_least_squares_and_instruments_do_not():
+    clean = record(20000, noise=0.0)
+    noisy = replace(clean, angle=clean.angle + 0.7 * np.random.default_rng(5).normal(size=clean.angle.shape))
+    a, _ = known()
+    plain = np.abs(arx(noisy, NA, NB, NK).a - a).max()
+    cured = np.abs(arx(noisy, NA, NB, NK, instruments=clean).a - a).max()
+    assert plain > 0.1
+    assert cured < 0.02
+
+
+def test_too_little_excitation_names_the_coefficient():
+    recording = record(500)
+    twice = replace(recording, torque=np.column_stack([recording.torque[:, 0], recording.torque[:, 0]]))
+    with pytest.raises(RecordingError, match=r"too little excitation: b\d\d\[\d\] cannot be told apart"):
+        arx(twice, 2, 2, 1)
+    still = replace(recording, torque=recording.torque * [1.0, 0.0])
+    with pytest.raises(RecordingError, match=r"nothing in the recording acts on b12\[1\]"):
+        arx(still, 2, 2, 1)
+
+
+@pytest.mark.parametrize(
+    ("orders", "says"),
+    [
+        (([[1]], 1, 1), "na must be a 2 x 2 matrix"),
+        ((1, [[1, 1], [1, -1]], 1), "nb must be"),
+        ((1, 1, 0.5), "nk must be"),
+        ((0, [[1, 1], [0, 0]], 1), "without any coefficient"),
+        ((200, 200, 1), "too few"),
+    ],
+)
+def test_impossible_orders_say_why(orders, says):
+    with pytest.raises(RecordingError, match=says):
+        arx(record(500), *orders)
+
+
+def test_another_sampling_period_is_refused():
+    model = arx(record(500), NA, NB, NK)
+    other = record(500)
+    with pytest.raises(RecordingError, match=r"sampled every 0\.01 s but the recording every 0\.02 s"):
+        model.fit(Recording(2 * other.time, other.angle, other.torque))
+
+
+def test_order_selection_finds_the_true_order():
+    table = select_order(record(6000), [(n * (NA > 0), np.full((2, 2), n), 1) for n in (1, 2, 3, 4, 5)])
+    counts = [c.count for c in table.candidates]
+    assert counts == sorted(counts)
+    assert table.best["bic"] == table.best["mdl"] == 1
+    assert table.best["aic"] >= 1
+    assert table.chosen("bic").one_step.min() > table.candidates[0].one_step.min()
+    assert "bic" in str(table)
+
+
+def test_whiteness_has_its_false_alarm_rate_and_sees_colour():
+    draw = np.random.default_rng(0)
+    white = [whiteness(draw.normal(size=1000)).passed for _ in range(300)]
+    assert 0.96 < np.mean(white) <= 1.0  # 99 % promised
+    coloured = np.convolve(draw.normal(size=1001), [1.0, 0.3])[1:-1]
+    assert not whiteness(coloured).passed
+
+
+def test_independence_has_its_false_alarm_rate_for_coloured_signals_and_sees_a_missed_path():
+    draw = np.random.default_rng(1)
+
+    def slow():
+        return np.convolve(draw.normal(size=3000), 0.9 ** np.arange(40), mode="valid")
+
+    passed = [independence(slow(), slow()).passed for _ in range(200)]
+    assert np.mean(passed) > 0.9
+    u = slow()
+    assert not independence(0.3 * np.roll(u, 3) + slow(), u).passed
+
+
+def test_residuals_of_a_true_model_pass_and_of_a_poor_one_fail():
+    recording = record(4000, seed=2)
+    used, unused = recording.split(0.5)
+    good, poor = arx(used, NA, NB, NK), arx(used, 1, 1, 1)
+    for model, verdict in ((good, True), (poor, False)):
+        left = model.residuals(unused)
+        past = unused.torque[model.reach :]
+        white = [whiteness(e).passed for e in left.T]
+        independent = [independence(left[:, k], past[:, j]).passed for k in range(2) for j in range(2)]
+        assert all(white) == verdict
+        assert all(independent) == verdict

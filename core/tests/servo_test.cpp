@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "mesh_shapes.hpp"
 #include "states.hpp"
-#include "touch_shapes.hpp"
 
 namespace {
 

@@ -21,7 +21,7 @@ TEST(TripleBuffer, PagesAreWholeAndInTurn) {
   const long last = 50000;
   std::thread writer([&] {
     for (long n = 1; n <= last; ++n) {
-      Page& page = box.writing();
+      Page& page = box.write_slot();
       page.number = n;
       page.copies.fill(n);
       box.publish();
@@ -33,17 +33,17 @@ TEST(TripleBuffer, PagesAreWholeAndInTurn) {
   long newest = 0, taken = 0;
   long wrong = 0;
   while (newest < last && wrong == 0) {
-    if (!box.fresh()) {
+    if (!box.has_new()) {
       if (!done) std::this_thread::yield();
       continue;
     }
     const auto k = static_cast<std::size_t>(taken++ % 3);
-    held[k] = box.take(held[k]);
-    number[k] = box.at(held[k]).number;
+    held[k] = box.acquire(held[k]);
+    number[k] = box.read_slot(held[k]).number;
     wrong += number[k] > newest ? 0 : 1;
     newest = number[k];
     for (std::size_t i = 0; i < 3; ++i) {
-      const Page& page = box.at(held[i]);
+      const Page& page = box.read_slot(held[i]);
       wrong += page.number == number[i] ? 0 : 1;
       for (const long copy : page.copies) wrong += copy == number[i] ? 0 : 1;
     }
@@ -51,7 +51,7 @@ TEST(TripleBuffer, PagesAreWholeAndInTurn) {
   writer.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(taken, 1);
-  EXPECT_FALSE(box.fresh());
+  EXPECT_FALSE(box.has_new());
 }
 
 }  // namespace

@@ -11,27 +11,27 @@ template <class T>
 class LatestValue {
  public:
   /// Writer: where to put the next value; keeps whatever was there.
-  T& next() noexcept { return handover_.writing(); }
+  T& write_slot() noexcept { return buffer_.write_slot(); }
 
   /// Writer: gives it away.
-  void publish() noexcept { handover_.publish(); }
+  void publish() noexcept { buffer_.publish(); }
 
   /// Reader: fetches what was published last; false if that is what it has already.
-  bool fetch() noexcept {
-    if (!handover_.fresh()) return false;
-    front_ = handover_.take(front_);
+  bool acquire() noexcept {
+    if (!buffer_.has_new()) return false;
+    read_slot_ = buffer_.acquire(read_slot_);
     return true;
   }
 
   /// Reader: what was fetched last.
-  [[nodiscard]] T& value() noexcept { return handover_.at(front_); }
+  [[nodiscard]] T& value() noexcept { return buffer_.read_slot(read_slot_); }
 
   /// Every place, before any thread uses them.
-  [[nodiscard]] std::array<T, 3>& places() noexcept { return handover_.slots(); }
+  [[nodiscard]] std::array<T, 3>& slots() noexcept { return buffer_.slots(); }
 
  private:
-  TripleBuffer<T> handover_;
-  int front_ = 0;
+  TripleBuffer<T> buffer_;
+  int read_slot_ = 0;
 };
 
 }  // namespace palpate::math

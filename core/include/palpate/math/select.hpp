@@ -23,10 +23,10 @@ inline bool select(bool condition, bool yes, bool no) {
   return condition ? yes : no;
 }
 
-inline double nearest(double x) {
+inline double round_to_even(double x) {
   return std::nearbyint(x);
 }
-inline bool finite(double x) {
+inline bool is_finite(double x) {
   return std::isfinite(x);
 }
 
@@ -61,8 +61,8 @@ template <class Scalar>
 }
 
 /// Each entry of a matrix chosen by one condition.
-template <class Condition_, class Matrix>
-[[gnu::always_inline]] inline Matrix select_each(const Condition_& condition, const Matrix& yes, const Matrix& no) {
+template <class Mask, class Matrix>
+[[gnu::always_inline]] inline Matrix select_each(const Mask& condition, const Matrix& yes, const Matrix& no) {
   Matrix out;
   for (Eigen::Index i = 0; i < out.size(); ++i) out.data()[i] = select(condition, yes.data()[i], no.data()[i]);
   return out;

@@ -11,16 +11,16 @@ template <class T>
 class SharedBuffer {
  public:
   SharedBuffer() = default;
-  explicit SharedBuffer(std::size_t count) : numbers_(std::make_shared<std::vector<T>>(count)) {}
-  SharedBuffer(std::size_t count, const T& value) : numbers_(std::make_shared<std::vector<T>>(count, value)) {}
+  explicit SharedBuffer(std::size_t count) : values_(std::make_shared<std::vector<T>>(count)) {}
+  SharedBuffer(std::size_t count, const T& value) : values_(std::make_shared<std::vector<T>>(count, value)) {}
 
-  [[nodiscard]] T* data() noexcept { return numbers_ ? numbers_->data() : nullptr; }
-  [[nodiscard]] const T* data() const noexcept { return numbers_ ? numbers_->data() : nullptr; }
-  [[nodiscard]] T& operator[](std::size_t i) noexcept { return (*numbers_)[i]; }
-  [[nodiscard]] const T& operator[](std::size_t i) const noexcept { return (*numbers_)[i]; }
+  [[nodiscard]] T* data() noexcept { return values_ ? values_->data() : nullptr; }
+  [[nodiscard]] const T* data() const noexcept { return values_ ? values_->data() : nullptr; }
+  [[nodiscard]] T& operator[](std::size_t i) noexcept { return (*values_)[i]; }
+  [[nodiscard]] const T& operator[](std::size_t i) const noexcept { return (*values_)[i]; }
 
  private:
-  std::shared_ptr<std::vector<T>> numbers_;
+  std::shared_ptr<std::vector<T>> values_;
 };
 
 }  // namespace palpate::math

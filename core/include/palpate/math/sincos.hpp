@@ -16,7 +16,7 @@ namespace detail {
 
 /// The angle less its whole quadrants: pi/2 in three parts (33 + 33 + 53 bits, exact products up to 2^20 quadrants).
 template <class Scalar>
-[[gnu::always_inline]] inline Scalar reduced(const Scalar& angle, const Scalar& quadrants) noexcept {
+[[gnu::always_inline]] inline Scalar reduce_quadrants(const Scalar& angle, const Scalar& quadrants) noexcept {
   return ((angle - quadrants * 0x1.921fb544p+0) - quadrants * 0x1.0b4611a6p-34) - quadrants * 0x1.3198a2e037073p-69;
 }
 
@@ -53,36 +53,36 @@ template <class Scalar>
   constexpr double round_to_integer = 6755399441055744.0;
   const double quadrants = (angle * two_over_pi + round_to_integer) - round_to_integer;
   const auto quadrant = static_cast<std::int64_t>(quadrants);
-  const auto [sine, cosine] = detail::sincos_near_zero(detail::reduced(angle, quadrants));
-  const bool swapped = (quadrant & 1) != 0;
-  const double s = swapped ? cosine : sine;
-  const double c = swapped ? sine : cosine;
+  const auto [sine, cosine] = detail::sincos_near_zero(detail::reduce_quadrants(angle, quadrants));
+  const bool swap = (quadrant & 1) != 0;
+  const double s = swap ? cosine : sine;
+  const double c = swap ? sine : cosine;
   return {(quadrant & 2) != 0 ? -s : s, ((quadrant + 1) & 2) != 0 ? -c : c};
 }
 
-/// Largest turn [rad] that `turned` accepts.
-constexpr double small_turn = 1.0 / 32.0;
+/// Largest rotation [rad] that `rotate_small` accepts.
+constexpr double max_small_rotation = 1.0 / 32.0;
 
-/// Sine and cosine of an angle `turn` [rad] further on, |turn| <= small_turn, to 2 units in the last place of 1: addition theorem
-/// with Taylor sums cut where the next term is below 3e-18. A third of the work of a new sincos; not to be chained.
+/// Sine and cosine of an angle `rotation` [rad] further on, |rotation| <= max_small_rotation, to 2 units in the last place of 1: addition
+/// theorem with Taylor sums cut where the next term is below 3e-18. A third of the work of a new sincos; not to be chained.
 template <class Scalar>
-[[gnu::always_inline]] inline SineCosine<Scalar> turned(const SineCosine<Scalar>& from, const Scalar& turn) noexcept {
-  const Scalar u = turn * turn;
+[[gnu::always_inline]] inline SineCosine<Scalar> rotate_small(const SineCosine<Scalar>& from, const Scalar& rotation) noexcept {
+  const Scalar u = rotation * rotation;
   const Scalar u2 = u * u;
-  const Scalar sine = turn * ((1.0 - u * (1.0 / 6.0)) + u2 * ((1.0 / 120.0) - u * (1.0 / 5040.0)));
+  const Scalar sine = rotation * ((1.0 - u * (1.0 / 6.0)) + u2 * ((1.0 / 120.0) - u * (1.0 / 5040.0)));
   const Scalar cosine_less_one = u * ((u * (1.0 / 24.0) - 0.5) + u2 * (u * (1.0 / 40320.0) - (1.0 / 720.0)));
   return {from.sine + (from.sine * cosine_less_one + from.cosine * sine), from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
 }
 
-/// Largest turn [rad] that `turned_wide` accepts.
-constexpr double wide_turn = 1.0 / 8.0;
+/// Largest rotation [rad] that `rotate_medium` accepts.
+constexpr double max_medium_rotation = 1.0 / 8.0;
 
-/// As `turned`, for |turn| <= wide_turn. Half of the work of a new sincos.
+/// As `rotate_small`, for |rotation| <= max_medium_rotation. Half of the work of a new sincos.
 template <class Scalar>
-[[gnu::always_inline]] inline SineCosine<Scalar> turned_wide(const SineCosine<Scalar>& from, const Scalar& turn) noexcept {
-  const Scalar u = turn * turn;
+[[gnu::always_inline]] inline SineCosine<Scalar> rotate_medium(const SineCosine<Scalar>& from, const Scalar& rotation) noexcept {
+  const Scalar u = rotation * rotation;
   const Scalar u2 = u * u;
-  const Scalar sine = turn * ((1.0 - u * (1.0 / 6.0)) + u2 * (((1.0 / 120.0) - u * (1.0 / 5040.0)) + u2 * (1.0 / 362880.0)));
+  const Scalar sine = rotation * ((1.0 - u * (1.0 / 6.0)) + u2 * (((1.0 / 120.0) - u * (1.0 / 5040.0)) + u2 * (1.0 / 362880.0)));
   const Scalar cosine_less_one = u * ((u * (1.0 / 24.0) - 0.5) + u2 * ((u * (1.0 / 40320.0) - (1.0 / 720.0)) - u2 * (1.0 / 3628800.0)));
   return {from.sine + (from.sine * cosine_less_one + from.cosine * sine), from.cosine + (from.cosine * cosine_less_one - from.sine * sine)};
 }

@@ -156,7 +156,7 @@ class BodyInstance {
   }
 
   void tell(int count) noexcept {
-    ContactFrame& next = watched_->next();
+    ContactFrame& next = watched_->write_slot();
     next.tick = tick_++;
     next.count = std::min(count, ContactFrame::capacity);
     std::copy_n(body_->pressed(), next.count, next.node.begin());

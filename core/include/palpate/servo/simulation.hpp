@@ -154,7 +154,7 @@ inline void write_contact(double* row, const mesh::Contact& contact) noexcept {
   Eigen::Map<Vector3<>>{row + 3} = contact.normal;
   row[6] = contact.depth;
   row[7] = contact.stiffness;
-  row[8] = contact.triangle;
+  row[8] = contact.face;
 }
 
 inline void write_body(double* row, const object::BodyInstance& touch) noexcept {
@@ -213,7 +213,7 @@ template <class Plant>
   using std::abs;
   using Scalar = std::decay_t<decltype(plant.speeds()[0])>;
   Condition<Scalar> out = true;
-  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & finite(plant.angles()[i]);
+  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & is_finite(plant.angles()[i]);
   return out;
 }
 

@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "touch_shapes.hpp"
+#include "mesh_shapes.hpp"
 
 namespace {
 
@@ -63,7 +63,7 @@ TEST(Proxy, LagsByFrictionAndHoldsUntilTheConeIsLeft) {
       }
     }
     EXPECT_TRUE(slid);
-    // It rests and holds again, up to the static cone the other way.
+    // It rests and holds again, up to the static cone the other motion.
     double x = 0.598;
     const double held = proxy.step({x, 0.0, top - depth}).position[0];
     for (; x > held - 0.49 * depth; x -= 0.001) EXPECT_NEAR(proxy.step({x, 0.0, top - depth}).position[0], held, 1e-12);
@@ -86,7 +86,7 @@ TEST(Proxy, LagScalesWithTheRatioOfStiffnesses) {
   Proxy free = slippery.proxy();
   free.step({0.0, 0.0, 1.0});
   free.step({0.0, 0.0, 0.48});
-  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "nothing to carry friction";
+  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "nothing to reattach friction";
 }
 
 TEST(Proxy, NeverSlipsUnderInfiniteFriction) {
@@ -162,7 +162,7 @@ TEST(Proxy, SphereGoesRoundAConvexEdgeOnItsRounding) {
   proxy.step({0.5, 0.0, 1.0});
   proxy.step({0.9, 0.0, 0.6});
   for (double angle = 0.1; angle < 1.5; angle += 0.1) {
-    // The tip within the rounding about the edge x = 1, z = 0.5: the centre is straight above it from the edge.
+    // The tip within the rounding about the edge x = 1, z = 0.5: the center is straight above it from the edge.
     const Vector3<> out(std::sin(angle), 0.0, std::cos(angle));
     const Contact& c = proxy.step(Vector3<>(1.0, 0.0, 0.5) + 0.05 * out);
     ASSERT_TRUE(c.touching);
@@ -220,7 +220,7 @@ TEST(Proxy, HoldsTheLastContactWhenTheTipIsNotANumber) {
       EXPECT_EQ(c.position, before.position);
       EXPECT_EQ(c.force, before.force);
     }
-    EXPECT_EQ(proxy.faults(), 2);
+    EXPECT_EQ(proxy.invalid_input_count(), 2);
     EXPECT_LT((proxy.step({0.3, 0.1, 0.4}).position - before.position - Vector3<>(0.1, 0.0, 0.0)).norm(), 1e-12) << "and goes on";
   }
 }

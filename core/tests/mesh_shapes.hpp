@@ -116,18 +116,18 @@ struct World {
   [[nodiscard]] palpate::mesh::Proxy proxy(double radius = 0.0) const { return {mesh, tree, field, radius}; }
 };
 
-/// Nearest facet by looking at all, and whether `x` is on the inner side of it.
-struct Truth {
+/// Nearest face by looking at all, and whether `x` is on the inner side of it.
+struct ReferenceDistance {
   double distance = 1e300;
   bool inside = false;
 };
-inline Truth truth(const palpate::mesh::TriangleMesh& mesh, const Vector3<>& x) {
-  Truth t;
+inline ReferenceDistance reference_distance(const palpate::mesh::TriangleMesh& mesh, const Vector3<>& x) {
+  ReferenceDistance t;
   double winding = 0.0;  // solid angle, van Oosterom & Strackee 1983
   for (std::int32_t f = 0; f < mesh.size(); ++f) {
-    const palpate::mesh::Face& facet = mesh.facet(f);
-    t.distance = std::min(t.distance, (palpate::mesh::nearest_point(facet, x).point - x).norm());
-    const Vector3<> a = facet.corner[0] - x, b = facet.corner[1] - x, c = facet.corner[2] - x;
+    const palpate::mesh::Face& face = mesh.face(f);
+    t.distance = std::min(t.distance, (palpate::mesh::nearest_point(face, x).point - x).norm());
+    const Vector3<> a = face.corner[0] - x, b = face.corner[1] - x, c = face.corner[2] - x;
     const double la = a.norm(), lb = b.norm(), lc = c.norm();
     winding += std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
   }

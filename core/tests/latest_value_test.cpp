@@ -1,4 +1,5 @@
-// The latest value handed from thread to thread: whole, never older than one seen before, and the last one arrives.
+// Exchange of the latest value between threads: complete, never older than the previous one, and
+// the last one arrives.
 #include <gtest/gtest.h>
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Meshes that move: what hangs on them is as if built anew, and proxies ride along.
+// Local updates of a moving mesh equal a rebuild, and proxies follow the surface.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -27,7 +27,7 @@ std::vector<std::int32_t> all_of(const TriangleMesh& mesh) {
   return list;
 }
 
-/// Moves the world's vertices, and its proxy with them.
+/// Move vertices of the mesh and let the proxy follow.
 void move(World& world, MeshUpdater& updater, Proxy& proxy, const std::vector<std::int32_t>& which, const std::vector<Vector3<>>& to) {
   const SurfaceAttachment attachment = proxy.attach();
   ASSERT_EQ(updater.move(world.mesh, world.tree, which.data(), to.data(), which.size()), TriangleMesh::none);
@@ -82,7 +82,7 @@ TEST(MeshUpdater, AFacetWithoutAreaIsRefusedAndNothingChanges) {
 }
 
 TEST(MeshUpdater, AProxyRidesOnARigidMotion) {
-  // The law: the force turns with mesh and tip.
+  // Property: the force rotates with mesh and tip.
   Surface surface;
   surface.static_friction = 0.6;
   surface.dynamic_friction = 0.4;
@@ -112,7 +112,7 @@ TEST(MeshUpdater, AProxyRidesOnARigidMotion) {
 }
 
 TEST(MeshUpdater, AStuckTipIsDraggedByTheSurface) {
-  // Infinite friction: the spring is what the surface has moved.
+  // Infinite friction: the spring is stretched by the displacement of the surface.
   Surface surface;
   surface.static_friction = surface.dynamic_friction = std::numeric_limits<double>::infinity();
   surface.tangential = 1000.0;
@@ -134,7 +134,8 @@ TEST(MeshUpdater, AStuckTipIsDraggedByTheSurface) {
 }
 
 TEST(MeshUpdater, ASurfaceThatComesToTheTipTouchesIt) {
-  // A ball swells and shrinks over a tip that stands still, and wobbles in between: in contact exactly while the tip is inside.
+  // A ball expands, contracts and undulates around a fixed tip. Contact holds exactly while the tip
+  // is inside.
   for (const double shading : {0.0, 0.4})
     for (const double radius : {0.0, 0.02}) {
       Surface surface;

@@ -1,4 +1,4 @@
-// A proxy's step takes no memory: this program's own allocation functions count every call.
+// A proxy step does not allocate. The allocation functions of this program count every call.
 #include <gtest/gtest.h>
 
 #include <palpate/mesh/mesh_updater.hpp>

@@ -1,8 +1,8 @@
-// Random meshes, random paths. Three laws, each checked by looking at every face:
+// Random meshes and random paths. Three properties, each checked against all faces by brute force:
 //   no pop-through: the proxy is never inside, and a tip inside is always in contact;
-//   no stick: without friction no face under the proxy has a point nearer to the tip; with friction the tip is in the cone;
-//   no lost step: every tick ends before the bound on moves.
-// A thousand rounds are ten million ticks.
+//   no stick: without friction no face at the proxy has a point nearer to the tip, and with friction the tip is inside the cone;
+//   no iteration limit: every tick converges.
+// PALPATE_ROUNDS=1000 runs ten million ticks.
 #include <gtest/gtest.h>
 
 #include "mesh_shapes.hpp"
@@ -45,7 +45,7 @@ std::vector<Case> cases(std::mt19937_64& random) {
   return list;
 }
 
-/// A tip that wanders through and around the mesh: a filtered random walk, with a jump now and then.
+/// Tip on a filtered random walk through and around the mesh, with rare jumps.
 struct Wanderer {
   Vector3<> x, v = Vector3<>::Zero();
   double size;
@@ -95,7 +95,7 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
     if (contact.touching) {
       const double along = contact.normal.dot(contact.position - at);
       ASSERT_NEAR(along, contact.depth, 10.0 * small);
-      if (shading > 0.0) continue;  // at a crease the faces decide, and the normal is theirs
+      if (shading > 0.0) continue;  // at a crease the face normals decide
       ASSERT_LE((contact.position - at - along * contact.normal).norm(), friction * contact.depth * (1.0 + 1e-9) + small) << "tick " << k;
     }
   }

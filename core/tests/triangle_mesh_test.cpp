@@ -1,4 +1,4 @@
-// What a mesh finds wrong with its triangles, its adjacency, and the tree over it.
+// Mesh defects, adjacency, repair, bounding volume hierarchy and sphere sweeps.
 #include <gtest/gtest.h>
 
 #include <limits>

@@ -1,4 +1,5 @@
-// Snapshots from a slow thread to the servo's: whole, newest first, without a lock; under the thread sanitizer where sanitizers are on.
+// Exchange between a slow writer and a reader: values are complete and arrive newest first, without
+// locks. Runs under the thread sanitizer if sanitizers are enabled.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -14,7 +15,8 @@ struct Page {
   std::array<long, 200> copies{};
 };
 
-// Each page is whole, none comes twice or out of turn, and what the reader holds stays as it is, however long it looks.
+// Property: each page is complete, pages arrive in order without repetition, and slots owned by the
+// reader do not change.
 TEST(TripleBuffer, PagesAreWholeAndInTurn) {
   palpate::math::TripleBuffer<Page, 3> box;
   std::atomic<bool> done{false};

@@ -18,7 +18,7 @@ namespace palpate::math {
 
 namespace detail {
 
-// Spelt out: g++ drops a vector size that depends on a template's parameter.
+// Each size is spelled out, because g++ ignores a vector size that depends on a template parameter.
 template <int lanes>
 struct Lanes;
 template <>
@@ -48,7 +48,7 @@ struct Lanes<16> {
 
 }  // namespace detail
 
-/// Which lanes of a pack something holds for: all bits set or none in map_lanes.
+/// Boolean per lane: all bits of the lane are set, or none.
 template <int lanes>
 struct Mask {
   using Bits = typename detail::Lanes<lanes>::Bits;
@@ -66,8 +66,10 @@ struct Mask {
   [[gnu::always_inline]] friend Mask operator!(Mask a) { return Mask(Bits(~a.bits)); }
 };
 
-/// One number of map_lanes of `lanes` loops that run side by side: the scalar of a batch. Each lane computes what a double would, in the
-/// same order, so a loop's result depends neither on its neighbours nor on the number of lanes.
+/// SIMD scalar: one double per lane, one lane per loop of a batch.
+///
+/// Each lane performs the operations of a plain double in the same order. The result of a loop is
+/// therefore independent of its neighboring lanes and of the number of lanes.
 template <int lanes>
 struct Pack {
   static constexpr int width = lanes;
@@ -134,7 +136,7 @@ template <int lanes>
   return Pack<lanes>(mask.bits ? yes.v : no.v);
 }
 
-/// Puts one loop's number, condition or vector into a lane.
+/// Store the number, condition or vector of one loop in a lane.
 template <int lanes>
 [[gnu::always_inline]] inline void set_lane(Pack<lanes>& pack, int lane, double one) {
   pack.set(lane, one);
@@ -159,7 +161,7 @@ template <int lanes>
   set_lane(packs.cosine, lane, one.cosine);
 }
 
-/// `function` of map_lanes lane by itself: for what is rare.
+/// Apply a scalar function to each lane separately. Slow; for rare operations.
 template <int lanes, class Function>
 Pack<lanes> map_lanes(const Pack<lanes>& x, const Function& function) {
   Pack<lanes> y;
@@ -176,7 +178,7 @@ template <int lanes>
 template <int lanes>
 [[gnu::always_inline]] inline Pack<lanes> sqrt(const Pack<lanes>& x) {
 #if defined(__AVX512F__)
-  if constexpr (lanes == 8) return Pack<lanes>(_mm512_maskz_sqrt_pd(0xff, x.v));  // the plain one leaves g++ 12 with a false warning
+  if constexpr (lanes == 8) return Pack<lanes>(_mm512_maskz_sqrt_pd(0xff, x.v));  // the unmasked intrinsic causes a false warning in g++ 12
 #endif
 #if defined(__AVX__)
   if constexpr (lanes == 4) return Pack<lanes>(_mm256_sqrt_pd(x.v));
@@ -192,7 +194,7 @@ Pack<lanes> exp(const Pack<lanes>& x) {
   return map_lanes(x, [](double one) { return std::exp(one); });
 }
 
-/// The nearest integer number, ties to even, as std::nearbyint has it.
+/// Round to the nearest integer, ties to even, like std::nearbyint in the default rounding mode.
 template <int lanes>
 [[gnu::always_inline]] inline Pack<lanes> round_to_even(const Pack<lanes>& x) {
   const Pack<lanes> round_to_integer(6755399441055744.0);  // 1.5 * 2^52
@@ -205,18 +207,18 @@ template <int lanes>
   return abs(x) <= Pack<lanes>(1.7976931348623157e308);
 }
 
-/// Writes all lanes in narrow precision.
+/// Store all lanes in single precision.
 template <int lanes>
 [[gnu::always_inline]] inline void store_float(const Pack<lanes>& x, float* to) {
   const auto narrow = __builtin_convertvector(x.v, typename detail::Lanes<lanes>::Float);
   std::memcpy(to, &narrow, sizeof narrow);
 }
 
-/// Numbers of a table, map_lanes lane's own: `index` is a integer number of at least 0.
+/// Return table[index] for each lane. `index` holds integers >= 0.
 template <int lanes>
 [[gnu::always_inline]] inline Pack<lanes> gather(const double* table, const Pack<lanes>& index) {
   using Bits = typename Mask<lanes>::Bits;
-  // 2^52 + index has the integer number in its lowest bits.
+  // The lowest bits of 2^52 + index contain the integer.
   const Bits at = Bits((index + Pack<lanes>(4503599627370496.0)).v) & 0xfffffffffffffLL;
 #if defined(__AVX512F__)
   if constexpr (lanes == 8) return Pack<lanes>(_mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, __m512i(at), table, 8));
@@ -229,10 +231,10 @@ template <int lanes>
   return out;
 }
 
-/// Whether a integer number's bit `weight` is set.
+/// Return whether the bit `weight` of integer + shift is set.
 template <int lanes>
 [[gnu::always_inline]] inline Mask<lanes> test_bit(const Pack<lanes>& integer, double shift, std::int64_t weight) {
-  // 1.5 * 2^52 + integer has the integer number in its lowest bits, two's complement.
+  // The lowest bits of 1.5 * 2^52 + integer contain the integer in two's complement.
   using Bits = typename Mask<lanes>::Bits;
   const Bits low = Bits((integer + Pack<lanes>(6755399441055744.0 + shift)).v);
   return Mask<lanes>(Bits((low & weight) != 0));
@@ -240,7 +242,7 @@ template <int lanes>
 
 namespace detail {
 
-/// The C library's answer for lanes beyond 1e5 rad or not finite, one by one.
+/// Replace the lanes outside the accurate range by the result of the C library.
 template <int lanes>
 [[gnu::noinline, gnu::cold]] void sincos_library(const Pack<lanes>& angle, const Mask<lanes>& outside,
                                                  SineCosine<Pack<lanes>>& out) noexcept {
@@ -253,7 +255,8 @@ template <int lanes>
 
 }  // namespace detail
 
-/// As for one angle; lanes beyond 1e5 rad or not finite are answered by the C library.
+/// Return sine and cosine of each lane [rad]; the C library computes lanes beyond 1e5 rad and
+/// non-finite lanes.
 template <int lanes>
 [[gnu::always_inline]] inline SineCosine<Pack<lanes>> sincos(const Pack<lanes>& angle) noexcept {
   const Pack<lanes> two_over_pi(0.63661977236758134308);

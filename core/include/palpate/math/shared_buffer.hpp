@@ -6,7 +6,8 @@
 
 namespace palpate::math {
 
-/// Numbers that an object and its copies have in common: written while the first is made, only read from then on.
+/// Array shared by an object and its copies. Written during construction of the first object,
+/// read-only afterwards.
 template <class T>
 class SharedBuffer {
  public:
@@ -26,5 +27,5 @@ class SharedBuffer {
 }  // namespace palpate::math
 
 namespace palpate {
-using namespace math;  // vocabulary of every folder
+using namespace math;  // shared vocabulary of all folders
 }

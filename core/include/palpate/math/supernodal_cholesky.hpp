@@ -11,16 +11,17 @@
 
 namespace palpate::math {
 
-/// A sparse positive definite matrix, factorised once (Cholesky, rows in the order of least degree), that solves for three right
-/// right_hand_sides side by side, one for each axis, without taking memory.
+/// Sparse Cholesky factorization of a positive definite matrix with a solver for three right-hand
+/// sides (one per axis).
 ///
-/// Columns that follow each other with the same rows are kept together (supernodes, Ashcraft et al. 1987): a row below them is fetched
-/// once for all of them.
+/// Rows are ordered by approximate minimum degree. Consecutive columns with the same row pattern
+/// form a supernode (Ashcraft et al. 1987), so that a row below them is loaded once for all of
+/// them. solve() does not allocate.
 class SupernodalCholesky {
  public:
   SupernodalCholesky() = default;
 
-  /// The lower triangle of `matrix` is read.
+  /// Factorize `matrix`; only its lower triangle is read.
   explicit SupernodalCholesky(const Eigen::SparseMatrix<double>& matrix) {
     const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky(matrix);
     positive_definite_ = cholesky.info() == Eigen::Success;
@@ -37,7 +38,7 @@ class SupernodalCholesky {
       while (width < max_width && c + width < size && continues_supernode(begin, row, c + width)) ++width;
       Supernode supernode{static_cast<std::int32_t>(c), static_cast<std::int32_t>(width), rows_.size(), rows_.size(), values_.size()};
       for (std::size_t i = 0; i < width; ++i)
-        for (std::size_t j = 0; j < width; ++j) {  // of the supernode's own rows, by column; diagonals inverted
+        for (std::size_t j = 0; j < width; ++j) {  // triangle of the supernode, by column; diagonal inverted
           const double v = j >= i ? value[static_cast<std::size_t>(begin[c + i]) + j - i] : 0.0;
           values_.push_back(i == j ? 1.0 / v : v);
         }
@@ -52,11 +53,12 @@ class SupernodalCholesky {
     }
   }
 
-  /// False: the matrix was not positive definite, and nothing can be solved.
+  /// Return whether the factorization succeeded; if false, solve() must not be called.
   [[nodiscard]] bool positive_definite() const noexcept { return positive_definite_; }
   [[nodiscard]] std::size_t nonzeros() const noexcept { return nonzeros_; }
 
-  /// Replaces as many right right_hand_sides as the matrix has rows by the solution.
+  /// Solve in place. `right_hand_sides` has one entry per matrix row; the components are the three
+  /// right-hand sides.
   void solve(Vector3<>* right_hand_sides) noexcept {
     const std::size_t size = workspace_.size();
     for (std::size_t i = 0; i < size; ++i) workspace_[static_cast<std::size_t>(permutation_[i])].template head<3>() = right_hand_sides[i];
@@ -69,17 +71,17 @@ class SupernodalCholesky {
   }
 
  private:
-  using PaddedVector = Eigen::Array<double, 4, 1>;  // three axes, and one that fills the register
+  using PaddedVector = Eigen::Array<double, 4, 1>;  // three axes, padded to a vector register
   static constexpr std::size_t max_width = 6;
 
-  /// Columns side by side that have the same rows below them.
+  /// Adjacent columns with the same row pattern below the diagonal block.
   struct Supernode {
-    std::int32_t column, width;  // the first, and how many
-    std::size_t first, last;     // rows
-    std::size_t value;           // width x width of its own, by column; then `width` for each row
+    std::int32_t column, width;  // first column, number of columns
+    std::size_t first, last;     // range in rows_
+    std::size_t value;           // offset in values_: width x width triangle by column, then `width` values per row
   };
 
-  /// Whether a column has the rows of the one before it.
+  /// Return whether column `c` has the row pattern of column c - 1.
   static bool continues_supernode(const int* begin, const int* row, std::size_t c) {
     return begin[c + 1] - begin[c] == begin[c] - begin[c - 1] - 1 && row[static_cast<std::size_t>(begin[c - 1]) + 1] == static_cast<int>(c);
   }
@@ -132,9 +134,9 @@ class SupernodalCholesky {
 
   bool positive_definite_ = false;
   std::size_t nonzeros_ = 0;
-  std::vector<std::int32_t> permutation_;  // in the factor of each row of the matrix
+  std::vector<std::int32_t> permutation_;  // position in the factor of each matrix row
   std::vector<Supernode> supernodes_;
-  std::vector<std::int32_t> rows_;  // below the blocks
+  std::vector<std::int32_t> rows_;  // row indices below the diagonal blocks
   std::vector<double> values_;
   std::vector<PaddedVector> workspace_;
 };

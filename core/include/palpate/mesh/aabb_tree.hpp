@@ -14,7 +14,7 @@
 
 namespace palpate::mesh {
 
-/// A box with its sides along the axes, m.
+/// Axis-aligned bounding box, m.
 struct Aabb {
   Vector3<> low = Vector3<>::Constant(std::numeric_limits<double>::infinity());
   Vector3<> high = Vector3<>::Constant(-std::numeric_limits<double>::infinity());
@@ -30,8 +30,11 @@ struct Aabb {
   [[nodiscard]] double distance2(const Vector3<>& x) const noexcept { return (low - x).cwiseMax(x - high).cwiseMax(0.0).squaredNorm(); }
 };
 
-/// A tree of boxes over a mesh's faces, split along a space-filling curve (Morton; Lauterbach et al. 2009): built in linear time
-/// but for the sort. It refers to the mesh by index only; the caller passes the mesh it was built from.
+/// Bounding volume hierarchy of axis-aligned boxes over the faces of a mesh.
+///
+/// Faces are sorted along a Morton curve and split at its bits (Lauterbach et al. 2009). The build
+/// takes linear time. The tree stores face indices only; queries take the mesh that it was built
+/// from. The tree of a mesh that is not usable() is empty, and its queries find nothing.
 class AabbTree {
  public:
   AabbTree() = default;
@@ -50,12 +53,12 @@ class AabbTree {
     refit(mesh);
   }
 
-  /// Fits every box to the mesh's moved vertices; the tree's shape stays.
+  /// Refit all boxes to moved vertices. The topology of the tree is unchanged.
   void refit(const TriangleMesh& mesh) noexcept {
     for (std::size_t n = nodes_.size(); n-- > 0;) fit_boxes(mesh, nodes_[n]);
   }
 
-  /// Fits the boxes above the faces `[first, last)` only.
+  /// Refit the boxes above the faces [first, last) only.
   template <class Iterator>
   void refit(const TriangleMesh& mesh, Iterator first, Iterator last) noexcept {
     for (; first != last; ++first) {
@@ -65,12 +68,15 @@ class AabbTree {
   }
 
   struct Nearest {
-    std::int32_t face = TriangleMesh::none;  ///< none if nothing is within the bound
+    std::int32_t face = TriangleMesh::none;  ///< none: no face within the bound
     NearestPoint at{};
-    double distance2 = 0.0;  ///< m^2
+    double distance2 = 0.0;  ///< squared distance, m^2; the bound if no face was found
   };
 
-  /// The face nearest to `x` among those closer than sqrt(bound2) [m^2].
+  /// Return the face nearest to `x` [m] among those closer than sqrt(bound2) [m].
+  ///
+  /// The result has face == TriangleMesh::none if there is no such face, if the tree is empty, or
+  /// if `x` is not finite or so large that its squared distance overflows.
   [[nodiscard]] Nearest nearest(const TriangleMesh& mesh, const Vector3<>& x,
                                 double bound2 = std::numeric_limits<double>::infinity()) const noexcept {
     Nearest best;
@@ -99,7 +105,9 @@ class AabbTree {
     return best;
   }
 
-  /// Shows `visit(face)` every face whose box comes within `distance` [m] of `x`.
+  /// Call visit(face) for every face whose box is within `distance` [m] of `x` [m].
+  ///
+  /// Return false if there is no such face, if the tree is empty or if an argument is NaN.
   template <class Visit>
   void overlap_sphere(const Vector3<>& x, double distance, Visit visit) const noexcept {
     if (nodes_.empty()) return;
@@ -120,8 +128,11 @@ class AabbTree {
     }
   }
 
-  /// Shows `visit(face, end)` every face whose box comes within `radius` [m] of the segment from + t motion, 0 <= t <= end, nearer
-  /// ones first as far as the boxes tell. It may lower `end` (from 1 on) to what it has found.
+  /// Call visit(face, end) for every face whose box is within `radius` [m] of the segment from + t
+  /// motion [m], 0 <= t <= end.
+  ///
+  /// Nearer boxes come first. `end` starts at 1, and `visit` may lower it to the first hit. Return
+  /// false if no face was visited, if the tree is empty or if an argument is NaN.
   template <class Visit>
   void sweep_sphere(const Vector3<>& from, const Vector3<>& motion, double radius, Visit visit) const noexcept {
     if (nodes_.empty()) return;
@@ -131,7 +142,7 @@ class AabbTree {
     const Vector3<> margin = Vector3<>::Constant(radius);
     const double length = motion.norm();
     const auto entry = [&](const Aabb& box) {
-      const double half = 0.5 * end, reach = radius + half * length;  // the segment lies in a ball about its mid
+      const double half = 0.5 * end, reach = radius + half * length;  // the segment lies in a ball about its midpoint
       if (box.distance2(from + half * motion) > reach * reach * (1.0 + 1e-14)) return 2.0;
       const Vector3<> one = (box.low - margin - from).cwiseProduct(inverse), two = (box.high + margin - from).cwiseProduct(inverse);
       const double in = std::max(one.cwiseMin(two).maxCoeff(), 0.0), out = std::min(one.cwiseMax(two).minCoeff(), end);
@@ -158,11 +169,12 @@ class AabbTree {
 
   struct alignas(64) Node {
     std::array<Aabb, 2> box;
-    std::array<std::int32_t, 2> child{};  // a node, or a leaf's first place in order_
-    std::array<std::int32_t, 2> count{};  // faces of a leaf; 0 for a node
+    std::array<std::int32_t, 2> child{};  // child node, or first index of a leaf in order_
+    std::array<std::int32_t, 2> count{};  // faces of a leaf; 0 for an inner node
   };
 
-  /// Depth is bounded by the curve's 63 bits and the halving of equal codes (31), two children each.
+  /// The depth is bounded by the 63 bits of the code plus 31 halvings of equal codes. Two children
+  /// each.
   struct Stack {
     std::array<std::pair<std::int32_t, double>, 200> items;
     std::size_t size = 0;
@@ -171,7 +183,7 @@ class AabbTree {
     [[nodiscard]] bool empty() const noexcept { return size == 0; }
   };
 
-  static std::uint64_t spread_bits(std::uint64_t x) noexcept {  // 21 bits, two zeros between each
+  static std::uint64_t spread_bits(std::uint64_t x) noexcept {  // 21 bits, two zeros between adjacent bits
     x &= 0x1fffff;
     x = (x | x << 32) & 0x1f00000000ffffULL;
     x = (x | x << 16) & 0x1f0000ff0000ffULL;
@@ -180,7 +192,8 @@ class AabbTree {
     return (x | x << 2) & 0x1249249249249249ULL;
   }
 
-  /// The faces in the order in which the curve passes their centres; their codes, sorted, stay in codes_.
+  /// Return the faces in the order of their centroids on the curve; store the sorted codes in
+  /// codes_.
   std::vector<std::int32_t> morton_order(const TriangleMesh& mesh) {
     const auto count = static_cast<std::size_t>(mesh.size());
     Aabb all;
@@ -194,7 +207,7 @@ class AabbTree {
       const auto cell = [](double v) { return spread_bits(static_cast<std::uint64_t>(v)); };
       pairs[f] = {cell(x[0]) << 2 | cell(x[1]) << 1 | cell(x[2]), static_cast<std::int32_t>(f)};
     }
-    for (int shift = 0; shift < 66; shift += 11) {  // radix sort, eleven bits a pass
+    for (int shift = 0; shift < 66; shift += 11) {  // radix sort, eleven bits per pass
       std::array<std::size_t, 2049> begin{};
       for (const Pair& p : pairs) ++begin[(p.first >> shift & 2047) + 1];
       for (std::size_t i = 1; i < begin.size(); ++i) begin[i] += begin[i - 1];
@@ -212,7 +225,8 @@ class AabbTree {
 
   static Vector3<> centroid(const Face& f) noexcept { return (f.corner[0] + f.corner[1] + f.corner[2]) / 3.0; }
 
-  /// Splits the faces [first, last) of `node` where `bit` of their codes changes, or in the mid if none does.
+  /// Split the faces [first, last) of `node` where `bit` of their codes changes, or in the middle
+  /// if no bit changes.
   void split(const TriangleMesh& mesh, std::int32_t node, std::size_t first, std::size_t last, int bit) {
     std::size_t mid = first;
     while (bit >= 0 && (mid == first || mid == last)) {
@@ -244,7 +258,8 @@ class AabbTree {
     }
   }
 
-  /// Fits a node's two boxes to what is below; true if that changed them. Children come after their parents in nodes_.
+  /// Fit both boxes of a node to its children. Return true if they changed. Children follow their
+  /// parents in nodes_.
   bool fit_boxes(const TriangleMesh& mesh, Node& node) noexcept {
     bool changed = false;
     for (std::size_t k = 0; k < 2; ++k) {
@@ -266,8 +281,8 @@ class AabbTree {
   std::vector<Node> nodes_;
   std::vector<std::int32_t> order_;    // faces, leaf by leaf
   std::vector<std::int32_t> parents_;  // of each node
-  std::vector<std::int32_t> leaf_of_;  // the node that holds each face's leaf
-  std::vector<std::uint64_t> codes_;   // while building
+  std::vector<std::int32_t> leaf_of_;  // node of the leaf of each face
+  std::vector<std::uint64_t> codes_;   // used during the build only
 };
 
 }  // namespace palpate::mesh

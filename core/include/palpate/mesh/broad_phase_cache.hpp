@@ -12,12 +12,18 @@
 
 namespace palpate::mesh {
 
-/// The faces that a sphere can meet as long as its center stays within `clearance` of where it was when they were gathered, each behind
-/// a plane: as long as the sphere stays in front of that one, it need not look at the face.
+/// Cache of the faces near a slowly moving sphere.
+///
+/// The cached faces are all that the sphere can touch while its center stays within a clearance of
+/// the center of the query. Each face lies behind a plane; a sphere in front of that plane skips
+/// the face.
 class BroadPhaseCache {
  public:
-  /// Shows `visit(face, end)` every face that a sphere of `radius` [m] on its motion from `from` to from + end motion could touch; `visit`
-  /// may lower `end` (from 1 on). Long ways are looked up in the tree. Facets are gathered ahead: it will go on.
+  /// Call visit(face, end) for every face that a sphere of `radius` [m] can touch on its motion
+  /// from `from` [m] to from + end * motion [m].
+  ///
+  /// `end` starts at 1, and `visit` may lower it. Long motions query the tree directly. The cache
+  /// is centered ahead of the sphere.
   template <class Visit>
   void sweep_sphere(const TriangleMesh& mesh, const AabbTree& tree, const Vector3<>& from, const Vector3<>& motion, double radius,
                     Visit visit) noexcept {
@@ -34,20 +40,22 @@ class BroadPhaseCache {
     }
   }
 
-  /// After the mesh has moved.
+  /// Discard the cache. Required after the mesh has moved.
   void invalidate() noexcept { clearance_ = -1.0; }
 
  private:
   static constexpr int capacity = 64;
 
-  /// Through the face's point nearest to where they were gathered, across the motion from there. A face is convex: all of it lies behind.
+  /// Plane through the point of the face nearest to the query center, perpendicular to the line to
+  /// that center. The face is convex and lies behind the plane.
   struct Plane {
     Vector3<> normal = Vector3<>::Zero();  // unit
     double offset = 0.0;                   // m
     std::int32_t face = TriangleMesh::none;
   };
 
-  /// False if there are too many faces, or the motion is so long that the tree does better.
+  /// Fill the cache. Return false if there are too many faces or the motion is so long that a tree
+  /// query is cheaper.
   bool gather(const TriangleMesh& mesh, const AabbTree& tree, const Vector3<>& from, const Vector3<>& motion, double radius) noexcept {
     if (!(target_clearance_ > 0.0)) target_clearance_ = 0.5 * radius;
     clearance_ = -1.0;
@@ -79,8 +87,8 @@ class BroadPhaseCache {
   static constexpr double rounding = 1e-12;
 
   Vector3<> center_ = Vector3<>::Zero();  // m
-  double clearance_ = -1.0;               // m; negative: nothing gathered
-  double target_clearance_ = 0.0;         // for the next clearance, m
+  double clearance_ = -1.0;               // m; negative: empty
+  double target_clearance_ = 0.0;         // for the next query, m
   int count_ = 0;
   std::array<Plane, capacity> planes_{};
 };

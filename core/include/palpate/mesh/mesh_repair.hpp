@@ -11,16 +11,16 @@
 
 namespace palpate::mesh {
 
-/// What mend() did.
+/// Changes made by repair_mesh().
 struct RepairReport {
   std::int64_t dropped_degenerate = 0;
   std::int64_t dropped_duplicate = 0;
-  std::int64_t flipped = 0;  ///< triangles whose corners now go the other orientation round
+  std::int64_t flipped = 0;  ///< triangles with reversed orientation
 };
 
 namespace detail {
 
-/// Pairs of triangles that share an edge with no third one, and whether they flip the same orientation.
+/// Edge with exactly two triangles, and whether their orientations are consistent.
 struct ManifoldEdge {
   std::int32_t one, two;
   bool consistent;
@@ -52,12 +52,14 @@ inline std::vector<ManifoldEdge> manifold_edges(const std::vector<Triangle>& tri
 
 }  // namespace detail
 
-/// Mends what can be mended without guessing: drops triangles without area and repeated ones, turns neighbors the same orientation round,
-/// and closed pieces outward. Indices must be in range and vertices finite.
+/// Remove degenerate and duplicate triangles, orient neighbors consistently and closed components
+/// outwards.
+///
+/// Only unambiguous repairs are made. Indices must be in range and vertices finite.
 inline RepairReport repair_mesh(const std::vector<Vector3<>>& vertices, std::vector<Triangle>& triangles) {
   RepairReport report;
   {
-    const TriangleMesh probe(vertices, triangles, true);  // neighbor_orientation own criterion of what has no area
+    const TriangleMesh probe(vertices, triangles, true);  // applies the mesh's own criterion for degenerate triangles
     std::vector<Triangle> kept;
     for (std::int32_t f = 0; f < probe.size(); ++f) {
       if (probe.face(f).normal.squaredNorm() > 0.0) {
@@ -84,8 +86,8 @@ inline RepairReport repair_mesh(const std::vector<Vector3<>>& vertices, std::vec
   report.dropped_duplicate = static_cast<std::int64_t>(triangles.size() - kept.size());
   triangles = std::move(kept);
 
-  // Turn each component the orientation neighbor_orientation first triangle goes; then, if it is closed and encloses a negative volume,
-  // flip it whole.
+  // Orient each component like its first triangle. Flip a closed component that encloses a negative
+  // volume.
   const std::size_t count = triangles.size();
   const std::vector<detail::ManifoldEdge> manifold_edges = detail::manifold_edges(triangles);
   std::vector<std::int32_t> begin(count + 1, 0), edge_of(2 * manifold_edges.size());
@@ -124,7 +126,7 @@ inline RepairReport repair_mesh(const std::vector<Vector3<>>& vertices, std::vec
         component.push_back(other);
       }
     }
-    // An open component keeps the orientation most of neighbor_orientation triangles had.
+    // An open component keeps the orientation of the majority of its triangles.
     const bool flip = closed ? volume < 0.0 : 2 * reversed > static_cast<std::int64_t>(component.size());
     for (const std::int32_t f : component) {
       if ((orientation[static_cast<std::size_t>(f)] < 0) == flip) continue;
@@ -135,7 +137,8 @@ inline RepairReport repair_mesh(const std::vector<Vector3<>>& vertices, std::vec
   return report;
 }
 
-/// Vertices at which components of a surface meet in that one point only: a proxy on one part does not know of the other there.
+/// Count vertices at which parts of the surface meet in a single point. A proxy on one part does
+/// not see the other part there.
 inline MeshDiagnosis::Count pinched_vertices(const TriangleMesh& mesh) {
   std::vector<std::int32_t> faces(mesh.vertices().size(), 0);
   std::vector<std::int64_t> corner(mesh.vertices().size(), -1);
@@ -156,7 +159,7 @@ inline MeshDiagnosis::Count pinched_vertices(const TriangleMesh& mesh) {
   return result;
 }
 
-/// Edges that pierce a triangle they share no vertex with.
+/// Count edges that pierce a triangle with which they share no vertex.
 inline MeshDiagnosis::Count self_intersections(const TriangleMesh& mesh, const AabbTree& tree) {
   MeshDiagnosis::Count result;
   for (std::int32_t f = 0; f < mesh.size(); ++f) {

@@ -11,8 +11,11 @@
 
 namespace palpate::mesh {
 
-/// Moves vertices of a mesh and mends what hangs on them, there only: faces, vertex normals, boxes of the tree. What it needs is taken at
-/// construction; moving takes no memory. Proxies on the mesh: Proxy::grip() before, Proxy::carry() after.
+/// Moves vertices of a mesh and updates the dependent data locally: faces, vertex normals and boxes
+/// of the tree.
+///
+/// All memory is allocated at construction. Proxies on the mesh call Proxy::attach() before and
+/// Proxy::reattach() after a move.
 class MeshUpdater {
  public:
   MeshUpdater() = default;
@@ -33,8 +36,10 @@ class MeshUpdater {
     affected_vertices_.reserve(vertex_mark_.size());
   }
 
-  /// Puts vertex `vertices[i]` positions `positions[i]` [m], i < count. Returns Mesh::none; or, with all as it was, the first face that
-  /// would lose its area.
+  /// Move vertex vertices[i] to positions[i] [m] for i < count.
+  ///
+  /// Return TriangleMesh::none. If a face would lose its area, return the first such face and leave
+  /// everything unchanged. Indices must be in range.
   std::int32_t move(TriangleMesh& mesh, AabbTree& tree, const std::int32_t* vertices, const Vector3<>* positions,
                     std::size_t count) noexcept {
     moved_faces_.clear();
@@ -45,14 +50,14 @@ class MeshUpdater {
     for (std::size_t i = 0; i < count; ++i) mesh.set_vertex(vertices[i], positions[i]);
     for (const std::int32_t f : moved_faces_) {
       if (mesh.can_update_face(f)) continue;
-      // A face's corners still are where its vertices were.
+      // The corners of a face still hold the previous positions.
       for (const std::int32_t g : moved_faces_)
         for (std::size_t i = 0; i < 3; ++i) mesh.set_vertex(mesh.face(g).vertex[i], mesh.face(g).corner[i]);
       return f;
     }
     for (const std::int32_t f : moved_faces_) mesh.update_face(f);
     tree.refit(mesh, moved_faces_.begin(), moved_faces_.end());
-    // Normals at all vertices of those faces, and what is shaded by them.
+    // Recompute normals at all vertices of the moved faces, and collect the faces shaded by them.
     for (const std::int32_t f : moved_faces_)
       for (const std::int32_t v : mesh.face(f).vertex) {
         std::uint32_t& mark = vertex_mark_[static_cast<std::size_t>(v)];
@@ -69,10 +74,10 @@ class MeshUpdater {
     return TriangleMesh::none;
   }
 
-  [[nodiscard]] const std::vector<std::int32_t>& moved_faces() const noexcept { return moved_faces_; }  ///< faces, by the last move
+  [[nodiscard]] const std::vector<std::int32_t>& moved_faces() const noexcept { return moved_faces_; }  ///< faces changed by the last move
   [[nodiscard]] const std::vector<std::int32_t>& affected_faces() const noexcept {
     return affected_faces_;
-  }  ///< faces with a vertex on one of those
+  }  ///< faces with a vertex on a moved face
 
  private:
   void collect_faces(std::int32_t v, std::vector<std::int32_t>& list) noexcept {
@@ -85,7 +90,7 @@ class MeshUpdater {
     }
   }
 
-  std::vector<std::int32_t> begin_, faces_;  // faces at each vertex
+  std::vector<std::int32_t> begin_, faces_;  // faces at each vertex, compressed rows
   std::vector<std::uint32_t> face_mark_, vertex_mark_;
   std::uint32_t mark_ = 0;
   std::vector<std::int32_t> moved_faces_, affected_faces_, affected_vertices_;

@@ -12,23 +12,29 @@
 
 namespace palpate::mesh {
 
-/// A point on a mesh, or free of it.
+/// Point proxy on a mesh or free.
 struct PointProxyState {
   std::int32_t face = TriangleMesh::none;  ///< none: free
   Feature feature = Feature::inside;
   Vector3<> point = Vector3<>::Zero();   ///< m
-  Vector3<> normal = Vector3<>::Zero();  ///< unit, towards the free side, of what holds the point there; zero if free
+  Vector3<> normal = Vector3<>::Zero();  ///< unit contact normal towards the free side; zero if free
   double side = 1.0;                     ///< -1: on the back of an open mesh
 
   [[nodiscard]] bool touching() const noexcept { return face != TriangleMesh::none; }
 };
 
-/// The point proxy's move: from where it is, over the surface, to the nearest point to the tip that it can slide to. Each step goes
-/// along one face, edge or free segment and ends nearer to the tip, so there is no cycle; what is under the proxy is known from
-/// adjacency, so the time does not grow with the mesh.
+/// Motion of a point proxy (god-object): from its position over the surface to the nearest
+/// reachable point to the tip.
 ///
-/// Around a point of the surface the mesh is a cone of faces. The nearest point to the tip on that cone says which way to slide, and
-/// the pseudonormal there (Baerentzen & Aanaes 2005) whether the tip is outside, that is, whether the proxy may leave_surface.
+/// Each step follows one face, edge or free segment and reduces the distance to the tip, so the
+/// motion cannot cycle. Adjacency provides the neighbors, so the cost is independent of the mesh
+/// size.
+///
+/// Around a point of the surface the mesh is a cone of faces. The point of that cone nearest to the
+/// tip gives the sliding direction. The pseudonormal there (Baerentzen and Aanaes 2005) decides
+/// whether the tip is outside, i.e. whether the proxy leaves the surface.
+///
+/// Keeps references to mesh and tree, which must outlive it.
 class PointProxy {
  public:
   static constexpr int max_steps = 512;
@@ -36,7 +42,8 @@ class PointProxy {
   PointProxy(const TriangleMesh& mesh, const AabbTree& tree) noexcept
       : mesh_(&mesh), tree_(&tree), one_sided_(mesh.closed()), rounding_(1e-14 * mesh.max_coordinate()) {}
 
-  /// Where a proxy starts: at the tip, or at the nearest point of the surface if the tip is inside a closed mesh.
+  /// Return the initial state: at the tip, or on the nearest surface point if the tip is inside a
+  /// closed mesh.
   [[nodiscard]] PointProxyState start(const Vector3<>& tip) const noexcept {
     PointProxyState state;
     state.point = tip;
@@ -51,7 +58,8 @@ class PointProxy {
     return state;
   }
 
-  /// The state where the mesh has moved under it: at `weights` of its face's corners; a free one that is inside now, on the surface.
+  /// Update the state after the mesh has moved. A touching proxy moves to the barycentric
+  /// coordinates `weights` of its face. A free proxy that is now inside moves to the surface.
   void reattach(PointProxyState& state, const Vector3<>& weights) const noexcept {
     if (!state.touching()) {
       const double side = state.side;
@@ -64,8 +72,10 @@ class PointProxy {
     state.normal = state.side * face.normal;
   }
 
-  /// Moves `state` towards `tip`. `cone(face, point)` gives the friction there; `slip` what has slid so far. False if max_steps were
-  /// not enough (the next call goes on).
+  /// Move `state` towards `tip` [m]. Return false if max_steps was reached; the next call
+  /// continues.
+  ///
+  /// cone(face, point) returns the FrictionCone there. `slip` accumulates the sliding distance.
   template <class Cone>
   bool follow(PointProxyState& state, const Vector3<>& tip, const Cone& cone, SlidingState& slip) const noexcept {
     slip.threshold = min_slip_ratio * (tip - state.point).norm();
@@ -84,7 +94,8 @@ class PointProxy {
     return done;
   }
 
-  /// Normal that tells inside from outside near a feature; not scaled.
+  /// Return the pseudonormal at a feature, not normalized. Its sign decides between inside and
+  /// outside.
   [[nodiscard]] Vector3<> pseudonormal(const Face& face, Feature feature) const noexcept {
     if (is_corner(feature)) return mesh_->vertex_normal(face.vertex[static_cast<std::size_t>(index_of(feature))]);
     if (is_edge(feature)) {
@@ -95,10 +106,11 @@ class PointProxy {
   }
 
  private:
-  static constexpr double min_slip_ratio = 1e-9;     // of the tip's distance: a shorter way is no sliding
-  static constexpr double corner_tolerance = 1e-12;  // of an edge's length: nearer to its end is at its end
+  static constexpr double min_slip_ratio = 1e-9;     // of the tip distance: minimum sliding distance
+  static constexpr double corner_tolerance = 1e-12;  // of the edge length: snap distance to its ends
 
-  /// Goes straight from the state to the tip, past the faces origin_vertex it; stops at the first face in the way. True if it arrives.
+  /// Move straight to the tip, ignoring the faces around the origin; stop at the first face hit.
+  /// Return true if the tip was reached.
   bool move_free(PointProxyState& state, const Vector3<>& tip, std::int32_t origin_face, Feature origin_feature) const noexcept {
     const Vector3<> from = state.point, way = tip - from;
     std::int32_t neighbor_face = TriangleMesh::none, origin_vertex = TriangleMesh::none;
@@ -164,7 +176,7 @@ class PointProxy {
     return slide_on_facet(state, face, tip, height, cone, slip);
   }
 
-  /// Slides over one face, from wherever on it the state is. True if it comes to rest there.
+  /// Slide over one face. Return true if the proxy comes to rest on it.
   template <class Cone>
   bool slide_on_facet(PointProxyState& state, const Face& face, const Vector3<>& tip, double height, const Cone& cone,
                       SlidingState& slip) const noexcept {
@@ -190,7 +202,7 @@ class PointProxy {
     return false;
   }
 
-  /// Puts the state on an edge of its face, or on the edge's end if it is there.
+  /// Move the state to an edge of its face, or to a corner if the point is close to one.
   static void snap_to_edge(PointProxyState& state, const Face& face, int i, const Vector3<>& x) noexcept {
     const int j = (i + 1) % 3;
     const Vector3<>& a = face.corner[static_cast<std::size_t>(i)];
@@ -217,7 +229,7 @@ class PointProxy {
     const double height = one.height(tip);
     const bool into_one = one.normal.cross(along).dot(d) > 0.0;
     const std::int32_t twin = one.neighbor[static_cast<std::size_t>(i)];
-    if (twin < 0) {  // a border: free beyond it
+    if (twin < 0) {  // border: free beyond it
       if (!into_one || state.side * height >= 0.0) return leave_surface(state, tip);
       return slide_on_facet(state, one, tip, height, cone, slip);
     }
@@ -234,14 +246,14 @@ class PointProxy {
       state.feature = edge(twin % 3);
       return slide_on_facet(state, two, tip, other, cone, slip);
     }
-    // Both faces push towards the edge: a valley, or the tip is exit_edge beyond a ridge.
+    // Both faces push towards the edge: a valley, or the tip is beyond a ridge.
     const double length2 = along.squaredNorm();
     const Vector3<> down = d - d.dot(along) / length2 * along;
     if (state.side * (one.normal + two.normal).dot(down) >= 0.0) return leave_surface(state, tip);
     return slide_on_edge(state, one, i, d, down, cone, slip);
   }
 
-  /// Slides along edge `i` of its face, from wherever on it the state is. True if it comes to rest on it.
+  /// Slide along edge `i` of the face. Return true if the proxy comes to rest on it.
   template <class Cone>
   bool slide_on_edge(PointProxyState& state, const Face& face, int i, const Vector3<>& d, const Vector3<>& down, const Cone& cone,
                      SlidingState& slip) const noexcept {
@@ -307,7 +319,7 @@ class PointProxy {
     return slide_on_edge(state, face, i, d, down, cone, slip);
   }
 
-  /// From a corner into the face: only the edge opposite to it can be met.
+  /// Slide from a corner into the face. Only the opposite edge can be crossed.
   template <class Cone>
   bool slide_from_corner(PointProxyState& state, const Face& face, int c, const Vector3<>& tip, double height, const Cone& cone,
                          SlidingState& slip) const noexcept {
@@ -333,7 +345,7 @@ class PointProxy {
     return false;
   }
 
-  /// The nearest point to the tip on the cone of faces origin_vertex a corner.
+  /// Candidate for the point nearest to the tip on the cone of faces around a corner.
   struct Candidate {
     double distance;  // m
     std::int32_t face = TriangleMesh::none;

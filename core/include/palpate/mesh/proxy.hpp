@@ -15,32 +15,42 @@
 
 namespace palpate::mesh {
 
-/// Where a tip touches a mesh and how hard.
+/// Contact of a tip with a mesh.
 struct Contact {
   bool touching = false;
-  Vector3<> position = Vector3<>::Zero();  ///< of the proxy (a sphere's center), m
-  Vector3<> normal = Vector3<>::Zero();    ///< unit, out of the surface; zero if apart
+  Vector3<> position = Vector3<>::Zero();  ///< of the proxy (center of a sphere), m
+  Vector3<> normal = Vector3<>::Zero();    ///< unit, out of the surface; zero without contact
   Vector3<> force = Vector3<>::Zero();     ///< of the surface on the tip, N
   std::int32_t face = TriangleMesh::none;
-  double depth = 0.0;      ///< of the tip under the proxy along the normal, m
-  double stiffness = 0.0;  ///< there, along the normal, N/m
+  double depth = 0.0;      ///< penetration of the tip below the proxy along the normal, m
+  double stiffness = 0.0;  ///< normal stiffness at the contact, N/m
 };
 
-/// How a proxy sits on its face, for when the mesh moves.
+/// Position of a proxy relative to its face, used to follow a moving mesh.
 struct SurfaceAttachment {
-  Vector3<> weights = Vector3<>::Zero();  ///< of the face's corners, at the point touched
-  Vector3<> offset = Vector3<>::Zero();   ///< from there to the proxy, along the first edge, across it, and along the normal, m
+  Vector3<> weights = Vector3<>::Zero();  ///< barycentric coordinates of the contact point
+  Vector3<> offset = Vector3<>::Zero();   ///< contact point to proxy, in the frame of the face, m
 };
 
-/// The god-object (Zilles & Salisbury 1995), a point or a sphere (Ruspini, Kolarov & Khatib 1997): it follows the tip as far as
-/// the surface lets it, and the spring between them is the force. A step takes no memory, throws nothing and ends after a bounded number
-/// of moves. Mesh, tree and surface field are the caller's, and outlive the proxy.
+/// God-object (Zilles and Salisbury 1995) with a point or spherical proxy (Ruspini, Kolarov and
+/// Khatib 1997).
+///
+/// The proxy follows the tip as far as the surface allows. The spring between proxy and tip
+/// generates the force. A step does not allocate or throw, and the number of its iterations is
+/// bounded.
+///
+/// Keeps references to mesh, tree and surface field, which must outlive the proxy. If the mesh or
+/// the field is not usable(), the proxy follows the tip and never touches. A radius that is
+/// negative or not finite counts as zero.
 class Proxy {
  public:
   Proxy(const TriangleMesh& mesh, const AabbTree& tree, const SurfaceField& field, double radius = 0.0) noexcept
       : mesh_(&mesh), field_(&field), point_(mesh, tree), sphere_(mesh, tree, radius), radius_(radius) {}
 
-  /// One servo tick with the tip at `tip` [m]. A tip that is not finite counts as a fault, and the last contact is held.
+  /// Advance by one servo tick with the tip at `tip` [m].
+  ///
+  /// A tip that is not finite, or has a coordinate beyond max_tip_coordinate, counts as invalid
+  /// input. The last contact is then returned unchanged.
   const Contact& step(const Vector3<>& tip) noexcept {
     if (!tip.allFinite()) {
       ++invalid_input_count_;
@@ -69,7 +79,7 @@ class Proxy {
     return contact_;
   }
 
-  /// Before vertices of the mesh move.
+  /// Return the position on the surface. Call before vertices of the mesh move.
   [[nodiscard]] SurfaceAttachment attach() const noexcept {
     SurfaceAttachment attachment;
     if (face() == TriangleMesh::none) return attachment;
@@ -80,7 +90,9 @@ class Proxy {
     return attachment;
   }
 
-  /// After they have: the proxy rides along. A free one that a closed mesh has come over is put on its surface.
+  /// Follow the surface. Call after vertices of the mesh have moved.
+  ///
+  /// A free proxy that is now inside a closed mesh moves to its surface.
   void reattach(const SurfaceAttachment& attachment) noexcept {
     if (!started_) return;
     if (radius_ > 0.0) {
@@ -96,7 +108,7 @@ class Proxy {
     }
   }
 
-  /// Lets go: the next step starts anew.
+  /// Release the contact. The next step starts anew.
   void reset() noexcept {
     started_ = sliding_ = false;
     point_state_ = {};
@@ -106,17 +118,19 @@ class Proxy {
   }
 
   [[nodiscard]] const Contact& contact() const noexcept { return contact_; }
-  [[nodiscard]] std::int64_t invalid_input_count() const noexcept { return invalid_input_count_; }  ///< tips that were not finite
+  [[nodiscard]] std::int64_t invalid_input_count() const noexcept {
+    return invalid_input_count_;
+  }  ///< tips that were not finite or too large
   [[nodiscard]] std::int64_t iteration_limit_count() const noexcept {
     return iteration_limit_count_;
-  }  ///< ticks that reached the bound of moves
+  }  ///< ticks that reached the iteration limit
   [[nodiscard]] bool sliding() const noexcept { return sliding_; }
   [[nodiscard]] double radius() const noexcept { return radius_; }
 
  private:
   static constexpr int max_shading_iterations = 8;
 
-  /// A face's own axes, in columns.
+  /// Return the axes of a face in columns: first edge, perpendicular in the plane, normal.
   [[nodiscard]] static Eigen::Matrix3d frame(const Face& f) noexcept {
     Eigen::Matrix3d axes;
     axes.col(0) = (f.corner[1] - f.corner[0]).normalized();
@@ -125,7 +139,7 @@ class Proxy {
     return axes;
   }
 
-  /// The normal that the faces have where the proxy is, and the shaded one; both zero where shading has no say.
+  /// Face normal and shaded normal at the proxy; both zero where shading does not apply.
   struct Normals {
     Vector3<> flat = Vector3<>::Zero(), shaded = Vector3<>::Zero();  // unit
   };
@@ -141,9 +155,11 @@ class Proxy {
     return move(tip, [this](std::int32_t f, const Vector3<>& x) { return friction(f, x); }, slip);
   }
 
-  /// Moves to where the spring is inclined to the shaded normal as friction lets it: what it lags too far, seen from the shaded normal, it
-  /// goes over the faces, until there is no more (after Ruspini, Kolarov & Khatib 1997, iterated). `shaded` is that normal, or zero if the
-  /// faces decided.
+  /// Move to the point where friction admits the spring relative to the shaded normal (after
+  /// Ruspini, Kolarov and Khatib 1997, iterated).
+  ///
+  /// Each iteration slides over the faces by the excess lag relative to the shaded normal. `shaded`
+  /// receives that normal, or zero if the face normals decided.
   bool move_shaded(const Vector3<>& tip, SlidingState& slip, Vector3<>& shaded) noexcept {
     if (face() == TriangleMesh::none && !move(tip, slip)) return false;
     for (int pass = 0; pass < max_shading_iterations && face() != TriangleMesh::none; ++pass) {
@@ -157,7 +173,8 @@ class Proxy {
       slip.threshold = threshold;
       const double remaining = friction(face(), from).remaining_lag(length, depth, slip.distance, slip.sliding());
       if (!(length - remaining > threshold)) return true;
-      // Hardly below the faces: deep down, the motion to the next face would not be as long as the tip's.
+      // Aim slightly below the faces: at large depth a motion of the proxy would be shorter than
+      // that of the tip.
       const Vector3<> motion = (1.0 - remaining / length) * rotate_between(shaded, normal.flat, lag);
       const double below = std::fmin(depth, std::fmax(0.01 * depth, 0.5 * motion.norm()));
       SlidingState free;
@@ -165,20 +182,20 @@ class Proxy {
       const double distance = (position() - from).norm();
       slip.distance += distance;
       if (!done) return false;
-      if (!(distance > 1e-3 * threshold)) return true;  // something is in the motion
+      if (!(distance > 1e-3 * threshold)) return true;  // blocked by another face
     }
     if (face() != TriangleMesh::none && !shaded.isZero() && shaded.dot(tip - position()) < 0.0) return true;
     shaded.setZero();
     return move(tip, slip);
   }
 
-  /// What turns `from` to `to` (unit), turns `x`.
+  /// Apply to `x` the rotation that maps the unit vector `from` to the unit vector `to`.
   [[nodiscard]] static Vector3<> rotate_between(const Vector3<>& from, const Vector3<>& to, const Vector3<>& x) noexcept {
     const Vector3<> axis = from.cross(to);
     return from.dot(to) * x + axis.cross(x) + axis.dot(x) / (1.0 + from.dot(to)) * axis;
   }
 
-  /// Several supports count as they penetration; none if they make a crease.
+  /// Average the active constraints weighted by penetration. Return zero normals at a crease.
   [[nodiscard]] Normals sphere_normals(const Vector3<>& tip) const noexcept {
     Normals sum;
     for (int i = 0; i < sphere_state_.count; ++i) {
@@ -196,7 +213,8 @@ class Proxy {
     return {sum.flat.normalized(), sum.shaded.normalized()};
   }
 
-  /// On an edge or a corner that face counts to which the shaded surface leads; none if it is a crease.
+  /// Choose, on an edge or corner, the face that the lag points to. Return zero normals at a
+  /// crease.
   [[nodiscard]] Normals point_normals(const Vector3<>& tip) noexcept {
     const Vector3<> x = point_state_.point, shaded = point_state_.side * field_->shading().normal_at(*mesh_, point_state_.face, x);
     if (point_state_.feature != Feature::inside) {
@@ -225,12 +243,12 @@ class Proxy {
   [[nodiscard]] FrictionCone friction(std::int32_t f, const Vector3<>& x) const noexcept {
     const Surface& s = field_->surface();
     if (s.static_friction == 0.0 && s.viscous == 0.0) return {};
-    if (s.tangential == 0.0) return {};  // nothing that could reattach it
+    if (s.tangential == 0.0) return {};  // no spring to transmit friction
     const double normal = s.tangential < 0.0 ? 1.0 : field_->stiffness_at(*mesh_, f, x).stiffness;
     const double tangential = s.tangential < 0.0 ? 1.0 : s.tangential;
     const double ratio = normal / tangential;
     FrictionCone cone{s.static_friction * ratio, s.dynamic_friction * ratio, 0.0};
-    if (normal == 0.0) cone.mu_static = cone.mu_dynamic = 0.0;  // infinite friction on a surface that does not push
+    if (normal == 0.0) cone.mu_static = cone.mu_dynamic = 0.0;  // infinite friction without normal force
     if (s.viscous > 0.0) {
       const double k = s.tangential < 0.0 ? field_->stiffness_at(*mesh_, f, x).stiffness : s.tangential;
       cone.drag = k > 0.0 ? s.viscous / (s.period * k) : 0.0;
@@ -238,7 +256,7 @@ class Proxy {
     return cone;
   }
 
-  /// The force at a proxy `at` with the tip `penetration` [m] under it along the normal.
+  /// Compute the force of a proxy at `at` [m] with the penetration vector `penetration` [m].
   void update_contact_force(const Vector3<>& tip, std::int32_t face, const Vector3<>& at, const Vector3<>& penetration,
                             bool shaded) noexcept {
     contact_.position = at;
@@ -282,7 +300,7 @@ class Proxy {
   PointProxyState point_state_{};
   SphereProxyState sphere_state_{};
   Contact contact_{};
-  double last_depth_ = 0.0;  // depth in the last tick, m
+  double last_depth_ = 0.0;  // in the last tick, m
   bool started_ = false;
   bool sliding_ = false;
   std::int64_t invalid_input_count_ = 0;

@@ -13,27 +13,32 @@
 
 namespace palpate::mesh {
 
-/// How a sphere moves that one face holds: next_face its face, round its edges and its corners, exactly.
+/// Exact motion of a sphere in contact with one face: over the face, around its edges and around
+/// its corners.
 class SingleContactMotion {
  public:
-  static constexpr double coplanar_tolerance = 1e-9;  // rad: faces that turn less lie in one plane
-  static constexpr double valley_tolerance = 1e-6;    // rad: rounding is about 1e-8 where a sphere just touches
-  static constexpr double max_rotation = 1.0;         // rad, in one move
+  static constexpr double coplanar_tolerance = 1e-9;  // rad: faces with a smaller angle are coplanar
+  static constexpr double valley_tolerance = 1e-6;    // rad: rounding is about 1e-8 where a sphere touches
+  static constexpr double max_rotation = 1.0;         // rad, per move
 
   SingleContactMotion(const TriangleMesh& mesh, double radius) noexcept : mesh_(&mesh), radius_(radius) {}
 
-  /// Where the sphere goes next.
+  /// Next move of the sphere.
   struct Move {
     enum class Kind { stop, new_contact, move } kind = Kind::stop;
-    std::int32_t face = TriangleMesh::none;  // that holds it there; or, to `new_contact`, one that touches it and is not among its supports
-    bool curved = false;                     // round an edge or a corner: along the tangent to `via`, then down to `to`
+    std::int32_t face =
+        TriangleMesh::none;  // the face in contact after the move; for `new_contact`, a touching face that is not yet a constraint
+    bool curved = false;     // around an edge or corner: tangentially to `via`, then to `to`
     Vector3<> via = Vector3<>::Zero();
     Vector3<> to = Vector3<>::Zero();
-    double slip = 0.0;  // m
+    double slip = 0.0;  // sliding distance, m
   };
 
-  /// The move next_face a face until its foot comes to the face's edge, round an edge until it comes to a face or to the edge's end, round
-  /// a corner until it comes to an edge; or less, if friction or the tip says so.
+  /// Return the next move.
+  ///
+  /// A move over a face ends at an edge of the face. A move around an edge ends at a face or at the
+  /// end of the edge. A move around a corner ends at an edge. Friction or the tip can end it
+  /// earlier.
   template <class Cone>
   [[nodiscard]] Move next(const SphereProxyState& state, const SphereProxyState::ContactConstraint& constraint, const Vector3<>& tip,
                           const Cone& cone, const SlidingState& slip, double min_step) const noexcept {
@@ -56,7 +61,7 @@ class SingleContactMotion {
   }
 
  private:
-  /// A face's feature under the sphere, the foot [m], and the unit normal from there to the center.
+  /// Feature in contact, its contact point [m], and the unit normal from there to the center.
   struct Contact {
     std::int32_t face;
     Feature feature;
@@ -64,7 +69,8 @@ class SingleContactMotion {
     Vector3<> normal;
   };
 
-  // Each of these three fills `move`, or returns true if there is no way to move on `at`, which it then sets to the neighbouring feature.
+  // Each of the next three functions fills `move`. If no motion is possible on the feature `at`, it
+  // sets `at` to the adjacent feature and returns true.
 
   template <class Cone>
   bool move_on_face(Contact& at, const Vector3<>& center, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double min_step,
@@ -98,9 +104,10 @@ class SingleContactMotion {
     const Vector3<> out = along.cross(face.normal);  // away from the face, in its plane
     const double position = std::fmin(std::fmax((at.foot - a).dot(along), 0.0), size);
     const Vector3<> to_tip = tip - a - position * along;
-    // Angles about the edge, from the face's normal towards `out`: the sphere's, the neighbor's, the tip's.
+    // Angles about the edge, from the normal of the face towards `out`: of the sphere, of the
+    // neighbor, of the tip.
     double angle = std::atan2(at.normal.dot(out), at.normal.dot(face.normal));
-    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the face's back
+    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the back of the face
     double low = 0.0, high = std::numbers::pi;
     std::int32_t at_low = at.face, at_high = at.face;
     const std::int32_t twin = face.neighbor[static_cast<std::size_t>(i)];
@@ -114,7 +121,7 @@ class SingleContactMotion {
       }
       (turn > 0.0 ? high : low) = turn > 0.0 ? turn : std::numbers::pi + turn;
       (turn > 0.0 ? at_high : at_low) = twin / 3;
-      if (angle < low - valley_tolerance || angle > high + valley_tolerance) {  // a valley: the neighbor touches too
+      if (angle < low - valley_tolerance || angle > high + valley_tolerance) {  // valley: the neighbor touches too
         move = {Move::Kind::new_contact, twin / 3};
         return false;
       }
@@ -129,7 +136,8 @@ class SingleContactMotion {
     if (!(lag - remaining > min_step)) return false;
     const double friction = depth > 0.0 ? remaining / depth : 0.0;
     const double stop = equilibrium_angle(friction * across_lag / lag, distance, way);
-    // The whole way in angle and along the edge; then the fraction of it, of both alike, up to where the edge or its turn ends.
+    // Full rotation and translation along the edge; then the common fraction of both up to the end
+    // of the edge or of its arc.
     const double turn = std::copysign(way - stop, to_go);
     const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(stop));
     const double shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
@@ -183,7 +191,8 @@ class SingleContactMotion {
     tangent /= lag;
     const double way = std::atan2(lag, up);
     double rotation = std::fmin(way - equilibrium_angle(depth > 0.0 ? remaining / depth : 0.0, distance, way), max_rotation);
-    // The corner holds the sphere as long as its normal leans along none of the edges that leave it.
+    // The corner stays in contact while the normal has no positive component along an adjacent
+    // edge.
     std::int32_t next_face = TriangleMesh::none;
     int next_edge = 0;
     const auto consider_edge = [&](std::int32_t f, int i, double sense) {
@@ -220,7 +229,8 @@ class SingleContactMotion {
     return false;
   }
 
-  /// Angle between normal and to_tip at which a sphere on a rounding comes to stop: distance sin a = friction (radius - distance cos a).
+  /// Return the angle between normal and tip direction at which a sphere on an edge or corner comes
+  /// to rest: distance sin a = friction (radius - distance cos a).
   [[nodiscard]] double equilibrium_angle(double friction, double distance, double from) const noexcept {
     if (friction <= 0.0 || distance == 0.0) return 0.0;
     const double sine = friction * radius_ / (distance * std::sqrt(1.0 + friction * friction));

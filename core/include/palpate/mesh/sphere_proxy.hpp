@@ -16,18 +16,24 @@
 
 namespace palpate::mesh {
 
-/// The sphere proxy's move. The center always stays a radius away from every face. Held by one face, the sphere rolls over it
-/// exactly; held by two, it follows the line on which it touches both; held by three, it rests. Each move is swept, and a face in its way
-/// stops it and joins those that hold it. Every move ends nearer to the tip, and none can pass through the surface.
+/// Motion of a spherical proxy. Its center keeps a distance of one radius from every face.
+///
+/// With one active face the sphere rolls over it exactly. With two it follows the curve on which it
+/// touches both. With three it rests. Every move is swept; a face in its way stops the move and
+/// becomes a constraint. Every move reduces the distance to the tip, and none can pass through the
+/// surface.
+///
+/// Keeps references to mesh and tree, which must outlive it.
 class SphereProxy {
  public:
   static constexpr int max_steps = 256;
-  static constexpr double tolerance = 1e-10;  // of radius and depth
+  static constexpr double tolerance = 1e-10;  // relative to radius and depth
 
   SphereProxy(const TriangleMesh& mesh, const AabbTree& tree, double radius) noexcept
       : mesh_(&mesh), tree_(&tree), single_contact_(mesh, radius), radius_(radius) {}
 
-  /// Where a proxy starts: at the tip, or where a sphere stops that comes to the tip from outside past the nearest face.
+  /// Return the initial state: at the tip, or at the end of a sweep from outside towards the face
+  /// nearest to the tip.
   [[nodiscard]] SphereProxyState start(const Vector3<>& tip) const noexcept {
     SphereProxyState state;
     state.center = tip;
@@ -48,7 +54,8 @@ class SphereProxy {
     return state;
   }
 
-  /// The state where the mesh has moved under it: the center put to `center` [m] and out of what is there; a free one, as at the start.
+  /// Update the state after the mesh has moved: move the center to `center` [m] and push it out of
+  /// the faces there. A free sphere starts anew.
   void reattach(SphereProxyState& state, const Vector3<>& center) const noexcept {
     if (!state.touching()) {
       state = start(state.center);
@@ -62,7 +69,7 @@ class SphereProxy {
       tree_->overlap_sphere(state.center, radius_ * (1.0 + tolerance), [&](std::int32_t f) {
         SphereProxyState::ContactConstraint s;
         s.face = f;
-        constraint(s, state.center);
+        update_constraint(s, state.center);
         if (!(s.distance <= radius_ * (1.0 + 0.5 * tolerance))) return;
         if (s.distance < radius_ * (1.0 - 0.1 * tolerance)) {
           state.center += (radius_ - s.distance) * s.normal;
@@ -74,10 +81,10 @@ class SphereProxy {
       if (out) return;
       state.count = 0;
     }
-    state = start(state.center);  // squeezed: as if it came from outside
+    state = start(state.center);  // squeezed between faces: start from outside
   }
 
-  /// Moves `state` towards `tip`; see Walk::follow.
+  /// Move `state` towards `tip` [m]; see PointProxy::follow.
   template <class Cone>
   bool follow(SphereProxyState& state, const Vector3<>& tip, const Cone& cone, SlidingState& slip) const noexcept {
     slip.threshold = min_slip_ratio * (radius_ + (tip - state.center).norm());
@@ -96,7 +103,7 @@ class SphereProxy {
         done = goal.active_count > 2 || slide_on_two(state, goal, tip, cone, slip, min_step);
       }
     }
-    if (!done) {  // what there is to say after the last move; the next tick goes on
+    if (!done) {  // publish the state after the last move; the next tick continues
       Goal goal = nearest_allowed(state, tip);
       if (goal.active_count == 0) {
         sweep_to(state, tip, TriangleMesh::none, TriangleMesh::none);
@@ -109,14 +116,15 @@ class SphereProxy {
 
  private:
   static constexpr int max_reattach_iterations = 64;
-  static constexpr double min_slip_ratio = 1e-7;   // of radius and depth: what slides less in a tick is_constrained_by
-  static constexpr double max_step_ratio = 0.3;    // of the radius, in one move round two contacts
-  static constexpr double lookahead_ratio = 1e-6;  // of the radius: looked ahead
+  static constexpr double min_slip_ratio = 1e-7;   // relative to radius and depth: minimum sliding distance
+  static constexpr double max_step_ratio = 0.3;    // of the radius, per move along a curve
+  static constexpr double lookahead_ratio = 1e-6;  // of the radius
 
-  /// The point nearest to the tip that the supports' planes allow, and the supports that penetration there.
+  /// Point nearest to the tip that the planes of the constraints admit, and the active constraints
+  /// there.
   struct Goal {
     Vector3<> point;
-    int active_count = 0;  // that penetration: 0 to 3
+    int active_count = 0;  // 0 to 3
     int first = -1, second = -1;
   };
 
@@ -126,14 +134,17 @@ class SphereProxy {
     state.face = goal.active_count == 0 ? TriangleMesh::none : state.constraint(goal.first).face;
   }
 
-  /// Held from all sides, friction or not.
+  /// Stop: constrained in all directions, independent of friction.
   static bool stay_at_center(SphereProxyState& state) noexcept {
     state.goal = state.center;
     return true;
   }
 
-  /// The supports' planes all pass through the center, so that what they allow is a cone from there: held by one plane, one slides in it;
-  /// by two, along their common line; by three or more, nowhere.
+  /// Return the nearest admissible point.
+  ///
+  /// The planes of all constraints pass through the center, so the admissible set is a cone. One
+  /// active plane leaves its plane to slide in, two leave their common line, three or more leave
+  /// nothing.
   [[nodiscard]] Goal nearest_allowed(const SphereProxyState& state, const Vector3<>& tip) const noexcept {
     const Vector3<> to_tip = tip - state.center;
     const double rounding = 1e-15 * to_tip.norm();
@@ -159,7 +170,7 @@ class SphereProxy {
       for (int j = 0; j < i; ++j) {
         const Vector3<>&m = state.constraint(i).normal, &n = state.constraint(j).normal;
         const double p = penetration[static_cast<std::size_t>(i)], q = penetration[static_cast<std::size_t>(j)], c = m.dot(n);
-        if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would to_tip
+        if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would pull
         Vector3<> line = m.cross(n);
         const double sine = line.norm();
         if (sine < TwoContactCurve::parallel_tolerance) continue;
@@ -170,17 +181,17 @@ class SphereProxy {
     return {state.center, 3, deepest, deepest};
   }
 
-  /// True if the sphere rests.
+  /// Move with one active constraint. Return true if the sphere rests.
   template <class Cone>
   bool slide_on_one(SphereProxyState& state, Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
                     double min_step) const noexcept {
     const SphereProxyState::ContactConstraint constraint = state.constraint(goal.first);
     const SingleContactMotion::Move move = single_contact_.next(state, constraint, tip, cone, slip, min_step);
     if (move.kind == SingleContactMotion::Move::Kind::stop) {
-      // On a border it may be the neighbor whose friction is_constrained_by: then that one is touched.
+      // On an edge the friction of the neighbor can be the one that sticks; make it the constraint.
       if (move.face != TriangleMesh::none && move.face != constraint.face && !is_constrained_by(state, move.face)) {
         state.constraint(goal.first).face = state.face = move.face;
-        this->constraint(state.constraint(goal.first), state.center);
+        update_constraint(state.constraint(goal.first), state.center);
       }
       return true;
     }
@@ -199,7 +210,8 @@ class SphereProxy {
       slip.distance += fraction * move.slip;
       return false;
     }
-    // The rolling would run into another constraint: straight on, as far as the planes allow.
+    // The exact motion would run into another constraint: move straight, as far as the planes
+    // admit.
     const Vector3<> lag = goal.point - state.center;
     const double length = lag.norm();
     const double remaining = cone(state.face, goal.point).remaining_lag(length, (goal.point - tip).norm(), slip.distance, slip.sliding());
@@ -209,7 +221,8 @@ class SphereProxy {
     return false;
   }
 
-  /// A face that the planes do not hold against, but for rounding, is_constrained_by too. False if it touches where the first one does.
+  /// Add a face that blocks the motion although the planes admit it to rounding. Return false if it
+  /// touches where the first one does.
   bool add_second_constraint(SphereProxyState& state, Goal& goal, std::int32_t face) const noexcept {
     add_constraint(state, face);
     for (int i = 0; i < state.count; ++i)
@@ -229,8 +242,8 @@ class SphereProxy {
     return true;
   }
 
-  /// A Newton step along the curve on which the sphere touches both, as far as both stay_at_center the features they are. True if the
-  /// sphere rests.
+  /// Move with two active constraints: a Newton step along their common curve, up to the end of
+  /// either feature. Return true if the sphere rests.
   template <class Cone>
   bool slide_on_two(SphereProxyState& state, const Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
                     double min_step) const noexcept {
@@ -246,13 +259,13 @@ class SphereProxy {
     const double depth = (to_tip - along * line).norm();
     const double remaining = cone(state.face, from).remaining_lag(along, depth, slip.distance, slip.sliding());
     if (!(along - remaining > min_step)) return true;
-    // Where a foot is on a border, it counts what it will be on: rounding has no say.
+    // On the border of a feature, use the feature ahead; rounding must not decide.
     const double ahead = std::fmin(lookahead_ratio * radius_, along - remaining);
     Vector3<> x = from + ahead * line;
     if (!project_onto_both(one, two, x)) return true;
     const TwoContactCurve curve(*mesh_, radius_, {one.face, one.at.feature}, {two.face, two.at.feature});
     const bool straight = curve.is_straight(line);
-    // How fast the lag shrinks along the curve, and the friction with it.
+    // Rate at which the lag, and the friction with it, decreases along the curve.
     double shrink = 1.0;
     if (!straight) {
       shrink -= to_tip.dot(curve.curvature(from, line));
@@ -266,10 +279,10 @@ class SphereProxy {
     };
     Vector3<> target;
     for (int halved = 0; !at(length, target) || !((target - from).dot(tip - target + to_tip) > 0.0); ++halved) {
-      if (halved == 30) return stay_at_center(state);  // as near as numbers can tell
+      if (halved == 30) return stay_at_center(state);  // at the limit of rounding
       length *= 0.5;
     }
-    // Back to where one of them becomes another feature (regula falsi, Illinois).
+    // Step back to where one of them becomes another feature (regula falsi, Illinois variant).
     double low = std::fmin(ahead, length), high = length, at_high = curve.margin(target), at_low = curve.margin(x);
     if (at_high < 0.0 && high > low) {
       if (!(at_low > 0.0)) at_low = 1e-3 * lookahead_ratio * radius_;
@@ -296,7 +309,8 @@ class SphereProxy {
         at(length, target);
       }
     }
-    // Back to where a third one comes: on the chord that is nearer by a ratio of the bulge, so again from there, and by secants.
+    // Step back to the first hit of a third face. The hit is found on the chord, which deviates
+    // from the curve, so iterate with secants.
     Hit hit = first_hit(state, target, first, second);
     double last_length = 0.0, last_excess = -1.0;
     for (int iteration = 0; iteration < 30 && hit.face != TriangleMesh::none && !straight; ++iteration) {
@@ -309,7 +323,7 @@ class SphereProxy {
       if (!at(length, target)) break;
       hit = first_hit(state, target, first, second);
     }
-    if (hit.fraction == 0.0 && is_constrained_by(state, hit.face)) return stay_at_center(state);  // a third one, but for rounding
+    if (hit.fraction == 0.0 && is_constrained_by(state, hit.face)) return stay_at_center(state);  // touches already, to rounding
     apply_move(state, hit, target);
     slip.distance += (state.center - from).norm();
     if (hit.fraction == 1.0) {
@@ -319,12 +333,12 @@ class SphereProxy {
     return false;
   }
 
-  /// Moves `x` to where the sphere touches both supports, which change to a neighbor where that one comes nearer. False if there is no
-  /// such slot close by.
+  /// Move `x` to where the sphere touches both constraints. A constraint switches to a neighbor
+  /// that is nearer. Return false if there is no such point nearby.
   bool project_onto_both(SphereProxyState::ContactConstraint& one, SphereProxyState::ContactConstraint& two, Vector3<>& x) const noexcept {
     for (int iteration = 0; iteration < 12; ++iteration) {
-      constraint(one, x);
-      constraint(two, x);
+      update_constraint(one, x);
+      update_constraint(two, x);
       const double in_one = radius_ - one.distance, in_two = radius_ - two.distance;
       if (std::fmax(std::fabs(in_one), std::fabs(in_two)) <= 1e-13 * radius_ + 1e-15 * mesh_->max_coordinate()) {
         if (!switch_to_nearer_neighbor(one, x, two.face) && !switch_to_nearer_neighbor(two, x, one.face)) return true;
@@ -336,7 +350,8 @@ class SphereProxy {
     return false;
   }
 
-  /// Takes, in the constraint's slot, the face around its edge or corner that the sphere is deepest in; false if there is none.
+  /// Replace the constraint by the nearest face around its edge or corner. Return false if none is
+  /// nearer.
   bool switch_to_nearer_neighbor(SphereProxyState::ContactConstraint& s, const Vector3<>& x, std::int32_t other) const noexcept {
     if (s.at.feature == Feature::inside) return false;
     std::int32_t nearest = TriangleMesh::none;
@@ -360,13 +375,14 @@ class SphereProxy {
     return true;
   }
 
-  /// The first face in the way of the sphere.
+  /// First face in the way of the sphere.
   struct Hit {
     std::int32_t face = TriangleMesh::none;
-    double fraction = 1.0;  // of the way
+    double fraction = 1.0;  // of the motion, 0 to 1
   };
 
-  /// The first face between the sphere and `target`, other than the two that it moves on.
+  /// Return the first face between the sphere and `target` [m], excluding the faces `one` and
+  /// `two`.
   [[nodiscard]] Hit first_hit(SphereProxyState& state, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
     Hit hit;
     const Vector3<> from = state.center, way = target - from;
@@ -375,10 +391,11 @@ class SphereProxy {
       const Face& face = mesh_->face(f);
       const SweepHit contact = sweep_sphere(face, from, way, radius_);
       if (!contact.hit || (contact.time >= end && hit.face != TriangleMesh::none)) return;
-      // A face lies behind its plane: what is remaining of the way leads no deeper into it than rounding.
+      // Ignore a face if the remaining motion penetrates its contact plane by no more than
+      // rounding.
       const bool deep = contact.time == 0.0 && (from - contact.point).squaredNorm() < (1.0 - 2e-9) * radius_ * radius_;
       if (!deep && -(1.0 - contact.time) * way.dot(contact.normal) <= tolerance * radius_) return;
-      // At a point that also shares_feature to what it moves on, and no deeper on the way: nothing new.
+      // Ignore a contact on a feature shared with the excluded faces that does not become deeper.
       if (one >= 0 && contact.feature != Feature::inside &&
           (shares_feature(face, contact.feature, mesh_->face(one)) || shares_feature(face, contact.feature, mesh_->face(two))) &&
           (nearest_point(face, target).point - target).norm() > (1.0 - tolerance) * radius_)
@@ -395,16 +412,16 @@ class SphereProxy {
     if (hit.face != TriangleMesh::none) add_constraint(state, hit.face);
   }
 
-  /// Sweeps the sphere to `target`; stops at the first face in its way, other than the two that it moves on, and adds that one. Returns
-  /// the fraction of the way done.
+  /// Sweep the sphere to `target` [m] and add the first face hit to the constraints. Return the
+  /// completed fraction of the motion.
   double sweep_to(SphereProxyState& state, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
     const Hit hit = first_hit(state, target, one, two);
     apply_move(state, hit, target);
     return hit.fraction;
   }
 
-  /// The face's point nearest to a sphere at `center`, and the normal there.
-  void constraint(SphereProxyState::ContactConstraint& s, const Vector3<>& center) const noexcept {
+  /// Compute contact point, normal and distance of a constraint for a sphere at `center` [m].
+  void update_constraint(SphereProxyState::ContactConstraint& s, const Vector3<>& center) const noexcept {
     const Face& face = mesh_->face(s.face);
     s.at = nearest_point(face, center);
     if (s.at.feature == Feature::inside) {
@@ -424,30 +441,31 @@ class SphereProxy {
     return false;
   }
 
-  /// False if the face is among the supports already.
+  /// Add a face to the constraints. Return false if it is one already.
   bool add_constraint(SphereProxyState& state, std::int32_t face) const noexcept {
     if (is_constrained_by(state, face)) return false;
     int slot = state.count;
     if (slot < SphereProxyState::max_constraints) {
       ++state.count;
-    } else {  // in the slot of the one farthest away
+    } else {  // replace the most distant one
       slot = 0;
       for (int i = 1; i < state.count; ++i)
         if (state.constraint(i).distance > state.constraint(slot).distance) slot = i;
     }
     SphereProxyState::ContactConstraint& s = state.constraint(slot);
     s.face = face;
-    constraint(s, state.center);
+    update_constraint(s, state.center);
     remove_duplicates(state);
     return true;
   }
 
-  /// The supports at the center as it is now, of the faces that contact the sphere there; what rounding has let in is put out again.
+  /// Recompute the constraints at the current center, drop faces that no longer touch, and remove
+  /// penetration due to rounding.
   void refresh_constraints(SphereProxyState& state) const noexcept {
     int count = 0;
     for (int i = 0; i < state.count; ++i) {
       SphereProxyState::ContactConstraint s = state.constraint(i);
-      constraint(s, state.center);
+      update_constraint(s, state.center);
       if (s.distance < radius_) {
         state.center += (radius_ - s.distance) * s.normal;
         s.distance = radius_;
@@ -458,8 +476,8 @@ class SphereProxy {
     remove_duplicates(state);
   }
 
-  /// Facets that contact the sphere at a point they ratio count once, or it would consider_candidate held where it can roll over their
-  /// edge: the one stays that is touched on the larger feature.
+  /// Keep one of the faces that touch the sphere at a shared point, the one touched on the larger
+  /// feature. Otherwise the sphere would seem blocked where it can roll over their edge.
   void remove_duplicates(SphereProxyState& state) const noexcept {
     for (int i = 0; i < state.count; ++i)
       for (int j = 0; j < state.count; ++j) {

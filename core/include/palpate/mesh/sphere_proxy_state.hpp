@@ -10,12 +10,12 @@
 
 namespace palpate::mesh {
 
-/// A sphere's center, free or held by faces.
+/// Spherical proxy, free or in contact.
 struct SphereProxyState {
   static constexpr int max_constraints = 12;
 
-  /// A face that touches the sphere. It is convex, so the plane through the center across `normal` separates all places where the sphere
-  /// would go deeper into it from those where it would not, to first order.
+  /// Face in contact with the sphere. The face is convex, so the plane through the center
+  /// perpendicular to `normal` bounds the admissible positions to first order.
   struct ContactConstraint {
     std::int32_t face = TriangleMesh::none;
     NearestPoint at{};                     // to the center
@@ -24,9 +24,9 @@ struct SphereProxyState {
   };
 
   Vector3<> center = Vector3<>::Zero();    ///< m
-  Vector3<> goal = Vector3<>::Zero();      ///< where it would be without friction, as far as the constraints' planes tell, m
-  std::int32_t face = TriangleMesh::none;  ///< the one that pushes hardest; none: free
-  int active_count = 0;                    ///< constraints that push, 0 to 3
+  Vector3<> goal = Vector3<>::Zero();      ///< position without friction, admitted by the planes of the constraints, m
+  std::int32_t face = TriangleMesh::none;  ///< face with the largest penetration; none: free
+  int active_count = 0;                    ///< active constraints, 0 to 3
   std::array<ContactConstraint, max_constraints> constraints{};
   int count = 0;
   BroadPhaseCache broad_phase{};

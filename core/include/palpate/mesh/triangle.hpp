@@ -9,7 +9,8 @@
 
 namespace palpate::mesh {
 
-/// Where on a face a point lies: inside it, on the edge from corner i to i + 1, or on a corner.
+/// Part of a face that contains a point: the interior, the edge from corner i to i + 1, or corner
+/// i.
 enum class Feature : std::uint8_t { edge0, edge1, edge2, corner0, corner1, corner2, inside };
 
 [[nodiscard]] constexpr bool is_edge(Feature f) noexcept {
@@ -28,7 +29,7 @@ enum class Feature : std::uint8_t { edge0, edge1, edge2, corner0, corner1, corne
   return static_cast<Feature>(3 + i);
 }
 
-/// Whether a feature of face `f` also shares_feature to face `g`.
+/// Return whether `feature` of face `f` is also part of face `g`.
 [[nodiscard]] inline bool shares_feature(const Face& f, Feature feature, const Face& g) noexcept {
   const auto has_vertex = [&g](std::int32_t v) { return g.vertex[0] == v || g.vertex[1] == v || g.vertex[2] == v; };
   if (feature == Feature::inside) return &f == &g;
@@ -41,7 +42,7 @@ struct NearestPoint {
   Feature feature = Feature::inside;
 };
 
-/// The point of a face nearest to `x` (Ericson, Real-Time Collision Detection, 5.1.5).
+/// Return the point of the face nearest to `x` [m] (Ericson, Real-Time Collision Detection, 5.1.5).
 [[nodiscard]] inline NearestPoint nearest_point(const Face& face, const Vector3<>& x) noexcept {
   const Vector3<>&a = face.corner[0], &b = face.corner[1], &c = face.corner[2];
   const Vector3<> ab = b - a, ac = c - a, ax = x - a;
@@ -62,13 +63,15 @@ struct NearestPoint {
   return {x - face.height(x) * face.normal, Feature::inside};
 }
 
-/// Where a motion over a face, in its plane, leaves it.
+/// Point at which a motion in the plane of a face leaves the face.
 struct Exit {
-  int edge = -1;          ///< -1: it stays
-  double fraction = 1.0;  ///< of the motion
+  int edge = -1;          ///< -1: the motion stays on the face
+  double fraction = 1.0;  ///< of the motion, 0 to 1
 };
 
-/// The first edge that the motion from `x` crosses outwards; `on_edge(i)` says that `x` lies on edge i, whatever rounding makes of it.
+/// Return the first edge that the motion from `x` [m] crosses outwards.
+///
+/// on_edge(i) states that `x` lies on edge i exactly, regardless of rounding.
 template <class OnEdge>
 [[nodiscard]] Exit first_exit(const Face& face, const Vector3<>& x, const Vector3<>& motion, OnEdge on_edge) noexcept {
   Exit exit;
@@ -83,7 +86,7 @@ template <class OnEdge>
   return exit;
 }
 
-/// Weights of the corners at the point `x` of a face's plane; clamped to the face.
+/// Return the barycentric coordinates of `x` [m] in the plane of the face, clamped to the face.
 [[nodiscard]] inline Vector3<> barycentric(const Face& face, const Vector3<>& x) noexcept {
   const Vector3<> e1 = face.corner[1] - face.corner[0], e2 = face.corner[2] - face.corner[0], d = x - face.corner[0];
   const double area = face.normal.dot(e1.cross(e2));
@@ -95,25 +98,29 @@ template <class OnEdge>
   return b / b.sum();
 }
 
-/// Whether the line through `from` along `motion` passes through the face or touches its border: signs of three volumes. Neighbours
-/// compute the same volume for their common edge, with opposite signs, so that no line slips through between them.
+/// Return whether the line through `from` along `direction` intersects the face or its border.
+///
+/// Compares the signs of three volumes. Neighbors compute the same volume with opposite signs for
+/// their common edge, so no line passes between them.
 [[nodiscard]] inline bool line_intersects(const Face& face, const Vector3<>& from, const Vector3<>& motion) noexcept {
   const Vector3<> a = face.corner[0] - from, b = face.corner[1] - from, c = face.corner[2] - from;
   const double u = motion.dot(a.cross(b)), v = motion.dot(b.cross(c)), w = motion.dot(c.cross(a));
   return (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
 }
 
-/// First result of a sphere with a face.
+/// First contact of a moving sphere with a face.
 struct SweepHit {
   bool hit = false;
-  double time = 1.0;                     ///< fraction of the motion
-  Vector3<> normal = Vector3<>::Zero();  ///< unit, from the face to the sphere's center
-  Vector3<> point = Vector3<>::Zero();   ///< on the face, m
-  Feature feature = Feature::inside;     ///< of the face, there
+  double time = 1.0;                     ///< of the motion, 0 to 1
+  Vector3<> normal = Vector3<>::Zero();  ///< unit, from the face to the sphere center
+  Vector3<> point = Vector3<>::Zero();   ///< contact point on the face, m
+  Feature feature = Feature::inside;     ///< part of the face at the contact point
 };
 
-/// When a sphere of `radius` that moves by `motion` from `from` meets the face, from either side. A sphere that touches already is
-/// stopped only if it moves inwards.
+/// Return the first contact of a sphere of `radius` [m] that moves by `motion` [m] from `from` [m].
+///
+/// Both sides of the face count. A sphere already in contact collides only if it moves towards the
+/// face.
 [[nodiscard]] inline SweepHit sweep_sphere(const Face& face, const Vector3<>& from, const Vector3<>& motion, double radius) noexcept {
   SweepHit result;
   const double h0 = face.height(from), rate = face.normal.dot(motion);
@@ -129,10 +136,11 @@ struct SweepHit {
     if (d2 == 0.0 || (!deep && away.dot(motion) >= -1e-10 * distance * motion.norm())) return result;
     return {true, 0.0, away / distance, nearest.point, nearest.feature};
   }
-  // The face is convex, all of it behind the plane through its nearest point: does the sphere come through that plane at all?
+  // The face is convex and lies behind the plane through its nearest point. Skip it unless the
+  // sphere crosses that plane.
   const double descent = away.dot(motion);
   if (descent >= 0.0 || (d2 + descent > 0.0 && (d2 + descent) * (d2 + descent) >= radius2 * d2)) return result;
-  // The offset face.
+  // Face, offset by the radius.
   if (side * h0 >= radius && side * rate < 0.0) {
     const double t = (side * h0 - radius) / (-side * rate);
     const Vector3<> at = from + t * motion - side * radius * face.normal;
@@ -144,13 +152,13 @@ struct SweepHit {
     }
     if (inside) return {t <= 1.0, t, side * face.normal, at, Feature::inside};
   }
-  // Rounded edges and corners.
+  // Edges and corners, rounded with the radius.
   const double motion2 = motion.squaredNorm();
   for (int i = 0; i < 3; ++i) {
     const Vector3<>& p = face.corner[static_cast<std::size_t>(i)];
     const Vector3<> e = face.corner[static_cast<std::size_t>((i + 1) % 3)] - p, m = from - p;
     const double e2 = e.squaredNorm(), me = m.dot(e), we = motion.dot(e);
-    const Vector3<> motion_perpendicular = motion - we / e2 * e, perpendicular = m - me / e2 * e;  // both motion_perpendicular the edge
+    const Vector3<> motion_perpendicular = motion - we / e2 * e, perpendicular = m - me / e2 * e;  // components perpendicular to the edge
     const double qa = motion_perpendicular.squaredNorm(), qb = perpendicular.dot(motion_perpendicular),
                  qc = perpendicular.squaredNorm() - radius2;
     double discriminant = qb * qb - qa * qc;

@@ -16,21 +16,22 @@ namespace palpate::mesh {
 
 using Triangle = std::array<std::int32_t, 3>;
 
-/// What makes a set of triangles unfit to be touched at all.
+/// Defects of a set of triangles.
 enum class MeshFault {
   none,
   empty,               ///< no triangle
-  too_large,           ///< more than 2^29 triangles
-  not_finite,          ///< a vertex has a NaN or an infinity
-  index_out_of_range,  ///< a triangle names a vertex that does not exist
-  degenerate,          ///< a triangle has no area: repeated vertices, or all three in line
+  too_large,           ///< more than 2^29 triangles or 2^30 vertices
+  not_finite,          ///< a vertex has a NaN or infinite coordinate
+  index_out_of_range,  ///< a triangle refers to a vertex that does not exist
+  degenerate,          ///< a triangle has no area: repeated or collinear vertices
   duplicate,           ///< two triangles have the same three vertices
   non_manifold,        ///< an edge has more than two triangles
-  mixed_winding,       ///< two neighbors turn opposite ways round
-  open,                ///< an edge has one triangle only (allowed if asked for)
+  mixed_winding,       ///< two neighbors have opposite orientation
+  open,                ///< an edge has only one triangle (can be allowed)
 };
 
-/// How many of each there are, and the first: the triangle, or the vertex for `not_finite`.
+/// Number of defects of each kind and the index of the first: a triangle, or a vertex for
+/// `not_finite`.
 struct MeshDiagnosis {
   struct Count {
     std::int64_t count = 0;
@@ -43,9 +44,9 @@ struct MeshDiagnosis {
   bool empty = false;
   bool too_large = false;
   std::int64_t components = 0;  ///< pieces that share no edge
-  double volume = 0.0;          ///< enclosed, m^3; negative if the triangles turn clockwise visited from outside
+  double volume = 0.0;          ///< enclosed volume, m^3; negative if the normals point inwards
 
-  /// The worst of what was found.
+  /// Return the most severe defect.
   [[nodiscard]] MeshFault fault() const noexcept {
     if (empty) return MeshFault::empty;
     if (too_large) return MeshFault::too_large;
@@ -60,27 +61,32 @@ struct MeshDiagnosis {
   }
 };
 
-/// One triangle with all that a walk over it needs: two cache lines.
+/// Triangle with the data that a proxy needs to traverse it: two cache lines.
 struct alignas(64) Face {
   std::array<Vector3<>, 3> corner;       // m
-  Vector3<> normal;                      // unit, by the right hand from corner 0 to 1 to 2
+  Vector3<> normal;                      // unit, right-hand rule from corner 0 to 1 to 2
   Triangle vertex;                       // indices of the corners
-  std::array<std::int32_t, 3> neighbor;  // half-edge across the edge from corner i to i + 1, or -1 at a border
+  std::array<std::int32_t, 3> neighbor;  // half-edge opposite to the edge from corner i to i + 1; -1 at a border
 
-  /// Height of `x` above the plane, m.
+  /// Return the signed height of `x` above the plane of the face, m.
   [[nodiscard]] double height(const Vector3<>& x) const noexcept { return normal.dot(x - corner[0]); }
 };
 static_assert(sizeof(Face) == 128);
 
-/// A triangle mesh with its adjacency. Half-edge h = 3 f + i runs from corner i of face f to corner i + 1; the half-edge
-/// across it, of the neighbor, runs the other way.
+/// Triangle mesh with adjacency.
+///
+/// Half-edge h = 3 f + i runs from corner i of face f to corner i + 1. Its twin belongs to the
+/// neighbor and runs the opposite way.
 class TriangleMesh {
  public:
   static constexpr std::int32_t none = -1;
 
   TriangleMesh() = default;
 
-  /// Takes the triangles as they are and says in diagnosis() what is wrong with them. Only a mesh that is usable() may be touched.
+  /// Store the triangles unchanged and record their defects in diagnosis().
+  ///
+  /// Trees, surface fields and proxies of a mesh that is not usable() touch nothing. `allow_open`
+  /// accepts meshes with borders.
   TriangleMesh(std::vector<Vector3<>> vertices, std::vector<Triangle> triangles, bool allow_open = false)
       : vertices_(std::move(vertices)), allow_open_(allow_open) {
     if (!check_input(triangles)) return;
@@ -98,27 +104,27 @@ class TriangleMesh {
   }
   [[nodiscard]] bool usable() const noexcept { return !faces_.empty() && fault() == MeshFault::none; }
 
-  /// No borders: there is an inside.
+  /// Return whether the mesh has no border, so that it encloses an inside.
   [[nodiscard]] bool closed() const noexcept { return diagnosis_.open.count == 0; }
 
   [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(faces_.size()); }
   [[nodiscard]] const Face& face(std::int32_t f) const noexcept { return faces_[static_cast<std::size_t>(f)]; }
   [[nodiscard]] const std::vector<Vector3<>>& vertices() const noexcept { return vertices_; }
-  [[nodiscard]] double extent() const noexcept { return extent_; }  ///< diagonal of the box around it, m
+  [[nodiscard]] double extent() const noexcept { return extent_; }  ///< diagonal of the bounding box, m
 
-  /// Largest coordinate, m: what a rounding error is relative to.
+  /// Return the largest absolute coordinate [m], the reference for rounding errors.
   [[nodiscard]] double max_coordinate() const noexcept { return max_coordinate_; }
 
-  /// Sum of the neighbors' normals weighted by their angle at the vertex, unit: tells inside from outside index the vertex is the
-  /// nearest point (Baerentzen & Aanaes 2005).
+  /// Return the angle-weighted pseudonormal at vertex `v`, unit. Its sign decides between inside
+  /// and outside where the vertex is the nearest point (Baerentzen and Aanaes 2005).
   [[nodiscard]] const Vector3<>& vertex_normal(std::int32_t v) const noexcept { return vertex_normals_[static_cast<std::size_t>(v)]; }
 
-  /// Shows `visit(face, corner)` every face around corner `k` of face `f`, that one first, and which of its corners that is.
+  /// Call visit(face, corner) for every face around corner `k` of face `f`, starting with `f`.
   template <class Visit>
   void for_each_face_around(std::int32_t f, int k, Visit visit) const noexcept {
     const std::int32_t start = 3 * f + k;
     std::int32_t h = start;
-    do {  // anticlockwise; if that ends at a border, the rest clockwise from the start
+    do {  // counterclockwise; if a border ends the loop, clockwise from the start
       visit(h / 3, static_cast<int>(h % 3));
       h = face(h / 3).neighbor[static_cast<std::size_t>((h % 3 + 2) % 3)];
     } while (h >= 0 && h != start);
@@ -131,16 +137,17 @@ class TriangleMesh {
     }
   }
 
-  /// Moves vertex `v` to `position` [m]: a Deformation does that, and all that hangs on it.
+  /// Set vertex `v` to `position` [m]. Dependent data becomes stale; use MeshUpdater to update it.
   void set_vertex(std::int32_t v, const Vector3<>& position) noexcept { vertices_[static_cast<std::size_t>(v)] = position; }
 
-  /// Whether face `f` would keep an area in the new places of its vertices.
+  /// Return whether face `f` has a nonzero area at the current vertex positions.
   [[nodiscard]] bool can_update_face(std::int32_t f) const noexcept {
     Face next = face(f);
     return compute_face(next);
   }
 
-  /// Takes over the new places of face `f`'s vertices; false, with the face as it was, if it would lose its area.
+  /// Update corners and normal of face `f` from its vertices. Return false, with the face
+  /// unchanged, if its area would vanish.
   bool update_face(std::int32_t f) noexcept {
     Face next = face(f);
     if (!compute_face(next)) return false;
@@ -148,7 +155,7 @@ class TriangleMesh {
     return true;
   }
 
-  /// Takes over the normal at vertex `v` from the faces [first, last) around it.
+  /// Update the pseudonormal at vertex `v` from its adjacent faces [first, last).
   void update_vertex_normal(std::int32_t v, const std::int32_t* first, const std::int32_t* last) noexcept {
     Vector3<> sum = Vector3<>::Zero();
     for (; first != last; ++first) {
@@ -160,7 +167,7 @@ class TriangleMesh {
     if (length > 0.0) vertex_normals_[static_cast<std::size_t>(v)] = sum / length;
   }
 
-  /// A face's normal weighted by its angle at corner `i`.
+  /// Return the normal of face `f` times its angle at corner `i` [rad].
   [[nodiscard]] static Vector3<> angle_weighted_normal(const Face& f, std::size_t i) noexcept {
     const Vector3<> a = f.corner[(i + 1) % 3] - f.corner[i], b = f.corner[(i + 2) % 3] - f.corner[i];
     return std::atan2(a.cross(b).norm(), a.dot(b)) * f.normal;
@@ -183,7 +190,7 @@ class TriangleMesh {
     return f == MeshFault::none;
   }
 
-  /// Finds each half-edge's twin: half-edges are sorted into buckets by their lower vertex, so this takes linear time.
+  /// Find the twin of each half-edge. Bucket sort by the lower vertex, linear time.
   void build_adjacency() {
     const std::size_t count = faces_.size() * 3;
     const auto ends = [this](std::int32_t h) {
@@ -229,7 +236,7 @@ class TriangleMesh {
       if (ends(one).first == ends(two).first) {
         diagnosis_.mixed_winding.add(face_of(two));
       } else if (same_corners(one / 3, two / 3)) {
-        return;  // the two sides of one triangle: no pair of neighbors (counted by find_duplicates)
+        return;  // two sides of one triangle are not neighbors; counted as a duplicate below
       }
       twin(one) = two;
       twin(two) = one;
@@ -250,22 +257,23 @@ class TriangleMesh {
     return f != g && a == b;
   }
 
-  /// The edge between a triangle's two lower vertices: so that a pair of equal triangles is counted once, not on each edge.
+  /// Return whether `h` joins the two lowest vertices of its triangle. A pair of equal triangles is
+  /// counted on this edge only.
   [[nodiscard]] bool is_lowest_edge(std::int32_t h) const {
     const Triangle& t = face(h / 3).vertex;
     return t[static_cast<std::size_t>((h + 2) % 3)] == std::max({t[0], t[1], t[2]});
   }
 
-  /// Corners and normal from the vertices; false if the triangle has no area to rounding.
+  /// Compute corners and normal from the vertices. Return false if the area vanishes to rounding.
   bool compute_face(Face& f) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) f.corner[i] = vertices_[static_cast<std::size_t>(f.vertex[i])];
     const Vector3<> e0 = f.corner[1] - f.corner[0], e1 = f.corner[2] - f.corner[1], e2 = f.corner[0] - f.corner[2];
-    // From the two shorter edges: the longest one has the largest rounding error.
+    // Cross product of the two shorter edges: the longest edge has the largest rounding error.
     const double l0 = e0.squaredNorm(), l1 = e1.squaredNorm(), l2 = e2.squaredNorm();
     Vector3<> n = l0 >= l1 && l0 >= l2 ? e1.cross(e2) : (l1 >= l2 ? e2.cross(e0) : e0.cross(e1));
     const double longest = std::sqrt(std::max({l0, l1, l2}));
     const double scale = longest > 0.0 ? 1.0 / longest : 0.0;
-    n *= scale;  // twice the area over the longest edge: the triangle's height
+    n *= scale;  // twice the area over the longest edge: the height of the triangle
     const double height = n.norm();
     if (!(height > 1e-12 * longest) || !(height > 1e-13 * max_coordinate_)) return false;
     f.normal = n / height;

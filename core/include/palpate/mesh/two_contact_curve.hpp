@@ -11,26 +11,28 @@
 
 namespace palpate::mesh {
 
-/// The vector in the plane of the unit vectors `m` and `n` that goes `component_m` and `component_n` along them; they must not be
-/// parallel_tolerance.
+/// Return the vector in the plane of the unit vectors `m` and `n` with the components `component_m`
+/// and `component_n` along them. `m` and `n` must not be parallel.
 [[nodiscard]] inline Vector3<> solve_in_plane(const Vector3<>& m, const Vector3<>& n, double component_m, double component_n) noexcept {
   const double cosine = m.dot(n), sine2 = 1.0 - cosine * cosine;
   return (component_m - cosine * component_n) / sine2 * m + (component_n - cosine * component_m) / sine2 * n;
 }
 
-/// Whether unit vectors are nearer to each other, or to each other's opposite, than `min_angle` [rad].
+/// Return whether the unit vectors are parallel or antiparallel within `min_angle` [rad].
 [[nodiscard]] inline bool nearly_parallel(const Vector3<>& m, const Vector3<>& n, double min_angle) noexcept {
   const double cosine = m.dot(n);
   return !(1.0 - cosine * cosine > min_angle * min_angle);
 }
 
-/// The curve on which a sphere's center moves that touches two features at once: planes, lines or points, each taken as endless; how far
-/// that holds, a feature's margin tells.
+/// Curve of the centers of a sphere that touches two features at once.
+///
+/// Features are extended to infinite planes, lines or points. margin() returns how far this is
+/// valid. Keeps a reference to the mesh, which must outlive it.
 class TwoContactCurve {
  public:
-  static constexpr double parallel_tolerance = 1e-7;  // rad: normals that differ less leave no line between them
+  static constexpr double parallel_tolerance = 1e-7;  // rad: smaller angles between normals leave no line
 
-  /// A face, an edge or a corner of a face.
+  /// Interior, edge or corner of a face.
   struct ContactFeature {
     std::int32_t face = TriangleMesh::none;
     Feature feature = Feature::inside;
@@ -39,7 +41,7 @@ class TwoContactCurve {
   TwoContactCurve(const TriangleMesh& mesh, double radius, const ContactFeature& one, const ContactFeature& two) noexcept
       : mesh_(&mesh), radius_(radius), one_(one), two_(two) {}
 
-  /// Moves `x` [m] onto the curve by Newton's method. False if it does not get there.
+  /// Move `x` [m] onto the curve by Newton's method. Return false if it does not converge.
   bool project(Vector3<>& x) const noexcept {
     const double tolerance = 1e-14 * radius_ + 1e-15 * mesh_->max_coordinate();
     for (int iteration = 0; iteration < 10; ++iteration) {
@@ -54,7 +56,7 @@ class TwoContactCurve {
     return false;
   }
 
-  /// Curvature [1/m] of the curve at `x`, where it runs along the unit vector `line`: a vector towards its center.
+  /// Return the curvature vector [1/m] at `x`, where the curve runs along the unit vector `line`.
   [[nodiscard]] Vector3<> curvature(const Vector3<>& x, const Vector3<>& line) const noexcept {
     const Vector3<> m = from_feature(one_, x).normalized(), n = from_feature(two_, x).normalized();
     return -solve_in_plane(m, n, distance_curvature(one_, line), distance_curvature(two_, line));
@@ -64,11 +66,12 @@ class TwoContactCurve {
     return distance_curvature(one_, line) == 0.0 && distance_curvature(two_, line) == 0.0;
   }
 
-  /// How far [m] a sphere at `x` is from where it would touch another feature of either mesh's piece first; negative beyond.
+  /// Return the distance [m] of a sphere at `x` to the position where it would touch another
+  /// feature first; negative beyond it.
   [[nodiscard]] double margin(const Vector3<>& x) const noexcept { return std::fmin(margin(one_, x), margin(two_, x)); }
 
  private:
-  /// From the endless feature to `x`.
+  /// Return the vector from the extended feature to `x` [m].
   [[nodiscard]] Vector3<> from_feature(const ContactFeature& b, const Vector3<>& x) const noexcept {
     const Face& face = mesh_->face(b.face);
     if (b.feature == Feature::inside) return face.height(x) * face.normal;
@@ -79,7 +82,7 @@ class TwoContactCurve {
     return out - out.dot(e) / e.squaredNorm() * e;
   }
 
-  /// Second derivative of the distance along `line`.
+  /// Return the second derivative of the distance along `line` [1/m].
   [[nodiscard]] double distance_curvature(const ContactFeature& b, const Vector3<>& line) const noexcept {
     if (b.feature == Feature::inside) return 0.0;
     if (is_corner(b.feature)) return 1.0 / radius_;
@@ -92,7 +95,7 @@ class TwoContactCurve {
 
   [[nodiscard]] double margin(const ContactFeature& b, const Vector3<>& x) const noexcept {
     const Face& face = mesh_->face(b.face);
-    const auto inward_distance = [&x](const Face& f, std::size_t i) {  // of x from edge i, in the face's plane
+    const auto inward_distance = [&x](const Face& f, std::size_t i) {  // distance of x from edge i in the plane of the face
       const Vector3<> e = f.corner[(i + 1) % 3] - f.corner[i];
       return f.normal.cross(e).dot(x - f.corner[i]) / e.norm();
     };

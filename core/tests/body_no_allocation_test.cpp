@@ -94,7 +94,7 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(touching, 500);
     EXPECT_LT(touching, 2800);
-    ASSERT_TRUE(pressed.fetch());
+    ASSERT_TRUE(pressed.acquire());
     EXPECT_EQ(pressed.value().tick, 2999);
     EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
   }

@@ -1,4 +1,5 @@
-// The latest value handed from thread to thread: whole, never older than one seen before, and the last one arrives.
+// Exchange of the latest value between threads: complete, never older than the previous one, and
+// the last one arrives.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -16,10 +17,10 @@ struct Numbers {
 TEST(LatestValue, IsWholeAndNeverOlder) {
   const std::int64_t count = 200'000;
   palpate::math::LatestValue<Numbers> latest;
-  EXPECT_FALSE(latest.fetch());
+  EXPECT_FALSE(latest.acquire());
   std::thread writer([&latest] {
     for (std::int64_t i = 1; i <= count; ++i) {
-      Numbers& next = latest.next();
+      Numbers& next = latest.write_slot();
       next.first = i;
       for (std::int64_t& m : next.more) m = i;
       next.last = i;
@@ -28,7 +29,7 @@ TEST(LatestValue, IsWholeAndNeverOlder) {
   });
   std::int64_t seen = 0;
   while (seen < count) {
-    if (!latest.fetch()) continue;
+    if (!latest.acquire()) continue;
     const Numbers& value = latest.value();
     ASSERT_GT(value.first, seen);
     ASSERT_EQ(value.first, value.last);
@@ -36,7 +37,7 @@ TEST(LatestValue, IsWholeAndNeverOlder) {
     seen = value.first;
   }
   writer.join();
-  EXPECT_FALSE(latest.fetch());
+  EXPECT_FALSE(latest.acquire());
   EXPECT_EQ(latest.value().first, count);
 }
 

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "allocations.hpp"
+#include "mesh_shapes.hpp"
 #include "states.hpp"
-#include "touch_shapes.hpp"
 
 namespace {
 

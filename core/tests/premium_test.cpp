@@ -98,7 +98,7 @@ TEST(Premium, HeldJointsLeaveTheOthersTheirOwnEquations) {
 // Law: a posture turned by a small or a large angle is the posture at the sum.
 TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
   States states;
-  for (const double size : {1e-9, 1e-3, palpate::math::small_turn, 1.0}) {
+  for (const double size : {1e-9, 1e-3, palpate::math::max_small_rotation, 1.0}) {
     for (int n = 0; n < 200; ++n) {
       const Joints<3> q = states.draw(4.0);
       const Joints<3> turn = states.draw(size);

@@ -29,7 +29,7 @@ TEST(SolidNoAllocation, InATickOfTwoTips) {
     for (std::size_t t = 0; t < 2; ++t)
       tips.tip[t].centre = {0.012 + 0.016 * static_cast<double>(t) + 4e-3 * std::sin(0.01 * k), 0.015, 0.019 + 3e-3 * std::cos(0.02 * k)};
     if (k % 20 == 0) {
-      slow.step(tips, box->writing());
+      slow.step(tips, box->write_slot());
       box->publish();
     }
     const long before = allocations;
@@ -71,7 +71,7 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
     placement.contact_frames = contact_frames;
     const auto deformation_frames = std::make_shared<palpate::math::LatestValue<palpate::object::DeformationFrame>>();
     auto& drawn = *deformation_frames;
-    for (palpate::object::DeformationFrame& place : drawn.places()) place.displacement.resize(3 * block.mesh.points.size());
+    for (palpate::object::DeformationFrame& place : drawn.slots()) place.displacement.resize(3 * block.mesh.points.size());
     placement.deformation_frames = deformation_frames;
     palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
@@ -85,14 +85,14 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
       counted += allocations - before;
       dragged += servo.object().body().last().friction.norm();
       servo.update();
-      if (drawn.fetch())
+      if (drawn.acquire())
         for (const double d : drawn.value().displacement) deepest = std::max(deepest, std::abs(d));
     }
     EXPECT_EQ(counted, 0);
     EXPECT_GT(dragged, 0.0);
     EXPECT_GT(touching, 200);
     EXPECT_LT(touching, 950);
-    ASSERT_TRUE(pressed.fetch());
+    ASSERT_TRUE(pressed.acquire());
     EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
     EXPECT_TRUE(servo.object().body().slow());
     EXPECT_EQ(drawn.value().step, 51);   // one from before the first tick

@@ -9,7 +9,7 @@
 class SolidFrames {
  public:
   explicit SolidFrames(std::size_t points) : points_(points) {
-    for (palpate::object::DeformationFrame& moved : box_->places()) moved.displacement.assign(3 * points, 0.0);
+    for (palpate::object::DeformationFrame& moved : box_->slots()) moved.displacement.assign(3 * points, 0.0);
   }
 
   [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::DeformationFrame>> box() const noexcept { return box_; }
@@ -17,7 +17,7 @@ class SolidFrames {
 
   /// For one thread at a time.
   const palpate::object::DeformationFrame& latest() noexcept {
-    box_->fetch();
+    box_->acquire();
     return box_->value();
   }
 

@@ -26,7 +26,7 @@ class SurfaceFrames {
       : nodes_(nodes),
         compliance_(compliance),
         every_(std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(1.0 / rate))) {
-    for (Frame& frame : frames_.places()) frame.displacement.assign(3 * nodes_, 0.0);
+    for (Frame& frame : frames_.slots()) frame.displacement.assign(3 * nodes_, 0.0);
     thread_ = std::thread([this] { draw(); });
   }
   SurfaceFrames(const SurfaceFrames&) = delete;
@@ -47,7 +47,7 @@ class SurfaceFrames {
 
   /// For one thread at a time.
   const Frame& latest() noexcept {
-    frames_.fetch();
+    frames_.acquire();
     return frames_.value();
   }
 
@@ -58,13 +58,13 @@ class SurfaceFrames {
     for (std::int64_t number = 1; !ended_; ++number) {
       next += every_;
       if (end_.wait_until(held, next, [this] { return ended_; })) return;
-      if (pressed_->fetch()) show(number);
+      if (pressed_->acquire()) show(number);
     }
   }
 
   void show(std::int64_t number) noexcept {
     const palpate::object::ContactFrame& pressed = pressed_->value();
-    Frame& frame = frames_.next();
+    Frame& frame = frames_.write_slot();
     const std::size_t row = 3 * nodes_;
     for (double& d : frame.displacement) d = 0.0;
     for (int k = 0; k < pressed.count; ++k) {

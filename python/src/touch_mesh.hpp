@@ -42,7 +42,7 @@ struct TouchedSurface {
   void refit(std::int64_t seen) noexcept {
     const palpate::mesh::MeshUpdater& d = mesh->deformation;
     if (mesh->moves == seen + 1) {
-      field->refit(mesh->mesh, d.around().begin(), d.around().end());
+      field->refit(mesh->mesh, d.affected_faces().begin(), d.affected_faces().end());
     } else {
       field->refit(mesh->mesh);
     }

@@ -30,7 +30,7 @@ struct Encoder {
     Joints<dof, Scalar> counted = q;
     for (int i = 0; i < dof; ++i) {
       const auto counts = step[i] > Scalar(0.0);
-      if (any(counts)) counted[i] = select(counts, nearest(q[i] / step[i]) * step[i], q[i]);
+      if (any(counts)) counted[i] = select(counts, round_to_even(q[i] / step[i]) * step[i], q[i]);
     }
     return counted;
   }
@@ -66,11 +66,11 @@ class Drive {
   Drive() = default;
   Drive(const DriveLimits<dof, Scalar>& limits, const Scalar& period)
       : limits_(limits),
-        heats_(finite(limits.continuous_force)),
+        heats_(is_finite(limits.continuous_force)),
         any_heats_(any(heats_)),
-        limits_force_(any_heats_ || any(finite(limits.peak_force))),
+        limits_force_(any_heats_ || any(is_finite(limits.peak_force))),
         warming_(1.0 - exponential(-period / limits.thermal_time)) {
-    for (int i = 0; i < dof; ++i) limits_torque_ = limits_torque_ || any(finite(limits.peak_torque[i]));
+    for (int i = 0; i < dof; ++i) limits_torque_ = limits_torque_ || any(is_finite(limits.peak_torque[i]));
   }
 
   /// Whether it has any.

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "palpate/math/dual.hpp"
 #include "palpate/math/pack.hpp"
@@ -122,8 +123,9 @@ class Premium {
   [[nodiscard]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& anchor, const Angles<Scalar>& q) const {
     using std::abs;
     const Angles<Scalar> turn = q - anchor.q;
-    const Scalar most = wide_turn;
-    KinematicsCache<Scalar> out{q, turned_wide(anchor.yaw, turn[0]), turned_wide(anchor.upper, turn[1]), turned_wide(anchor.fore, turn[2])};
+    const Scalar most = max_medium_rotation;
+    KinematicsCache<Scalar> out{q, rotate_medium(anchor.yaw, turn[0]), rotate_medium(anchor.upper, turn[1]),
+                                rotate_medium(anchor.fore, turn[2])};
     if (all((abs(turn[0]) <= most) & (abs(turn[1]) <= most) & (abs(turn[2]) <= most))) [[likely]]
       return out;
     renew(anchor, out, turn);
@@ -134,12 +136,13 @@ class Premium {
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] KinematicsCache<Scalar> advance_small(const KinematicsCache<Scalar>& from,
                                                                           const Angles<Scalar>& turn) const {
-    return {from.q + turn, math::turned(from.yaw, turn[0]), math::turned(from.upper, turn[1]), math::turned(from.fore, turn[2])};
+    return {from.q + turn, math::rotate_small(from.yaw, turn[0]), math::rotate_small(from.upper, turn[1]),
+            math::rotate_small(from.fore, turn[2])};
   }
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] static Condition<Scalar> is_small(const Angles<Scalar>& turn) {
     using std::abs;
-    const Scalar most = small_turn;
+    const Scalar most = max_small_rotation;
     return (abs(turn[0]) <= most) & (abs(turn[1]) <= most) & (abs(turn[2]) <= most);
   }
 
@@ -370,7 +373,7 @@ class Premium {
     const double gamma = side * clamped_acos((l1_ * l1_ + r2 - l2_ * l2_) / (2.0 * l1_ * r));
     const double alpha = side * clamped_acos((l1_ * l1_ + l2_ * l2_ - r2) / (2.0 * l1_ * l2_));
     const double theta2 = gamma + beta;
-    return {Reach::reachable, Joints<3>(yaw, theta2, theta2 + alpha - 0.5 * M_PI)};
+    return {Reach::reachable, Joints<3>(yaw, theta2, theta2 + alpha - 0.5 * std::numbers::pi)};
   }
 
  private:
@@ -378,10 +381,10 @@ class Premium {
   template <class Scalar>
   [[gnu::always_inline]] static SineCosine<Scalar> turned_joint(const SineCosine<Scalar>& from, const Scalar& turn, const Scalar& q) {
     using std::abs;
-    const auto small = abs(turn) <= Scalar(small_turn);
+    const auto small = abs(turn) <= Scalar(max_small_rotation);
     if (all(small)) [[likely]]
-      return math::turned(from, turn);
-    const SineCosine<Scalar> near = math::turned(from, turn);
+      return math::rotate_small(from, turn);
+    const SineCosine<Scalar> near = math::rotate_small(from, turn);
     const SineCosine<Scalar> far = sincos(q);
     return {select(small, near.sine, far.sine), select(small, near.cosine, far.cosine)};
   }
@@ -391,7 +394,7 @@ class Premium {
   [[gnu::noinline]] static void renew(KinematicsCache<Scalar>& anchor, KinematicsCache<Scalar>& at, const Angles<Scalar>& turn) {
     using std::abs;
     const auto joint = [&](int i, SineCosine<Scalar>& of_anchor, SineCosine<Scalar>& of_joint) {
-      const auto near = abs(turn[i]) <= Scalar(wide_turn);
+      const auto near = abs(turn[i]) <= Scalar(max_medium_rotation);
       if (all(near)) return;
       const SineCosine<Scalar> fresh = sincos(at.q[i]);
       anchor.q[i] = select(near, anchor.q[i], at.q[i]);

@@ -97,7 +97,7 @@ class BodyInstance {
   }
 
   void publish(int count) noexcept {
-    ContactFrame& next = placement_.contact_frames->next();
+    ContactFrame& next = placement_.contact_frames->write_slot();
     next.tick = tick_++;
     next.count = std::min(count, ContactFrame::capacity);
     std::copy_n(body_->pressed(), next.count, next.node.begin());

@@ -20,7 +20,7 @@ struct MeshModel {
 
   /// Build tree and surface of a mesh. An unusable mesh or a surface that does not fit gives an empty model: see operator bool.
   [[nodiscard]] static MeshModel make(mesh::TriangleMesh triangles, const mesh::Surface& surface = {}) {
-    if (!triangles.usable() || !mesh::SurfaceField::fits(surface, triangles)) return {};
+    if (!triangles.usable() || !mesh::SurfaceField::is_valid(surface, triangles)) return {};
     const auto shared = std::make_shared<const mesh::TriangleMesh>(std::move(triangles));
     return {shared, std::make_shared<const mesh::AabbTree>(*shared), std::make_shared<const mesh::SurfaceField>(surface, *shared)};
   }
@@ -64,7 +64,7 @@ class MeshObject {
     Eigen::Map<Vector3<>>{row + 3} = contact.normal;
     row[6] = contact.depth;
     row[7] = contact.stiffness;
-    row[8] = contact.triangle;
+    row[8] = contact.face;
   }
 
   /// The proxy, for sliding state and counters.

@@ -196,7 +196,7 @@ template <class Plant>
   using std::abs;
   using Scalar = std::decay_t<decltype(plant.speeds()[0])>;
   Condition<Scalar> out = true;
-  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & finite(plant.angles()[i]);
+  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & is_finite(plant.angles()[i]);
   return out;
 }
 

@@ -19,7 +19,8 @@ struct Shape {
   std::vector<Triangle> triangles;
 };
 
-/// An icosahedron with `n` pieces along each edge, on radius `r` (1 + bump sin 10x sin 10y sin 10z) in the unit direction (x, y, z).
+/// Return an icosahedron with `n` divisions per edge, projected to the radius r (1 + bump sin 10x
+/// sin 10y sin 10z) in the unit direction (x, y, z).
 inline Shape ball(int n, double r, double bump = 0.0) {
   constexpr double p = std::numbers::phi;
   const std::vector<Vector3<>> c = {{-1, p, 0},  {1, p, 0},  {-1, -p, 0}, {1, -p, 0}, {0, -1, p},  {0, 1, p},
@@ -49,7 +50,7 @@ inline Shape ball(int n, double r, double bump = 0.0) {
   return s;
 }
 
-/// An open sheet z = height(x, y) over [-a, a]^2, n x n squares.
+/// Return an open sheet z = height(x, y) over [-a, a]^2 with n x n squares.
 template <class Height>
 Shape sheet(int n, double a, Height height) {
   Shape s;
@@ -67,7 +68,7 @@ Shape sheet(int n, double a, Height height) {
   return s;
 }
 
-/// A box with half sides `half` and n x n squares on each side.
+/// Return a box with half extents `half` and n x n squares per side.
 inline Shape box(const Vector3<>& half, int n) {
   Shape s;
   std::map<std::tuple<int, int, int>, int> known;
@@ -105,7 +106,7 @@ Shape moved(Shape s, Move move) {
   return s;
 }
 
-/// What a proxy needs, together.
+/// Mesh with the tree and surface field that a proxy needs.
 struct World {
   palpate::mesh::TriangleMesh mesh;
   palpate::mesh::AabbTree tree;
@@ -116,18 +117,18 @@ struct World {
   [[nodiscard]] palpate::mesh::Proxy proxy(double radius = 0.0) const { return {mesh, tree, field, radius}; }
 };
 
-/// Nearest facet by looking at all, and whether `x` is on the inner side of it.
-struct Truth {
+/// Brute-force distance to the mesh, and whether the point is inside.
+struct ReferenceDistance {
   double distance = 1e300;
   bool inside = false;
 };
-inline Truth truth(const palpate::mesh::TriangleMesh& mesh, const Vector3<>& x) {
-  Truth t;
-  double winding = 0.0;  // solid angle, van Oosterom & Strackee 1983
+inline ReferenceDistance reference_distance(const palpate::mesh::TriangleMesh& mesh, const Vector3<>& x) {
+  ReferenceDistance t;
+  double winding = 0.0;  // solid angle (van Oosterom and Strackee 1983)
   for (std::int32_t f = 0; f < mesh.size(); ++f) {
-    const palpate::mesh::Face& facet = mesh.facet(f);
-    t.distance = std::min(t.distance, (palpate::mesh::nearest_point(facet, x).point - x).norm());
-    const Vector3<> a = facet.corner[0] - x, b = facet.corner[1] - x, c = facet.corner[2] - x;
+    const palpate::mesh::Face& face = mesh.face(f);
+    t.distance = std::min(t.distance, (palpate::mesh::nearest_point(face, x).point - x).norm());
+    const Vector3<> a = face.corner[0] - x, b = face.corner[1] - x, c = face.corner[2] - x;
     const double la = a.norm(), lb = b.norm(), lc = c.norm();
     winding += std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
   }

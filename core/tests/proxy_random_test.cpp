@@ -1,12 +1,12 @@
-// Random meshes, random paths. Three laws, each checked by looking at every facet:
+// Random meshes and random paths. Three properties, each checked against all faces by brute force:
 //   no pop-through: the proxy is never inside, and a tip inside is always in contact;
-//   no stick: without friction no facet under the proxy has a point nearer to the tip; with friction the tip is in the cone;
-//   no lost step: every tick ends before the bound on moves.
-// A thousand rounds are ten million ticks.
+//   no stick: without friction no face at the proxy has a point nearer to the tip, and with friction the tip is inside the cone;
+//   no iteration limit: every tick converges.
+// PALPATE_ROUNDS=1000 runs ten million ticks.
 #include <gtest/gtest.h>
 
+#include "mesh_shapes.hpp"
 #include "rounds.hpp"
-#include "touch_shapes.hpp"
 
 namespace {
 
@@ -45,7 +45,7 @@ std::vector<Case> cases(std::mt19937_64& random) {
   return list;
 }
 
-/// A tip that wanders through and around the mesh: a filtered random walk, with a jump now and then.
+/// Tip on a filtered random walk through and around the mesh, with rare jumps.
 struct Wanderer {
   Vector3<> x, v = Vector3<>::Zero();
   double size;
@@ -75,31 +75,31 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
   for (int k = 0; k < ticks; ++k) {
     const Vector3<> at = scale * tip.next(random) + offset;
     const palpate::mesh::Contact contact = proxy.step(at);
-    const shapes::Truth proxy_truth = shapes::truth(world.mesh, contact.position);
-    ASSERT_FALSE(!c.open && proxy_truth.inside && proxy_truth.distance > small) << "proxy inside at tick " << k;
-    ASSERT_GE(proxy_truth.distance, radius * scale * (1.0 - 1e-9) - small) << "at tick " << k;
+    const shapes::ReferenceDistance proxy_distance = shapes::reference_distance(world.mesh, contact.position);
+    ASSERT_FALSE(!c.open && proxy_distance.inside && proxy_distance.distance > small) << "proxy inside at tick " << k;
+    ASSERT_GE(proxy_distance.distance, radius * scale * (1.0 - 1e-9) - small) << "at tick " << k;
     if (!contact.touching) {
       ASSERT_EQ(contact.position, at) << "tick " << k;
-      ASSERT_FALSE(!c.open && shapes::truth(world.mesh, at).inside) << "contact lost at tick " << k;
+      ASSERT_FALSE(!c.open && shapes::reference_distance(world.mesh, at).inside) << "contact lost at tick " << k;
     } else if (radius == 0.0) {
-      ASSERT_LE(proxy_truth.distance, small) << "at tick " << k;
+      ASSERT_LE(proxy_distance.distance, small) << "at tick " << k;
     }
     const double distance = (contact.position - at).norm();
     if (contact.touching && friction == 0.0 && radius == 0.0 && shading == 0.0) {
       for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
-        const palpate::mesh::Face& facet = world.mesh.facet(f);
-        if ((palpate::mesh::nearest_point(facet, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
-        ASSERT_GE((palpate::mesh::nearest_point(facet, at).point - at).norm(), distance - small) << "stuck at tick " << k << " facet " << f;
+        const palpate::mesh::Face& face = world.mesh.face(f);
+        if ((palpate::mesh::nearest_point(face, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
+        ASSERT_GE((palpate::mesh::nearest_point(face, at).point - at).norm(), distance - small) << "stuck at tick " << k << " face " << f;
       }
     }
     if (contact.touching) {
       const double along = contact.normal.dot(contact.position - at);
       ASSERT_NEAR(along, contact.depth, 10.0 * small);
-      if (shading > 0.0) continue;  // at a crease the facets decide, and the normal is theirs
+      if (shading > 0.0) continue;  // at a crease the face normals decide
       ASSERT_LE((contact.position - at - along * contact.normal).norm(), friction * contact.depth * (1.0 + 1e-9) + small) << "tick " << k;
     }
   }
-  ASSERT_EQ(proxy.unfinished(), 0);
+  ASSERT_EQ(proxy.iteration_limit_count(), 0);
 }
 
 void wander_everywhere(double radius, double shading, std::uint64_t seed, int ticks) {

@@ -1,10 +1,10 @@
-// A proxy's step takes no memory: this program's own allocation functions count every call.
+// A proxy step does not allocate. The allocation functions of this program count every call.
 #include <gtest/gtest.h>
 
 #include <palpate/mesh/mesh_updater.hpp>
 
 #include "allocations.hpp"
-#include "touch_shapes.hpp"
+#include "mesh_shapes.hpp"
 
 namespace {
 
@@ -21,22 +21,22 @@ TEST(TouchNoAllocation, InAStepOfTheProxy) {
   for (const double shading : {0.0, 0.5}) {
     surface.shading = shading;
     shapes::World world(ball, surface);
-    palpate::mesh::MeshUpdater deformation(world.mesh);
+    palpate::mesh::MeshUpdater updater(world.mesh);
     for (const double radius : {0.0, 0.02}) {
       palpate::mesh::Proxy proxy = world.proxy(radius);
       long touching = 0;
       const long before = allocations;
       for (int k = 0; k < 5000; ++k) {
         const double a = 0.02 * k, b = 0.013 * k;
-        const palpate::math::Vector3<> way(std::cos(a), std::sin(a), 0.8 * std::sin(b));
-        touching += proxy.step((0.48 + 0.1 * std::sin(0.11 * k)) * way.normalized()).touching ? 1 : 0;
+        const palpate::math::Vector3<> motion(std::cos(a), std::sin(a), 0.8 * std::sin(b));
+        touching += proxy.step((0.48 + 0.1 * std::sin(0.11 * k)) * motion.normalized()).touching ? 1 : 0;
         if (k % 10 > 0) continue;
-        const palpate::mesh::Proxy::Grip grip = proxy.grip();
+        const palpate::mesh::SurfaceAttachment attachment = proxy.attach();
         const std::int32_t v = k % static_cast<int>(ball.vertices.size());
         const palpate::math::Vector3<> to = (1.0 + 0.01 * std::sin(a)) * ball.vertices[static_cast<std::size_t>(v)];
-        deformation.move(world.mesh, world.tree, &v, &to, 1);
-        world.field.refit(world.mesh, deformation.around().begin(), deformation.around().end());
-        proxy.carry(grip);
+        updater.move(world.mesh, world.tree, &v, &to, 1);
+        world.field.refit(world.mesh, updater.affected_faces().begin(), updater.affected_faces().end());
+        proxy.reattach(attachment);
       }
       EXPECT_EQ(allocations - before, 0);
       EXPECT_GT(touching, 1000);

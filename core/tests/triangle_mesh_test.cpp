@@ -1,10 +1,10 @@
-// What a mesh finds wrong with its triangles, its adjacency, and the tree over it.
+// Mesh defects, adjacency, repair, bounding volume hierarchy and sphere sweeps.
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <palpate/mesh/mesh_repair.hpp>
 
-#include "touch_shapes.hpp"
+#include "mesh_shapes.hpp"
 
 namespace {
 
@@ -66,14 +66,14 @@ TEST(TriangleMesh, AdjacencyIsMutualAndSharesTheEdge) {
   const TriangleMesh mesh(s.vertices, s.triangles);
   ASSERT_TRUE(mesh.usable());
   EXPECT_TRUE(mesh.closed());
-  EXPECT_EQ(mesh.diagnosis().parts, 1);
+  EXPECT_EQ(mesh.diagnosis().components, 1);
   for (std::int32_t h = 0; h < 3 * mesh.size(); ++h) {
     const auto i = static_cast<std::size_t>(h % 3);
-    const std::int32_t twin = mesh.facet(h / 3).neighbour[i];
+    const std::int32_t twin = mesh.face(h / 3).neighbor[i];
     const auto j = static_cast<std::size_t>(twin % 3);
-    EXPECT_EQ(mesh.facet(twin / 3).neighbour[j], h);
-    EXPECT_EQ(mesh.facet(twin / 3).vertex[j], mesh.facet(h / 3).vertex[(i + 1) % 3]);
-    EXPECT_EQ(mesh.facet(twin / 3).vertex[(j + 1) % 3], mesh.facet(h / 3).vertex[i]);
+    EXPECT_EQ(mesh.face(twin / 3).neighbor[j], h);
+    EXPECT_EQ(mesh.face(twin / 3).vertex[j], mesh.face(h / 3).vertex[(i + 1) % 3]);
+    EXPECT_EQ(mesh.face(twin / 3).vertex[(j + 1) % 3], mesh.face(h / 3).vertex[i]);
   }
 }
 
@@ -88,7 +88,7 @@ TEST(Mend, MakesATouchableMeshOfABrokenOne) {
   const palpate::mesh::RepairReport done = palpate::mesh::repair_mesh(s.vertices, s.triangles);
   EXPECT_EQ(done.dropped_degenerate, 1);
   EXPECT_EQ(done.dropped_duplicate, 1);
-  EXPECT_GT(done.turned, 0);
+  EXPECT_GT(done.flipped, 0);
   const TriangleMesh mesh(s.vertices, s.triangles);
   EXPECT_EQ(mesh.fault(), MeshFault::none);
   EXPECT_GT(mesh.diagnosis().volume, 0.0);
@@ -105,7 +105,7 @@ TEST(Mend, FindsPiecesThatCutEachOther) {
   s.vertices.insert(s.vertices.end(), other.vertices.begin(), other.vertices.end());
   for (const Triangle& t : other.triangles) s.triangles.push_back({t[0] + count, t[1] + count, t[2] + count});
   const shapes::World world(s);
-  EXPECT_EQ(world.mesh.diagnosis().parts, 2);
+  EXPECT_EQ(world.mesh.diagnosis().components, 2);
   EXPECT_GT(palpate::mesh::self_intersections(world.mesh, world.tree).count, 0);
 }
 
@@ -118,8 +118,8 @@ TEST(AabbTree, NearestIsTheNearestOfAll) {
     for (int k = 0; k < 200; ++k) {
       const Vector3<> x(u(random), u(random), u(random));
       const auto near = world.tree.nearest(world.mesh, x);
-      EXPECT_NEAR(std::sqrt(near.distance2), shapes::truth(world.mesh, x).distance, 1e-14);
-      EXPECT_EQ(world.tree.nearest(world.mesh, x, 0.25 * near.distance2).facet, TriangleMesh::none);
+      EXPECT_NEAR(std::sqrt(near.distance2), shapes::reference_distance(world.mesh, x).distance, 1e-14);
+      EXPECT_EQ(world.tree.nearest(world.mesh, x, 0.25 * near.distance2).face, TriangleMesh::none);
     }
   }
 }
@@ -130,12 +130,12 @@ TEST(AabbTree, AlongShowsEveryFacetThatASegmentMeets) {
   const shapes::World world(shapes::ball(8, 0.5, 0.3));
   int met = 0;
   for (int k = 0; k < 300; ++k) {
-    const Vector3<> from(u(random), u(random), u(random)), way = Vector3<>(u(random), u(random), u(random)) - from;
+    const Vector3<> from(u(random), u(random), u(random)), motion = Vector3<>(u(random), u(random), u(random)) - from;
     std::vector<bool> shown(static_cast<std::size_t>(world.mesh.size()), false);
-    world.tree.along(from, way, 0.0, [&](std::int32_t f, double&) { shown[static_cast<std::size_t>(f)] = true; });
+    world.tree.sweep_sphere(from, motion, 0.0, [&](std::int32_t f, double&) { shown[static_cast<std::size_t>(f)] = true; });
     for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
-      const palpate::mesh::Face& facet = world.mesh.facet(f);
-      if (facet.height(from) * facet.height(from + way) < 0.0 && palpate::mesh::line_meets(facet, from, way)) {
+      const palpate::mesh::Face& face = world.mesh.face(f);
+      if (face.height(from) * face.height(from + motion) < 0.0 && palpate::mesh::line_intersects(face, from, motion)) {
         ++met;
         EXPECT_TRUE(shown[static_cast<std::size_t>(f)]);
       }
@@ -150,14 +150,14 @@ TEST(AabbTree, RefitFollowsMovedVertices) {
   palpate::mesh::AabbTree tree(mesh);
   std::vector<std::int32_t> touched;
   for (std::int32_t f = 0; f < mesh.size(); ++f)
-    for (const std::int32_t v : mesh.facet(f).vertex)
+    for (const std::int32_t v : mesh.face(f).vertex)
       if (mesh.vertices()[static_cast<std::size_t>(v)][2] > 0.4) {
         touched.push_back(f);
         break;
       }
   for (std::size_t v = 0; v < s.vertices.size(); ++v)
-    if (s.vertices[v][2] > 0.4) mesh.move(static_cast<std::int32_t>(v), s.vertices[v] + Vector3<>(0.1, 0.2, 0.3));
-  for (const std::int32_t f : touched) ASSERT_TRUE(mesh.moved(f));
+    if (s.vertices[v][2] > 0.4) mesh.set_vertex(static_cast<std::int32_t>(v), s.vertices[v] + Vector3<>(0.1, 0.2, 0.3));
+  for (const std::int32_t f : touched) ASSERT_TRUE(mesh.update_face(f));
   tree.refit(mesh, touched.begin(), touched.end());
   const palpate::mesh::AabbTree fresh(mesh);
   std::mt19937_64 random(4);
@@ -172,20 +172,22 @@ TEST(Sweep, StopsWhereTheDistanceIsTheRadius) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const shapes::World world(Shape{{{0, 0, 0}, {0.5, 0.1, 0}, {0.1, 0.4, 0.2}}, {{0, 1, 2}}}, {}, true);
-  const palpate::mesh::Face& facet = world.mesh.facet(0);
+  const palpate::mesh::Face& face = world.mesh.face(0);
   int hits = 0;
   for (int k = 0; k < 5000; ++k) {
-    const Vector3<> from(u(random), u(random), u(random)), way = 1.5 * Vector3<>(u(random), u(random), u(random));
+    const Vector3<> from(u(random), u(random), u(random)), motion = 1.5 * Vector3<>(u(random), u(random), u(random));
     const double radius = 0.2;
-    const auto distance = [&](double t) { return (palpate::mesh::nearest_point(facet, from + t * way).point - (from + t * way)).norm(); };
+    const auto distance = [&](double t) {
+      return (palpate::mesh::nearest_point(face, from + t * motion).point - (from + t * motion)).norm();
+    };
     if (distance(0.0) <= radius) continue;
-    const palpate::mesh::Touch touch = palpate::mesh::sweep(facet, from, way, radius);
+    const palpate::mesh::SweepHit touch = palpate::mesh::sweep_sphere(face, from, motion, radius);
     const double end = touch.hit ? touch.time : 1.0;
     for (int i = 0; i <= 50; ++i) ASSERT_GE(distance(end * i / 50.0), radius * (1.0 - 1e-9)) << k;
     if (!touch.hit) continue;
     ++hits;
     EXPECT_NEAR(distance(end), radius, 1e-12);
-    EXPECT_LT((from + end * way - radius * touch.normal - touch.point).norm(), 1e-12);
+    EXPECT_LT((from + end * motion - radius * touch.normal - touch.point).norm(), 1e-12);
   }
   EXPECT_GT(hits, 200);
 }

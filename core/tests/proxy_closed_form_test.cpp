@@ -1,10 +1,11 @@
-// The proxy against closed forms: plane, edge, corner, friction, drag, thin walls; and what must not matter.
+// Proxy against closed-form solutions (plane, edge, corner, friction, damping, thin walls) and its
+// invariances.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "touch_shapes.hpp"
+#include "mesh_shapes.hpp"
 
 namespace {
 
@@ -22,7 +23,7 @@ Surface rough(double hold, double slide) {
   return s;
 }
 
-const Vector3<> half(1.0, 1.0, 0.5);  // a box whose top is z = 0.5
+const Vector3<> half(1.0, 1.0, 0.5);  // the top of the box is z = 0.5
 
 TEST(Proxy, OnAPlaneIsThePointAboveTheTip) {
   for (const double radius : {0.0, 0.05}) {
@@ -63,7 +64,7 @@ TEST(Proxy, LagsByFrictionAndHoldsUntilTheConeIsLeft) {
       }
     }
     EXPECT_TRUE(slid);
-    // It rests and holds again, up to the static cone the other way.
+    // It rests and sticks again, up to the static cone in the opposite direction.
     double x = 0.598;
     const double held = proxy.step({x, 0.0, top - depth}).position[0];
     for (; x > held - 0.49 * depth; x -= 0.001) EXPECT_NEAR(proxy.step({x, 0.0, top - depth}).position[0], held, 1e-12);
@@ -86,7 +87,7 @@ TEST(Proxy, LagScalesWithTheRatioOfStiffnesses) {
   Proxy free = slippery.proxy();
   free.step({0.0, 0.0, 1.0});
   free.step({0.0, 0.0, 0.48});
-  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "nothing to carry friction";
+  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "nothing to reattach friction";
 }
 
 TEST(Proxy, NeverSlipsUnderInfiniteFriction) {
@@ -103,7 +104,7 @@ TEST(Proxy, NeverSlipsUnderInfiniteFriction) {
 }
 
 TEST(Proxy, DragSlowsItAsItsLawSays) {
-  // k_t lag = b v, v = lag change: the lag decays by 1 / (1 + k_t T / b) each tick.
+  // k_t lag = b v with v the change of the lag: the lag decays by 1 / (1 + k_t T / b) per tick.
   Surface s;
   s.viscous = 2.0;
   s.period = 1e-3;
@@ -133,13 +134,14 @@ TEST(Proxy, DampsAlongTheNormalAndNeverPulls) {
 }
 
 TEST(Proxy, RestsInAConcaveEdgeAndCorner) {
-  // The inside of a box is the outside of its turned copy: three faces meet in the corner (1, 1, 0.5).
+  // Inverting the orientation makes the inside of the box free. Three faces meet in the corner (1,
+  // 1, 0.5).
   Shape s = shapes::box(half, 4);
   for (auto& t : s.triangles) std::swap(t[0], t[1]);
   for (const double radius : {0.0, 0.04}) {
     const World world(s, {}, true);
     Proxy proxy = world.proxy(radius);
-    // An inward-turned closed mesh has its free side inside; start there.
+    // The free side of the inverted box is inside.
     proxy.step({0.0, 0.0, 0.0});
     const Vector3<> room = half - Vector3<>::Constant(radius);
     Contact c = proxy.step({0.3, 0.2, 0.7});
@@ -162,7 +164,8 @@ TEST(Proxy, SphereGoesRoundAConvexEdgeOnItsRounding) {
   proxy.step({0.5, 0.0, 1.0});
   proxy.step({0.9, 0.0, 0.6});
   for (double angle = 0.1; angle < 1.5; angle += 0.1) {
-    // The tip within the rounding about the edge x = 1, z = 0.5: the centre is straight above it from the edge.
+    // The tip lies on the arc about the edge x = 1, z = 0.5, so the center lies on the same ray
+    // from the edge.
     const Vector3<> out(std::sin(angle), 0.0, std::cos(angle));
     const Contact& c = proxy.step(Vector3<>(1.0, 0.0, 0.5) + 0.05 * out);
     ASSERT_TRUE(c.touching);
@@ -220,18 +223,19 @@ TEST(Proxy, HoldsTheLastContactWhenTheTipIsNotANumber) {
       EXPECT_EQ(c.position, before.position);
       EXPECT_EQ(c.force, before.force);
     }
-    EXPECT_EQ(proxy.faults(), 2);
+    EXPECT_EQ(proxy.invalid_input_count(), 2);
     EXPECT_LT((proxy.step({0.3, 0.1, 0.4}).position - before.position - Vector3<>(0.1, 0.0, 0.0)).norm(), 1e-12) << "and goes on";
   }
 }
 
-/// A tip's path in and out of the bumpy ball.
+/// Return the tip position on a path in and out of the bumpy ball.
 Vector3<> path(int k) {
   const double a = 0.3 + 0.02 * k, b = 0.2 + 0.013 * k;
   return (0.47 + 0.05 * std::sin(0.11 * k)) * Vector3<>(std::cos(a), std::sin(a), 0.8 * std::sin(b)).normalized();
 }
 
-/// Largest distance, relative to size 1, between contacts on a mesh and on its changed copy.
+/// Return the largest deviation, relative to size 1, between contacts on a mesh and on a
+/// transformed copy.
 template <class Change>
 double difference(double radius, double scale, const Shape& other, Change change, double friction) {
   const Surface s = rough(friction, 0.6 * friction);

@@ -47,7 +47,7 @@ def palpation(
     good = sum(one.stable for one in held)
     colour = "green" if good == len(held) else "red"
     output.print(f"[bold {colour}]{good} of {len(held)}[/] loops on bodies of 2 to 100 kPa come to rest in contact")
-    told = "a hand can tell" if sweep.told else "too little for a hand to tell"
+    told = "a hand can tell" if sweep.detectable else "too little for a hand to tell"
     output.print(f"{escape(sweep.title)}: feels {100 * sweep.contrast:.3g} % stiffer, {told}", soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)

@@ -17,7 +17,7 @@ from palpate.simulation.trace import Trace
 from palpate.stability import ContactStability, contact_stability
 from palpate.units import to_si
 
-__all__ = ["LAWS", "POSE", "YOUNG", "Held", "controller_of", "press_all", "press_scenario"]
+__all__ = ["LAWS", "POSE", "YOUNG", "PressResult", "controller_of", "press_all", "press_scenario"]
 
 YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
 POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
@@ -43,7 +43,7 @@ _BLOCK_YOUNG: Final = 10e3  # Pa
 
 
 @dataclass(frozen=True)
-class Held:
+class PressResult:
     """One body under one law.
 
     Attributes:
@@ -157,7 +157,7 @@ def press_all(
     *,
     body: dict[str, Any] | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> list[Held]:
+) -> list[PressResult]:
     """Run every law on a body of every Young's modulus, Pa or text; `progress` is told what, and the share done."""
     moduli = [_positive(modulus, "Pa", "young") for modulus in young]
     tell = progress if progress is not None else (lambda _text, _share: None)
@@ -173,5 +173,5 @@ def press_all(
         found = palpation_metrics(trace)
         if found is None:
             raise RuntimeError(f"the tip never touched the body of {modulus:g} Pa")
-        runs.append(Held(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
+        runs.append(PressResult(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
     return runs

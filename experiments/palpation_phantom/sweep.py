@@ -19,7 +19,7 @@ from palpate.units import to_si, write
 
 from experiments.palpation_phantom.stiffnesses import PERIOD, POSE, controller_of
 
-__all__ = ["AWAY", "JND", "Felt", "Sweep", "felt", "sweep_phantom", "sweep_scenario"]
+__all__ = ["AWAY", "JND", "PalpationSweep", "StiffnessProfile", "stiffness_profile", "sweep_phantom", "sweep_scenario"]
 
 Array = NDArray[np.float64]
 LENGTH: Final = 64e-3  # m
@@ -29,7 +29,7 @@ AWAY: Final = (20e-3, 28e-3)  # m from the middle: where the way counts as besid
 
 
 @dataclass(frozen=True)
-class Felt:
+class StiffnessProfile:
     """The stiffness that the tip meets along a sweep, force over deflection.
 
     Attributes:
@@ -50,41 +50,41 @@ class Felt:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PalpationSweep:
     """The same sweep over a phantom with its nodule and without.
 
     Attributes:
         title: which phantom.
         trace: over the nodule.
-        lump, plain: what is felt with and without it.
+        with_nodule, without_nodule: stiffness along the path with the nodule and without.
     """
 
     title: str
     trace: Trace
-    lump: Felt
-    plain: Felt
+    with_nodule: StiffnessProfile
+    without_nodule: StiffnessProfile
 
     @property
     def contrast(self) -> float:
         """How much stiffer the middle feels for the nodule: over the phantom without it at the same place."""
-        return self.lump.over / self.plain.over - 1.0
+        return self.with_nodule.over / self.without_nodule.over - 1.0
 
     @property
-    def told(self) -> bool:
-        """Whether a hand can tell: the contrast exceeds the just-noticeable difference."""
+    def detectable(self) -> bool:
+        """Whether the contrast exceeds the just-noticeable difference."""
         return self.contrast > JND
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds."""
         return {
             "phantom": self.title,
-            "over_nodule_N_per_m": self.lump.over,
-            "beside_nodule_N_per_m": self.lump.beside,
-            "without_nodule_N_per_m": self.plain.over,
+            "over_nodule_N_per_m": self.with_nodule.over,
+            "beside_nodule_N_per_m": self.with_nodule.beside,
+            "without_nodule_N_per_m": self.without_nodule.over,
             "contrast": self.contrast,
-            "contrast_along_sweep": self.lump.contrast,
+            "contrast_along_sweep": self.with_nodule.contrast,
             "just_noticeable": JND,
-            "told": self.told,
+            "detectable": self.detectable,
         }
 
 
@@ -94,7 +94,7 @@ def sweep_phantom(
     depth: float | str = "5 mm",
     spacing: float | str = "5 mm",
     progress: Callable[[str, float], None] | None = None,
-) -> Sweep:
+) -> PalpationSweep:
     """Sweep over the phantom with a nodule `contrast` times as stiff, its top `depth` deep, and over one without.
 
     `depth` and the `spacing` of its cells in m, or text. Both are kept where scenarios keep bodies
@@ -111,8 +111,8 @@ def sweep_phantom(
         scenario = Scenario.from_dict(sweep_scenario({**body, "contrast": times}))
         scenario_body(scenario, progress)
         traces.append(simulate(scenario))
-    lump, plain = (felt(trace) for trace in traces)
-    return Sweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
+    lump, plain = (stiffness_profile(trace) for trace in traces)
+    return PalpationSweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
 
 
 def sweep_scenario(
@@ -152,7 +152,7 @@ def sweep_scenario(
     }
 
 
-def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
+def stiffness_profile(trace: Trace, nodule: float | str = "7.5 mm") -> StiffnessProfile:
     """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m or text.
 
     Raises:
@@ -169,7 +169,7 @@ def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
             f"the tip touches nothing within {1e3 * radius:g} mm of the middle of the sweep, or "
             f"{1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm beside it: this is no sweep over a phantom"
         )
-    return Felt(
+    return StiffnessProfile(
         place,
         stiffness,
         over=float(stiffness[near].max()),

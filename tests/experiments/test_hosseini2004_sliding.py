@@ -78,7 +78,7 @@ def test_friction_takes_force_times_way() -> None:
     assert found.energy_generated == pytest.approx(0.0, abs=1e-6)
 
 
-def test_buzz_is_the_power_between_20_and_500_hz() -> None:
+def test_ripple_is_the_power_between_20_and_500_hz() -> None:
     """A sine of amplitude a in the band has power a^2/2; below it, none."""
     base = dragged(Surface(stiffness=1000.0, tangential=0.0), ticks=8000)
     for frequency, share in ((100.0, 1.0), (400.0, 1.0), (5.0, 0.0), (800.0, 0.0)):

@@ -17,11 +17,11 @@ from palpate.metrics import summarize
 from palpate.stability import certify, contact_stability
 
 from experiments.palpation_phantom import (
-    Sweep,
-    felt,
+    PalpationSweep,
     palpation_page,
     press_all,
     press_scenario,
+    stiffness_profile,
     sweep_phantom,
     sweep_scenario,
 )
@@ -108,7 +108,7 @@ def test_a_contact_that_is_not_there_is_not_judged(block: dict[str, Any]) -> Non
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> PalpationSweep:
     """Over slabs of 100 x 40 x 20 mm, one with a hard inclusion in its middle."""
     found = []
     for name, regions in (("lump", ["sphere 50 20 12 radius 7.5 mm = 400 kPa"]), ("plain", [])):
@@ -119,24 +119,24 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
         )
         body = {"file": str(path), "origin": ["50 mm", "20 mm", "20 mm"], "radius": "8 mm", "tip": "flat"}
         found.append(simulate(sweep_scenario(body)))
-    return Sweep("A slab", found[0], felt(found[0]), felt(found[1]))
+    return PalpationSweep("A slab", found[0], stiffness_profile(found[0]), stiffness_profile(found[1]))
 
 
-def test_a_sweep_finds_the_nodule_where_it_is(sweep: Sweep) -> None:
+def test_a_sweep_finds_the_nodule_where_it_is(sweep: PalpationSweep) -> None:
     """Stiffest over the middle, alike on both sides, told by a hand; without it there is nothing to tell."""
-    assert sweep.told
-    assert abs(sweep.lump.place[np.argmax(sweep.lump.stiffness)]) < 7.5e-3
-    assert sweep.plain.contrast < 0.1
-    left, right = (np.interp(side * 15e-3, sweep.lump.place, sweep.lump.stiffness) for side in (-1, 1))
+    assert sweep.detectable
+    assert abs(sweep.with_nodule.place[np.argmax(sweep.with_nodule.stiffness)]) < 7.5e-3
+    assert sweep.without_nodule.contrast < 0.1
+    left, right = (np.interp(side * 15e-3, sweep.with_nodule.place, sweep.with_nodule.stiffness) for side in (-1, 1))
     assert left == pytest.approx(right, rel=0.1)  # the mesh's diagonals all lean the same way
     run = summarize(sweep.trace)
     assert run["stable"]
     felt_along = run["palpation"]
-    assert felt_along["path_stiffness_max_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
+    assert felt_along["path_stiffness_max_N_per_m"] == pytest.approx(sweep.with_nodule.over, rel=0.02)
     assert felt_along["path_stiffness_max_N_per_m"] > 1.23 * felt_along["path_stiffness_median_N_per_m"]
 
 
-def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
+def test_a_depth_is_told_with_the_force_of_its_moment(sweep: PalpationSweep) -> None:
     """Over a nodule a steady press is hardest where it is least deep: the verdict's two numbers are one moment's.
 
     Their ratio is the stiffness told beside them; the largest force stands apart.
@@ -154,7 +154,7 @@ def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
     assert most == pytest.approx(force.max(), rel=0.01)
 
 
-def test_the_page_says_what_was_found(block: dict[str, Any], sweep: Sweep, tmp_path: Path) -> None:
+def test_the_page_says_what_was_found(block: dict[str, Any], sweep: PalpationSweep, tmp_path: Path) -> None:
     held = press_all((10e3,), ("LQG",), body=block)
     html = palpation_page(held, sweep).save(tmp_path / "page.html").read_text("utf-8")
     assert "1 of 1 loops, on bodies of 10 to 10 kPa, stay bounded" in html
@@ -185,4 +185,4 @@ def test_what_is_no_sweep_is_told(block: dict[str, Any]) -> None:
     """A press that slides 10 mm never is 20 mm beside its middle."""
     trace = simulate(press_scenario(YOUNG, "LQG", 400.0, block))
     with pytest.raises(ScenarioError, match="no sweep over a phantom"):
-        felt(trace)
+        stiffness_profile(trace)

@@ -151,7 +151,7 @@ def test_threshold_of_touch() -> None:
     assert um == pytest.approx([0.1, 0.4, 0.4, 3.90625, 3.90625])
 
 
-def test_buzz_finds_the_line_that_is_felt() -> None:
+def test_ripple_finds_the_most_perceptible_line() -> None:
     """Half a micrometre at 250 Hz is five times the threshold; twenty at 25 Hz would be felt, three are not."""
     t = np.arange(2000) * T
     drift = 1e-3 * t
@@ -159,7 +159,7 @@ def test_buzz_finds_the_line_that_is_felt() -> None:
     assert found.worst == pytest.approx(250, abs=0.6)
     assert found.ratio == pytest.approx(5.0, rel=0.01)
     assert found.perceptible
-    assert "buzzes" in str(found)
+    assert "is perceptible" in str(found)
     between = ripple(0.5e-6 * np.sin(2 * np.pi * 250.23 * t), T)  # a sine between two lines keeps its height
     assert between.ratio == pytest.approx(5.0, rel=0.02)
     for size, there in ((20e-6, True), (3e-6, False)):
@@ -168,7 +168,7 @@ def test_buzz_finds_the_line_that_is_felt() -> None:
         ripple(t[:100], T)
 
 
-def test_encoder_counts_make_the_arm_buzz() -> None:
+def test_encoder_counts_cause_ripple_of_the_arm() -> None:
     """The same wall with counts and without: a stiff, damped wall rattles between counts."""
     tables = Scenario.from_file(SCENARIOS / "arm-through-tissue-on-a-wall.toml").to_dict()
     ratios = []

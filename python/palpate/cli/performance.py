@@ -21,7 +21,7 @@ def performance(
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
 ) -> None:
-    """Tell what a hand feels of a loop: impedance, stiffness, rate-hardness, force bandwidth, and whether it buzzes.
+    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth, and ripple.
 
     Writes performance.html and performance.json.
 

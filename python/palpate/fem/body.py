@@ -549,20 +549,20 @@ class Body:
         self.core.reset()
         radii = deep / size
         if isinstance(self.core, _core.NonlinearBody):
-            felt = self._rest(self.core, centre, normal, deep, size, tip)
-            return self._felt(felt, deep)
+            history = self._rest(self.core, centre, normal, deep, size, tip)
+            return self._end_of_press(history, deep)
         if self.settling_period is None:  # a deep press goes in by less than the radius at a time
             steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
         else:  # from one place of rest to the next
             steps = int(np.ceil(max(radii, 1.0) * self.ramp_time / self.settling_period))
         way = centre + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
-        felt = self.simulate_path(way, size, outward=normal, tip=tip)
+        history = self.simulate_path(way, size, outward=normal, tip=tip)
         if self.settling_period is not None:
-            held = 1e3 * deep * (np.flatnonzero(felt.nodes) + 1) / steps
-            felt = self._settle(centre, size, normal, tip, self.settling_period)
-            if len(held) > 0 and felt.nodes[-1] == 0:
+            held = 1e3 * deep * (np.flatnonzero(history.nodes) + 1) / steps
+            history = self._settle(centre, size, normal, tip, self.settling_period)
+            if len(held) > 0 and history.nodes[-1] == 0:
                 raise BodyError(lost(1e3 * deep, held[-1]))
-        return self._felt(felt, deep)
+        return self._end_of_press(history, deep)
 
     def _rest(
         self, core: _core.NonlinearBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
@@ -577,35 +577,35 @@ class Body:
 
         return _presses(press_to_rest(depths, settle)[None])
 
-    def _felt(self, felt: ContactHistory, deep: float) -> Indentation:
+    def _end_of_press(self, history: ContactHistory, deep: float) -> Indentation:
         """Return the end of a press; warn if too few nodes carried it."""
-        if deep > 0 and felt.nodes[-1] == 0:
+        if deep > 0 and history.nodes[-1] == 0:
             warnings.warn(
                 "the tip presses no node: the surface is fixed or not touchable there, the mesh is too coarse, or the "
                 "contact was lost",
                 BodyWarning,
                 stacklevel=3,
             )
-        elif deep > 0 and felt.nodes[-1] < 4:
+        elif deep > 0 and history.nodes[-1] < 4:
             warnings.warn(
-                f"the tip presses {felt.nodes[-1]} of the body's nodes, too few for a force to believe: take a finer "
-                "mesh, a larger tip or a deeper press",
+                f"the tip presses {history.nodes[-1]} of the body's nodes, too few for a force to believe: take a "
+                "finer mesh, a larger tip or a deeper press",
                 BodyWarning,
                 stacklevel=3,
             )
-        return Indentation(felt.force[-1], self.displacement())
+        return Indentation(history.force[-1], self.displacement())
 
     def _settle(self, centre: Array, size: float, normal: Array, tip: Shape, period: float) -> ContactHistory:
         """Hold the tip until the force stays within a thousandth for 50 ms; warn if it does not in 5 s."""
         hold = np.tile(centre, (int(np.ceil(0.05 / period)), 1))
         for _ in range(100):
-            felt = self.simulate_path(hold, size, outward=normal, tip=tip)
-            if np.abs(np.ptp(felt.force, axis=0)).max() <= 1e-3 * np.linalg.norm(felt.force[-1]):
+            history = self.simulate_path(hold, size, outward=normal, tip=tip)
+            if np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1]):
                 break
         else:
             warnings.warn("the body did not come to rest in 5 s: give it damping", BodyWarning, stacklevel=3)
         return ContactHistory(
-            felt.force[-1:], felt.deflection[-1:], felt.energy[-1:], felt.nodes[-1:], felt.friction[-1:]
+            history.force[-1:], history.deflection[-1:], history.energy[-1:], history.nodes[-1:], history.friction[-1:]
         )
 
     def simulate_path(

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 NOTICED = 0.23  # of stiffness, the least difference that a person notices (Jones & Hunter 1990)
 BAND = (0.5, 8.0)  # Hz, what a hand does on purpose
-STRETCH = 0.5  # s, over which a buzz is told
+STRETCH = 0.5  # s, over which ripple is measured
 HAND = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # where the scenario has none
 
 
@@ -191,9 +191,7 @@ def _ripple(s: Scenario) -> tuple[Ripple | None, str]:
         if touching[part].all() and (best is None or moved < best[0]):
             best = moved, tip[part]
     if best is None:
-        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to tell a buzz."
+        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to measure the ripple."
     found = ripple(best[1], period)
-    counts = (
-        "" if s.device.encoder else " Encoder counts, which make most of a buzz, are switched off (device.encoder)."
-    )
+    counts = "" if s.device.encoder else " Encoder counts, the main cause of ripple, are switched off (device.encoder)."
     return found, f"{found}{counts}"

@@ -27,7 +27,7 @@ class Ripple:
         frequency: (k,), Hz; amplitude: (k,), m, of a sine at each, all axes together.
         threshold: (k,), m.
         worst: frequency at which amplitude over threshold is largest, Hz.
-        ratio: amplitude over threshold there; above 1 it can be felt.
+        ratio: amplitude over threshold there; above 1 it is perceptible.
     """
 
     frequency: Array
@@ -45,8 +45,8 @@ class Ripple:
         at = int(np.argmax(self.amplitude / self.threshold))
         said = f"{1e6 * self.amplitude[at]:.3g} um at {self.worst:.4g} Hz"
         if self.perceptible:
-            return f"It buzzes: {said}, {self.ratio:.3g} times what a fingertip can feel."
-        return f"No buzz: the strongest ripple is {said}, {self.ratio:.2g} of what a fingertip can feel."
+            return f"The ripple is perceptible: {said}, {self.ratio:.3g} times the threshold of a fingertip."
+        return f"The ripple is not perceptible: {said}, {self.ratio:.2g} of the threshold of a fingertip."
 
 
 def vibration_threshold(frequency: ArrayLike) -> Array:
@@ -67,7 +67,7 @@ def ripple(tip: ArrayLike, period: float, lowest: float = 20.0) -> Ripple:
     Args:
         tip: (n,) or (n, axes), m, one sample a period, of a stretch without deliberate motion; a slope is taken out.
         period: between samples, s.
-        lowest: Hz, below which motion is not called buzz.
+        lowest: Hz, below which motion is not counted as ripple.
 
     Raises:
         StabilityError: too short for ``lowest``, or not finite.

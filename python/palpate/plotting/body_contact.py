@@ -17,7 +17,7 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["body_energy", "deformed", "felt", "force_and_deflection"]
+__all__ = ["body_energy", "deformed", "force_and_deflection", "stiffness_along_path_figure"]
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def force_and_deflection(trace: Trace) -> Figure:
     return figure
 
 
-def felt(trace: Trace) -> Figure:
+def stiffness_along_path_figure(trace: Trace) -> Figure:
     """Return force over deflection along the tip's way, and what a hand just notices above its median."""
     way, stiffness = stiffness_along_path(trace)
     figure, rows = new_figure(1, 1, height=2.6)

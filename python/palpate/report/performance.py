@@ -25,7 +25,7 @@ def performance_page(p: Performance) -> Page:
     first = p.along[0]
     page.facts(
         [
-            ("stiffness felt at rest", _stiffness(first.static_stiffness)),
+            ("stiffness at rest", _stiffness(first.static_stiffness)),
             ("as wished to within 23 % up to", _hertz(first.transparency_bandwidth)),
             ("force bandwidth", _hertz(first.bandwidth)),
         ]
@@ -68,7 +68,7 @@ def stiffness_figure(p: Performance) -> Figure:
     """Return |jwZ| over frequency, a panel for each direction."""
     figure, rows = new_figure(1, len(p.along), width=9.0 if len(p.along) > 1 else 7.0, height=3.4, sharey=True)
     for panel, a in zip(rows[0], p.along, strict=True):
-        panel.loglog(a.frequency, np.abs(a.rendered) / 1e3, color=COLOURS[0], label="felt")
+        panel.loglog(a.frequency, np.abs(a.rendered) / 1e3, color=COLOURS[0], label="rendered")
         panel.loglog(
             a.frequency, np.abs(a.desired) / 1e3, color=INK, linestyle=(0, (4, 3)), linewidth=1.1, label="wished"
         )
@@ -89,7 +89,7 @@ def ripple_figure(p: Performance) -> Figure:
     floor = 1e-5 * float(b.threshold.min())
     panel.loglog(b.frequency, 1e6 * np.maximum(b.amplitude, floor), color=COLOURS[0], label="ripple of the tip")
     panel.loglog(b.frequency, 1e6 * b.threshold, color=INK, linestyle=(0, (4, 3)), label="least that is felt")
-    panel.axvline(b.worst, color=FAINT, linewidth=0.8, label="felt most")
+    panel.axvline(b.worst, color=FAINT, linewidth=0.8, label="most perceptible")
     ticks = [f for f in (20, 50, 100, 200, 500, 1000, 2000, 5000) if f <= b.frequency[-1] * 1.01]
     panel.set_xticks(ticks, labels=[str(f) for f in ticks])
     panel.minorticks_off()

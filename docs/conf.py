@@ -1,0 +1,41 @@
+"""Sphinx configuration of the documentation. Build: `sphinx-build -W docs docs/_build`."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Without an installed package, read the docstrings from the source tree and replace the compiled module by a mock.
+if importlib.util.find_spec("palpate") is None:
+    sys.path.insert(0, str(ROOT / "python"))
+    autodoc_mock_imports = ["palpate._core"]
+
+project = "palpate"
+author = "The palpate developers"
+copyright = "the palpate developers"  # noqa: A001 (the name is Sphinx's)
+release = version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+root_doc = "index"
+exclude_patterns = ["_build"]
+
+myst_enable_extensions = ["deflist"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True, "show-inheritance": False}
+napoleon_use_ivar = True
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 88
+
+html_theme = "furo"
+html_title = "palpate"
+html_static_path: list[str] = []

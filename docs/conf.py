@@ -1,18 +1,11 @@
-"""Sphinx configuration of the documentation. Build: `sphinx-build -W docs docs/_build`."""
+"""Sphinx configuration of the documentation. Needs the installed package. Build: `sphinx-build -W docs docs/_build`."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-
-# Without an installed package, read the docstrings from the source tree and replace the compiled module by a mock.
-if importlib.util.find_spec("palpate") is None:
-    sys.path.insert(0, str(ROOT / "python"))
-    autodoc_mock_imports = ["palpate._core"]
 
 project = "palpate"
 author = "The palpate developers"
@@ -22,6 +15,7 @@ release = version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))[
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
+default_role = "literal"
 exclude_patterns = ["_build"]
 
 myst_enable_extensions = ["deflist"]
@@ -39,3 +33,13 @@ python_maximum_signature_line_length = 88
 html_theme = "furo"
 html_title = "palpate"
 html_static_path: list[str] = []
+
+
+def escape_bars(_app, _what, _name, _object, _options, lines):
+    """Escape the bars of magnitudes such as |B|, which reStructuredText reads as substitutions."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
+def setup(app):
+    """Connect the hook above."""
+    app.connect("autodoc-process-docstring", escape_bars)

@@ -17,6 +17,7 @@ source_suffix = {".md": "markdown"}
 root_doc = "index"
 default_role = "literal"
 exclude_patterns = ["_build"]
+suppress_warnings = ["ref.python"]  # exceptions that two packages export
 
 myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 3

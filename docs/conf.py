@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 project = "palpate"
 author = "The palpate developers"
-copyright = "the palpate developers"  # noqa: A001 (the name is Sphinx's)
+copyright = "the palpate developers"
 release = version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "palpate/math/check_compiler.hpp"
+
 namespace palpate::math {
 
 // Branch-free decisions, with one spelling for a single loop (double, bool) and a batch (Pack,

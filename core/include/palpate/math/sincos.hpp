@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "palpate/math/check_compiler.hpp"
+
 namespace palpate::math {
 
 /// Sine and cosine of one angle.

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include "palpate/math/check_compiler.hpp"
+
 namespace palpate::math {
 
 /// Point [m], displacement [m] or force [N] in the base frame of the device: x right, y up, z

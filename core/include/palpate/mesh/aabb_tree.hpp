@@ -40,11 +40,11 @@ class AabbTree {
   AabbTree() = default;
 
   explicit AabbTree(const TriangleMesh& mesh) {
+    if (!mesh.usable()) return;
     const auto count = static_cast<std::size_t>(mesh.size());
     order_ = morton_order(mesh);
     nodes_.reserve(count / 2 + 2);
     leaf_of_.resize(count);
-    if (count == 0) return;
     nodes_.emplace_back();
     parents_.assign(1, -1);
     split(mesh, 0, 0, count, 62);
@@ -52,6 +52,12 @@ class AabbTree {
     nodes_.shrink_to_fit();
     refit(mesh);
   }
+
+  /// Deleted: a query needs the mesh that the tree was built from.
+  explicit AabbTree(const TriangleMesh&& mesh) = delete;
+
+  /// Return whether the tree has no faces, so that every query finds nothing.
+  [[nodiscard]] bool empty() const noexcept { return nodes_.empty(); }
 
   /// Refit all boxes to moved vertices. The topology of the tree is unchanged.
   void refit(const TriangleMesh& mesh) noexcept {
@@ -61,6 +67,7 @@ class AabbTree {
   /// Refit the boxes above the faces [first, last) only.
   template <class Iterator>
   void refit(const TriangleMesh& mesh, Iterator first, Iterator last) noexcept {
+    if (nodes_.empty()) return;
     for (; first != last; ++first) {
       for (std::int32_t n = leaf_of_[static_cast<std::size_t>(*first)]; n >= 0; n = parents_[static_cast<std::size_t>(n)])
         if (!fit_boxes(mesh, nodes_[static_cast<std::size_t>(n)])) break;
@@ -70,7 +77,9 @@ class AabbTree {
   struct Nearest {
     std::int32_t face = TriangleMesh::none;  ///< none: no face within the bound
     NearestPoint at{};
-    double distance2 = 0.0;  ///< squared distance, m^2; the bound if no face was found
+    double distance2 = std::numeric_limits<double>::infinity();  ///< squared distance, m^2; the bound if no face was found
+
+    [[nodiscard]] bool found() const noexcept { return face != TriangleMesh::none; }
   };
 
   /// Return the face nearest to `x` [m] among those closer than sqrt(bound2) [m].
@@ -81,7 +90,7 @@ class AabbTree {
                                 double bound2 = std::numeric_limits<double>::infinity()) const noexcept {
     Nearest best;
     best.distance2 = bound2;
-    if (nodes_.empty()) return best;
+    if (nodes_.empty() || !x.allFinite()) return best;
     Stack stack;
     stack.push(0, 0.0);
     while (!stack.empty()) {
@@ -107,10 +116,11 @@ class AabbTree {
 
   /// Call visit(face) for every face whose box is within `distance` [m] of `x` [m].
   ///
-  /// Return false if there is no such face, if the tree is empty or if an argument is NaN.
+  /// Return false if there is no such face, if the tree is empty or if `x` is not finite.
   template <class Visit>
-  void overlap_sphere(const Vector3<>& x, double distance, Visit visit) const noexcept {
-    if (nodes_.empty()) return;
+  bool overlap_sphere(const Vector3<>& x, double distance, Visit visit) const noexcept {
+    if (nodes_.empty() || !x.allFinite()) return false;
+    bool found = false;
     const double bound2 = distance * distance * (1.0 + 1e-14);
     std::array<std::int32_t, 100> stack;
     std::size_t size = 0;
@@ -122,20 +132,24 @@ class AabbTree {
         if (node.count[k] == 0) {
           stack[size++] = node.child[k];
         } else {
+          found = true;
           for (std::int32_t i = 0; i < node.count[k]; ++i) visit(order_[static_cast<std::size_t>(node.child[k] + i)]);
         }
       }
     }
+    return found;
   }
 
   /// Call visit(face, end) for every face whose box is within `radius` [m] of the segment from + t
   /// motion [m], 0 <= t <= end.
   ///
   /// Nearer boxes come first. `end` starts at 1, and `visit` may lower it to the first hit. Return
-  /// false if no face was visited, if the tree is empty or if an argument is NaN.
+  /// false if no face was visited, if the tree is empty or if `from` or `motion` is not
+  /// finite.
   template <class Visit>
-  void sweep_sphere(const Vector3<>& from, const Vector3<>& motion, double radius, Visit visit) const noexcept {
-    if (nodes_.empty()) return;
+  bool sweep_sphere(const Vector3<>& from, const Vector3<>& motion, double radius, Visit visit) const noexcept {
+    if (nodes_.empty() || !from.allFinite() || !motion.allFinite()) return false;
+    bool found = false;
     double end = 1.0;
     Vector3<> inverse;
     for (int i = 0; i < 3; ++i) inverse[i] = motion[i] != 0.0 ? 1.0 / motion[i] : 1e300;
@@ -160,8 +174,12 @@ class AabbTree {
         if (node.count[k] == 0 && t[k] <= end) stack.push(node.child[k], t[k]);
       for (const int k : {near, 1 - near})
         if (t[k] <= end)
-          for (std::int32_t i = 0; i < node.count[k]; ++i) visit(order_[static_cast<std::size_t>(node.child[k] + i)], end);
+          for (std::int32_t i = 0; i < node.count[k]; ++i) {
+            found = true;
+            visit(order_[static_cast<std::size_t>(node.child[k] + i)], end);
+          }
     }
+    return found;
   }
 
  private:

@@ -29,8 +29,9 @@ class BroadPhaseCache {
                     Visit visit) noexcept {
     const Vector3<> to = from + motion;
     const auto covered = [&] { return (from - center_).norm() <= clearance_ && (to - center_).norm() <= clearance_; };
-    if (!covered()) {
-      if (!gather(mesh, tree, from, motion, radius) || !covered()) return tree.sweep_sphere(from, motion, radius, visit);
+    if (!covered() && (!gather(mesh, tree, from, motion, radius) || !covered())) {
+      tree.sweep_sphere(from, motion, radius, visit);
+      return;
     }
     double end = 1.0;
     const double max_distance = radius * (1.0 + rounding);

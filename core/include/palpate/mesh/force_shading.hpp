@@ -27,6 +27,7 @@ class ForceShading {
       : crease_cosine_(std::cos(crease)), normals_(static_cast<std::size_t>(mesh.size())) {
     refit(mesh);
   }
+  ForceShading(const TriangleMesh&& mesh, double crease) = delete;
 
   [[nodiscard]] bool enabled() const noexcept { return !normals_.empty(); }
 

@@ -36,6 +36,9 @@ class MeshUpdater {
     affected_vertices_.reserve(vertex_mark_.size());
   }
 
+  /// Deleted: the updater is used with the mesh that it was built for.
+  explicit MeshUpdater(const TriangleMesh&& mesh) = delete;
+
   /// Move vertex vertices[i] to positions[i] [m] for i < count.
   ///
   /// Return TriangleMesh::none. If a face would lose its area, return the first such face and leave
@@ -74,10 +77,11 @@ class MeshUpdater {
     return TriangleMesh::none;
   }
 
-  [[nodiscard]] const std::vector<std::int32_t>& moved_faces() const noexcept { return moved_faces_; }  ///< faces changed by the last move
-  [[nodiscard]] const std::vector<std::int32_t>& affected_faces() const noexcept {
-    return affected_faces_;
-  }  ///< faces with a vertex on a moved face
+  /// Return the faces that the last move changed.
+  [[nodiscard]] const std::vector<std::int32_t>& moved_faces() const noexcept { return moved_faces_; }
+
+  /// Return the faces with a vertex on a moved face. Their shading depends on the last move.
+  [[nodiscard]] const std::vector<std::int32_t>& affected_faces() const noexcept { return affected_faces_; }
 
  private:
   void collect_faces(std::int32_t v, std::vector<std::int32_t>& list) noexcept {

@@ -39,16 +39,21 @@ class PointProxy {
  public:
   static constexpr int max_steps = 512;
 
+  /// A mesh that is not usable() needs the empty tree that AabbTree builds for it.
   PointProxy(const TriangleMesh& mesh, const AabbTree& tree) noexcept
       : mesh_(&mesh), tree_(&tree), one_sided_(mesh.closed()), rounding_(1e-14 * mesh.max_coordinate()) {}
+  PointProxy(const TriangleMesh&& mesh, const AabbTree& tree) = delete;
+  PointProxy(const TriangleMesh& mesh, const AabbTree&& tree) = delete;
+  PointProxy(const TriangleMesh&& mesh, const AabbTree&& tree) = delete;
 
   /// Return the initial state: at the tip, or on the nearest surface point if the tip is inside a
-  /// closed mesh.
+  /// closed mesh. Without a nearest face (empty tree, invalid tip) the proxy is free.
   [[nodiscard]] PointProxyState start(const Vector3<>& tip) const noexcept {
     PointProxyState state;
     state.point = tip;
     if (!one_sided_) return state;
     const AabbTree::Nearest near = tree_->nearest(*mesh_, tip);
+    if (!near.found()) return state;
     const Face& face = mesh_->face(near.face);
     if (pseudonormal(face, near.at.feature).dot(tip - near.at.point) >= 0.0) return state;
     state.face = near.face;
@@ -112,7 +117,7 @@ class PointProxy {
   /// Move straight to the tip, ignoring the faces around the origin; stop at the first face hit.
   /// Return true if the tip was reached.
   bool move_free(PointProxyState& state, const Vector3<>& tip, std::int32_t origin_face, Feature origin_feature) const noexcept {
-    const Vector3<> from = state.point, way = tip - from;
+    const Vector3<> from = state.point, motion = tip - from;
     std::int32_t neighbor_face = TriangleMesh::none, origin_vertex = TriangleMesh::none;
     if (origin_face != TriangleMesh::none) {
       const Face& face = mesh_->face(origin_face);
@@ -126,7 +131,7 @@ class PointProxy {
     const double previous_side = state.side;
     std::int32_t hit = TriangleMesh::none;
     double hit_side = 1.0;
-    tree_->sweep_sphere(from, way, rounding_, [&](std::int32_t f, double& end) {
+    tree_->sweep_sphere(from, motion, rounding_, [&](std::int32_t f, double& end) {
       if (f == origin_face || f == neighbor_face) return;
       const Face& face = mesh_->face(f);
       if (origin_vertex != TriangleMesh::none &&
@@ -141,7 +146,7 @@ class PointProxy {
       }
       if (!(after < 0.0) || before < -rounding_ || before <= after) return;
       const double t = before > 0.0 ? before / (before - after) : 0.0;
-      if (t > end || (t == end && hit != TriangleMesh::none) || !line_intersects(face, from, way)) return;
+      if (t > end || (t == end && hit != TriangleMesh::none) || !line_intersects(face, from, motion)) return;
       end = t;
       hit = f;
       hit_side = side;
@@ -155,7 +160,7 @@ class PointProxy {
     const Face& face = mesh_->face(hit);
     const double before = face.height(from), after = face.height(tip);
     const double t = std::fmin(std::fmax(before / (before - after), 0.0), 1.0);
-    state.point = from + t * way;
+    state.point = from + t * motion;
     state.point -= face.height(state.point) * face.normal;
     state.face = hit;
     state.feature = Feature::inside;
@@ -173,32 +178,32 @@ class PointProxy {
     const Face& face = mesh_->face(state.face);
     const double height = face.height(tip);
     if (state.side * height >= 0.0) return leave_surface(state, tip);
-    return slide_on_facet(state, face, tip, height, cone, slip);
+    return slide_on_face(state, face, tip, height, cone, slip);
   }
 
   /// Slide over one face. Return true if the proxy comes to rest on it.
   template <class Cone>
-  bool slide_on_facet(PointProxyState& state, const Face& face, const Vector3<>& tip, double height, const Cone& cone,
-                      SlidingState& slip) const noexcept {
+  bool slide_on_face(PointProxyState& state, const Face& face, const Vector3<>& tip, double height, const Cone& cone,
+                     SlidingState& slip) const noexcept {
     state.normal = state.side * face.normal;
     const Vector3<> lag_vector = tip - height * face.normal - state.point;
     const double lag = lag_vector.norm();
     const FrictionCone friction = cone(state.face, state.point);
     const double remaining = friction.remaining_lag(lag, std::fabs(height), slip.distance, slip.sliding());
     if (!(lag - remaining > 1e-15 * (lag + std::fabs(height)))) return true;
-    const Vector3<> way = (1.0 - remaining / lag) * lag_vector;
-    const auto [exit_edge, fraction] = first_exit(face, state.point, way, [&state](int i) {
+    const Vector3<> motion = (1.0 - remaining / lag) * lag_vector;
+    const auto [exit_edge, fraction] = first_exit(face, state.point, motion, [&state](int i) {
       return state.feature == edge(i) || state.feature == corner(i) || state.feature == corner((i + 1) % 3);
     });
     if (exit_edge < 0) {
-      state.point += way;
+      state.point += motion;
       state.point -= face.height(state.point) * face.normal;
       state.feature = Feature::inside;
       slip.distance += lag - remaining;
       return true;
     }
     slip.distance += fraction * (lag - remaining);
-    snap_to_edge(state, face, exit_edge, state.point + fraction * way);
+    snap_to_edge(state, face, exit_edge, state.point + fraction * motion);
     return false;
   }
 
@@ -231,20 +236,20 @@ class PointProxy {
     const std::int32_t twin = one.neighbor[static_cast<std::size_t>(i)];
     if (twin < 0) {  // border: free beyond it
       if (!into_one || state.side * height >= 0.0) return leave_surface(state, tip);
-      return slide_on_facet(state, one, tip, height, cone, slip);
+      return slide_on_face(state, one, tip, height, cone, slip);
     }
     const Face& two = mesh_->face(twin / 3);
     const double other = two.height(tip);
     const bool into_two = two.normal.cross(along).dot(d) < 0.0;
     if (into_one && !(into_two && std::fabs(other) < std::fabs(height))) {
       if (state.side * height >= 0.0) return leave_surface(state, tip);
-      return slide_on_facet(state, one, tip, height, cone, slip);
+      return slide_on_face(state, one, tip, height, cone, slip);
     }
     if (into_two) {
       if (state.side * other >= 0.0) return leave_surface(state, tip);
       state.face = twin / 3;
       state.feature = edge(twin % 3);
-      return slide_on_facet(state, two, tip, other, cone, slip);
+      return slide_on_face(state, two, tip, other, cone, slip);
     }
     // Both faces push towards the edge: a valley, or the tip is beyond a ridge.
     const double length2 = along.squaredNorm();
@@ -261,20 +266,20 @@ class PointProxy {
     const Vector3<>& a = face.corner[static_cast<std::size_t>(i)];
     const Vector3<> e = face.corner[static_cast<std::size_t>(j)] - a;
     const double length = e.norm(), depth = down.norm();
-    const double lag_vector = d.dot(e) / length, lag = std::fabs(lag_vector);
+    const double signed_lag = d.dot(e) / length, lag = std::fabs(signed_lag);
     if (depth > 0.0) state.normal = down / -depth;
     const double remaining = cone(state.face, state.point).remaining_lag(lag, depth, slip.distance, slip.sliding());
     if (!(lag - remaining > 1e-15 * (lag + depth))) return true;
-    const double way = std::copysign(lag - remaining, lag_vector);
-    const double from = (state.point - a).dot(e) / length, to = from + way;
+    const double motion = std::copysign(lag - remaining, signed_lag);
+    const double from = (state.point - a).dot(e) / length, to = from + motion;
     if (to > corner_tolerance * length && to < (1.0 - corner_tolerance) * length) {
       state.point = a + to / length * e;
       state.feature = edge(i);
       slip.distance += lag - remaining;
       return true;
     }
-    const int end = way > 0.0 ? j : i;
-    slip.distance += std::fabs(way > 0.0 ? length - from : from);
+    const int end = motion > 0.0 ? j : i;
+    slip.distance += std::fabs(motion > 0.0 ? length - from : from);
     state.point = face.corner[static_cast<std::size_t>(end)];
     state.feature = corner(end);
     return to >= 0.0 && to <= length;
@@ -328,20 +333,20 @@ class PointProxy {
     const double lag = lag_vector.norm();
     const double remaining = cone(state.face, state.point).remaining_lag(lag, std::fabs(height), slip.distance, slip.sliding());
     if (!(lag - remaining > 1e-15 * (lag + std::fabs(height)))) return true;
-    const Vector3<> way = (1.0 - remaining / lag) * lag_vector;
+    const Vector3<> motion = (1.0 - remaining / lag) * lag_vector;
     const int i = (c + 1) % 3;
     const Vector3<>& a = face.corner[static_cast<std::size_t>(i)];
     const Vector3<> inward = face.normal.cross(face.corner[static_cast<std::size_t>((i + 1) % 3)] - a);
-    const double distance = inward.dot(state.point - a), rate = inward.dot(way);
+    const double distance = inward.dot(state.point - a), rate = inward.dot(motion);
     if (distance + rate >= 0.0) {
-      state.point += way;
+      state.point += motion;
       state.feature = Feature::inside;
       slip.distance += lag - remaining;
       return true;
     }
     const double fraction = distance / -rate;
     slip.distance += fraction * (lag - remaining);
-    snap_to_edge(state, face, i, state.point + fraction * way);
+    snap_to_edge(state, face, i, state.point + fraction * motion);
     return false;
   }
 

@@ -44,16 +44,33 @@ struct SurfaceAttachment {
 /// negative or not finite counts as zero.
 class Proxy {
  public:
+  /// Largest accepted coordinate of the tip, m. Squared distances beyond it overflow.
+  static constexpr double max_tip_coordinate = 1e150;
+
   Proxy(const TriangleMesh& mesh, const AabbTree& tree, const SurfaceField& field, double radius = 0.0) noexcept
-      : mesh_(&mesh), field_(&field), point_(mesh, tree), sphere_(mesh, tree, radius), radius_(radius) {}
+      : mesh_(&mesh), field_(&field), point_(mesh, tree), sphere_(mesh, tree, valid_radius(radius)), radius_(valid_radius(radius)) {}
+
+  // Deleted: temporaries would leave dangling references.
+  Proxy(const TriangleMesh&& mesh, const AabbTree& tree, const SurfaceField& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh& mesh, const AabbTree&& tree, const SurfaceField& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh& mesh, const AabbTree& tree, const SurfaceField&& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh&& mesh, const AabbTree&& tree, const SurfaceField& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh&& mesh, const AabbTree& tree, const SurfaceField&& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh& mesh, const AabbTree&& tree, const SurfaceField&& field, double radius = 0.0) = delete;
+  Proxy(const TriangleMesh&& mesh, const AabbTree&& tree, const SurfaceField&& field, double radius = 0.0) = delete;
 
   /// Advance by one servo tick with the tip at `tip` [m].
   ///
   /// A tip that is not finite, or has a coordinate beyond max_tip_coordinate, counts as invalid
   /// input. The last contact is then returned unchanged.
   const Contact& step(const Vector3<>& tip) noexcept {
-    if (!tip.allFinite()) {
+    if (!tip.allFinite() || !(tip.cwiseAbs().maxCoeff() <= max_tip_coordinate)) {
       ++invalid_input_count_;
+      return contact_;
+    }
+    if (!mesh_->usable() || !field_->usable()) {
+      contact_ = Contact{};
+      contact_.position = tip;
       return contact_;
     }
     if (!started_) {
@@ -118,17 +135,20 @@ class Proxy {
   }
 
   [[nodiscard]] const Contact& contact() const noexcept { return contact_; }
-  [[nodiscard]] std::int64_t invalid_input_count() const noexcept {
-    return invalid_input_count_;
-  }  ///< tips that were not finite or too large
-  [[nodiscard]] std::int64_t iteration_limit_count() const noexcept {
-    return iteration_limit_count_;
-  }  ///< ticks that reached the iteration limit
+
+  /// Return the number of tips that were not finite or too large.
+  [[nodiscard]] std::int64_t invalid_input_count() const noexcept { return invalid_input_count_; }
+
+  /// Return the number of ticks that reached the iteration limit.
+  [[nodiscard]] std::int64_t iteration_limit_count() const noexcept { return iteration_limit_count_; }
+
   [[nodiscard]] bool sliding() const noexcept { return sliding_; }
   [[nodiscard]] double radius() const noexcept { return radius_; }
 
  private:
   static constexpr int max_shading_iterations = 8;
+
+  [[nodiscard]] static double valid_radius(double radius) noexcept { return radius > 0.0 && std::isfinite(radius) ? radius : 0.0; }
 
   /// Return the axes of a face in columns: first edge, perpendicular in the plane, normal.
   [[nodiscard]] static Eigen::Matrix3d frame(const Face& f) noexcept {

@@ -22,6 +22,7 @@ class SingleContactMotion {
   static constexpr double max_rotation = 1.0;         // rad, per move
 
   SingleContactMotion(const TriangleMesh& mesh, double radius) noexcept : mesh_(&mesh), radius_(radius) {}
+  SingleContactMotion(const TriangleMesh&& mesh, double radius) = delete;
 
   /// Next move of the sphere.
   struct Move {
@@ -82,13 +83,13 @@ class SingleContactMotion {
     const double length = lag.norm(),
                  remaining = cone(at.face, at.foot).remaining_lag(length, std::fabs(depth), slip.distance, slip.sliding());
     if (!(length - remaining > min_step)) return false;
-    const Vector3<> way = (1.0 - remaining / length) * lag;
-    const auto [out, fraction] = first_exit(face, at.foot, way, [](int) { return false; });
+    const Vector3<> motion = (1.0 - remaining / length) * lag;
+    const auto [out, fraction] = first_exit(face, at.foot, motion, [](int) { return false; });
     if (out >= 0 && !(fraction * (length - remaining) > min_step)) {
       at.feature = edge(out);
       return true;
     }
-    move = {Move::Kind::move, at.face, false, center + fraction * way, center + fraction * way, fraction * (length - remaining)};
+    move = {Move::Kind::move, at.face, false, center + fraction * motion, center + fraction * motion, fraction * (length - remaining)};
     return false;
   }
 
@@ -129,16 +130,16 @@ class SingleContactMotion {
     angle = std::fmin(std::fmax(angle, low), high);
     const double in_x = to_tip.dot(face.normal), in_y = to_tip.dot(out), lengthwise = to_tip.dot(along);
     const double distance = std::hypot(in_x, in_y);
-    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), way = std::fabs(to_go);
-    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(way);
+    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), angle_to_tip = std::fabs(to_go);
+    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(angle_to_tip);
     const double lag = std::hypot(across_lag, lengthwise);
     const double remaining = cone(at.face, at.foot).remaining_lag(lag, std::fabs(depth), slip.distance, slip.sliding());
     if (!(lag - remaining > min_step)) return false;
     const double friction = depth > 0.0 ? remaining / depth : 0.0;
-    const double stop = equilibrium_angle(friction * across_lag / lag, distance, way);
+    const double stop = equilibrium_angle(friction * across_lag / lag, distance, angle_to_tip);
     // Full rotation and translation along the edge; then the common fraction of both up to the end
     // of the edge or of its arc.
-    const double turn = std::copysign(way - stop, to_go);
+    const double turn = std::copysign(angle_to_tip - stop, to_go);
     const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(stop));
     const double shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
     double fraction = std::fabs(turn) > max_rotation ? max_rotation / std::fabs(turn) : 1.0;
@@ -189,8 +190,9 @@ class SingleContactMotion {
     const double remaining = cone(at.face, foot).remaining_lag(lag, std::fabs(depth), slip.distance, slip.sliding());
     if (!(lag - remaining > min_step)) return false;
     tangent /= lag;
-    const double way = std::atan2(lag, up);
-    double rotation = std::fmin(way - equilibrium_angle(depth > 0.0 ? remaining / depth : 0.0, distance, way), max_rotation);
+    const double angle_to_tip = std::atan2(lag, up);
+    double rotation =
+        std::fmin(angle_to_tip - equilibrium_angle(depth > 0.0 ? remaining / depth : 0.0, distance, angle_to_tip), max_rotation);
     // The corner stays in contact while the normal has no positive component along an adjacent
     // edge.
     std::int32_t next_face = TriangleMesh::none;

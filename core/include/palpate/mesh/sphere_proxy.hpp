@@ -19,7 +19,7 @@ namespace palpate::mesh {
 /// Motion of a spherical proxy. Its center keeps a distance of one radius from every face.
 ///
 /// With one active face the sphere rolls over it exactly. With two it follows the curve on which it
-/// touches both. With three it rests. Every move is swept; a face in its way stops the move and
+/// touches both. With three it rests. Every move is swept; a face in its motion stops the move and
 /// becomes a constraint. Every move reduces the distance to the tip, and none can pass through the
 /// surface.
 ///
@@ -31,13 +31,17 @@ class SphereProxy {
 
   SphereProxy(const TriangleMesh& mesh, const AabbTree& tree, double radius) noexcept
       : mesh_(&mesh), tree_(&tree), single_contact_(mesh, radius), radius_(radius) {}
+  SphereProxy(const TriangleMesh&& mesh, const AabbTree& tree, double radius) = delete;
+  SphereProxy(const TriangleMesh& mesh, const AabbTree&& tree, double radius) = delete;
+  SphereProxy(const TriangleMesh&& mesh, const AabbTree&& tree, double radius) = delete;
 
   /// Return the initial state: at the tip, or at the end of a sweep from outside towards the face
-  /// nearest to the tip.
+  /// nearest to the tip. Without a nearest face (empty tree, invalid tip) the sphere is free.
   [[nodiscard]] SphereProxyState start(const Vector3<>& tip) const noexcept {
     SphereProxyState state;
     state.center = tip;
     const AabbTree::Nearest near = tree_->nearest(*mesh_, tip);
+    if (!near.found()) return state;
     const Face& face = mesh_->face(near.face);
     Vector3<> out = tip - near.at.point;
     bool inside = false;
@@ -90,7 +94,7 @@ class SphereProxy {
     slip.threshold = min_slip_ratio * (radius_ + (tip - state.center).norm());
     bool done = false;
     for (int step = 0; step < max_steps && !done; ++step) {
-      Goal goal = nearest_allowed(state, tip);
+      Goal goal = nearest_admissible(state, tip);
       store_goal(state, goal);
       const double min_step = tolerance * (radius_ + (goal.point - tip).norm());
       if (goal.active_count == 0) {
@@ -104,10 +108,10 @@ class SphereProxy {
       }
     }
     if (!done) {  // publish the state after the last move; the next tick continues
-      Goal goal = nearest_allowed(state, tip);
+      Goal goal = nearest_admissible(state, tip);
       if (goal.active_count == 0) {
         sweep_to(state, tip, TriangleMesh::none, TriangleMesh::none);
-        goal = nearest_allowed(state, tip);
+        goal = nearest_admissible(state, tip);
       }
       store_goal(state, goal);
     }
@@ -145,7 +149,7 @@ class SphereProxy {
   /// The planes of all constraints pass through the center, so the admissible set is a cone. One
   /// active plane leaves its plane to slide in, two leave their common line, three or more leave
   /// nothing.
-  [[nodiscard]] Goal nearest_allowed(const SphereProxyState& state, const Vector3<>& tip) const noexcept {
+  [[nodiscard]] Goal nearest_admissible(const SphereProxyState& state, const Vector3<>& tip) const noexcept {
     const Vector3<> to_tip = tip - state.center;
     const double rounding = 1e-15 * to_tip.norm();
     std::array<double, SphereProxyState::max_constraints> penetration{};
@@ -155,16 +159,16 @@ class SphereProxy {
       if (p > 0.0 && (deepest < 0 || p > penetration[static_cast<std::size_t>(deepest)])) deepest = i;
     }
     if (deepest < 0) return {tip};
-    const auto allowed = [&](const Vector3<>& way, int skip_first, int skip_second) {
-      const double tolerated = rounding + tolerance * way.norm();
+    const auto admissible = [&](const Vector3<>& motion, int skip_first, int skip_second) {
+      const double tolerated = rounding + tolerance * motion.norm();
       for (int i = 0; i < state.count; ++i)
-        if (i != skip_first && i != skip_second && state.constraint(i).normal.dot(way) < -tolerated) return false;
+        if (i != skip_first && i != skip_second && state.constraint(i).normal.dot(motion) < -tolerated) return false;
       return true;
     };
     for (int i = 0; i < state.count; ++i) {
       const double p = penetration[static_cast<std::size_t>(i)];
-      const Vector3<> way = to_tip + p * state.constraint(i).normal;
-      if (p > 0.0 && allowed(way, i, i)) return {state.center + way, 1, i, i};
+      const Vector3<> motion = to_tip + p * state.constraint(i).normal;
+      if (p > 0.0 && admissible(motion, i, i)) return {state.center + motion, 1, i, i};
     }
     for (int i = 0; i < state.count; ++i)
       for (int j = 0; j < i; ++j) {
@@ -175,8 +179,8 @@ class SphereProxy {
         const double sine = line.norm();
         if (sine < TwoContactCurve::parallel_tolerance) continue;
         line /= sine;
-        const Vector3<> way = to_tip.dot(line) * line;
-        if (allowed(way, i, j)) return {state.center + way, 2, p > q ? i : j, p > q ? j : i};
+        const Vector3<> motion = to_tip.dot(line) * line;
+        if (admissible(motion, i, j)) return {state.center + motion, 2, p > q ? i : j, p > q ? j : i};
       }
     return {state.center, 3, deepest, deepest};
   }
@@ -196,7 +200,7 @@ class SphereProxy {
       return true;
     }
     if (move.kind == SingleContactMotion::Move::Kind::new_contact && add_constraint(state, move.face)) return false;
-    if (move.kind == SingleContactMotion::Move::Kind::move && is_allowed(state, move.via)) {
+    if (move.kind == SingleContactMotion::Move::Kind::move && is_admissible(state, move.via)) {
       const Hit hit = first_hit(state, move.via, constraint.face, constraint.face);
       if (hit.fraction == 0.0) {
         if (!add_second_constraint(state, goal, hit.face)) return stay_at_center(state);
@@ -234,11 +238,11 @@ class SphereProxy {
     return true;
   }
 
-  [[nodiscard]] bool is_allowed(const SphereProxyState& state, const Vector3<>& x) const noexcept {
-    const Vector3<> way = x - state.center;
-    const double tolerated = SingleContactMotion::valley_tolerance * way.norm() + tolerance * radius_;
+  [[nodiscard]] bool is_admissible(const SphereProxyState& state, const Vector3<>& x) const noexcept {
+    const Vector3<> motion = x - state.center;
+    const double tolerated = SingleContactMotion::valley_tolerance * motion.norm() + tolerance * radius_;
     for (int i = 0; i < state.count; ++i)
-      if (state.constraint(i).normal.dot(way) < -tolerated) return false;
+      if (state.constraint(i).normal.dot(motion) < -tolerated) return false;
     return true;
   }
 
@@ -273,8 +277,8 @@ class SphereProxy {
     }
     double length = (along - remaining) / std::fmax(shrink, 0.2);
     if (!straight) length = std::fmin(length, max_step_ratio * radius_);
-    const auto at = [&](double way, Vector3<>& target) {
-      target = from + way * line;
+    const auto at = [&](double motion, Vector3<>& target) {
+      target = from + motion * line;
       return straight || curve.project(target);
     };
     Vector3<> target;
@@ -375,7 +379,7 @@ class SphereProxy {
     return true;
   }
 
-  /// First face in the way of the sphere.
+  /// First face in the motion of the sphere.
   struct Hit {
     std::int32_t face = TriangleMesh::none;
     double fraction = 1.0;  // of the motion, 0 to 1
@@ -385,16 +389,16 @@ class SphereProxy {
   /// `two`.
   [[nodiscard]] Hit first_hit(SphereProxyState& state, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
     Hit hit;
-    const Vector3<> from = state.center, way = target - from;
-    state.broad_phase.sweep_sphere(*mesh_, *tree_, from, way, radius_, [&](std::int32_t f, double& end) {
+    const Vector3<> from = state.center, motion = target - from;
+    state.broad_phase.sweep_sphere(*mesh_, *tree_, from, motion, radius_, [&](std::int32_t f, double& end) {
       if (f == one || f == two) return;
       const Face& face = mesh_->face(f);
-      const SweepHit contact = sweep_sphere(face, from, way, radius_);
+      const SweepHit contact = sweep_sphere(face, from, motion, radius_);
       if (!contact.hit || (contact.time >= end && hit.face != TriangleMesh::none)) return;
       // Ignore a face if the remaining motion penetrates its contact plane by no more than
       // rounding.
       const bool deep = contact.time == 0.0 && (from - contact.point).squaredNorm() < (1.0 - 2e-9) * radius_ * radius_;
-      if (!deep && -(1.0 - contact.time) * way.dot(contact.normal) <= tolerance * radius_) return;
+      if (!deep && -(1.0 - contact.time) * motion.dot(contact.normal) <= tolerance * radius_) return;
       // Ignore a contact on a feature shared with the excluded faces that does not become deeper.
       if (one >= 0 && contact.feature != Feature::inside &&
           (shares_feature(face, contact.feature, mesh_->face(one)) || shares_feature(face, contact.feature, mesh_->face(two))) &&

@@ -46,7 +46,8 @@ class SurfaceField {
     Vector3<> slope = Vector3<>::Zero();  ///< gradient, N/m per m
   };
 
-  SurfaceField() = default;
+  /// Construct the field of the default Surface, which has one stiffness and fits every mesh.
+  SurfaceField() { surface_.damping = {0.0}; }
 
   /// Return whether `s` can be used on `mesh`.
   ///
@@ -63,6 +64,12 @@ class SurfaceField {
   }
 
   SurfaceField(Surface s, const TriangleMesh& mesh) : surface_(std::move(s)) {
+    usable_ = mesh.usable() && is_valid(surface_, mesh);
+    if (!usable_) {
+      surface_ = Surface{};
+      surface_.stiffness = surface_.damping = {0.0};
+      return;
+    }
     if (surface_.damping.empty()) surface_.damping = {0.0};
     const auto faces = static_cast<std::size_t>(mesh.size());
     per_face_ = surface_.stiffness.size() == faces;
@@ -72,6 +79,10 @@ class SurfaceField {
     if (surface_.shading > 0.0) shading_ = ForceShading(mesh, surface_.shading);
   }
 
+  SurfaceField(Surface s, const TriangleMesh&& mesh) = delete;
+
+  /// Return whether proxies can touch this surface.
+  [[nodiscard]] bool usable() const noexcept { return usable_; }
   [[nodiscard]] const Surface& surface() const noexcept { return surface_; }
   [[nodiscard]] const ForceShading& shading() const noexcept { return shading_; }
 
@@ -176,6 +187,7 @@ class SurfaceField {
 
   Surface surface_;
   ForceShading shading_;
+  bool usable_ = true;
   bool uniform_ = true;
   bool per_face_ = false;
   bool damping_per_face_ = false;

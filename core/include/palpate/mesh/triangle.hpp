@@ -102,9 +102,9 @@ template <class OnEdge>
 ///
 /// Compares the signs of three volumes. Neighbors compute the same volume with opposite signs for
 /// their common edge, so no line passes between them.
-[[nodiscard]] inline bool line_intersects(const Face& face, const Vector3<>& from, const Vector3<>& motion) noexcept {
+[[nodiscard]] inline bool line_intersects(const Face& face, const Vector3<>& from, const Vector3<>& direction) noexcept {
   const Vector3<> a = face.corner[0] - from, b = face.corner[1] - from, c = face.corner[2] - from;
-  const double u = motion.dot(a.cross(b)), v = motion.dot(b.cross(c)), w = motion.dot(c.cross(a));
+  const double u = direction.dot(a.cross(b)), v = direction.dot(b.cross(c)), w = direction.dot(c.cross(a));
   return (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
 }
 
@@ -158,9 +158,8 @@ struct SweepHit {
     const Vector3<>& p = face.corner[static_cast<std::size_t>(i)];
     const Vector3<> e = face.corner[static_cast<std::size_t>((i + 1) % 3)] - p, m = from - p;
     const double e2 = e.squaredNorm(), me = m.dot(e), we = motion.dot(e);
-    const Vector3<> motion_perpendicular = motion - we / e2 * e, perpendicular = m - me / e2 * e;  // components perpendicular to the edge
-    const double qa = motion_perpendicular.squaredNorm(), qb = perpendicular.dot(motion_perpendicular),
-                 qc = perpendicular.squaredNorm() - radius2;
+    const Vector3<> across = motion - we / e2 * e, offset = m - me / e2 * e;  // components perpendicular to the edge
+    const double qa = across.squaredNorm(), qb = offset.dot(across), qc = offset.squaredNorm() - radius2;
     double discriminant = qb * qb - qa * qc;
     if (qb < 0.0 && qc >= 0.0 && discriminant >= 0.0 && qa > 0.0) {
       const double t = qc / (-qb + std::sqrt(discriminant));

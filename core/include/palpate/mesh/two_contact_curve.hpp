@@ -40,6 +40,7 @@ class TwoContactCurve {
 
   TwoContactCurve(const TriangleMesh& mesh, double radius, const ContactFeature& one, const ContactFeature& two) noexcept
       : mesh_(&mesh), radius_(radius), one_(one), two_(two) {}
+  TwoContactCurve(const TriangleMesh&& mesh, double radius, const ContactFeature& one, const ContactFeature& two) = delete;
 
   /// Move `x` [m] onto the curve by Newton's method. Return false if it does not converge.
   bool project(Vector3<>& x) const noexcept {

@@ -1,7 +1,9 @@
 #pragma once
 
 /// Everything of palpate's core: device, touch, body, control, loop.
-#include "palpate/actuation/drive.hpp"
+#include "palpate/actuation/delay.hpp"
+#include "palpate/actuation/drive_limits.hpp"
+#include "palpate/actuation/encoder.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
@@ -21,6 +23,7 @@
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/premium.hpp"
 #include "palpate/mechanism/slider.hpp"
+#include "palpate/mechanism/tip_kinematics.hpp"
 #include "palpate/mesh/mesh_repair.hpp"
 #include "palpate/mesh/proxy.hpp"
 #include "palpate/object/deformable_object.hpp"
@@ -29,7 +32,7 @@
 #include "palpate/plant/device_catalog.hpp"
 #include "palpate/plant/human_arm.hpp"
 #include "palpate/plant/joint_friction.hpp"
-#include "palpate/plant/linear_plant.hpp"
 #include "palpate/plant/plant_integrator.hpp"
+#include "palpate/plant/sampled_plant.hpp"
 #include "palpate/servo/servo.hpp"
 #include "palpate/servo/simulation.hpp"

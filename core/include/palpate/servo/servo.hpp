@@ -6,99 +6,19 @@
 #include <utility>
 #include <variant>
 
-#include "palpate/actuation/drive.hpp"
+#include "palpate/actuation/delay.hpp"
+#include "palpate/actuation/drive_limits.hpp"
+#include "palpate/actuation/encoder.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/virtual_coupling.hpp"
-#include "palpate/math/dual.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/kinematics_cache.hpp"
+#include "palpate/mechanism/tip_kinematics.hpp"
 #include "palpate/mesh/proxy.hpp"
 #include "palpate/object/deformable_object.hpp"
 #include "palpate/object/spring_wall.hpp"
-#include "palpate/plant/plant_integrator.hpp"
 
 namespace palpate::servo {
-
-/// Where angles become tip positions and tip forces become torques: exactly, or linearised at a pose (thesis case C and D).
-template <class Mechanism, class Scalar = double>
-class TipKinematics {
- public:
-  static constexpr int dof = Mechanism::dof;
-  using Angles = Joints<dof, Scalar>;
-  using Vector = Vector3<Scalar>;
-
-  TipKinematics() = default;
-  explicit TipKinematics(const Mechanism& mechanism) : mechanism_(mechanism) {}
-
-  /// First-order kinematics at `pose` [rad]; `hold` [N] is the constant tip force there, whose torque turns with the pose.
-  TipKinematics(const Mechanism& mechanism, const Angles& pose, const Vector& hold)
-      : mechanism_(mechanism),
-        frozen_(true),
-        pose_(pose),
-        pose_tip_(mechanism.forward(pose)),
-        tip_(pose_tip_),
-        jacobian_(mechanism.jacobian(pose)) {
-    using Variable = Dual<dof, Scalar>;
-    Joints<dof, Variable> q;
-    for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
-    const TipJacobian<dof, Variable> j = mechanism.jacobian(q);
-    torque_turn_.setConstant(0.0);
-    for (int i = 0; i < dof; ++i) {
-      for (int row = 0; row < 3; ++row) torque_turn_.row(i) += hold[row] * j(row, i).gradient.transpose();
-    }
-  }
-
-  /// Puts one loop's kinematics into a lane; all lanes have the same mechanism, and frozen kinematics or not.
-  void set_lane(int lane, const TipKinematics<Mechanism>& one) {
-    using math::set_lane;
-    mechanism_ = one.mechanism_;
-    frozen_ = one.frozen_;
-    set_lane(pose_, lane, one.pose_);
-    set_lane(pose_tip_, lane, one.pose_tip_);
-    set_lane(jacobian_, lane, one.jacobian_);
-    set_lane(torque_turn_, lane, one.torque_turn_);
-  }
-
-  /// Takes the angles `q` [rad] of one tick.
-  void look(const Angles& q) noexcept {
-    if (frozen_) {
-      turn_ = q - pose_;
-      tip_ = pose_tip_ + jacobian_ * turn_;
-      return;
-    }
-    at_ = mechanism_.kinematics(q);
-    tip_ = mechanism_.forward(at_);
-  }
-
-  /// The same, for whoever has the posture already.
-  void look_at(const plant::KinematicsCacheOf<Mechanism, Scalar>& at) noexcept {
-    at_ = at;
-    tip_ = mechanism_.forward(at_);
-  }
-
-  /// Tip position [m] at the angles last looked at.
-  [[nodiscard]] const Vector& tip() const noexcept { return tip_; }
-
-  /// Torques [N*m], at the angles last looked at, of tip force `force` [N], the constant hold in it.
-  [[nodiscard, gnu::always_inline]] Angles torque(const Vector& force) const noexcept {
-    if (frozen_) [[unlikely]]
-      return jacobian_.transpose() * force + torque_turn_ * turn_;
-    return mechanism_.torque(at_, force);
-  }
-
- private:
-  template <class, class>
-  friend class TipKinematics;
-
-  Mechanism mechanism_;
-  bool frozen_ = false;
-  Angles pose_ = Angles::Constant(0.0);
-  Vector pose_tip_ = Vector::Constant(0.0);
-  Angles turn_ = Angles::Constant(0.0);  // from the frozen pose
-  Vector tip_ = Vector::Constant(0.0);
-  TipJacobian<dof, Scalar> jacobian_ = TipJacobian<dof, Scalar>::Constant(0.0);  // at the frozen pose
-  plant::KinematicsCacheOf<Mechanism, Scalar> at_ = Mechanism().kinematics(Angles(Angles::Constant(0.0)));
-  Eigen::Matrix<Scalar, dof, dof> torque_turn_ = Eigen::Matrix<Scalar, dof, dof>::Constant(0.0);  // d(J^T hold)/dq
-};
 
 /// A mesh in the tip's way, in the device's frame. What it refers to is the caller's, and outlives the servo.
 struct MeshPlacement {
@@ -157,7 +77,8 @@ class Servo {
 
   Servo() = default;
   explicit Servo(const ServoSetup<Mechanism>& s)
-      : kinematics_(s.frozen_kinematics ? TipKinematics<Mechanism>(s.mechanism, s.start, s.hold) : TipKinematics<Mechanism>(s.mechanism)),
+      : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.hold)
+                                        : mechanism::TipKinematics<Mechanism>(s.mechanism)),
         encoder_(s.encoder),
         anchor_(s.anchor),
         coupling_(s.stiffness, s.damping, s.difference, s.period),
@@ -193,14 +114,14 @@ class Servo {
   /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
   /// impedance display).
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept {
-    kinematics_.look(encoder_.read(angles));
+    kinematics_.update(encoder_.read(angles));
     return act(reference);
   }
 
   /// The same for whoever has the posture `at` of these angles already: a servo that reads exactly need not compute it again.
-  const Tick& tick(const Angles& angles, const plant::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
+  const Tick& tick(const Angles& angles, const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
     if (!reads_exactly_) return tick(angles, reference);
-    kinematics_.look_at(at);
+    kinematics_.update(at);
     return act(reference);
   }
 
@@ -263,7 +184,7 @@ class Servo {
     const Vector asked = wanted;
     wanted = drive_.limit_force(asked);
     Angles torque = kinematics_.torque(wanted);
-    const Scalar part = drive_.possible_part(torque);
+    const Scalar part = drive_.torque_scale(torque);
     const auto short_of_torque = part < Scalar(1.0);
     torque = select_each(short_of_torque, Angles(torque * part), torque);
     wanted = select_each(short_of_torque, Vector(wanted * part), wanted);
@@ -334,12 +255,12 @@ class Servo {
   }
 
   Angles torque_at_rest(const Angles& start) {
-    kinematics_.look(start);
+    kinematics_.update(start);
     const Angles torque = kinematics_.torque(hold_);
-    return drive_.possible_part(torque) * torque;
+    return drive_.torque_scale(torque) * torque;
   }
 
-  TipKinematics<Mechanism, Scalar> kinematics_;
+  mechanism::TipKinematics<Mechanism, Scalar> kinematics_;
   actuation::Encoder<dof, Scalar> encoder_;
   object::BasicSpringWall<Scalar> anchor_;
   control::BasicVirtualCoupling<Scalar> coupling_;

@@ -10,17 +10,17 @@ JOBS ?= 2
 .PHONY: reproduce test bench lint tidy format clean
 
 reproduce: .venv/installed
-	$(BIN)/palpate reproduce --out $(OUT)
+	$(BIN)/python -m experiments.hosseini2004 --out $(OUT)
 
 test: .venv/test-installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 bench: .venv/test-installed
-	$(BIN)/palpate bench
+	$(BIN)/python -m benchmarks
 
 lint: .venv/lint-installed
-	$(BIN)/ruff check python tests
-	$(BIN)/ruff format --check python tests
+	$(BIN)/ruff check python experiments benchmarks tests
+	$(BIN)/ruff format --check python experiments benchmarks tests
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run --Werror $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
@@ -29,8 +29,8 @@ tidy: .venv/lint-installed
 	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/simulation_test.cpp  # includes and instantiates every header
 
 format: .venv/lint-installed
-	$(BIN)/ruff check --fix python tests
-	$(BIN)/ruff format python tests
+	$(BIN)/ruff check --fix python experiments benchmarks tests
+	$(BIN)/ruff format python experiments benchmarks tests
 	$(BIN)/clang-format -i $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
 clean:

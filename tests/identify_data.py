@@ -2,7 +2,8 @@
 
 from functools import lru_cache
 
-from palpate import devices, identify
+from palpate import devices
+from palpate import identification as identify
 
 
 @lru_cache

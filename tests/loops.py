@@ -6,7 +6,8 @@ from typing import Any
 
 from palpate import simulate
 from palpate.control import Controller
-from palpate.loop.trace import Trace
+from palpate.metrics import summarize
+from palpate.simulation.trace import Trace
 
 
 def press(controller: Controller, stiffness: float, force: float, duration: float = 1.0, **device: Any) -> Trace:
@@ -27,4 +28,4 @@ def press(controller: Controller, stiffness: float, force: float, duration: floa
 def axes(trace: Trace) -> list[dict[str, float]]:
     """Steady deflection, overshoot and settling of x, y and z."""
     assert trace.unstable_from is None
-    return list(trace.summary()["axes"].values())
+    return list(summarize(trace)["axes"].values())

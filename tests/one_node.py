@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from palpate.bodies.store import Contents, write
+from palpate.fem.storage import Contents, write
 
 
 def one_node(stiffness: float, path: Path) -> Path:

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.analysis import discretize, linearize
 from palpate.errors import DesignError
+from palpate.linear import discretize, linearize
 from scipy.signal import cont2discrete
 
 ARM = devices.load("phantom-premium-1.5a")

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from palpate import devices
-from palpate.analysis import damping_effect, discretize, equilibria, linearize, modes
-from palpate.analysis.linearize import hold_force
 from palpate.errors import PoseError
-from palpate.thesis.checks import Check, compare
+from palpate.linear import damping_effect, discretize, equilibria, linearize, modes
+from palpate.linear.linearization import hold_force
+
+from experiments.hosseini2004.checks import Check, compare
 
 Array = NDArray[np.float64]
 ARM = devices.load("phantom-premium-1.5a")

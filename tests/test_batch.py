@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import _core
-from palpate.loop.simulate import Experiment, prepare
+from palpate.simulation.simulator import Experiment, prepare
 
 ROOT = Path(__file__).parents[1]
 POSE = ["0.1 rad", "2.2305 rad", "3.2776 rad"]

@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from palpate.bench import SECTIONS, run
-from palpate.bench.section import Effort, Rows, Section, timed, timed_cells
-from palpate.cli.main import app
 from palpate.errors import PalpateError
 from typer.testing import CliRunner
+
+from benchmarks import SECTIONS, run
+from benchmarks.__main__ import app
+from benchmarks.section import Effort, Rows, Section, timed, timed_cells
 
 
 def test_a_timed_row_counts_its_runs() -> None:
@@ -51,7 +52,7 @@ def test_sections_are_run_as_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     ):
         run(["speed"])
     out = tmp_path / "numbers.json"
-    done = CliRunner().invoke(app, ["bench", "loop", "--out", str(out)])
+    done = CliRunner().invoke(app, ["loop", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "a  \n[s]" in done.output
     assert "a peer is not installed" in done.output

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import BodyError, BodyWarning, Volume, block, dense
-from palpate.bodies.condense import Condensation, check_memory
-from palpate.bodies.dissection import dissect
-from palpate.bodies.elements import Elements
-from palpate.bodies.factor import Factor, installed
-from palpate.bodies.material import Material, Region, Skin
-from palpate.bodies.places import ball, beyond, box, place
+from palpate import fem as bodies
+from palpate.fem import BodyError, BodyWarning, Volume, block, dense
+from palpate.fem.condensation import Condensation, check_memory
+from palpate.fem.dissection import dissect
+from palpate.fem.elements import Elements
+from palpate.fem.factor import Factor, installed
+from palpate.fem.material import Material, Region, Skin
+from palpate.fem.selectors import ball, beyond, box, place
 from scipy import sparse
 
 BOTTOM = beyond("z", "<", 1e-9)
@@ -214,7 +214,7 @@ def test_a_truncated_or_foreign_file_is_refused(body: bodies.Body, tmp_path: Pat
 def test_a_killed_build_leaves_nothing_that_loads(tmp_path: Path) -> None:
     """Killed in the longest stage, by the operating system: no file under the name, and the next build starts clean."""
     code = (
-        "import os, signal, sys\nfrom palpate import bodies\n"
+        "import os, signal, sys\nfrom palpate import fem as bodies\n"
         "def stop(text, part):\n    'condensing' in text and os.kill(os.getpid(), signal.SIGKILL)\n"
         "bodies.build(bodies.block((0.03, 0.03, 0.02), 0.01), young=5e3, fixed='z < 0.1 mm', output=sys.argv[1], "
         "progress=stop)"
@@ -233,17 +233,17 @@ def test_fronts_give_what_columns_give(monkeypatch: pytest.MonkeyPatch) -> None:
     load = sparse.kron(elements.load, sparse.eye(3)).tocsr()[elements.free].toarray()
     expected = load.T @ Factor(elements.stiffness[elements.free][:, elements.free]).solve(load)
     for leaf in (10_000, 96, 12):
-        monkeypatch.setattr("palpate.bodies.dissection._LEAF", leaf)
-        monkeypatch.setattr("palpate.bodies.dissection._LARGE", 3 * leaf)
+        monkeypatch.setattr("palpate.fem.dissection._LEAF", leaf)
+        monkeypatch.setattr("palpate.fem.dissection._LARGE", 3 * leaf)
         assert np.abs(Condensation(elements).compliance() - expected).max() < 1e-6 * expected.max()
 
 
 def test_threads_share_the_fronts_and_change_nothing(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit: what is left is added in the order of the fronts, whoever comes first."""
-    monkeypatch.setattr("palpate.bodies.dissection._LEAF", 12)
+    monkeypatch.setattr("palpate.fem.dissection._LEAF", 12)
     found = []
     for count in (1, 2, 5):
-        monkeypatch.setattr("palpate.bodies.dense.threads", lambda count=count: count)
+        monkeypatch.setattr("palpate.fem.dense.threads", lambda count=count: count)
         with dense.one_thread():
             found.append(Condensation(small).compliance())
     assert np.array_equal(found[0], found[1])
@@ -252,19 +252,19 @@ def test_threads_share_the_fronts_and_change_nothing(small: Elements, monkeypatc
 
 def test_a_front_that_fails_in_a_thread_ends_the_build(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stiffness that is not positive definite is noticed wherever its front lies."""
-    monkeypatch.setattr("palpate.bodies.dissection._LEAF", 12)
-    monkeypatch.setattr("palpate.bodies.dense.threads", lambda: 4)
+    monkeypatch.setattr("palpate.fem.dissection._LEAF", 12)
+    monkeypatch.setattr("palpate.fem.dense.threads", lambda: 4)
     count = len(Condensation(small)._fronts._fronts)
     for last in (0, count // 3, count - 2):
         calls = iter(range(count))
-        monkeypatch.setattr("palpate.bodies.dense.cholesky", lambda a, calls=calls, last=last: next(calls) != last)
+        monkeypatch.setattr("palpate.fem.dense.cholesky", lambda a, calls=calls, last=last: next(calls) != last)
         with pytest.raises(BodyError, match="not positive definite"):
             Condensation(small).compliance()
 
 
 def test_dissection_parts_what_it_halves(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every node comes once, and no front touches one that is neither below it nor on its way to the root."""
-    monkeypatch.setattr("palpate.bodies.dissection._LEAF", 20)
+    monkeypatch.setattr("palpate.fem.dissection._LEAF", 20)
     graph = abs(small.stiffness[::3][:, ::3])
     order, fronts = dissect(graph, small.nodes)
     assert np.array_equal(np.sort(order), np.arange(len(small.nodes)))
@@ -285,7 +285,7 @@ def test_dissection_parts_what_it_halves(small: Elements, monkeypatch: pytest.Mo
 
 def test_a_compliance_that_rounding_has_spoiled_is_refused(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trial loads, carried through in double precision, notice an error of a ten-thousandth in the loads' part."""
-    monkeypatch.setattr("palpate.bodies.fronts._single", lambda a: (1.0002 * a).astype(np.float32, order="F"))
+    monkeypatch.setattr("palpate.fem.multifrontal._single", lambda a: (1.0002 * a).astype(np.float32, order="F"))
     with pytest.raises(BodyError, match=r"wrong by .*, by rounding"):
         Condensation(small).compliance()
 
@@ -304,7 +304,7 @@ def test_expected_memory_is_what_the_system_counts() -> None:
     """Peak resident memory of a build of its own, 9,400 unknowns, against what was said beforehand."""
     # Not getrusage: what it counts begins with the size of the program that started this one.
     code = (
-        "from pathlib import Path\nfrom palpate import bodies\n"
+        "from pathlib import Path\nfrom palpate import fem as bodies\n"
         "made = bodies.build(bodies.block((0.08, 0.08, 0.05), 0.01), young=5e3, fixed='z < 0.1 mm')\n"
         "status = Path('/proc/self/status').read_text()\n"
         "print(made.record['memory_bytes'], 1024 * int(status.split('VmHWM:')[1].split()[0]))"
@@ -416,7 +416,7 @@ def test_tetrahedra_come_from_a_file(tmp_path: Path) -> None:
 def test_a_closed_surface_is_filled_and_an_open_one_refused() -> None:
     import trimesh
     from palpate import Mesh
-    from palpate.bodies.build import volume_of
+    from palpate.fem.builder import volume_of
 
     sphere = trimesh.creation.icosphere(2, 0.04)
     with pytest.raises(BodyError, match="edges at a border"):

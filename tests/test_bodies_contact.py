@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, BodyError, block
-from palpate.bodies.body import Shape
+from palpate import fem as bodies
 from palpate.errors import PoseError
+from palpate.fem import Body, BodyError, block
+from palpate.fem.body import Shape
 
 TOP = 0.02
 

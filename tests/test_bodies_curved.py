@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate import bodies
-from palpate.bodies import Body, block
-from palpate.bodies.body import Shape
-from palpate.bodies.volume import Volume
+from palpate import fem as bodies
+from palpate.fem import Body, block
+from palpate.fem.body import Shape
+from palpate.fem.volume import Volume
 from scipy.optimize import nnls
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, block
-from palpate.bodies.body import Shape
+from palpate import fem as bodies
+from palpate.fem import Body, block
+from palpate.fem.body import Shape
 
 TOP, PERIOD = 0.02, 1e-3
 TIPS: dict[Shape, float] = {"sphere": 4e-3, "flat": 3e-3}

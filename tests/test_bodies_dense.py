@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from palpate.bodies import dense
+from palpate.fem import dense
 
 SIZES = st.integers(0, 40)
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, BodyError, block
-from palpate.bodies.spline import weights
+from palpate import fem as bodies
+from palpate.fem import Body, BodyError, block
+from palpate.fem.free_form import weights
 from scipy import sparse
 from scipy.sparse.linalg import splu
 

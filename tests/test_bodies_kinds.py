@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, BodyError, block
-from palpate.bodies.elements import Elements
-from palpate.bodies.material import Material
-from palpate.bodies.places import beyond
+from palpate import fem as bodies
+from palpate.fem import Body, BodyError, block
+from palpate.fem.elements import Elements
+from palpate.fem.material import Material
+from palpate.fem.selectors import beyond
 from scipy import sparse
 from scipy.linalg import eigh, lu_factor, lu_solve
 

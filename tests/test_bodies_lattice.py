@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, BodyError, block
-from palpate.bodies.elements import Elements
-from palpate.bodies.material import Material
-from palpate.bodies.network import network, patches
-from palpate.bodies.places import beyond
+from palpate import fem as bodies
+from palpate.fem import Body, BodyError, block
+from palpate.fem.elements import Elements
+from palpate.fem.material import Material
+from palpate.fem.selectors import beyond
+from palpate.fem.spring_network import network, patches
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate import bodies
-from palpate.bodies import BodyError, Law, Material, PressedSolid, Solid, block
-from palpate.bodies.body import Shape
-from palpate.bodies.places import beyond
+from palpate import fem as bodies
 from palpate.errors import PoseError
+from palpate.fem import BodyError, Law, Material, PressedSolid, Solid, block
+from palpate.fem.body import Shape
+from palpate.fem.selectors import beyond
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]

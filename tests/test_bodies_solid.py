@@ -7,8 +7,8 @@ from typing import get_args
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.bodies import BodyError, Law, Material, Solid, block
-from palpate.bodies.places import beyond
+from palpate.fem import BodyError, Law, Material, Solid, block
+from palpate.fem.selectors import beyond
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve

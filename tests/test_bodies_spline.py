@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import Body, BodyError, block
-from palpate.bodies.places import beyond
-from palpate.bodies.spline import weights
+from palpate import fem as bodies
+from palpate.fem import Body, BodyError, block
+from palpate.fem.free_form import weights
+from palpate.fem.selectors import beyond
 from scipy.spatial.transform import Rotation
 
 HEIGHT = 0.02

@@ -1,4 +1,4 @@
-"""The references that bodies are held against, and the law of energy; the whole runs by `palpate body validate`."""
+"""The references of the validation of bodies, and its law of energy: parts of `experiments.body_validation`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 
 import numpy as np
 import pytest
-from palpate.bodies import Body, punch
-from palpate.bodies.body import Presses
-from palpate.bodies.passivity import energy_out, small_body
-from palpate.bodies.validation import flat_end, lattice_near_rest, other_kinds, spline_in_full
+from palpate.fem import Body
+from palpate.fem.body import Presses
+
+from experiments.body_validation import indenter as punch
+from experiments.body_validation.passivity import energy_out, small_body
+from experiments.body_validation.validation import flat_end, lattice_near_rest, other_kinds, spline_in_full
 
 PATHS = int(os.environ.get("PALPATE_CLOSED_PATHS", "60"))
 

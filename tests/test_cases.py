@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from loops import axes, press
 from palpate import devices
-from palpate.design import closed_loop, loop_gain, rendering_plant, spectral_radius
+from palpate.control import closed_loop, loop_gain, spectral_radius
 from palpate.errors import DesignError
-from palpate.thesis.cases import CASES, POSE, angle_plant, case_b, case_plant, design, ignorant_lqg
-from palpate.thesis.checks import compare, printed
-from palpate.thesis.experimental import PERIOD, denominators, experimental_model
+from palpate.linear import rendering_plant
 from scipy.signal import lfilter
+
+from experiments.hosseini2004.cases import CASES, POSE, angle_plant, case_b, case_plant, design, ignorant_lqg
+from experiments.hosseini2004.checks import compare, printed
+from experiments.hosseini2004.experimental import PERIOD, denominators, experimental_model
 
 ARM = devices.load("phantom-premium-1.5a")
 K = 3500.0  # N/m

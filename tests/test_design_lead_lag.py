@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from loops import axes, press
 from palpate import devices
-from palpate.control import Controller
-from palpate.design import closed_loop, lead_lag, loop_gain, loop_margins, margins, rendering_plant
-from palpate.design.margins import frequency_response
+from palpate.control import Controller, closed_loop, lead_lag, loop_gain, loop_margins, margins
+from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
-from palpate.thesis.checks import printed
+from palpate.linear import rendering_plant
+
+from experiments.hosseini2004.checks import printed
 
 T = 5e-4
 POSE = np.array([0.0, 2.2305, 3.2776])

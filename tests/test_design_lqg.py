@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from loops import axes, press
 from palpate import devices
-from palpate.control import Controller
-from palpate.design import closed_loop, kalman, loop_gain, lqg, margins, rendering_plant, spectral_radius
+from palpate.control import Controller, closed_loop, kalman, loop_gain, lqg, margins, spectral_radius
 from palpate.errors import DesignError
+from palpate.linear import rendering_plant
 from scipy.linalg import solve_discrete_lyapunov
 
 T = 5e-4

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.control import Controller
-from palpate.design import (
+from palpate.control import (
+    Controller,
     closed_loop,
     critical_gain,
     gain_interval,
@@ -16,13 +16,13 @@ from palpate.design import (
     loop_margins,
     lqg,
     margins,
-    rendering_plant,
     spectral_radius,
     virtual_coupling,
 )
-from palpate.design.loop import series
-from palpate.design.margins import frequency_response, peak_gain
+from palpate.control.feedback_loop import series
+from palpate.control.stability_margins import frequency_response, peak_gain
 from palpate.errors import DesignError
+from palpate.linear import rendering_plant
 
 T = 5e-4
 POSE = np.array([0.0, 2.2305, 3.2776])

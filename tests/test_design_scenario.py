@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.control.build import build_controller
-from palpate.design import lead_lag, lqg, rendering_plant
+from palpate.control import lead_lag, lqg
 from palpate.errors import DesignError, ScenarioError
+from palpate.linear import rendering_plant
 from palpate.scenario import Scenario
+from palpate.simulation.controllers import build_controller
 
 ARM = devices.load("phantom-premium-1.5a")
 POSE = np.array([0.0, 2.2305, 3.2776])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate.design import virtual_coupling
-from palpate.design.margins import frequency_response
+from palpate.control import virtual_coupling
+from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from scipy.signal import lfilter
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import devices, simulate
-from palpate.devices.catalogue import FIELDS, read_numbers
+from palpate.devices.catalog import FIELDS, read_numbers
 from palpate.errors import DeviceError, PoseError
 
 SLIDER = """\

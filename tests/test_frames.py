@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import bodies
-from palpate.bodies import BodyError
-from palpate.loop.body import pressed_at
-from palpate.loop.frames import SurfaceFrames
-from palpate.loop.simulate import prepare
-from palpate.palpation import press_scenario
+from palpate import fem as bodies
+from palpate.fem import BodyError
+from palpate.simulation.bodies import pressed_at
+from palpate.simulation.simulator import prepare
+from palpate.simulation.surface_frames import SurfaceFrames
+
+from experiments.palpation_phantom import press_scenario
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 from palpate.errors import RecordingError
-from palpate.identify import Recording, arx, independence, select_order, whiteness
-from palpate.identify.arx import ArxModel
+from palpate.identification import Recording, arx, independence, select_order, whiteness
+from palpate.identification.arx_models import ArxModel
 
 PERIOD = 0.01
 NA = np.array([[2, 0], [1, 2]])

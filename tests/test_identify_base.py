@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.identify import base_parameters, base_values, with_base_values
-from palpate.identify.base import fictitious
+from palpate.identification import base_parameters, base_values, with_base_values
+from palpate.identification.base import fictitious
 
 
 @pytest.fixture(params=["phantom-premium-1.5a", "phantom-premium-1.5a-rotors", "slider"])

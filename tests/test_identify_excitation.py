@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate.errors import RecordingError
-from palpate.identify import crest_factor, multisine, prbs, sweep
+from palpate.identification import crest_factor, multisine, prbs, sweep
 
 PERIOD = 1e-3
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_data import premium_recording
-from palpate import devices, identify
+from palpate import devices
+from palpate import identification as identify
 from palpate.errors import RecordingError
 
 ARM = devices.load("phantom-premium-1.5a")

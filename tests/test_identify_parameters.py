@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_data import premium_recording, short_recording
-from palpate import devices, identify
+from palpate import devices
+from palpate import identification as identify
 from palpate.errors import RecordingError
-from palpate.identify.parameters import long_run_covariance
-from palpate.identify.weak_form import TestFunctions, weak_rows
+from palpate.identification.parameters import long_run_covariance
+from palpate.identification.weak_form import TestFunctions, weak_rows
 
 ARM = devices.load("phantom-premium-1.5a")
 
@@ -77,7 +78,7 @@ def test_weak_form_where_second_differences_drown_in_counts():
     qd, qdd = np.gradient(q, period, axis=0), np.diff(q, 2, axis=0) / period**2
     inside = slice(1, -1)
     columns, base = [], identify.base_parameters(ARM)
-    from palpate.identify.base import fictitious
+    from palpate.identification.base import fictitious
 
     for one in fictitious(ARM):
         torque = np.einsum("nij,nj->ni", one.mass_matrix(q[inside]), qdd)

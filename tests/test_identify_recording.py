@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from palpate.errors import RecordingError
-from palpate.identify import Recording
+from palpate.identification import Recording
 
 N = 200
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
-from palpate import _core, stability
+from palpate import _core, linear, stability
 from palpate.errors import ScenarioError
-from palpate.loop.simulate import prepare
+from palpate.simulation.simulator import prepare
 from palpate.sweeps import SweepError, sweep
 from scipy.stats import kstest
 
@@ -151,7 +151,7 @@ def test_the_boundary_moves_in_as_far_as_late_ticks_feed_a_slow_swing(jitter: fl
     typical = np.median(np.log(found.outcomes.growth), axis=1)
     stiffness = found.values("object.stiffness")
     boundary = np.interp(0.0, typical, stiffness)
-    on_time = stability.critical_stiffness(stability.Tip.of_mass(MASS, DAMPING), period=PERIOD)
+    on_time = stability.critical_stiffness(linear.Tip.of_mass(MASS, DAMPING), period=PERIOD)
     assert boundary == pytest.approx(on_time / (1 + jitter**2 / (6 * PERIOD**2)), rel=0.01)
     passive = 2 * DAMPING / (PERIOD + jitter)
     assert stability.field_damping(lipschitz=passive, longest_period=PERIOD + jitter) == pytest.approx(DAMPING)

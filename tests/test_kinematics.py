@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from palpate import devices
-from palpate.analysis import linearize
 from palpate.errors import PoseError
+from palpate.linear import linearize
 from riesz import riesz_derivative
 
 Array = NDArray[np.float64]

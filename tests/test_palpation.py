@@ -9,12 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 from one_node import one_node
-from palpate import bodies, simulate
-from palpate.bodies import BodyError
-from palpate.errors import ScenarioError
-from palpate.palpation import Sweep, felt, palpation_page, press_all, press_scenario, sweep_phantom, sweep_scenario
-from palpate.palpation.stiffnesses import LAWS
-from palpate.stability import StabilityError, certify, contact_stability
+from palpate import fem as bodies
+from palpate import simulate
+from palpate.errors import ScenarioError, StabilityError
+from palpate.fem import BodyError
+from palpate.metrics import summarize
+from palpate.stability import certify, contact_stability
+
+from experiments.palpation_phantom import (
+    Sweep,
+    felt,
+    palpation_page,
+    press_all,
+    press_scenario,
+    sweep_phantom,
+    sweep_scenario,
+)
+from experiments.palpation_phantom.stiffnesses import LAWS
 
 YOUNG = 10e3  # Pa
 
@@ -68,9 +79,9 @@ def test_loops_oscillate_where_the_linear_contact_says(block: dict[str, Any], la
     factor = contact_stability(press(1.0)).stiffer
     assert 5.0 < factor < 500.0
     below, above = press(0.8 * factor), press(1.3 * factor)
-    assert below.summary()["palpation"]["settled"]
-    assert not above.summary()["palpation"]["settled"]
-    assert not above.summary()["stable"]
+    assert summarize(below)["palpation"]["settled"]
+    assert not summarize(above)["palpation"]["settled"]
+    assert not summarize(above)["stable"]
 
 
 def test_soft_and_stiff_bodies_come_to_rest_under_every_law(block: dict[str, Any]) -> None:
@@ -118,7 +129,7 @@ def test_a_sweep_finds_the_nodule_where_it_is(sweep: Sweep) -> None:
     assert sweep.plain.contrast < 0.1
     left, right = (np.interp(side * 15e-3, sweep.lump.place, sweep.lump.stiffness) for side in (-1, 1))
     assert left == pytest.approx(right, rel=0.1)  # the mesh's diagonals all lean the same way
-    run = sweep.trace.summary()
+    run = summarize(sweep.trace)
     assert run["stable"]
     felt_along = run["palpation"]
     assert felt_along["felt_most_N_per_m"] == pytest.approx(sweep.lump.over, rel=0.02)
@@ -130,7 +141,7 @@ def test_a_depth_is_told_with_the_force_of_its_moment(sweep: Sweep) -> None:
 
     Their ratio is the stiffness told beside them; the largest force stands apart.
     """
-    run, trace = sweep.trace.summary(), sweep.trace
+    run, trace = summarize(sweep.trace), sweep.trace
     found = run["palpation"]
     force, deep = (np.linalg.norm(trace[name], axis=1) for name in ("object_force", "deflection"))
     assert force.max() > 1.01 * force[np.argmax(deep)]

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.cli.main import app
-from palpate.performance import (
+from palpate.errors import StabilityError
+from palpate.linear import Arm
+from palpate.metrics import (
     LoopResponse,
     buzz,
     hand_stiffness,
@@ -20,7 +22,6 @@ from palpate.performance import (
     vibration_threshold,
 )
 from palpate.scenario import Scenario
-from palpate.stability import Arm, StabilityError
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

@@ -16,11 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
 from palpate.errors import PalpateError
-from palpate.loop.trace import Trace
-from palpate.report import Page, figures
+from palpate.plotting import figures
+from palpate.plotting.style import new_figure
+from palpate.report import Page
 from palpate.report.html import differs_in_print, number
 from palpate.report.numbers import in_column, numbers_table
-from palpate.report.style import CSS, inline_svg, new_figure
+from palpate.report.theme import CSS, inline_svg
+from palpate.simulation.trace import Trace
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "rect", "line", "circle"}
 FETCHES = {"src", "href", "xlink:href", "srcset", "data", "action", "poster"}

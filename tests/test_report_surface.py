@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgba
-from palpate import bodies
-from palpate.bodies import Body
-from palpate.bodies.picture import draw_sweep
-from palpate.report.palpation import deformed
-from palpate.report.style import FAINT
-from palpate.report.surface import coloured, divided, frame, new_space, stretched
+from palpate import fem as bodies
+from palpate.fem import Body
+from palpate.plotting.bodies import draw_sweep
+from palpate.plotting.body_contact import deformed
+from palpate.plotting.style import FAINT
+from palpate.plotting.surface import coloured, divided, frame, new_space, stretched
 
 values_at_corners = st.lists(st.tuples(*[st.floats(0.0, 1.0)] * 3), min_size=1, max_size=6)
 

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
 from palpate.errors import PalpateError, ScenarioError
+from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.scenario.reader import find_line
 
@@ -377,14 +378,14 @@ damping = "1 N*s/m"
 def test_every_example_runs_with_a_finite_trace(path: Path) -> None:
     """What the README tells a newcomer to run, runs, and says something."""
     trace = simulate(path)  # a trace refuses what is not finite
-    assert trace.summary()["title"] == tomllib.loads(path.read_text("utf-8"))["title"]
+    assert summarize(trace)["title"] == tomllib.loads(path.read_text("utf-8"))["title"]
     assert len(trace) > 100
 
 
 def test_the_examples_show_what_their_comments_promise() -> None:
     """Each comment's "What to look for", by number."""
     runs = {path.stem: simulate(path) for path in SCENARIOS}
-    summaries = {name: trace.summary() for name, trace in runs.items()}
+    summaries = {name: summarize(trace) for name, trace in runs.items()}
     errors = {
         name: max(abs(row["error_percent"]) for row in summary["axes"].values())
         for name, summary in summaries.items()

@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from one_node import one_node
-from palpate import bodies, simulate
-from palpate.errors import ScenarioError
-from palpate.loop.body import kept_at, scenario_body
-from palpate.loop.palpation import work_so_far
-from palpate.loop.simulate import prepare
+from palpate import fem as bodies
+from palpate import simulate
+from palpate.errors import ScenarioError, StabilityError
+from palpate.metrics import summarize
+from palpate.metrics.body_contact import work_so_far
 from palpate.scenario import Scenario
-from palpate.stability import StabilityError, certify
+from palpate.simulation.bodies import kept_at, scenario_body
+from palpate.simulation.simulator import prepare
+from palpate.stability import certify
 from scipy.spatial.transform import Rotation
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -67,7 +69,7 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
     assert on_body["object_force"][-1, 2] < -0.1
     np.testing.assert_allclose(on_body["stored_energy"][:, 0], 512.0 * on_body["deflection"][:, 2] ** 2, atol=1e-9)
     assert set(on_body["pressed_nodes"][:, 0]) == {0.0, 1.0}
-    assert "only 1 nodes carry" in on_body.summary()["verdict"]
+    assert "only 1 nodes carry" in summarize(on_body)["verdict"]
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
@@ -115,7 +117,7 @@ def test_energy_is_accounted_for(block: Path) -> None:
     found = {}
     for kind, options in {"compliance": {}, "relaxing": {"instant": 3.0, "creep": "20 ms"}}.items():
         trace = simulate(tables(on(block, kind=kind, **options), **out))
-        found[kind] = trace.summary()["palpation"]
+        found[kind] = summarize(trace)["palpation"]
         assert not trace["touching"][-1, 0]
         assert trace["touching"].any()
         assert trace["stored_energy"][-1, 0] == found[kind]["stored_J"]
@@ -133,7 +135,7 @@ def test_a_run_that_begins_in_contact_ends_with_what_the_body_holds(block: Path)
     scenario = tables(on(block), reference={"shape": "table", "table": table})
     scenario["object"]["position"] = ["0 mm", "0 mm", "2 mm"]
     trace = simulate(scenario)
-    found = trace.summary()["palpation"]
+    found = summarize(trace)["palpation"]
     assert not trace["touching"][-1, 0]
     assert found["at_start_J"] == trace["stored_energy"][0, 0] > 1e-5
     assert found["stored_J"] == 0.0
@@ -183,7 +185,7 @@ def test_what_a_body_has_lost_it_does_not_give_back(block: Path, tip: str, kind:
     touched = trace["touching"][:, 0] > 0.0
     assert not touched[-50:].any()
     assert stored[touched].min() > 0.0
-    found = trace.summary()["palpation"]
+    found = summarize(trace)["palpation"]
     assert found["work_J"] == pytest.approx(found["stored_J"] + found["lost_J"])
     if options:
         assert stored[-1] < 1e-3 * most
@@ -195,13 +197,13 @@ def test_what_a_body_has_lost_it_does_not_give_back(block: Path, tip: str, kind:
 def test_a_trace_of_fewer_samples_tells_the_same_work(block: Path) -> None:
     """Forces of a body that holds them over a tick belong half a tick before: a fourth of two ticks, not half."""
     press = tables(on(block, kind="relaxing", instant=3.0, creep="20 ms"))
-    work = [simulate({**press, "run": {"duration": "0.25 s", "record_every": n}}).summary()["palpation"]["work_J"]
+    work = [summarize(simulate({**press, "run": {"duration": "0.25 s", "record_every": n}}))["palpation"]["work_J"]
             for n in (1, 2)]  # fmt: skip
     assert work[1] == pytest.approx(work[0], rel=5e-3)
 
 
 def test_the_summary_says_how_the_press_ended(block: Path) -> None:
-    summary = simulate(tables(on(block), run={"duration": "0.8 s"})).summary()
+    summary = summarize(simulate(tables(on(block), run={"duration": "0.8 s"})))
     pressed = summary["palpation"]
     assert summary["stable"]
     assert summary["verdict"].startswith("stable: presses the body in by")
@@ -210,9 +212,9 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     assert pressed["held_J"] >= 0.0
     assert pressed["stiffness_N_per_m"] == pytest.approx(pressed["final_force_N"] / pressed["final_deflection_m"], 0.02)
     deep = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "2 mm"], "body": on(block)}}
-    assert "it began 2 mm deep in the body" in simulate(deep).summary()["verdict"]
+    assert "it began 2 mm deep in the body" in summarize(simulate(deep))["verdict"]
     far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
-    assert "never touched the body" in simulate(far).summary()["verdict"]
+    assert "never touched the body" in summarize(simulate(far))["verdict"]
 
 
 def test_a_tip_pushed_through_the_surface_is_still_held(block: Path) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 from palpate import simulate
+from palpate.contact import Mesh
 from palpate.errors import ScenarioError
-from palpate.loop.touched import box, organ
+from palpate.metrics import summarize
 from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import scenario_loop
+from palpate.simulation.meshes import box, organ
 from palpate.stability import certify
-from palpate.stability.scenario_loop import scenario_loop
-from palpate.touch import Mesh
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
 
@@ -93,7 +94,7 @@ def test_a_run_that_begins_inside_says_so(deep: float) -> None:
     """A tip that starts under the surface, as after a slip in position or unit, is told of in the verdict."""
     scenario = tables()
     scenario["object"]["position"] = ["3 mm", "2 mm", f"{deep} mm"]
-    verdict = simulate(scenario).summary()["verdict"]
+    verdict = summarize(simulate(scenario))["verdict"]
     assert ("began 3 mm deep in the mesh" in verdict) == (deep > 0.0), verdict
 
 
@@ -106,7 +107,7 @@ def test_a_bounce_that_does_not_end_is_unstable() -> None:
         scenario = tables(
             {"stiffness": f"{share * critical} N/mm"}, {"shape": "box", "edge": "200 mm", "divisions": 8}, **free
         )
-        return simulate(_without_reference(scenario)).summary()
+        return summarize(simulate(_without_reference(scenario)))
 
     wall = {"kind": "wall", "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-0.2 mm"], "normal": [0, 0, 1]}
     critical = certify(_without_reference(tables(**{**free, "object": wall}))).margin["stable_share_of_the_object"]

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import bodies, simulate
-from palpate.bodies import BodyError, Material, PressedSolid, Solid
+from palpate import fem as bodies
+from palpate import simulate
 from palpate.errors import ScenarioError
-from palpate.loop.body import pressed_at, scenario_body
+from palpate.fem import BodyError, Material, PressedSolid, Solid
+from palpate.metrics import summarize
 from palpate.scenario import Scenario
+from palpate.simulation.bodies import pressed_at, scenario_body
 from palpate.stability import contact_stability
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -87,7 +89,7 @@ def test_the_work_of_the_tip_is_what_the_body_holds(block: Path) -> None:
     assert on[first:last].all()
     np.testing.assert_allclose(work[first:last], held[first:last], atol=0.01 * most)
     assert not on[-1]
-    found = trace.summary()["palpation"]
+    found = summarize(trace)["palpation"]
     assert found["stored_J"] == found["saved_J"] == 0.0
     assert found["lost_J"] > -0.01 * most
 
@@ -117,7 +119,7 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
 def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
     """A quarter of the block's height deep, by another road: a solid of its own assembly, pressed without a loop."""
     trace = simulate({**deep(block), "run": {"duration": "1.8 s"}})
-    found = trace.summary()["palpation"]
+    found = summarize(trace)["palpation"]
     assert found["settled"]
     depth = trace["tip"][0, 2] - trace["tip"][-1, 2] - 0.3e-3
     assert depth > 5e-3

@@ -11,11 +11,13 @@ import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate import Scenario, design, devices, simulate
-from palpate.analysis.linearize import hold_force
+from palpate import Scenario, devices, linear, simulate
+from palpate import control as design
 from palpate.control import Controller
 from palpate.errors import PalpateError, ScenarioError
-from palpate.loop.trace import Trace
+from palpate.linear.linearization import hold_force
+from palpate.metrics import summarize
+from palpate.simulation.trace import Trace
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -272,7 +274,7 @@ def test_frozen_kinematics_err_with_the_square_of_the_force() -> None:
 
 def test_a_state_space_and_its_antiwindup_run_as_written() -> None:
     """u = C x + D v, x <- A x + B v + L (applied - u), replayed from the recorded forces, at the drive's limit too."""
-    chosen = design.lqg(design.rendering_plant(ARM, POSE, stiffness=1000.0, period=PERIOD))
+    chosen = design.lqg(linear.rendering_plant(ARM, POSE, stiffness=1000.0, period=PERIOD))
     trace = simulate(
         press(device={"saturation": True}, reference={"force": "8.5 N"}, object={"stiffness": "2 N/mm"}), chosen
     )
@@ -444,7 +446,7 @@ def test_gravity_is_held_where_it_is_balanced() -> None:
 def test_the_linear_loop_is_python_controls(kind: str) -> None:
     """The same closed loop built and run by python-control: equal to 1e-9 of the largest deflection."""
     stiffness = np.array([1000.0, 2000.0, 3000.0])
-    chosen = getattr(design, kind)(design.rendering_plant(ARM, POSE, stiffness=1000.0, period=PERIOD))
+    chosen = getattr(design, kind)(linear.rendering_plant(ARM, POSE, stiffness=1000.0, period=PERIOD))
     trace = simulate(press(device={"model": "linear", "kinematics": "linear"}), chosen)
 
     a_q, a_qd, a_tau = ARM.linearization(POSE, np.zeros(3), ARM.gravity(POSE))
@@ -494,7 +496,7 @@ def test_integrators_bring_the_force_to_its_reference() -> None:
     """Internal model principle: a constant reference is met exactly in the end, on any stable object."""
     trace = simulate(press(run={"duration": "1 s"}))
     np.testing.assert_allclose(trace["object_force"][-1], [0.5, -1.0, 2.0], atol=1e-3)
-    assert trace.summary()["verdict"].startswith("stable")
+    assert summarize(trace)["verdict"].startswith("stable")
 
 
 # loops that fail, and what cannot be run
@@ -508,7 +510,7 @@ def test_a_loop_that_diverges_says_since_when_and_keeps_what_came_before(model: 
     assert trace.unstable_from / PERIOD == pytest.approx(round(trace.unstable_from / PERIOD))
     assert trace.time[-1] == pytest.approx(trace.unstable_from - PERIOD)
     assert all(np.all(np.isfinite(channel.values)) for channel in trace.channels.values())
-    summary = json.loads(json.dumps(trace.summary(), allow_nan=False))
+    summary = json.loads(json.dumps(summarize(trace), allow_nan=False))
     assert summary["stable"] is False
     assert summary["verdict"] == f"unstable from t = {trace.unstable_from:.4g} s"
     assert summary["axes"] == {}
@@ -527,7 +529,7 @@ def test_a_loop_that_overflows_at_once_still_leaves_a_trace(model: str, gain: fl
     read = Trace.read(trace.write(tmp_path / "t.h5"))
     assert read.unstable_from == trace.unstable_from
     assert len(read) == len(trace)
-    assert json.dumps(read.summary(), allow_nan=False)
+    assert json.dumps(summarize(read), allow_nan=False)
 
 
 def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:
@@ -542,7 +544,7 @@ def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:
             )
         )
         assert trace.stable
-        verdicts[stiffness] = trace.summary()["stable"], trace.summary()["verdict"]
+        verdicts[stiffness] = summarize(trace)["stable"], summarize(trace)["verdict"]
     assert verdicts[97] == (True, "stable, its swing dies out, but not settled along x after 30 s")
     assert verdicts[103][0] is False
     assert verdicts[103][1].startswith("unstable: the swing along x grows, by ")
@@ -555,9 +557,9 @@ def test_a_swing_that_is_driven_is_no_instability(frequency: str, start: str) ->
     trace = simulate(slide(operator=driven, object={"kind": "spring", "stiffness": "50 N/m"}, run={"duration": "3 s"}))
     quarters = np.split(np.abs(trace["tip"][1:, 0]), 4)
     assert quarters[3].max() > 1.1 * quarters[2].max(), "the swing does not grow: nothing is tested"
-    assert trace.summary()["stable"]
-    assert trace.summary()["axes"]["x"]["swing_growth"] is None
-    assert trace.summary()["verdict"] == "bounded for 3 s under a force that changes: no steady state"
+    assert summarize(trace)["stable"]
+    assert summarize(trace)["axes"]["x"]["swing_growth"] is None
+    assert summarize(trace)["verdict"] == "bounded for 3 s under a force that changes: no steady state"
 
 
 def test_what_is_no_controller_is_refused() -> None:

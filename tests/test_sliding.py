@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from palpate import Mesh, Proxy, Surface, simulate
 from palpate.control import Controller
-from palpate.loop.sliding import slide
-from palpate.loop.touched import box, touched_mesh
-from palpate.loop.trace import Trace
+from palpate.metrics import summarize
+from palpate.metrics.mesh_contact import slide
 from palpate.report.run import run_page
 from palpate.scenario import Scenario
-from palpate.thesis.sliding import FIELDS, GROUNDS, pair, slide_controller, slide_scenario
+from palpate.simulation.meshes import box, touched_mesh
+from palpate.simulation.trace import Trace
+
+from experiments.hosseini2004.sliding import FIELDS, GROUNDS, pair, slide_controller, slide_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 PERIOD = 5e-4
@@ -151,7 +153,7 @@ def test_an_unstable_slide_is_told() -> None:
 def test_the_report_of_a_slide(tmp_path: Path) -> None:
     """Numbers, verdict and page of one run fit together."""
     trace = simulate(SCENARIOS / "slide-cube-small-steps.toml")
-    summary = trace.summary()
+    summary = summarize(trace)
     found = slide(trace)
     assert found is not None
     assert summary["sliding"] == found.as_dict()
@@ -160,7 +162,7 @@ def test_the_report_of_a_slide(tmp_path: Path) -> None:
     page = run_page(trace, summary).write(tmp_path / "report.html").read_text("utf-8")
     for text in ("The slide in numbers", "largest force step at a crossing", "20 to 500 Hz"):
         assert text in page
-    assert Trace.read(trace.write(tmp_path / "trace.h5")).summary() == summary
+    assert summarize(Trace.read(trace.write(tmp_path / "trace.h5"))) == summary
 
 
 def test_the_loop_meets_what_the_proxy_meets() -> None:

@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.cli.main import app
+from palpate.errors import StabilityError
+from palpate.linear import Arm
+from palpate.linear.linear_device import Tip
+from palpate.report import zwidth_page
 from palpate.scenario import Scenario
-from palpate.stability import Arm, StabilityError, boundary, certify, scenario_loop, wall, worst_hand, zwidth
+from palpate.simulation import scenario_loop
+from palpate.stability import boundary, certify, wall, worst_hand, zwidth
 from palpate.stability.counter_example import growth, to_toml
-from palpate.stability.tip import Tip
-from palpate.stability.zwidth import wall_loops
+from palpate.stability.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -120,7 +124,7 @@ def test_nonlinear_arm_goes_unstable_where_the_certificate_says() -> None:
     """LQG on the nonlinear arm: 1 % under the certified factor a nudge dies, 1 % above it grows."""
     tables: dict[str, Any] = Scenario.from_file(SCENARIOS / "press-stiff-cube-lqg.toml").to_dict()
     scenario = Scenario.from_dict(tables)
-    from palpate.control.build import build_controller
+    from palpate.simulation.controllers import build_controller
 
     device = scenario.load_device()
     controller = build_controller(scenario, device, np.array(scenario.start.pose))
@@ -164,7 +168,7 @@ def test_zwidth_of_a_slider() -> None:
     for b, k in zip(corner.simulated.damping[::10], corner.simulated.stiffness[::10], strict=True):
         exact = wall(mass=0.06, damping=0.05, period=1e-3, virtual_damping=b).critical_stiffness
         assert k == pytest.approx(exact, rel=2e-3)
-    html = found.page().html()
+    html = zwidth_page(found).html()
     assert "<svg" in html
     assert "inside the stable region" in html
     assert "http://" not in html.replace("http://www.w3.org", "")

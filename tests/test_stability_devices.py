@@ -6,21 +6,9 @@ import control
 import numpy as np
 import pytest
 from palpate import devices, linearize
-from palpate.errors import DeviceError, PoseError
-from palpate.stability import (
-    Arm,
-    MeasuredResponse,
-    StabilityError,
-    Tip,
-    boundary,
-    critical,
-    critical_stiffness,
-    hold,
-    spectral_radius,
-    wall,
-    wall_loop,
-    workspace,
-)
+from palpate.errors import DeviceError, PoseError, StabilityError
+from palpate.linear import Arm, Tip, hold, wall_loop
+from palpate.stability import MeasuredResponse, boundary, critical, critical_stiffness, spectral_radius, wall, workspace
 
 ARM = devices.load("phantom-premium-1.5a")
 SLIDER = devices.load("slider")

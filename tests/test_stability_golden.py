@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from palpate.linear import Arm, Tip
 from palpate.stability import (
-    Arm,
-    Tip,
     boundary,
     certify_coupling,
     coulomb_amplitude,

@@ -8,21 +8,19 @@ import control
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.errors import PalpateError
+from palpate.errors import PalpateError, StabilityError
+from palpate.linear import Arm, hold
+from palpate.linear.linear_device import Tip
 from palpate.scenario import Scenario
 from palpate.stability import (
-    Arm,
     MeasuredResponse,
-    StabilityError,
     boundary,
     certify,
     field_damping,
-    hold,
     positive_real_margin,
     routh,
     spectral_radius,
 )
-from palpate.stability.tip import Tip
 
 ARM = {"name": "phantom-premium-1.5a-rotors"}
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.stability import Arm, Tip, certify, critical_stiffness, field_damping, passive_stiffness, wall_loop
+from palpate.linear import Arm, Tip, wall_loop
+from palpate.stability import certify, critical_stiffness, field_damping, passive_stiffness
 from scipy.linalg import expm
 from scipy.optimize import differential_evolution
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from palpate.linear import Arm, Tip, wall_loop
 from palpate.stability import (
-    Arm,
     EnergyObserver,
     PassivityController,
-    Tip,
     coupling_damping,
     critical_stiffness,
     held_energy,
@@ -21,7 +20,6 @@ from palpate.stability import (
     positive_real_margin,
     spectral_radius,
     sufficient_damping,
-    wall_loop,
 )
 from scipy.linalg import eigh
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from palpate.errors import StabilityError
+from palpate.linear import Tip, wall_loop
 from palpate.stability import (
-    StabilityError,
-    Tip,
     characteristic_polynomial,
     critical_stiffness,
     jury,
     lyapunov,
     precise_tables,
     routh,
-    wall_loop,
     wall_polynomial,
 )
 

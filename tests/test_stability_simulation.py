@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from palpate import _core
-from palpate.loop.simulate import prepare
-from palpate.stability import Arm, Tip, WallLoop, boundary, coulomb_amplitude, critical_stiffness, wall_loop
+from palpate.linear import Arm, Tip, WallLoop, wall_loop
+from palpate.simulation.simulator import prepare
+from palpate.stability import boundary, coulomb_amplitude, critical_stiffness
 
 Array = NDArray[np.float64]
 SETS = 100

@@ -12,11 +12,15 @@ import pytest
 from palpate import devices, simulate
 from palpate.cli.main import app
 from palpate.control import Controller
+from palpate.errors import StabilityError
+from palpate.linear import Arm
+from palpate.report import workspace_page
 from palpate.scenario import Scenario
-from palpate.stability import Arm, StabilityError, Workspace, certify, critical, scenario_loop, workspace
+from palpate.simulation import scenario_loop
+from palpate.stability import Workspace, certify, critical, workspace
 from palpate.stability.counter_example import growth
 from palpate.stability.pose_loops import PoseLoops
-from palpate.stability.zwidth import wall_loops
+from palpate.stability.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -131,7 +135,7 @@ def test_nobody_holds_a_device_that_tips_over() -> None:
     stiffness = found.stiffness.copy()
     stiffness[1::2] = 700.0
     assert "At the others walls up to 700 N/m are stable" in str(replace(found, stiffness=stiffness))
-    assert "Hatched" in found.page().html()
+    assert "Hatched" in workspace_page(found).html()
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from palpate.report.zwidth import zwidth_page
 from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import zwidth
-from palpate.stability.scenario_loop import scenario_loop
-from palpate.stability.zwidth_page import zwidth_page
 
 SLIDER = Path(__file__).parent.parent / "scenarios" / "slider-wall-stable.toml"
 

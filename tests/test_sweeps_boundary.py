@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import stability
+from palpate import linear, stability
 from palpate.scenario import Scenario
-from palpate.stability.scenario_loop import scenario_loop
+from palpate.simulation.linear_loop import scenario_loop
 from palpate.sweeps import SweepError, Verdict, refine, sweep
-from palpate.sweeps.refine import follow
+from palpate.sweeps.refinement import follow
 from scipy.optimize import brentq
 
 T, MASS = 1e-3, 0.06
@@ -48,7 +48,7 @@ def test_the_sliders_boundary_is_the_exact_one(delay: int) -> None:
     over = {"object.damping": "0 N*s/m..20 N*s/m:3", "object.stiffness": "0 N/m..64 N/mm:17"}
     found = refine(scenario, over, levels=5)
     assert found.ran.mean() < 0.2
-    tip = stability.Tip.of_mass(MASS, 0.05, stability.Arm(0.15, 4.5, 560.0))
+    tip = linear.Tip.of_mass(MASS, 0.05, linear.Arm(0.15, 4.5, 560.0))
     assert len(found.boundary) >= len(found.values[0])
     for damping, stiffness in found.boundary[::8]:
         exact = stability.critical_stiffness(tip, period=T, delay=delay, virtual_damping=damping)

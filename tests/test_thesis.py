@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from palpate import devices
 from palpate.errors import PalpateError
-from palpate.thesis import checks, reproduce
-from palpate.thesis.checks import at_most, compare, printed, statement, within
-from palpate.thesis.experimental import experimental_model
-from palpate.thesis.printed_equations import PrintedArm
 from riesz import riesz_derivative
+
+from experiments.hosseini2004 import checks, reproduce
+from experiments.hosseini2004.checks import at_most, compare, printed, statement, within
+from experiments.hosseini2004.experimental import experimental_model
+from experiments.hosseini2004.printed_equations import PrintedArm
 
 # Printed, but not held against ours by themselves: specifications that the report shows, and the matrices from which
 # the printed transfer functions are checked.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.analysis.linearize import hold_force
-from palpate.thesis.cases import POSE, design
-from palpate.thesis.topologies import display
+from palpate.linear.linearization import hold_force
+
+from experiments.hosseini2004.cases import POSE, design
+from experiments.hosseini2004.topologies import display
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 3.5])

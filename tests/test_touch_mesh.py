@@ -9,7 +9,7 @@ import palpate
 import pytest
 import trimesh
 from palpate import Proxy, Surface
-from palpate.touch import Mesh, MeshError
+from palpate.contact import Mesh, MeshError
 from touch_shapes import ball, box
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from palpate import Mesh, PalpateError, Proxy, Surface
-from palpate.touch import SurfaceError
-from palpate.touch.bench import orbit, time_steps
+from palpate.contact import SurfaceError
 from touch_shapes import ball, box
+
+from benchmarks.proxy_steps import orbit, time_steps
 
 Array = NDArray[np.float64]
 

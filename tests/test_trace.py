@@ -18,8 +18,9 @@ from hypothesis.extra.numpy import arrays
 from palpate import simulate
 from palpate.errors import OutputError
 from palpate.files import write_whole
-from palpate.loop.response import step_response
-from palpate.loop.trace import Channel, Trace, TraceError
+from palpate.metrics import summarize
+from palpate.metrics.step import step_response
+from palpate.simulation.trace import Channel, Trace, TraceError
 
 PRESS: dict[str, Any] = {
     "title": "Press µ → 木",
@@ -227,7 +228,7 @@ def test_csv_has_units_in_its_header_and_every_digit(pressed: Trace, tmp_path: P
 
 def test_a_summary_is_json_and_states_the_verdict(pressed: Trace) -> None:
     """summary.json: strict JSON; a loop with integrators ends at force over stiffness."""
-    summary = json.loads(json.dumps(pressed.summary(), allow_nan=False))
+    summary = json.loads(json.dumps(summarize(pressed), allow_nan=False))
     assert summary["stable"] is True
     assert summary["verdict"].startswith("stable: settles to 5 % in ")
     assert set(summary["axes"]) == {"x", "y", "z"}

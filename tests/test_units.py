@@ -145,7 +145,7 @@ def test_the_caller_chooses_the_error() -> None:
 
 def test_a_catalogue_number_reads_as_it_is_written() -> None:
     """The text of each number, read alone, is the device's value."""
-    from palpate.devices.catalogue import read_numbers
+    from palpate.devices.catalog import read_numbers
 
     for name in devices.names():
         for number in read_numbers(name):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate.bench.ball import ball
+
+from benchmarks.ball import ball
 
 __all__ = ["ball", "box"]
 

@@ -8,46 +8,47 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
-    from palpate.analysis.discretize import discretize
-    from palpate.analysis.linearize import linearize
+    from palpate.contact import Contact, Mesh, Proxy, Surface
     from palpate.control.controller import Controller
     from palpate.devices import Device
-    from palpate.loop.simulate import simulate
-    from palpate.loop.trace import Trace
+    from palpate.linear.discretization import discretize
+    from palpate.linear.linearization import linearize
+    from palpate.metrics import summarize
     from palpate.scenario import Scenario
+    from palpate.simulation.simulator import simulate
+    from palpate.simulation.trace import Trace
     from palpate.sweeps import sweep
-    from palpate.touch import Contact, Mesh, Proxy, Surface
 
 # Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
-_HOMES = {
-    "Contact": "palpate.touch",
+_LAZY_ATTRIBUTES = {
+    "Contact": "palpate.contact",
     "Controller": "palpate.control.controller",
     "Device": "palpate.devices",
-    "Mesh": "palpate.touch",
-    "Proxy": "palpate.touch",
+    "Mesh": "palpate.contact",
+    "Proxy": "palpate.contact",
     "Scenario": "palpate.scenario",
-    "Surface": "palpate.touch",
-    "Trace": "palpate.loop.trace",
-    "discretize": "palpate.analysis",
-    "linearize": "palpate.analysis",
-    "simulate": "palpate.loop.simulate",
+    "Surface": "palpate.contact",
+    "Trace": "palpate.simulation.trace",
+    "discretize": "palpate.linear",
+    "linearize": "palpate.linear",
+    "simulate": "palpate.simulation.simulator",
+    "summarize": "palpate.metrics",
     "sweep": "palpate.sweeps",
 }
-_ROOMS = (
-    "analysis",
-    "bench",
-    "bodies",
+_SUBPACKAGES = (
+    "contact",
     "control",
-    "design",
     "devices",
-    "identify",
-    "loop",
+    "fem",
+    "identification",
+    "linear",
+    "metrics",
+    "plotting",
     "report",
     "scenario",
+    "simulation",
     "stability",
     "sweeps",
-    "thesis",
-    "touch",
 )
 
 __all__ = [
@@ -60,31 +61,31 @@ __all__ = [
     "Scenario",
     "Surface",
     "Trace",
-    "analysis",
-    "bench",
-    "bodies",
+    "contact",
     "control",
-    "design",
     "devices",
     "discretize",
-    "identify",
+    "fem",
+    "identification",
+    "linear",
     "linearize",
-    "loop",
+    "metrics",
+    "plotting",
     "report",
     "scenario",
     "simulate",
+    "simulation",
     "stability",
+    "summarize",
     "sweep",
     "sweeps",
-    "thesis",
-    "touch",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    if name in _ROOMS:
+    if name in _LAZY_ATTRIBUTES:
+        return getattr(importlib.import_module(_LAZY_ATTRIBUTES[name]), name)
+    if name in _SUBPACKAGES:
         return importlib.import_module(f"palpate.{name}")
     raise AttributeError(f"module 'palpate' has no attribute {name!r}")
 

@@ -25,6 +25,10 @@ class DesignError(PalpateError):
     """A controller with the stated specification does not exist for this plant."""
 
 
+class StabilityError(PalpateError):
+    """A loop that cannot be judged as described: a negative delay, a rate of zero, a controller that looks ahead."""
+
+
 class OutputError(PalpateError):
     """A file or folder cannot be written: no permission, a full disk, a folder where a file should be."""
 

@@ -1,1 +1,1 @@
-"""The command line: `palpate reproduce`, `run`, `identify`, `devices`, `bench`."""
+"""The command line: `palpate run`, `certify`, `sweep`, `identify` and the other commands."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import output, progress, stages
+from palpate.cli.console import output, stages
 
 if TYPE_CHECKING:
-    from palpate.bodies import Body
+    from palpate.fem import Body
 
-__all__ = ["build", "phantom", "show", "validate"]
+__all__ = ["build", "phantom", "show"]
 
 
 def build(
@@ -53,7 +53,7 @@ def build(
     Example: palpate body build liver.stl --unit mm --young "5 kPa" --fixed "z < 2 mm" -o liver.h5
     """
     with stages("starting") as tell:
-        from palpate.bodies import build as make
+        from palpate.fem import build as make
 
         target = out if out is not None else source.parent / f"{source.stem}.h5"
         body = make(
@@ -89,7 +89,7 @@ def phantom(
     Example: palpate body phantom --contrast 5 --depth "10 mm" -o phantom.h5
     """
     with stages("starting") as tell:
-        from palpate.bodies import phantom as make
+        from palpate.fem import phantom as make
 
         body = make(young=young, contrast=contrast, depth=depth, spacing=spacing, output=out, progress=tell)
     _tell(body)
@@ -98,7 +98,7 @@ def phantom(
 
 def show(file: Annotated[Path, typer.Argument(help="A body (.h5).")]) -> None:
     """Say what a body is and how it was made."""
-    from palpate.bodies import load
+    from palpate.fem import load
 
     body = load(file)
     _tell(body)
@@ -120,7 +120,7 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     """What a body is made of and how, for people: a name and a text each."""
     import numpy as np
 
-    from palpate.touch.diagnosis import lengths
+    from palpate.contact.diagnosis import lengths
 
     told = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
@@ -151,27 +151,3 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     stages = ", ".join(f"{stage} {time:.3g} s" for stage, time in told("seconds", {}).items())
     yield "built in", f"{1e-9 * told('memory_bytes', 0.0):.2g} GB, {1e-9 * told('operations', 0.0):.3g} Gflop; {stages}"
     yield "built with", ", ".join(f"{name} {version}" for name, version in told("versions", {}).items())
-
-
-def validate(
-    paths: Annotated[int, typer.Option("--paths", help="Random closed paths for each kind of body.")] = 10_000,
-) -> None:
-    """Hold bodies against converged finite elements, against Hertz and against the law of energy; takes minutes.
-
-    Example: palpate body validate
-    """
-    with progress("starting") as tell:
-        from palpate.bodies.validation import validate as run
-
-        rows = run(tell, paths=paths)
-    missed = False
-    for row in rows:
-        good = abs(row["off"]) <= row["asked"]
-        missed = missed or not good
-        output.print(
-            f"  [{'green' if good else 'red'}]{100 * row['off']:+.2g} %[/] {escape(row['what'])} "
-            f"[dim](asked: within {100 * row['asked']:g} %)[/]",
-            soft_wrap=True,
-        )
-    if missed:
-        raise typer.Exit(1)

@@ -21,7 +21,7 @@ def devices(
     Example: palpate devices phantom-premium-1.5a
     """
     from palpate.devices import load, names
-    from palpate.devices.catalogue import read_numbers
+    from palpate.devices.catalog import read_numbers
 
     if name is None:
         table = Table("name", "degrees of freedom", "what it is", box=None, pad_edge=False)

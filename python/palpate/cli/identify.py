@@ -34,7 +34,7 @@ def identify(
     Example: palpate identify --simulate recording.csv, then palpate identify recording.csv
     """
     with progress("reading") as tell:
-        from palpate.identify import experiment, identify_recording
+        from palpate.identification import experiment, identify_recording
 
         if simulate:
             from palpate.devices import load

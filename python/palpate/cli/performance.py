@@ -28,13 +28,14 @@ def performance(
     Example: palpate performance scenarios/arm-through-tissue-on-a-wall.toml
     """
     with progress("reading the scenario") as tell:
-        from palpate.performance import measure
+        from palpate.metrics import measure
+        from palpate.report import performance_page
         from palpate.scenario import Scenario
 
         loaded = Scenario.from_file(scenario)
         found = measure(loaded, progress=tell)
         tell("drawing", 0.9)
-        page = found.page()
+        page = performance_page(found)
         folder = out if out is not None else Path("results") / scenario.stem
         paths = write_folder(folder, {"performance.html": page.write, "performance.json": found.write_json})
     output.print(f"[bold]{loaded.title}[/]")

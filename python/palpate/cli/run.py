@@ -30,19 +30,20 @@ def run(
     Example: palpate run scenarios/press-stiff-cube-lqg.toml
     """
     with progress("reading the scenario") as tell:
-        from palpate.loop.simulate import simulate
-        from palpate.report.run import run_page
+        from palpate.metrics import summarize
+        from palpate.report import run_page
         from palpate.scenario import Scenario
+        from palpate.simulation.simulator import simulate
 
         loaded = Scenario.from_file(scenario)
         if loaded.object.kind == "body":
-            from palpate.loop.body import scenario_body
+            from palpate.simulation.bodies import scenario_body
 
             scenario_body(loaded, lambda text, share: tell(f"making the body: {text}", 0.2 * share))
         tell("running", 0.2)
         trace = simulate(loaded)
         tell("drawing", 0.6)
-        summary = trace.summary()
+        summary = summarize(trace)
         page = run_page(trace, summary)
         tell("writing", 0.9)
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -66,13 +66,14 @@ def zwidth(
     Example: palpate zwidth scenarios/slider-wall-stable.toml
     """
     with progress("reading the scenario") as tell:
+        from palpate.report import zwidth_page
         from palpate.scenario import Scenario
         from palpate.stability import zwidth as map_of
 
         loaded = Scenario.from_file(scenario)
         found = map_of(loaded, simulated=simulate, progress=tell)
         tell("drawing", 0.95)
-        page = found.page()
+        page = zwidth_page(found)
         folder = out if out is not None else Path("results") / scenario.stem
         paths = write_folder(folder, {"zwidth.html": page.write, "zwidth.json": found.write_json})
     output.print(f"[bold]{loaded.title}[/]")
@@ -111,11 +112,12 @@ def workspace(
     Example: palpate workspace scenarios/arm-through-tissue-on-a-wall.toml
     """
     with progress("reading") as tell:
+        from palpate.report import workspace_page
         from palpate.stability import workspace as map_of
 
         found = map_of(subject, poses=poses, progress=tell)
         tell("drawing", 0.96)
-        page = found.page()
+        page = workspace_page(found)
         folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")
         paths = write_folder(folder, {"workspace.html": page.write, "workspace.json": found.write_json})
     output.print(f"[bold]{found.title}[/]: {found.loop}", soft_wrap=True)

@@ -1,5 +1,28 @@
-"""The controller that the servo loop runs."""
+"""Controllers, their design from specifications, and the exact margins of the sampled loops that they close."""
 
 from palpate.control.controller import Controller
+from palpate.control.coupling import virtual_coupling
+from palpate.control.feedback_loop import closed_loop, closed_loop_matrix, loop_gain, spectral_radius
+from palpate.control.kalman_filter import KalmanFilter, kalman
+from palpate.control.lead_lag_design import Compensator, lead_lag
+from palpate.control.lqg_design import lqg
+from palpate.control.stability_margins import Margins, critical_gain, gain_interval, loop_margins, margins
 
-__all__ = ["Controller"]
+__all__ = [
+    "Compensator",
+    "Controller",
+    "KalmanFilter",
+    "Margins",
+    "closed_loop",
+    "closed_loop_matrix",
+    "critical_gain",
+    "gain_interval",
+    "kalman",
+    "lead_lag",
+    "loop_gain",
+    "loop_margins",
+    "lqg",
+    "margins",
+    "spectral_radius",
+    "virtual_coupling",
+]

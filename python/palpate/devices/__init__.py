@@ -1,6 +1,6 @@
-"""What is held: the catalogue of devices and the `Device` that answers for its kinematics and dynamics."""
+"""The catalog of devices, and the `Device` with its kinematics and dynamics."""
 
-from palpate.devices.catalogue import Number, load, names
+from palpate.devices.catalog import IdentifiedModel, Number, identified_model, load, names
 from palpate.devices.device import Device
 
-__all__ = ["Device", "Number", "load", "names"]
+__all__ = ["Device", "IdentifiedModel", "Number", "identified_model", "load", "names"]

@@ -58,12 +58,14 @@ class Device:
         description: one line.
         mechanism: "premium" or "slider".
         parameters: every number in SI.
+        identified_model: name or file of a linear model identified from measurements; None: there is none.
     """
 
     name: str
     description: str
     mechanism: str
     parameters: Parameters
+    identified_model: str | None = None
 
     @property
     def dof(self) -> int:

@@ -1,5 +1,9 @@
-"""What a person sees: figures of a trace, and pages that carry everything they need in one file."""
+"""Reports: HTML pages that carry everything they need in one file."""
 
 from palpate.report.html import Page
+from palpate.report.performance import performance_page
+from palpate.report.run import run_page
+from palpate.report.workspace import workspace_page
+from palpate.report.zwidth import zwidth_page
 
-__all__ = ["Page"]
+__all__ = ["Page", "performance_page", "run_page", "workspace_page", "zwidth_page"]

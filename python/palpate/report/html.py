@@ -9,7 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from palpate.report.style import CSS, inline_svg
+from palpate.files import write_whole
+from palpate.report.theme import CSS, inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -187,8 +188,6 @@ class Page:
 
     def write(self, path: str | Path) -> Path:
         """Write the page, whole or not at all; return the path."""
-        from palpate.files import write_whole
-
         text = self.html()
         return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from palpate.report.html import number
-
-if TYPE_CHECKING:
-    from palpate.report.html import Page
+from palpate.report.html import Page, number
 
 __all__ = ["Number", "in_column", "numbers_table"]
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from palpate.loop.trace import Trace
-from palpate.report import figures
+from palpate.metrics import summarize
+from palpate.plotting import figures
 from palpate.report.html import Page
 from palpate.report.palpation import palpation_section
 from palpate.report.sliding import sliding_section
+from palpate.simulation.trace import Trace
 
 __all__ = ["run_page"]
 
 
 def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
-    """Return the report of a trace; `summary` is `trace.summary()`, if it is at hand."""
-    found = trace.summary() if summary is None else summary
+    """Return the report of a trace; `summary` is `summarize(trace)`, if it is at hand."""
+    found = summarize(trace) if summary is None else summary
     page = Page(found["title"] or "A run", str(trace.scenario.get("description", "")))
     page.section("Verdict")
     page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", "good" if found["stable"] else "bad")

@@ -81,13 +81,13 @@ class BodyChoice(Section):
     """[object.body]: a file, or a body made on the spot; placed by [object] position, its `origin` there.
 
     Attributes:
-        shape: "file"; "block", bonded below and touched on its top; or "phantom", that of `palpate.bodies.phantom`.
+        shape: "file"; "block", bonded below and touched on its top; or "phantom", that of `palpate.fem.phantom`.
         file: of `palpate body build` (.h5; relative to the scenario's file, absolute once read).
         size: of the block along x, y, z, m.
         young: Young's modulus, Pa; poisson: Poisson's ratio, below 0.5.
         spacing: of the cells, m.
         modes: how many vibration modes to find, for the kind "modal".
-        contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.bodies.phantom`.
+        contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.fem.phantom`.
         kind: how the body answers, one of `KINDS` ("neo-hookean" and "corotational": under large displacements);
             options: of the kind, any other key of the table, in SI.
         origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -23,7 +23,8 @@ from pydantic import (
     model_validator,
 )
 
-from palpate.errors import PoseError, ScenarioError
+from palpate.devices import Device, load
+from palpate.errors import DeviceError, PoseError, ScenarioError
 from palpate.scenario.body import BodyChoice
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
@@ -41,12 +42,10 @@ from palpate.scenario.fields import (
     Time,
     Whole,
 )
+from palpate.scenario.reader import find_line, read_file, read_text, validate
 from palpate.scenario.signal import Signal
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
 from palpate.units import parse, write
-
-if TYPE_CHECKING:
-    from palpate.devices import Device
 
 __all__ = ["Controller", "DeviceChoice", "Object", "Operator", "Run", "Scenario", "Servo", "Start"]
 
@@ -56,8 +55,8 @@ class DeviceChoice(Section):
 
     Attributes:
         name: catalogue name, or path of a TOML file (relative to the scenario's file; absolute once read).
-        model: "nonlinear", "linear" (exact linearisation at the start pose) or "experimental" (the identified
-            discrete model of Hosseini-Zadeh 2004, 3.25-3.31).
+        model: "nonlinear", "linear" (exact linearisation at the start pose) or "experimental" (the model
+            identified from measurements that the device's file names, `identified_model`).
         kinematics: "nonlinear", or "linear" (tip and torques with the Jacobian frozen at the start pose).
         encoder: angles come in whole encoder counts.
         saturation: the drive's force and torque limits hold.
@@ -74,9 +73,6 @@ class DeviceChoice(Section):
     @field_validator("name")
     @classmethod
     def _resolve(cls, name: str, info: ValidationInfo) -> str:
-        from palpate.devices import load
-        from palpate.errors import DeviceError
-
         base = (info.context or {}).get("base")
         if name.endswith(".toml") and base is not None:
             name = str((Path(base) / name).resolve())
@@ -297,7 +293,7 @@ class Controller(Section):
         gain: N/N per axis.
         A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled at the servo period.
         antiwindup: (n, 3), see palpate.control.Controller.
-        options: of palpate.design.lead_lag or palpate.design.lqg, any other key of the table, in SI.
+        options: of palpate.control.lead_lag or palpate.control.lqg, any other key of the table, in SI.
     """
 
     kind: Literal["none", "gain", "lead_lag", "lqg", "state_space"] = "none"
@@ -403,9 +399,9 @@ class Scenario(Section):
             self._fill("servo", self.servo.model_copy(update={"period": device.servo_period}))
         self._check_start(device)
         self._check_topology()
-        if self.device.model == "experimental" and device.mechanism != "premium":
+        if self.device.model == "experimental" and device.identified_model is None:
             raise ValueError(
-                'device.model: "experimental" is the identified model of the phantom-premium-1.5a; '
+                f'device.model: "experimental" is the identified model of a device, and {device.name} has none; '
                 'use "nonlinear" or "linear"'
             )
         if self.servo.jitter >= self.period:
@@ -486,16 +482,12 @@ class Scenario(Section):
 
     def mistake(self, field: str, sentence: str) -> ScenarioError:
         """Return the error for a mistake in `field`, such as "object.body.file", with the line where it stands."""
-        from palpate.scenario.reader import find_line
-
         line = None if self._text is None else find_line(self._text, field.split("."))
         place = "" if line is None else f"{self._name}, line {line}: "
         return ScenarioError(f"{place}{field}: {sentence}")
 
     def load_device(self) -> Device:
         """Return the device that [device] names."""
-        from palpate.devices import load
-
         return load(self.device.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -509,20 +501,19 @@ class Scenario(Section):
         Raises:
             ScenarioError: the file cannot be read, or has a mistake; the message has file, line and field.
         """
-        from palpate.scenario.reader import read_file
-
-        return read_file(path)
+        text, name, base = read_file(path)
+        scenario = cls.from_text(text, name, base)
+        scenario._source = name
+        return scenario
 
     @classmethod
     def from_text(cls, text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
         """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths."""
-        from palpate.scenario.reader import read_text
-
-        return read_text(text, name, base)
+        scenario = validate(cls, read_text(text, name), name, text, base)
+        scenario._text, scenario._name = text, name
+        return scenario
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
         """Read tables shaped as the file's, values with units as text."""
-        from palpate.scenario.reader import read_tables
-
-        return read_tables(tables, base)
+        return validate(cls, tables, "scenario", None, base)

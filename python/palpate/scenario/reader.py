@@ -1,4 +1,4 @@
-"""From TOML to a Scenario, or to one sentence that says file, line, field, and what would be right."""
+"""Read a scenario's TOML, and turn its mistakes into sentences with file, line, field and remedy."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from palpate.errors import ScenarioError
 from palpate.files import HDF5_SIGNATURE, named
-from palpate.scenario.model import Scenario
 
-__all__ = ["find_line", "read_file", "read_tables", "read_text"]
+__all__ = ["ScenarioText", "find_line", "read_file", "read_text", "validate"]
 
+Model = TypeVar("Model", bound=BaseModel)
 _LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
 _HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -24,11 +24,19 @@ _FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missin
 _UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
 
 
-def read_file(path: str | Path) -> Scenario:
-    """Read a scenario file.
+class ScenarioText(NamedTuple):
+    """The text of a scenario file."""
+
+    text: str
+    name: str  # of the file, for messages
+    base: Path  # folder of relative paths
+
+
+def read_file(path: str | Path) -> ScenarioText:
+    """Return the text of a scenario file.
 
     Raises:
-        ScenarioError: it cannot be read, is not TOML, or has a mistake.
+        ScenarioError: it cannot be read, or is no text.
     """
     file = named(path, ScenarioError)
     try:
@@ -42,9 +50,7 @@ def read_file(path: str | Path) -> Scenario:
         raise ScenarioError(f"{file}: not UTF-8 text; a scenario is a TOML file") from None
     except OSError as problem:
         raise ScenarioError(f"{file}: cannot be read: {problem.strerror}") from None
-    scenario = read_text(text, str(file), file.parent)
-    scenario._source = str(file)
-    return scenario
+    return ScenarioText(text, str(file), file.parent)
 
 
 def _check_kind(file: Path) -> None:
@@ -60,35 +66,21 @@ def _check_kind(file: Path) -> None:
         )
 
 
-def read_text(text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
-    """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths.
+def read_text(text: str, name: str) -> dict[str, Any]:
+    """Return the tables of TOML text; `name` stands for the file in messages.
 
     Raises:
-        ScenarioError: as `read_file`.
+        ScenarioError: it is not TOML.
     """
     if not isinstance(text, str):
         raise ScenarioError(f"a scenario's text is TOML, not {text!r}")
     try:
-        tables = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         where = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(problem))
         line = f", line {where[1]}" if where and where[1] else ""
         reason = str(problem).split(" (at ")[0]
         raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
-    scenario = _validate(tables, name, text, base)
-    scenario._text, scenario._name = text, name
-    return scenario
-
-
-def read_tables(tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
-    """Read tables shaped as the file's.
-
-    Raises:
-        ScenarioError: as `read_file`, without file and line.
-    """
-    if not isinstance(tables, Mapping):
-        raise ScenarioError(f"a scenario's tables are a mapping of them by name, not {tables!r}")
-    return _validate(dict(tables), "scenario", None, base)
 
 
 def find_line(text: str, field: Sequence[str | int]) -> int | None:
@@ -149,31 +141,47 @@ def _nesting(line: str, depth: int, fence: str) -> tuple[int, str]:
     return depth, fence
 
 
-def _validate(tables: dict[str, Any], name: str, text: str | None, base: str | Path | None) -> Scenario:
+def validate(
+    model: type[Model], tables: Mapping[str, Any], name: str, text: str | None, base: str | Path | None
+) -> Model:
+    """Return the model of a scenario's tables.
+
+    Args:
+        model: of a scenario.
+        tables: shaped as the file's.
+        name: of the file, for messages.
+        text: of the file, in which lines are found; None if there is none.
+        base: folder of relative paths.
+
+    Raises:
+        ScenarioError: the tables have a mistake.
+    """
+    if not isinstance(tables, Mapping):
+        raise ScenarioError(f"a scenario's tables are a mapping of them by name, not {tables!r}")
     context = {"base": None if base is None else str(base)}
     try:
-        return Scenario.model_validate(tables, context=context)
+        return model.model_validate(dict(tables), context=context)
     except ValidationError as problems:
         sentences: dict[tuple[int, str], None] = {}
         errors = problems.errors()
-        meant = {_meant(error["loc"]) for error in errors if error["type"] == "extra_forbidden"}
+        meant = {_meant(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"}
         for error in errors:
             if error["type"] == "missing" and error["loc"] in meant:
                 continue  # it is there, misspelt
-            field, sentence = _sentence(error)
+            field, sentence = _sentence(model, error)
             line = find_line(text, field) if text is not None else None
             place = name if line is None else f"{name}, line {line}"
             sentences[line or 0, f"{place}: {sentence}"] = None
         raise ScenarioError("\n".join(sentence for _, sentence in sorted(sentences)[:5])) from None
 
 
-def _meant(field: tuple[str | int, ...]) -> tuple[str | int, ...] | None:
+def _meant(scenario: type[BaseModel], field: tuple[str | int, ...]) -> tuple[str | int, ...] | None:
     """Return the known field that a misspelt one stands for."""
-    close = difflib.get_close_matches(str(field[-1]), _keys_of(field[:-1]), 1)
+    close = difflib.get_close_matches(str(field[-1]), _keys_of(scenario, field[:-1]), 1)
     return (*field[:-1], close[0]) if close else None
 
 
-def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
+def _sentence(scenario: type[BaseModel], error: Any) -> tuple[tuple[str | int, ...], str]:
     """Return the field that an error is about, and one sentence."""
     field: tuple[str | int, ...] = tuple(error["loc"])
     kind, value, message = error["type"], error.get("input"), str(error["msg"])
@@ -190,7 +198,7 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
             return (*field, unknown[1]), message.replace(unknown[0], f"{unknown[0]} in [{table}]", 1)
     dotted = ".".join(str(part) for part in field if isinstance(part, str))
     if kind == "extra_forbidden":
-        keys = _keys_of(field[:-1])
+        keys = _keys_of(scenario, field[:-1])
         close = difflib.get_close_matches(str(field[-1]), keys, 1)
         hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(keys)}"
         table = f"[{'.'.join(map(str, field[:-1]))}]" if len(field) > 1 else "the scenario"
@@ -198,7 +206,7 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
     if kind == "missing":
         if len(field) == 1:
             return field, f"the table [{dotted}] is missing"
-        example = "".join(f"; write for example {field[-1]} = {text}" for text in _examples_of(field))
+        example = "".join(f"; write for example {field[-1]} = {text}" for text in _examples_of(scenario, field))
         return field, f"{dotted} is missing{example}"
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", str(error["ctx"]["expected"]))
@@ -217,22 +225,22 @@ def _sentence(error: Any) -> tuple[tuple[str | int, ...], str]:
     ) else f"{dotted}: {message}"
 
 
-def _keys_of(field: Sequence[str | int]) -> list[str]:
+def _keys_of(scenario: type[BaseModel], field: Sequence[str | int]) -> list[str]:
     """Return the keys that the table at `field` may have."""
-    model = _model_at(field)
+    model = _model_at(scenario, field)
     return [] if model is None else [key for key in model.model_fields if key != "options"]
 
 
-def _examples_of(field: Sequence[str | int]) -> list[str]:
+def _examples_of(scenario: type[BaseModel], field: Sequence[str | int]) -> list[str]:
     """Return how a key's value may be written, as its model tells."""
-    model = _model_at(field[:-1])
+    model = _model_at(scenario, field[:-1])
     info = None if model is None else model.model_fields.get(str(field[-1]))
     return [] if info is None else [str(text) for text in info.examples or ()]
 
 
-def _model_at(field: Sequence[str | int]) -> type[BaseModel] | None:
+def _model_at(scenario: type[BaseModel], field: Sequence[str | int]) -> type[BaseModel] | None:
     """Return the model of the table at `field`, or None if none can stand there."""
-    model: type[BaseModel] | None = Scenario
+    model: type[BaseModel] | None = scenario
     for part in field:
         info = None if model is None else model.model_fields.get(str(part))
         kinds = [] if info is None else [info.annotation, *getattr(info.annotation, "__args__", ())]

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
+from palpate.contact.surface import SHADED_MOST
 from palpate.scenario.fields import (
     Angle,
     Angle3,
@@ -22,7 +23,6 @@ from palpate.scenario.fields import (
     Size3,
     Whole,
 )
-from palpate.touch.surface import SHADED_MOST
 from palpate.units import parse, write
 
 __all__ = ["MeshChoice", "SurfaceChoice"]

@@ -1,24 +1,11 @@
-"""How stiff an object a loop can render, for whom, and how sure that is: exact where theory is exact."""
+"""Stability of a haptic loop: criteria, passivity, exact maps of stable objects, and certificates."""
 
-from palpate.stability.boundary import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
+from palpate.errors import StabilityError
+from palpate.stability.boundaries import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
 from palpate.stability.certificate import Certificate, certify
-from palpate.stability.checks import StabilityError
-from palpate.stability.contact import ContactStability, contact_stability
+from palpate.stability.contact_loop import ContactStability, contact_stability
 from palpate.stability.counter_example import CounterExample, worst_hand
-from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
-from palpate.stability.loop import WallLoop, wall_loop
-from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
-from palpate.stability.one_line import WallVerdict, wall
-from palpate.stability.passivity import (
-    coulomb_amplitude,
-    coupling_damping,
-    field_damping,
-    passive_damping,
-    passive_stiffness,
-    quantised_stiffness,
-    sufficient_damping,
-)
-from palpate.stability.roads import (
+from palpate.stability.criteria import (
     Jury,
     Lyapunov,
     Routh,
@@ -29,8 +16,17 @@ from palpate.stability.roads import (
     routh,
     wall_polynomial,
 )
-from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
-from palpate.stability.tip import Arm, HeldTip, Tip, hold
+from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
+from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
+from palpate.stability.passivity import (
+    coulomb_amplitude,
+    coupling_damping,
+    field_damping,
+    passive_damping,
+    passive_stiffness,
+    quantised_stiffness,
+    sufficient_damping,
+)
 from palpate.stability.two_port import (
     CouplingVerdict,
     certify_coupling,
@@ -39,11 +35,11 @@ from palpate.stability.two_port import (
     two_port_limit,
     two_port_margin,
 )
-from palpate.stability.workspace import Workspace, workspace
-from palpate.stability.zwidth import ZWidth, zwidth
+from palpate.stability.wall_verdict import WallVerdict, wall
+from palpate.stability.workspace_map import Workspace, workspace
+from palpate.stability.zwidth_map import ZWidth, zwidth
 
 __all__ = [
-    "Arm",
     "Boundary",
     "Certificate",
     "ContactStability",
@@ -51,17 +47,13 @@ __all__ = [
     "CouplingVerdict",
     "Critical",
     "EnergyObserver",
-    "HeldTip",
     "Jury",
     "Lyapunov",
     "MeasuredResponse",
     "MeasuredVerdict",
     "PassivityController",
     "Routh",
-    "ScenarioLoop",
     "StabilityError",
-    "Tip",
-    "WallLoop",
     "WallVerdict",
     "Workspace",
     "ZWidth",
@@ -76,7 +68,6 @@ __all__ = [
     "critical_stiffness",
     "field_damping",
     "held_energy",
-    "hold",
     "jury",
     "llewellyn",
     "lyapunov",
@@ -87,13 +78,11 @@ __all__ = [
     "precise_tables",
     "quantised_stiffness",
     "routh",
-    "scenario_loop",
     "spectral_radius",
     "sufficient_damping",
     "two_port_limit",
     "two_port_margin",
     "wall",
-    "wall_loop",
     "wall_polynomial",
     "workspace",
     "worst_hand",

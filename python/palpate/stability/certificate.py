@@ -12,13 +12,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.design.margins import critical_gain, loop_margins
+from palpate.control.stability_margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
+from palpate.files import write_whole
 from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.simulation.simulator import simulate
 from palpate.stability.counter_example import CounterExample, growing, worst_hand
+from palpate.stability.criteria import lyapunov, precise_tables
 from palpate.stability.passivity import field_damping, passive_damping, quantised_stiffness
-from palpate.stability.roads import lyapunov, precise_tables
-from palpate.stability.scenario_loop import ScenarioLoop, scenario_loop
 
 __all__ = ["Certificate", "certify", "judge"]
 
@@ -78,8 +80,6 @@ class Certificate:
 
     def write(self, path: str | Path) -> Path:
         """Write the certificate as JSON, whole or not at all; return the path."""
-        from palpate.files import write_whole
-
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
 
@@ -265,8 +265,6 @@ def _factor(up: float, loop: ScenarioLoop) -> str:
 
 def _at_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, str]:
     """Run the scenario; return its loop where it came to rest, when it diverged (s), and what was seen."""
-    from palpate.loop.simulate import simulate
-
     trace = simulate(s)
     ran = f"The full scenario was run for {s.run.duration:g} s"
     if not trace.stable:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from palpate.linear.linear_device import Arm
 from palpate.scenario import Scenario
-from palpate.stability.scenario_loop import scenario_loop
-from palpate.stability.tip import Arm
+from palpate.simulation.linear_loop import scenario_loop
+from palpate.simulation.simulator import simulate
 
 __all__ = ["CounterExample", "growing", "growth", "to_toml", "worst_hand"]
 
@@ -124,8 +125,6 @@ def _press_in(scenario: Scenario, tables: dict[str, Any]) -> None:
 
 def _run(tables: dict[str, Any], what: str) -> CounterExample | None:
     """Run with ever harder pushes (dry friction may hold a soft one) until the swing grows; None if it never does."""
-    from palpate.loop.simulate import simulate
-
     base = tables.get("operator", {}).get("force")
     for push in (1, 10, 50) if base else (1,):
         if base:

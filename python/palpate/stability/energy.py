@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.stability.checks import StabilityError, not_negative, positive
+from palpate.checks import not_negative, positive
+from palpate.errors import StabilityError
 
 __all__ = ["EnergyObserver", "PassivityController", "held_energy", "naive_energy"]
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.stability.checks import StabilityError, finite, not_negative, positive, share
+from palpate.checks import finite, not_negative, positive, share
+from palpate.errors import StabilityError
 
 __all__ = ["MeasuredResponse", "MeasuredVerdict"]
 

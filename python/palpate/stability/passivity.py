@@ -12,8 +12,9 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.stability.checks import StabilityError, finite, not_negative, positive, share
-from palpate.stability.loop import _at, causal_controller
+from palpate.checks import finite, not_negative, positive, share
+from palpate.errors import StabilityError
+from palpate.linear.wall import _at, causal_controller
 
 __all__ = [
     "coulomb_amplitude",

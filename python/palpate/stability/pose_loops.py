@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.analysis.linearize import hold_force
 from palpate.control.controller import Controller
 from palpate.devices import Device
-from palpate.stability.boundary import critical
-from palpate.stability.loop import wall_loop
-from palpate.stability.scenario_loop import assembled, felt, held_plants
-from palpate.stability.tip import Arm, HeldTip
+from palpate.linear.linear_device import Arm, HeldTip
+from palpate.linear.linearization import hold_force
+from palpate.linear.sampled_loop import assembled, felt, held_plants
+from palpate.linear.wall import wall_loop
+from palpate.stability.boundaries import critical
 
 __all__ = ["PoseLoops"]
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
-from palpate.loop.simulate import Experiment, prepare
 from palpate.scenario import Scenario
-from palpate.stability.boundary import Boundary
-from palpate.stability.scenario_loop import ScenarioLoop
+from palpate.simulation.linear_loop import ScenarioLoop
+from palpate.simulation.simulator import Experiment, prepare
+from palpate.stability.boundaries import Boundary
 from palpate.sweeps.outcomes import growth, name_rows
-from palpate.sweeps.refine import follow
+from palpate.sweeps.refinement import follow
 
 __all__ = ["SimulatedBoundary", "simulated_boundary"]
 

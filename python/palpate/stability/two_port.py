@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.stability.checks import StabilityError, not_negative, positive
-from palpate.stability.loop import _at, causal_controller
+from palpate.checks import not_negative, positive
+from palpate.errors import StabilityError
+from palpate.linear.wall import _at, causal_controller
 from palpate.stability.passivity import coupling_damping
 
 __all__ = [

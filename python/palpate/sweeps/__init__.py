@@ -1,8 +1,8 @@
-"""Sweeps: a scenario run over every combination of values, in bulk, and the boundary at which it turns unstable."""
+"""Sweeps: a scenario run over every combination of values, and the boundary of stability between them."""
 
 from palpate.sweeps.axes import SweepError
 from palpate.sweeps.outcomes import Outcomes, Verdict
-from palpate.sweeps.refine import Refined, refine
+from palpate.sweeps.refinement import Refined, refine
 from palpate.sweeps.run import Sweep, open_sweep, sweep
 from palpate.sweeps.store import merge
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
-from palpate.loop.simulate import Experiment, prepare
 from palpate.scenario import Scenario
+from palpate.simulation.simulator import Experiment, prepare
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
 from palpate.sweeps.outcomes import name_rows
 

@@ -1,0 +1,168 @@
+"""Time one tick of a body that is pressed, and one step of MuJoCo's flex on the same tetrahedra beside it."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import _core
+from palpate.fem import Body, block, build
+
+from benchmarks.section import Effort, Progress, Rows, Section, figures
+
+__all__ = ["SECTION"]
+
+Array = NDArray[np.float64]
+SIZE, CELLS = (0.1, 0.1, 0.05), 5e-3  # m; 4,851 vertices, 24,000 tetrahedra
+SMALL = (0.06, 0.06, 0.03)
+FINE = (2.5e-3, 2.5e-3, 10e-3)
+TICKS = 20_000
+PERIOD = 1e-3
+ASKED = {10: 2.5, 30: 20.0}  # µs
+ASKED_MODAL = 5.0
+
+
+def _measure(effort: Effort, tell: Progress) -> Rows:
+    """Return microseconds: "median_us", "p99.9_us", "asked_us" and "pressed" (median of nodes; None for MuJoCo).
+
+    "ratio" of a MuJoCo step is its median over that of the tick on the same mesh with about 30 nodes.
+    """
+    ticks, rows = effort.runs(TICKS), []
+    tell("a body of 4,851 vertices", 0.0)
+    begin = time.perf_counter()
+    body = _made(CELLS, modes=300)
+    built = time.perf_counter() - begin
+    tell("a body of four times as many touchable nodes", 0.4)
+    for made, step in ((body, CELLS), (_made(FINE), FINE[0])):
+        rows += [_row("compliance", made, step, pressed, ticks, ASKED[pressed]) for pressed in ASKED]
+    same = rows[1]["median_us"]
+    rough = body.rough(0.5, 0.4)
+    rows += [_row("compliance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
+    creeping = body.relaxing(PERIOD, instant=2.0, creep="0.1 s")
+    rows.append(_row("relaxing", creeping, CELLS, 10, ticks, None))
+    tell("300 modes", 0.6)
+    rows.append(_row("modal, 300 modes", body.modal(PERIOD, by_stiffness=1e-4), CELLS, 10, ticks, ASKED_MODAL))
+    rough = body.modal(PERIOD, by_stiffness=1e-4, static_friction=0.5, dynamic_friction=0.4)
+    rows.append(_row("modal, 300 modes, friction", rough, CELLS, 10, ticks, None))
+    tell("a spline, and a lattice of 1,183 vertices", 0.7)
+    rows.append(_row("spline", body.spline(), CELLS, 10, ticks, None))
+    small = build(block(SMALL, CELLS), young=20e3, fixed="z <= 0 mm", touch="z >= 30 mm", order=1)
+    lattice = small.lattice(PERIOD, by_stiffness=2e-3)
+    rows.append(_row("lattice of 1,183 vertices", lattice, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
+    seconds = body.record["seconds"]
+    times = f"{built - seconds['modes']:.2g} s, and its 300 modes {seconds['modes']:.2g} s"
+    notes = [f"the body of {len(body.nodes)} nodes was built in {times}"]
+    for number, (name, reduced, runs) in enumerate((("reduced (trilinear)", True, 400), ("all vertices", False, 30))):
+        tell(f"MuJoCo: flex, {name}", 0.75 + 0.1 * number)
+        try:
+            rows.append(_flex(name, reduced, effort.runs(runs), same))
+        except ImportError as problem:
+            notes.append(f"MuJoCo: {problem.name} is not installed (pip install 'palpate[bench]')")
+        except ValueError as problem:
+            notes.append(f"MuJoCo: flex, {name}: {problem}")
+    return Rows(rows, notes)
+
+
+def _made(spacing: float | tuple[float, float, float], modes: int = 0) -> Body:
+    cells = list(spacing) if isinstance(spacing, tuple) else spacing
+    return build(block(SIZE, cells), young=20e3, fixed="z <= 0 mm", touch="z >= 50 mm", order=1, modes=modes)
+
+
+def _row(
+    what: str,
+    body: Body,
+    step: float,
+    pressed: int,
+    ticks: int,
+    asked: float | None,
+    size: tuple[float, float, float] = SIZE,
+) -> dict[str, Any]:
+    """A sphere of six cells' radius that slides in a circle, as deep as presses about `pressed` nodes (Hertz)."""
+    radius = 6.0 * step
+    depth = pressed * step**2 / (np.pi * radius)
+    turn = np.linspace(0.0, 2.0 * np.pi, ticks)
+    around = 2.3 * step * np.stack([np.cos(turn), np.sin(turn), np.zeros(ticks)], axis=1)
+    path = around + np.array([size[0] / 2, size[1] / 2, size[2] + radius - depth])
+    nodes = body.follow(path, radius, outward=[0, 0, 1]).nodes
+    axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
+    times = []
+    assert not isinstance(body.core, _core.NonlinearBody)  # whose ticks are not all of its work
+    for _ in range(3):
+        body.core.reset()
+        times.append(1e6 * np.asarray(body.core.time(path, axes, radius, False)))
+    best = np.min(times, axis=0)
+    return {
+        "what": f"palpate: {what}, {len(body.nodes)} nodes",
+        "pressed": int(np.median(nodes)),
+        "median_us": float(np.median(best)),
+        "p99.9_us": float(np.quantile(best, 0.999)),
+        "asked_us": asked,
+        "ratio": None,
+    }
+
+
+def _flex(name: str, reduced: bool, runs: int, same: float) -> dict[str, Any]:
+    """One step of MuJoCo's flex on the same grid, a sphere on it; its own choice of integrator.
+
+    All vertices: explicit, for the implicit one takes over a second a step; in steps of 0.02 ms, for with its damping
+    longer ones diverge. Its bottom is pinned, the reduced one's
+    lower corners are.
+    """
+    import mujoco
+
+    count = [round(side / CELLS) + 1 for side in SIZE]
+    pin = "0 0 0 1 1 0" if reduced else f"0 0 0 {count[0] - 1} {count[1] - 1} 0"
+    xml = f"""
+    <mujoco>
+      <option timestep="{2e-4 if reduced else 2e-5}" integrator="{"discrete" if reduced else "Euler"}" gravity="0 0 0"/>
+      <size memory="200M"/>
+      <worldbody>
+        <flexcomp name="body" type="grid" count="{" ".join(map(str, count))}" spacing="{CELLS} {CELLS} {CELLS}" dim="3"
+                  mass="0.5" radius="0.0005" {'dof="trilinear"' if reduced else ""}>
+          <pin gridrange="{pin}"/><contact selfcollide="none"/>
+          <elasticity young="20e3" poisson="0.45" damping="0.002"/></flexcomp>
+        <body name="tip" mocap="true" pos="0 0 {SIZE[2] / 2 + 8e-3}"><geom type="sphere" size="0.01"/></body>
+      </worldbody>
+    </mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    times = np.empty(runs)
+    for i in range(runs):
+        begin = time.perf_counter()
+        mujoco.mj_step(model, data)
+        times[i] = 1e6 * (time.perf_counter() - begin)
+        if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number > 0:
+            times = times[: max(i, 1)]  # it resets itself and goes on without contact
+            break
+    return {
+        "what": f"MuJoCo: flex, {name}, {model.nv} unknowns" + (f", diverged at step {i}" if len(times) < runs else ""),
+        "pressed": None,
+        "median_us": float(np.median(times)),
+        "p99.9_us": float(np.quantile(times, 0.999)),
+        "asked_us": None,
+        "ratio": float(np.median(times) / same),
+    }
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    asked = row["asked_us"]
+    met = "" if asked is None else f"{asked:g}{'' if row['median_us'] <= asked else ' (missed)'}"
+    return (
+        row["what"],
+        "" if row["pressed"] is None else str(row["pressed"]),
+        figures(row["median_us"]),
+        figures(row["p99.9_us"]),
+        met,
+        "" if row["ratio"] is None else figures(row["ratio"]),
+    )
+
+
+SECTION = Section(
+    "one tick of a pressed body (least of three passes) and one step of MuJoCo's flex on the same 24,000 tetrahedra; "
+    "a tick gives the force of a condensed, linear surface; a step moves the whole solid, with inertia and large turns",
+    ("program", "pressed", "median [µs]", "p99.9 [µs]", "asked", "over the tick"),
+    _cells,
+    _measure,
+)

@@ -1,0 +1,91 @@
+"""Run the benchmark's sections one after the other, and say on which machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from palpate.errors import PalpateError
+from palpate.files import write_json
+
+from benchmarks import batch, body, loop, solid, stability, tick, touch
+from benchmarks.section import Effort, Progress, Section
+
+__all__ = ["SECTIONS", "run"]
+
+SECTIONS: dict[str, Section] = {
+    "loop": loop.SECTION,
+    "batch": batch.SECTION,
+    "stability": stability.SECTION,
+    "touch": touch.SECTION,
+    "solid": solid.SECTION,
+    "tick": tick.SECTION,
+    "body": body.SECTION,
+}
+
+
+def run(
+    sections: Iterable[str] = (),
+    out: str | Path | None = None,
+    *,
+    quick: bool = False,
+    large: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Return what the sections measured, and write it to `out` (JSON) if given.
+
+    The result has "sections" (by name: "work", "rows" and "missing"), "machine" and "versions".
+
+    Args:
+        sections: names from SECTIONS; none: all of them.
+        out: file to write.
+        quick: a tenth of the repetitions.
+        large: also the sizes that take minutes to prepare.
+        progress: called with a text and the share done, 0 to 1.
+
+    Raises:
+        PalpateError: a section that is not there.
+        OutputError: `out` cannot be written.
+    """
+    names = list(dict.fromkeys(sections)) or list(SECTIONS)
+    for name in names:
+        if name not in SECTIONS:
+            raise PalpateError(f"there is no section {name!r} in the benchmark: choose from {', '.join(SECTIONS)}")
+    found: dict[str, Any] = {}
+    for number, name in enumerate(names):
+
+        def tell(text: str, share: float, first: int = number) -> None:
+            if progress is not None:
+                progress(text, (first + share) / len(names))
+
+        measured = SECTIONS[name].measure(Effort(quick, large), tell)
+        found[name] = {"work": SECTIONS[name].work, "rows": measured.rows, "missing": measured.missing}
+    result = {
+        "sections": found,
+        "machine": {"processor": _processor(), "cores": os.cpu_count(), "python": platform.python_version()},
+        "versions": {name: _version(name) for name in ("palpate", "mujoco", "control", "numpy", "scipy")},
+    }
+    if out is not None:
+        write_json(out, result, indent=2)
+    return result
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except Exception:
+        return None

@@ -1,0 +1,126 @@
+"""Time the servo's whole tick on an organ of 2,000 surface nodes, with and without a thread that draws it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import _core
+from palpate.scenario.operators import STIFFNESS, loose_grip
+from palpate.simulation.simulator import Experiment, prepare
+
+from benchmarks.ball import ball
+from benchmarks.section import Effort, Progress, Row, Rows, Section, figures
+from experiments.palpation_phantom.stiffnesses import LAWS, POSE
+
+__all__ = ["SECTION"]
+
+PIECES = 14  # 1,962 nodes
+RADIUS, BUMP = 0.04, 0.02  # m; of the radius
+TIP = 12e-3  # m
+PASSES = 3
+ASKED = 25.0  # us
+
+
+def _experiment(duration: float, law: str) -> Experiment:
+    """Return a loop without an object: the tip is led to and fro over the organ's top to be, pressed with 1.3 N."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
+    for i in range(round(2.0 * (duration - 0.5))):  # 3 cm each half second
+        way = STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)
+        table.append([f"{0.5 + (i + 1) / 2.0:g} s", f"{way:g} N", f"{way / 3:g} N", "0 N"])
+    return prepare(
+        {
+            "device": {"name": "phantom-premium-1.5a", "saturation": True, "encoder": True},
+            "start": {"pose": list(POSE)},
+            "servo": {"period": "1 ms"},
+            "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", "-1.3 N"]},
+            "operator": loose_grip(table),
+            "object": {"kind": "none"},
+            "controller": dict(LAWS[law] or {}),
+            "run": {"duration": f"{duration:g} s"},
+        }
+    )
+
+
+def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
+    """Return nodes, normals, areas and a compliance: a half-space's between the nodes, which costs the same."""
+    points, triangles = ball(PIECES, RADIUS, BUMP)
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    areas = np.zeros(len(points))
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], normal)
+        np.add.at(areas, triangles[:, corner], np.linalg.norm(normal, axis=1) / 6.0)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 0.3 * np.sqrt(areas.mean())
+    along = ((1.0 - 0.45**2) / (np.pi * 10e3) / apart).astype(np.float32)
+    full = np.zeros((3 * len(points), 3 * len(points)), dtype=np.float32)
+    for axis in range(3):
+        full[axis::3, axis::3] = along
+    return points, normals, areas, full
+
+
+def _measure(effort: Effort, tell: Progress) -> Rows:
+    """Return microseconds a tick: "median_us", "p99.9_us", "slowest_us", by "loop" and "drawn".
+
+    Ticks come one after the other, or paced by the clock, one a period, when they find the caches cold.
+    """
+    duration = 3.0 if effort.quick else 20.0
+    tell("an organ of 2,000 nodes", 0.0)
+    points, normals, areas, full = _organ()
+    core = _core.ElasticBody(points, normals, areas, full)
+    rows: list[Row] = []
+    cases = [("lead–lag", duration, False), ("LQG", duration, False), ("LQG", 3.0, True)]
+    for number, (law, lasts, paced) in enumerate(cases):
+        experiment = _experiment(lasts, law)
+        anchor = np.array(experiment.setup.anchor.point)
+        top = points[:, 2].max()
+        body = _core.TouchedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
+        experiment.setup.touch_body(body)
+        for drawn in (False, True):
+            name = f"{law}{', paced' if paced else ''}"
+            tell(f"{name}{', drawn' if drawn else ''}", 0.1 + (2 * number + drawn) * 0.9 / (2 * len(cases)))
+            frames = _core.SurfaceFrames(full, 60.0) if drawn else None
+            if frames is not None:
+                experiment.setup.watch(frames)
+            seconds = np.min([_time(experiment, paced) for _ in range(PASSES)], axis=0)
+            pressed = experiment.run()[0]
+            rows.append(
+                {
+                    "loop": name,
+                    "drawn": drawn,
+                    "nodes": len(points),
+                    "pressed": int(np.median(pressed[:, -3])),
+                    "ticks": len(seconds),
+                    "median_us": 1e6 * float(np.median(seconds)),
+                    "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),
+                    "slowest_us": 1e6 * float(seconds.max()),
+                    "asked_us": ASKED,
+                }
+            )
+    return Rows(rows)
+
+
+def _time(experiment: Experiment, paced: bool) -> NDArray[np.float64]:
+    return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, paced))
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    return (
+        f"{row['loop']}, {row['nodes']:,} nodes, {row['pressed']} pressed{', drawn' if row['drawn'] else ''}",
+        figures(row["median_us"], 2),
+        figures(row["p99.9_us"], 2),
+        figures(row["slowest_us"], 2),
+        f"{row['asked_us']:g}{'' if row['p99.9_us'] <= row['asked_us'] else ' (missed)'}",
+    )
+
+
+SECTION = Section(
+    "the servo's whole tick (encoder, arm, contact, body, control, drive), a sphere of 24 mm led over an organ "
+    "at 6 cm/s (least of three passes)",
+    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "asked [µs]"),
+    _cells,
+    _measure,
+)

@@ -1,0 +1,1 @@
+"""Studies made with palpate; each is run as `python -m experiments.<name>`."""

@@ -1,0 +1,78 @@
+"""A rigid flat end on the bonded block by finite elements alone, fine enough to be a reference for bodies.
+
+There is neither a contact nor a condensation here: the nodes under the end go down as one. The mesh is round where the
+end is, its lines follow the end's edge and draw together towards it, where the stress is singular; a quarter is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.fem.elements import Elements
+from palpate.fem.factor import Factor
+from palpate.fem.material import Material
+from palpate.fem.selectors import Place, beyond
+from palpate.fem.volume import Volume, grid
+
+__all__ = ["HEIGHT", "POISSON", "SIDE", "YOUNG", "extrapolate", "stiffness"]
+
+Array = NDArray[np.float64]
+YOUNG, POISSON, SIDE, HEIGHT = 20e3, 0.45, 0.1, 0.05  # Pa, -, m, m: of the block
+_GRADING = 3.0  # the edge's stress grows as 1 / sqrt(distance): cells that shrink like this keep most of the order
+_CORE = 0.4  # half side of the square in the middle of the end, over the end's radius
+
+
+def stiffness(radius: float, cells: int) -> float:
+    """Return force over depth, N/m, for `cells` rings of cells under the end; it falls towards the limit."""
+    volume, edge = _quarter(radius, cells)
+    end = Place("end", lambda x: (x[:, 2] > HEIGHT - 1e-9) & (np.hypot(x[:, 0], x[:, 1]) < edge * (1 + 1e-6)))
+    elements = Elements(volume, Material(YOUNG, POISSON), [beyond("z", "<", 1e-9)], end)
+    x = elements.nodes
+    under = np.flatnonzero(np.diff(elements.load.tocsr().indptr))  # the nodes of all triangles of the end
+    moved = 3 * under + 2
+    mirrored = np.concatenate([3 * np.flatnonzero(x[:, axis] < 1e-9) + axis for axis in (0, 1)])
+    free = np.setdiff1d(elements.free, np.concatenate([moved, mirrored]))
+    pushed = np.asarray(elements.stiffness[:, moved].sum(axis=1)).ravel()  # all by one metre
+    rest = Factor(elements.stiffness[free][:, free]).solve(-pushed[free][:, None]).ravel()
+    return 4.0 * float(pushed[moved].sum() + (elements.stiffness[moved][:, free] @ rest).sum())
+
+
+def extrapolate(values: Sequence[float], ratio: float) -> tuple[float, float]:
+    """Return the limit of three values on meshes each `ratio` times finer, and the observed order (Richardson)."""
+    coarse, middle, fine = values
+    order = float(np.log((coarse - middle) / (middle - fine)) / np.log(ratio))
+    return fine - (middle - fine) / (ratio**order - 1.0), order
+
+
+def _quarter(radius: float, cells: int) -> tuple[Volume, float]:
+    """A quarter of the block, x and y from the end's axis; and the radius of the corners of the end's edge.
+
+    A square in the middle and rings around it, round at the end's edge and square at the side. The edge is a polygon
+    of the circle's area.
+    """
+    half, core = SIDE / 2, _CORE * radius
+    part, wide, deep = (np.linspace(0.0, 1.0, count + 1) for count in (cells, round(1.5 * cells), 2 * cells))
+    inner = radius - (radius - core) * (1.0 - part) ** _GRADING
+    outer = radius + (half - radius) * wide[1:] ** _GRADING
+    rings = np.concatenate([inner, outer])
+    roundness = np.concatenate([1.0 - ((radius - inner) / (radius - core)) ** 2, (half - outer) / (half - radius)])
+    angles = np.pi / 4 * part
+    heights: Array = np.asarray(HEIGHT - (HEIGHT * deep**_GRADING)[::-1], dtype=float)
+    step = np.pi / 4 / cells
+    edge = radius * np.sqrt(step / np.sin(step))
+    across: Array = np.asarray(core * np.tan(angles), dtype=float)
+    middle = grid([across, across, heights])
+    numbers: list[Array] = [np.asarray(1e-3 * np.arange(count), dtype=float) for count in (len(rings), cells + 1)]
+    sector = grid([*numbers, heights])  # of rings and angles; bent below
+    i, j = (np.rint(sector.points[:, axis] * 1e3).astype(int) for axis in (0, 1))
+    reach = rings[i] * ((1.0 - roundness[i]) / np.cos(angles[j]) + roundness[i] * edge / radius)
+    bent = np.stack([reach * np.cos(angles[j]), reach * np.sin(angles[j]), sector.points[:, 2]], axis=1)
+    parts = [middle.points, bent, bent[:, [1, 0, 2]]]
+    first = np.cumsum([0, len(parts[0]), len(parts[1])])
+    tetrahedra = [middle.tetrahedra, sector.tetrahedra, sector.tetrahedra]
+    points = np.concatenate(parts)
+    _, one, same = np.unique(np.round(points, 9) + 0.0, axis=0, return_index=True, return_inverse=True)
+    joined = np.concatenate([t + f for t, f in zip(tetrahedra, first, strict=True)])
+    return Volume(points[one], same.reshape(-1)[joined], "quarter of a block, round at the end's edge"), edge

@@ -1,0 +1,1 @@
+"""Hosseini-Zadeh's thesis (2004), computed with palpate and compared with its printed numbers."""

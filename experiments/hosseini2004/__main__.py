@@ -1,0 +1,56 @@
+"""`python -m experiments.hosseini2004`: the thesis computed anew and held against its printed numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate.cli.command import one_sentence
+from palpate.cli.console import output, progress
+
+__all__ = ["app", "reproduce"]
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for results.json and report.html.")] = Path(
+        "results"
+    ),
+) -> None:
+    """Compute every table, matrix and figure of the thesis (chapters 2 to 5) beside what it prints.
+
+    Takes about a minute. A number matches, shows an erratum of the print, or differs; the exit code is 1 if one does.
+
+    Example: python -m experiments.hosseini2004 --out results
+    """
+    with progress("starting") as tell:
+        from experiments.hosseini2004.reproduce import run
+
+        results = run(out, tell)
+    counts = Counter(result["status"] for result in results)
+    for result in results:
+        if result["status"] == "differs":
+            output.print(
+                f"[bold red]differs[/] {result['id']}: {result['what']}: printed {result['printed']}, "
+                f"computed {result['computed']} {result['unit']}"
+            )
+    colour = "red" if counts["differs"] else "green"
+    output.print(
+        f"{len(results)} checks: [bold]{counts['match']}[/] match, [bold]{counts['erratum']}[/] are errata of the "
+        f"print, [bold {colour}]{counts['differs']} differ[/]"
+    )
+    output.print(f"  {out / 'report.html'}\n  {out / 'results.json'}", style="dim")
+    if counts["differs"]:
+        raise typer.Exit(1)
+
+
+app = typer.Typer(
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(one_sentence(reproduce))
+
+if __name__ == "__main__":
+    app(prog_name="python -m experiments.hosseini2004")

@@ -1,0 +1,91 @@
+"""The report's first picture: what the controllers do on soft and stiff cubes, beside the thesis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from palpate.plotting.figures import thin
+from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.report import Page
+
+from experiments.hosseini2004.cases import design
+from experiments.hosseini2004.checks import printed
+from experiments.hosseini2004.loops import Loop, respond
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["headline"]
+
+SOFT_TO_STIFF: Final = (1.0, 2.0, 2.5, 3.0, 3.5)  # N/mm, table 5.1
+FLOOR: Final = 1e-3  # %: errors below are drawn here
+
+
+def headline(page: Page) -> Figure:
+    """Write the first section, with its picture, and return the picture."""
+    lqg = [respond(design("D", "lqg"), stiffness=k, duration=0.8) for k in SOFT_TO_STIFF]
+    lead_lag = [respond(design("D", "lead_lag"), stiffness=k, duration=0.8) for k in SOFT_TO_STIFF]
+    figure = _draw(lqg, lead_lag)
+    worst = {name: max(_error(loop) for loop in loops) for name, loops in (("lqg", lqg), ("lead_lag", lead_lag))}
+    slowest = max(loop.settling or np.inf for loop in lqg)
+    page.section("At a glance", "at-a-glance")
+    page.verdict(
+        "One LQG and one lead–lag, each designed once, press the nonlinear arm with 8.5 N into cubes of 1 to "
+        f"3.5 N/mm: steady errors of at most {worst['lqg']:.3f} % and {worst['lead_lag']:.2f} %.",
+        "good" if worst["lqg"] < 0.1 else "bad",
+    )
+    page.figure(
+        figure,
+        "Left: the tip's deflection along z under LQG, settled within 5 % after "
+        f"{slowest * 1e3:.0f} ms at most; dashed, force / stiffness. Right: steady errors on the cubes of table 5.1; "
+        "the thesis's are known to half of 0.01 mm and not drawn below that.",
+        label="Deflection against time for five stiffnesses, and steady errors of the thesis's and our controllers",
+    )
+    return figure
+
+
+def _error(loop: Loop) -> float:
+    return float(np.abs(loop.error).max() / loop.ideal * 100)
+
+
+def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
+    figure, rows = new_figure(1, 2, width=9.0, height=3.6, sharex=False)
+    left, right = rows[0]
+    for loop, colour in zip(lqg, COLOURS, strict=False):
+        left.plot(*thin(loop.time * 1e3, loop.deflection[:, 2]), color=colour)
+        left.axhline(loop.ideal, color=INK, linestyle=(0, (4, 3)), linewidth=0.8, zorder=1)
+        left.annotate(
+            f"{loop.stiffness:g} N/mm",
+            (150.0, loop.ideal),
+            xytext=(4, {2.5: 1, 3.5: -3}.get(loop.stiffness, 0)),  # the two lowest lines lie close
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+            color=colour,
+            annotation_clip=False,
+        )
+    left.set_xlim(0.0, 150.0)
+    left.set_ylim(0.0, 9.6)
+    left.set_xlabel("time [ms]")
+    left.set_ylabel("deflection along z [mm]")
+    left.set_title("8.5 N on cubes, nonlinear arm", **TITLE)
+    ours = {"lead–lag, palpate": (lead_lag, COLOURS[1], "o"), "LQG, palpate": (lqg, COLOURS[0], "o")}
+    for column, (label, colour) in enumerate((("lead–lag, thesis", COLOURS[1]), ("LQG, thesis", COLOURS[0])), start=1):
+        errors = []
+        for k in SOFT_TO_STIFF:
+            deflection = float(printed(f"tab5.1-{k:.1f}").rows[0][column])
+            # A printed deflection is known to half of 0.01 mm; an error below that is drawn as that half.
+            errors.append(max(abs(deflection - 8.5 / k), 0.005) / (8.5 / k) * 100)
+        right.semilogy(SOFT_TO_STIFF, errors, "x--", color=colour, label=label, linewidth=1.1, markeredgewidth=1.6)
+    for label, (loops, colour, marker) in ours.items():
+        right.semilogy(
+            SOFT_TO_STIFF, [max(_error(loop), FLOOR) for loop in loops], marker + "-", color=colour, label=label
+        )
+    right.set_xlabel("stiffness of the cube [N/mm]")
+    right.set_ylabel("steady error [%]")
+    right.set_ylim(FLOOR, 100.0)
+    right.set_title("steady error (ours: worst axis; thesis: z)", **TITLE)
+    handles, labels = right.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    return figure

@@ -1,0 +1,82 @@
+"""The proxy (god-object): the point or sphere that stays outside while the tip goes in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.contact.contacts import Contact, Contacts
+from palpate.contact.mesh import Mesh, MeshError
+from palpate.contact.surface import Surface, SurfaceError, number
+from palpate.errors import PoseError
+
+__all__ = ["Proxy"]
+
+
+class Proxy:
+    """Follows a tip over a mesh: a point, or a sphere of `radius` (m, or text with a unit).
+
+    The first tip is where it starts: there, or on the nearest surface if that is inside a closed mesh. Each tip is one
+    tick. A tip that is not finite is a fault: it is counted in `faults`, and the last contact is held.
+    """
+
+    def __init__(self, mesh: Mesh, surface: Surface | None = None, radius: float | str = 0.0) -> None:
+        if not isinstance(mesh, Mesh):
+            raise MeshError(f"a proxy touches a palpate.Mesh, not {mesh!r}; Mesh.load(path, unit=...) reads a file")
+        if surface is not None and not isinstance(surface, Surface):
+            raise SurfaceError(f"surface must be a palpate.Surface, such as Surface(stiffness={surface!r})")
+        size = number(radius, "radius", "m")
+        self.mesh = mesh
+        self.surface = Surface() if surface is None else surface
+        self.radius = size
+        self.core = _core.TouchProxy(mesh.core, self.surface.core_for(mesh), size)
+
+    def step(self, tip: ArrayLike) -> Contact:
+        """Go one tick with the tip at `tip` (3,), m."""
+        point = _numbers(tip, "a tip is three numbers in m")
+        if point.shape != (3,):
+            raise PoseError(f"a tip is three numbers in m; this has shape {point.shape}")
+        return self.follow(point[None, :])[0]
+
+    def follow(self, path: ArrayLike) -> Contacts:
+        """Go one tick for each row of `path` (n, 3), m, and return all contacts; the loop is the core's."""
+        points = _numbers(path, "a path is (n, 3) numbers in m")
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise PoseError(f"a path is (n, 3) numbers in m; this has shape {points.shape}")
+        rows, triangle = self.core.follow(points)
+        return Contacts(
+            touching=np.asarray(triangle) >= 0,
+            position=rows[:, 0:3],
+            normal=rows[:, 3:6],
+            force=rows[:, 6:9],
+            triangle=np.asarray(triangle),
+            depth=rows[:, 9],
+            stiffness=rows[:, 10],
+        )
+
+    def reset(self) -> None:
+        """Let go of the surface: the next tip is a first one."""
+        self.core.reset()
+
+    @property
+    def faults(self) -> int:
+        """Tips that were not finite."""
+        return int(self.core.faults)
+
+    @property
+    def unfinished(self) -> int:
+        """Ticks that reached the bound on moves and went on in the next."""
+        return int(self.core.unfinished)
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the proxy slid in the last tick."""
+        return bool(self.core.sliding)
+
+
+def _numbers(value: ArrayLike, what: str) -> NDArray[np.float64]:
+    try:
+        return np.ascontiguousarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise PoseError(f"{what}, without units; this is {value!r}") from None

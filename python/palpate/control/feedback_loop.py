@@ -1,0 +1,109 @@
+"""The sampled loop that a controller closes: its plant, its loop gain, and the eigenvalues that decide stability.
+
+Convention: u = C(z) [F_ref; F_object], F_object = P(z) u. With the controller's feedback part H (F_object to u), the
+loop gain broken at the force command is L = -H P, and the loop is stable if every eigenvalue of the
+closed loop lies inside the unit circle.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.control.controller import Controller
+from palpate.errors import DesignError
+
+Array = NDArray[np.float64]
+
+
+def require_sampled(plant: control.StateSpace, who: str) -> float:
+    """Return the period (s) of a plant with 3 force inputs and 3 force outputs; ``who`` names the caller.
+
+    Raises:
+        DesignError: another shape, not sampled, or a value that is not finite.
+    """
+    if (plant.ninputs, plant.noutputs) != (3, 3):
+        raise DesignError(
+            f"{who}: the plant maps 3 tip forces to 3 object forces, not {plant.ninputs} to {plant.noutputs}"
+        )
+    if not plant.isdtime(strict=True) or plant.dt is True:
+        raise DesignError(f"{who}: the plant must be sampled with its period in s; discretize it first")
+    if not all(np.all(np.isfinite(m)) for m in (plant.A, plant.B, plant.C, plant.D)):
+        raise DesignError(f"{who}: the plant's matrices must be finite")
+    return float(plant.dt)
+
+
+def active_axes(plant: control.StateSpace) -> NDArray[np.intp]:
+    """Return the axes along which force and object force are connected at all (x alone for the slider)."""
+    strength = np.abs(plant.C).sum(1) * np.abs(plant.B).sum(0) + np.abs(np.diag(plant.D))
+    axes = np.nonzero(strength > 1e-12 * max(float(strength.max(initial=0.0)), 1e-300))[0]
+    if axes.size == 0:
+        raise DesignError("the plant connects no force with any object force: give the object a stiffness")
+    return axes
+
+
+def series(first: control.StateSpace, then: control.StateSpace) -> control.StateSpace:
+    """Return ``then`` after ``first``, states stacked (first, then)."""
+    a = np.block([[first.A, np.zeros((first.nstates, then.nstates))], [then.B @ first.C, then.A]])
+    return control.StateSpace(
+        a, np.vstack([first.B, then.B @ first.D]), np.hstack([then.D @ first.C, then.C]), then.D @ first.D, first.dt
+    )
+
+
+def loop_gain(
+    controller: Controller, plant: control.StateSpace, at: Literal["command", "object_force"] = "command"
+) -> control.StateSpace:
+    """Return L(z) (3 x 3), negative feedback understood: broken at the force command, or at the object force.
+
+    Raises:
+        DesignError: controller and plant have different periods or shapes.
+    """
+    period = require_sampled(plant, "loop_gain")
+    if not np.isclose(period, controller.period, rtol=1e-9):
+        raise DesignError(
+            f"the plant's period is {period:g} s and the controller's {controller.period:g} s; sample both alike"
+        )
+    h = controller.feedback
+    negative = control.StateSpace(h.A, h.B, -h.C, -h.D, h.dt)
+    return series(plant, negative) if at == "command" else series(negative, plant)
+
+
+def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) -> NDArray[np.complex128]:
+    """Return the state matrix of negative unity feedback around ``gain`` times ``loop``.
+
+    A - B (I + g D)^-1 g C; ``gain`` is a number (complex: a rotation of every channel) or a matrix (m x m) at the
+    loop's output.
+    """
+    m = loop.noutputs
+    g = np.asarray(gain) * np.eye(m) if np.ndim(gain) == 0 else np.asarray(gain)
+    return np.asarray(loop.A - loop.B @ np.linalg.solve(np.eye(m) + g @ loop.D, g @ loop.C), dtype=complex)
+
+
+def spectral_radius(loop: control.StateSpace, gain: complex | Array = 1.0) -> float:
+    """Return the largest modulus of the closed loop's eigenvalues, per sample; below 1 is stable."""
+    a = closed_loop_matrix(loop, gain)
+    return float(np.abs(np.linalg.eigvals(a)).max()) if a.size else 0.0
+
+
+def closed_loop(controller: Controller, plant: control.StateSpace) -> control.StateSpace:
+    """Return the sampled closed loop from F_ref (3, N) to [F_object; u] (6, N).
+
+    Raises:
+        DesignError: as in ``loop_gain``.
+    """
+    loop_gain(controller, plant)
+    c, p = controller.system, plant
+    br, by, dr, dy = c.B[:, :3], c.B[:, 3:], c.D[:, :3], c.D[:, 3:]
+    # u = e (C x_c + dr r + dy C_p x_p), e = (I - dy D_p)^-1
+    e = np.linalg.inv(np.eye(3) - dy @ p.D)
+    u_x = e @ np.hstack([dy @ p.C, c.C])
+    u_r = e @ dr
+    y_x = np.hstack([p.C, np.zeros((3, c.nstates))]) + p.D @ u_x
+    y_r = p.D @ u_r
+    a = np.block([[p.A, np.zeros((p.nstates, c.nstates))], [np.zeros((c.nstates, p.nstates)), c.A]])
+    a = a + np.vstack([p.B @ u_x, by @ y_x])
+    b = np.vstack([p.B @ u_r, br + by @ y_r])
+    return control.StateSpace(a, b, np.vstack([y_x, u_x]), np.vstack([y_r, u_r]), p.dt)

@@ -1,0 +1,266 @@
+"""Lead-lag force tracking from stated margins, axis by axis, on the loops that need it.
+
+Each axis gets c(z) = gain * lead * lag, designed on the exact response of the sampled plant at the crossover, so
+that the hold's half sample of delay is counted. With w = (2/T) (z-1)/(z+1) and W = (2/T) tan(omega T/2):
+
+- gain: |L| = 1 at the crossover.
+- lead: (1 + w sqrt(r)/W) / (1 + w/(sqrt(r) W)), r = (1 + sin phi)/(1 - sin phi); only if the loop lacks phase phi > 0.
+- lag: (w + W/10) / (w + W/(10 ratio)); only if the loop's gain at rest leaves too large a steady error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.control.controller import Controller
+from palpate.control.feedback_loop import active_axes, loop_gain, require_sampled, spectral_radius
+from palpate.control.stability_margins import frequency_response
+from palpate.errors import DesignError
+
+Array = NDArray[np.float64]
+AXES = "xyz"
+MOST_LEAD = np.radians(75.0)  # more would amplify noise by over 50
+LAG_DECADE = 10.0  # the lag's zero lies this factor below the crossover and takes arctan(1/10) = 5.7 deg
+
+
+@dataclass(frozen=True)
+class Compensator:
+    """c(z) of one axis: gain, lead and lag, each (z - zero)/(z - pole); the lead is 1 at z = 1, the lag at z = -1.
+
+    Attributes:
+        gain: c at z = 1 without the lag, N/N.
+        lead: (zero, pole) in z, or None if the loop has phase enough.
+        lag: (zero, pole) in z, or None if the steady error is small enough.
+    """
+
+    gain: float
+    lead: tuple[float, float] | None
+    lag: tuple[float, float] | None
+
+    def realize(self, period: float) -> control.StateSpace:
+        """Return c(z) as a state space of at most two states."""
+        system = control.StateSpace([], [], [], [[self.gain]], period)
+        if self.lead is not None:
+            zero, pole = self.lead
+            system = _chain(system, zero, pole, (1 - pole) / (1 - zero))
+        if self.lag is not None:
+            zero, pole = self.lag
+            system = _chain(system, zero, pole, (1 + pole) / (1 + zero))
+        return system
+
+
+def lead_lag(
+    plant: control.StateSpace,
+    *,
+    crossover: ArrayLike = 180.0,
+    phase_margin: ArrayLike = 60.0,
+    steady_error: ArrayLike = 0.001,
+    decouple: bool = True,
+    smooth_reference: bool = True,
+) -> Controller:
+    """Return a lead-lag controller for a sampled plant from tip force to object force.
+
+    Args:
+        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
+            is left alone.
+        crossover: frequency at which each loop's gain is 1, rad/s, one value or three (x, y, z).
+        phase_margin: of each loop with the others open, deg.
+        steady_error: largest |F_ref - F_object| / F_ref at rest, for the loop of each axis.
+        decouple: put a constant matrix in front of the plant that makes its response at the crossover diagonal
+            (for a mechanism: its apparent mass at the tip, relative to the axis's own). Else y and z stay coupled.
+        smooth_reference: pass F_ref through a first-order filter at each lead's zero, so that a step of the reference
+            does not meet the lead's large gain. The loop and its margins are the same.
+
+    Raises:
+        DesignError: the plant does not fit, a specification is out of range or not reachable with one lead, or
+            the loop that results is unstable (coupling between the axes).
+    """
+    period = require_sampled(plant, "lead_lag")
+    target = _three(crossover, "crossover", "rad/s", 0.0, np.pi / period)
+    wanted = np.radians(_three(phase_margin, "phase_margin", "deg", 0.0, 90.0))
+    error = _three(steady_error, "steady_error", "of F_ref", 0.0, 1.0)
+    axes = active_axes(plant)
+    matrix = _decoupler(plant, axes, target) if decouple else np.eye(3)
+
+    blocks: dict[int, Compensator] = {}
+    for i in axes:
+        loop = control.StateSpace(
+            plant.A, plant.B @ matrix[:, [i]], plant.C[[i]], plant.D[[i]] @ matrix[:, [i]], period
+        )
+        blocks[int(i)] = _compensate(loop, float(target[i]), float(wanted[i]), float(error[i]), AXES[i])
+    system = _assemble(blocks, matrix, smooth_reference, period)
+    notes: dict[str, Any] = {
+        "crossover": target.tolist(),
+        "phase_margin": np.degrees(wanted).tolist(),
+        "steady_error": error.tolist(),
+        "decoupling": matrix.tolist(),
+        "compensators": {AXES[i]: asdict(block) for i, block in blocks.items()},
+    }
+    controller = Controller(system, _conditioning(system), "lead_lag", notes)
+    radius = spectral_radius(loop_gain(controller, plant))
+    if radius >= 1.0:
+        advice = "lower the crossover or raise the phase margin" if decouple else "use decouple=True"
+        raise DesignError(
+            f"lead_lag: each axis alone meets its margins, but together the loops are unstable (spectral radius "
+            f"{radius:.6f}); {advice}"
+        )
+    return controller
+
+
+def _compensate(loop: control.StateSpace, crossover: float, wanted: float, error: float, axis: str) -> Compensator:
+    """Return the compensator of one axis from the exact response of its sampled loop (1 x 1)."""
+    period = float(loop.dt)
+    response = complex(frequency_response(loop, crossover * period)[0, 0])
+    if response == 0:
+        raise DesignError(f"lead_lag: axis {axis} does not answer at {crossover:g} rad/s; no crossover there")
+    rest = _gain_at_rest(loop)
+    sign = _first_answer(loop)
+    phase = float(np.angle(sign * response))
+    phase = phase - 2 * np.pi if phase > np.pi / 2 else phase
+    big = 2 / period * np.tan(crossover * period / 2)
+
+    needs_lag = np.isfinite(rest) and abs(rest) > 0  # an integrating plant needs none
+    lack = wanted - (np.pi + phase)
+    lead_angle = max(0.0, lack)
+    lag_ratio = 1.0
+    for _ in range(2):  # the lag, once needed, takes phase that the lead must add
+        if lead_angle > MOST_LEAD:
+            raise DesignError(
+                f"lead_lag: axis {axis} needs {np.degrees(lead_angle):.0f} deg of lead for a margin of "
+                f"{np.degrees(wanted):.0f} deg at {crossover:g} rad/s and one lead gives {np.degrees(MOST_LEAD):.0f}; "
+                "ask for a lower crossover or a smaller margin"
+            )
+        spread = (1 + np.sin(lead_angle)) / (1 - np.sin(lead_angle))
+        gain = 1 / (abs(response) * np.sqrt(spread))  # the lead's gain at its centre is sqrt(spread)
+        if not needs_lag:
+            break
+        at_rest = abs(rest) * gain
+        lag_ratio = max(1.0, (1 / error - np.sign(rest * sign)) / at_rest)
+        if lag_ratio == 1.0:
+            break
+        zero = 1j * LAG_DECADE
+        lag = (zero + 1) / (zero + 1 / lag_ratio)
+        lead_angle = max(0.0, lack - float(np.angle(lag)))
+        gain = gain / abs(lag)
+
+    lead = None
+    if lead_angle > 0:
+        root = np.sqrt(spread)
+        lead = (_to_z(big / root, period), _to_z(big * root, period))
+    lag_pair = None
+    if lag_ratio > 1.0:
+        lag_pair = (_to_z(big / LAG_DECADE, period), _to_z(big / (LAG_DECADE * lag_ratio), period))
+    return Compensator(sign * float(gain), lead, lag_pair)
+
+
+def _first_answer(loop: control.StateSpace) -> float:
+    """Return the sign of the first sample of the impulse response that is not zero: that of the gain to use."""
+    state, size = loop.B[:, 0], float(np.abs(loop.B).sum() * np.abs(loop.C).sum())
+    samples = [float(loop.D[0, 0])]
+    for _ in range(loop.nstates):
+        samples.append(float(loop.C[0] @ state))
+        state = loop.A @ state
+    return next((float(np.sign(s)) for s in samples if abs(s) > 1e-9 * size), 1.0)
+
+
+def _gain_at_rest(loop: control.StateSpace) -> float:
+    """Return the gain at z = 1, inf for an integrating loop (a pole within 1e-9 of 1)."""
+    n = loop.nstates
+    left = np.eye(n) - loop.A
+    if n and np.linalg.svd(left, compute_uv=False)[-1] < 1e-12:
+        return np.inf
+    return float((loop.D + loop.C @ np.linalg.solve(left, loop.B))[0, 0])
+
+
+def _to_z(corner: float, period: float) -> float:
+    """Return the z of a real root at -corner (rad/s) in the w plane."""
+    half = corner * period / 2
+    return float((1 - half) / (1 + half))
+
+
+def _chain(system: control.StateSpace, zero: float, pole: float, scale: float) -> control.StateSpace:
+    """Return scale (z - zero)/(z - pole) after a single-channel system."""
+    a = np.block([[system.A, np.zeros((system.nstates, 1))], [system.C, np.array([[pole]])]])
+    b = np.vstack([system.B, system.D])
+    c = np.hstack([system.C, np.array([[pole - zero]])]) * scale
+    return control.StateSpace(a, b, c, system.D * scale, system.dt)
+
+
+def _decoupler(plant: control.StateSpace, axes: NDArray[np.intp], crossover: Array) -> Array:
+    """Return the constant matrix (3, 3), unit diagonal, that makes the real response at the crossover diagonal."""
+    theta = float(np.exp(np.mean(np.log(crossover[axes])))) * float(plant.dt)
+    response = frequency_response(plant, theta)[np.ix_(axes, axes)]
+    # A mechanism answers in counterphase (real), an integrating model in quadrature: take the phase they share.
+    turn = np.exp(-0.5j * np.angle(np.sum(response**2)))
+    real = (response * turn).real
+    if np.linalg.cond(real) > 1e8:
+        raise DesignError("lead_lag: the axes cannot be decoupled at the crossover; use decouple=False")
+    inverse = np.linalg.inv(real)
+    diagonal = np.diag(inverse)
+    if np.any(np.abs(diagonal) < 1e-8 * np.abs(inverse).max()):
+        raise DesignError("lead_lag: the axes cannot be decoupled at the crossover; use decouple=False")
+    matrix = np.eye(3)
+    matrix[np.ix_(axes, axes)] = inverse / diagonal
+    return matrix
+
+
+def _assemble(blocks: dict[int, Compensator], matrix: Array, smooth: bool, period: float) -> control.StateSpace:
+    """Return u = matrix @ diag(c) (filtered F_ref - F_object) as one state space."""
+    a_parts: list[Array] = []
+    b_rows: list[Array] = []
+    c_columns: list[Array] = []
+    d = np.zeros((3, 6))
+    for i, block in blocks.items():
+        c = block.realize(period)
+        n = c.nstates
+        entry, feed = np.zeros((n, 6)), np.zeros((1, 6))
+        entry[:, 3 + i], feed[0, 3 + i] = -c.B[:, 0], -c.D[0, 0]
+        a, out = c.A, c.C
+        if smooth and block.lead is not None:
+            # x+ = zero x + (1 - zero) F_ref = the filtered reference at this sample
+            zero = block.lead[0]
+            a = np.block([[np.array([[zero]]), np.zeros((1, n))], [c.B * zero, c.A]])
+            entry = np.vstack([np.zeros((1, 6)), entry])
+            entry[0, i] = 1 - zero
+            entry[1:, i] = c.B[:, 0] * (1 - zero)
+            feed[0, i] = c.D[0, 0] * (1 - zero)
+            out = np.hstack([c.D * zero, c.C])
+        else:
+            entry[:, i], feed[0, i] = c.B[:, 0], c.D[0, 0]
+        a_parts.append(a)
+        b_rows.append(entry)
+        c_columns.append(matrix[:, [i]] @ out)
+        d += matrix[:, [i]] @ feed
+    size = sum(len(a) for a in a_parts)
+    a = np.zeros((size, size))
+    at = 0
+    for part in a_parts:
+        a[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    b = np.vstack(b_rows) if size else np.zeros((0, 6))
+    c_all = np.hstack(c_columns) if size else np.zeros((3, 0))
+    return control.StateSpace(a, b, c_all, d, period)
+
+
+def _conditioning(system: control.StateSpace) -> Array | None:
+    """Return the anti-windup matrix B_e D_e^+ of Hanus: the state moves as if the error had asked for what was applied.
+
+    B_e, D_e belong to -F_object, the part that enters every compensator; None if nothing is remembered.
+    """
+    if system.nstates == 0:
+        return None
+    return np.asarray(system.B[:, 3:] @ np.linalg.pinv(system.D[:, 3:]), dtype=float)
+
+
+def _three(value: ArrayLike, name: str, unit: str, low: float, high: float) -> Array:
+    v = np.asarray(value, dtype=float)
+    if v.shape not in ((), (3,)) or not np.all(np.isfinite(v)) or np.any(v <= low) or np.any(v >= high):
+        raise DesignError(
+            f"lead_lag: {name} must be one value or three between {low:g} and {high:.6g} {unit}, not {v.tolist()}"
+        )
+    return np.broadcast_to(v, (3,)).astype(float)

@@ -1,0 +1,183 @@
+"""LQG force tracking: an optimal state feedback, a Kalman filter, and integrators that leave no steady error.
+
+The plant is sampled, from tip force u (N) to object force y (N). The feedback minimises the sum over samples of
+|e|^2 + |speed_weight dy/dt|^2 + |integral_rate xi|^2 + force_weight |u|^2, in N^2 every term, where xi is the
+integral of F_ref - F_object (N s). With force_weight 1 and the rest 0 a tip of mass m on a spring K is left with its
+own natural frequency sqrt(K/m) and a damping ratio of 0.71.
+
+F_ref enters through the state it asks for at rest, x = N_x F_ref, u = N_u F_ref, and through a constant
+offset of the integrators that makes the cost of a step least; so a step does not wind them up.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_discrete_are
+
+from palpate.control.controller import Controller
+from palpate.control.feedback_loop import active_axes, require_sampled
+from palpate.control.kalman_filter import kalman, require_stabilizable
+from palpate.errors import DesignError
+
+Array = NDArray[np.float64]
+
+
+def lqg(
+    plant: control.StateSpace,
+    *,
+    integrators: bool = True,
+    force_weight: float = 2.0,
+    speed_weight: float = 0.012,
+    integral_rate: float = 8.0,
+    state_weight: ArrayLike | None = None,
+    disturbance: ArrayLike = 1.0,
+    noise: ArrayLike = 0.01,
+    windup_time: float = 0.01,
+) -> Controller:
+    """Return an LQG controller for a sampled plant from tip force to object force.
+
+    Args:
+        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
+            (y and z of a slider) is left alone.
+        integrators: add the integral of F_ref - F_object on every axis: the steady error is zero.
+        force_weight: cost of the commanded force against the force error, N^2/N^2; less is faster.
+        speed_weight: cost of the object force's rate, s: about the time constant of the damping it asks for.
+        integral_rate: cost of the integral, 1/s: about the rate at which a steady error vanishes.
+        state_weight: cost of the plant's state itself (n, n) in place of the force error and its rate; with
+            integrators (n + 3, n + 3) of (state, xi).
+        disturbance: as in ``kalman``: force noise at the tip, N, or a process covariance.
+        noise: as in ``kalman``: noise of F_object, N. The default ratio is 1 N of disturbance against the counts
+            of a 0.03 mm encoder on an object of 1 N/mm.
+        windup_time: time constant, s, with which the integrators follow a force that saturates.
+
+    Raises:
+        DesignError: the plant is not sampled or not 3 x 3, is not stabilizable or detectable, cannot reach every force
+            at rest (a zero at z = 1) though integrators are asked for, or a weight is out of range.
+    """
+    period = require_sampled(plant, "lqg")
+    for name, value in (("force_weight", force_weight), ("windup_time", windup_time)):
+        if not np.isfinite(value) or value <= 0:
+            raise DesignError(f"lqg: {name} must be positive and finite, not {value}")
+    for name, value in (("speed_weight", speed_weight), ("integral_rate", integral_rate)):
+        if not np.isfinite(value) or value < 0 or (value == 0 and name == "integral_rate" and integrators):
+            raise DesignError(f"lqg: {name} must be finite and positive (speed_weight may be 0), not {value}")
+    axes = active_axes(plant)
+    a, b, c, d = plant.A, plant.B[:, axes], plant.C[axes], plant.D[np.ix_(axes, axes)]
+    n, m = b.shape
+    require_stabilizable(a, b, "lqg: the plant is not stabilizable")
+
+    filtering = kalman(control.StateSpace(a, b, c, d, period), disturbance, noise)
+    augmented_a, augmented_b = a, b
+    if integrators:
+        require_reachable_forces(a, b, c, d)
+        augmented_a = np.block([[a, np.zeros((n, m))], [-period * c, np.eye(m)]])
+        augmented_b = np.vstack([b, -period * d])
+    extra = m if integrators else 0
+    weight, cross = _cost(a, b, c, d, period, speed_weight, integral_rate if integrators else None, state_weight)
+    cost = force_weight * np.eye(m) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
+    try:
+        value = solve_discrete_are(augmented_a, augmented_b, weight, cost, s=cross)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise DesignError(
+            "lqg: the weights leave a mode on the unit circle; weigh every state that does not decay, or make the "
+            "force cheaper"
+        ) from error
+    gain = np.linalg.solve(cost + augmented_b.T @ value @ augmented_b, augmented_b.T @ value @ augmented_a + cross.T)
+    feedback, integral = gain[:, :n], gain[:, n:]
+
+    rest = np.block([[a - np.eye(n), b], [c, d]])
+    target = np.linalg.lstsq(rest, np.vstack([np.zeros((n, m)), np.eye(m)]), rcond=None)[0]
+    state_at_rest, force_at_rest = target[:n], target[n:]
+    entry = force_at_rest + feedback @ state_at_rest
+    if integrators:
+        offset = -np.linalg.solve(value[n:, n:], value[n:, :n] @ state_at_rest)
+        entry = entry + integral @ offset
+
+    # x: the prediction x(k|k-1), then xi. u = entry r - feedback x(k|k) - integral xi.
+    correct = np.eye(n) - filtering.gain @ c
+    direct = np.linalg.inv(np.eye(m) - feedback @ filtering.gain @ d)
+    cc = direct @ np.hstack([-feedback @ correct, -integral])
+    dd = direct @ np.hstack([entry, -feedback @ filtering.gain])
+    known_force = b - a @ filtering.gain @ d  # how the force that was applied enters the next prediction
+    big_a = np.zeros((n + extra, n + extra))
+    big_a[:n, :n] = a @ correct
+    big_b = np.vstack([np.hstack([np.zeros((n, m)), a @ filtering.gain]), np.zeros((extra, 2 * m))])
+    back = known_force
+    if integrators:
+        big_a[n:, n:] = np.eye(m)
+        big_b[n:] = period * np.hstack([np.eye(m), -np.eye(m)])
+        follow = -np.expm1(-period / windup_time)
+        back = np.vstack([known_force, -follow * np.linalg.solve(direct @ integral, np.eye(m))])
+    into = np.vstack([known_force, np.zeros((extra, m))])
+    big_a, big_b = big_a + into @ cc, big_b + into @ dd
+
+    system, antiwindup = _embed(big_a, big_b, cc, dd, back, axes, period)
+    notes: dict[str, Any] = {
+        "integrators": integrators,
+        "force_weight": force_weight,
+        "speed_weight": speed_weight,
+        "integral_rate": integral_rate if integrators else None,
+        "feedback_poles": np.linalg.eigvals(augmented_a - augmented_b @ gain),
+        "filter_poles": filtering.poles,
+    }
+    return Controller(system, antiwindup, "lqg", notes)
+
+
+def require_reachable_forces(a: Array, b: Array, c: Array, d: Array) -> None:
+    """Raise DesignError if some constant object force cannot be held by any constant command (a zero at z = 1)."""
+    n = len(a)
+    size = np.linalg.norm(c, axis=1, keepdims=True)
+    reach = np.linalg.norm(b, axis=0)
+    scale = np.where(size > 0, size, 1.0)
+    push = np.where(reach > 0, reach, 1.0)
+    rest = np.block([[a - np.eye(n), b / push], [c / scale, d / scale / push]])
+    if np.linalg.svd(rest, compute_uv=False)[-1] < 1e-10:
+        raise DesignError(
+            "lqg: integrators need a plant that can hold every constant force, and this one has a zero at z = 1; "
+            "use integrators=False"
+        )
+
+
+def _cost(
+    a: Array, b: Array, c: Array, d: Array, period: float, speed: float, rate: float | None, state: ArrayLike | None
+) -> tuple[Array, Array]:
+    """Return the weight on (state, xi) and its cross term with u, (n + m, n + m) and (n + m, m)."""
+    n, m = b.shape
+    size = n + (m if rate is not None else 0)
+    cross = np.zeros((size, m))
+    if state is not None:
+        weight = np.asarray(state, dtype=float)
+        if weight.shape != (size, size) or not np.all(np.isfinite(weight)):
+            raise DesignError(f"lqg: state_weight must be finite and {size} x {size}, not {weight.shape}")
+        return 0.5 * (weight + weight.T), cross
+    weight = np.zeros((size, size))
+    forward = speed * c @ (a - np.eye(n)) / period
+    weight[:n, :n] = c.T @ c + forward.T @ forward
+    cross[:n] = c.T @ d + forward.T @ (speed * c @ b / period)
+    if rate is not None:
+        weight[n:, n:] = rate**2 * np.eye(m)
+    return weight, cross
+
+
+def _input_cost(b: Array, c: Array, d: Array, period: float, speed: float, on_output: bool) -> Array:
+    """Return the part of the output's cost that is quadratic in u."""
+    if not on_output:
+        return np.zeros((b.shape[1], b.shape[1]))
+    rate = speed * c @ b / period
+    return np.asarray(d.T @ d + rate.T @ rate)
+
+
+def _embed(
+    a: Array, b: Array, c: Array, d: Array, back: Array, axes: NDArray[np.intp], period: float
+) -> tuple[control.StateSpace, Array]:
+    """Return the controller over all three axes, and its anti-windup matrix; unused axes command nothing."""
+    n = len(a)
+    columns = np.concatenate([axes, 3 + axes])
+    wide_b, tall_c, full_d, wide_back = np.zeros((n, 6)), np.zeros((3, n)), np.zeros((3, 6)), np.zeros((n, 3))
+    wide_b[:, columns], tall_c[axes], full_d[np.ix_(axes, columns)] = b, c, d
+    wide_back[:, axes] = back
+    return control.StateSpace(a, wide_b, tall_c, full_d, period), wide_back

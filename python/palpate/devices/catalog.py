@@ -1,0 +1,311 @@
+"""Device files: TOML in which every number has a unit and a source. A user's own reads like the catalogue's."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.devices.device import MECHANISMS, Device, Parameters
+from palpate.errors import DeviceError, PalpateError
+from palpate.units import quantity, vector
+
+__all__ = ["IdentifiedModel", "Number", "identified_model", "load", "names", "read_numbers"]
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a device file.
+
+    Attributes:
+        key: "section.name", as in the file.
+        values: in SI; one, or one per axis or joint.
+        unit: SI unit; "" for a plain number.
+        text: the values as written in the file.
+        source: where it was published, in full.
+        note: what it is; may be empty.
+    """
+
+    key: str
+    values: tuple[float, ...]
+    unit: str
+    text: str
+    source: str
+    note: str
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """A linear model of a device, identified from measurements: x <- a x + b torque, angle = c x, once a period.
+
+    Attributes:
+        name: of the model.
+        description: one line.
+        source: where it was published, in full.
+        period: s.
+        a: (n, n).
+        b: (n, dof), per N*m.
+        c: (dof, n), rad.
+    """
+
+    name: str
+    description: str
+    source: str
+    period: float
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    c: NDArray[np.float64]
+
+
+class _Field(NamedTuple):
+    unit: str
+    size: int = 1
+    low: float = -math.inf  # the least value allowed
+    required: bool = True
+
+
+_INERTIA = _Field("kg*m^2", 3, 0.0)
+_DRIVE = {
+    "peak_force": _Field("N", 1, 0.0, False),
+    "continuous_force": _Field("N", 1, 0.0, False),
+    "thermal_time": _Field("s", 1, 0.0, False),
+}
+_PERIOD = _Field("s", 1, 0.0)
+
+# What a file of each mechanism may say, and in which unit: a name is "section.key", or a key at the file's top.
+FIELDS: dict[str, dict[str, _Field]] = {
+    "premium": {
+        "servo_period": _PERIOD,
+        **{f"geometry.{name}": _Field("m") for name in ("l1", "l2", "l3", "l5", "l6")},
+        **{f"mass.{name}": _Field("kg", 1, 0.0) for name in ("a", "c", "be", "df")},
+        **{f"inertia.{name}": _INERTIA for name in ("a", "c", "be", "df")},
+        "inertia.base": _Field("kg*m^2", 1, 0.0),
+        "friction.viscous": _Field("N*m*s/rad", 3, 0.0),
+        "friction.coulomb": _Field("N*m", 3, 0.0, False),
+        "friction.breakaway": _Field("N*m", 3, 0.0, False),
+        "friction.stribeck_speed": _Field("rad/s", 3, 0.0, False),
+        "drive.gear": _Field("", 3, 0.0, False),
+        "drive.encoder_counts": _Field("", 3, 0.0, False),
+        "drive.rotor_inertia": _Field("kg*m^2", 3, 0.0, False),
+        "drive.peak_torque": _Field("N*m", 3, 0.0, False),
+        **{f"drive.{name}": field for name, field in _DRIVE.items()},
+        "environment.gravity": _Field("m/s^2", 1, -math.inf, False),
+    },
+    "slider": {
+        "servo_period": _PERIOD,
+        "mass.tip": _Field("kg", 1, 0.0),
+        "friction.viscous": _Field("N*s/m", 1, 0.0),
+        "friction.coulomb": _Field("N", 1, 0.0, False),
+        "friction.breakaway": _Field("N", 1, 0.0, False),
+        "friction.stribeck_speed": _Field("m/s", 1, 0.0, False),
+        "drive.encoder_step": _Field("m", 1, 0.0, False),
+        **{f"drive.{name}": field for name, field in _DRIVE.items()},
+    },
+}
+_POSITIVE = {"servo_period", "geometry.l1", "geometry.l2", "mass.tip", "drive.gear", "drive.encoder_counts",
+             "drive.thermal_time", "friction.stribeck_speed", "drive.peak_force", "drive.continuous_force",
+             "drive.peak_torque"}  # fmt: skip
+_TEXTS = ("name", "description", "mechanism", "based_on", "identified_model")
+
+
+def names() -> list[str]:
+    """Names of the devices that come with palpate."""
+    files = resources.files("palpate.devices").iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+
+
+def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
+    """Return a device of the catalogue by name, or the one that a TOML file describes; a device as it is.
+
+    Raises:
+        DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
+            dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source.
+    """
+    return name_or_path if isinstance(name_or_path, Device) else _device(*_text(name_or_path))
+
+
+@lru_cache(maxsize=64)
+def _device(text: str, where: str) -> Device:
+    """Read a device; a loop over scenarios asks for the same text again and again."""
+    where, tables = _tables(text, where)
+    values = {number.key: number.values for number in _numbers(where, tables)}
+    name, description, mechanism = (str(tables[key]) for key in ("name", "description", "mechanism"))
+    identified = tables.get("identified_model")
+    if identified is not None and not isinstance(identified, str):
+        raise DeviceError(f"{where}: identified_model must be the name of a model, or the path of its file")
+    device = Device(name, description, mechanism, Parameters(MappingProxyType(values)), identified)
+    try:
+        device.check()
+    except PalpateError as problem:
+        raise DeviceError(f"{where}: {problem}") from None
+    return device
+
+
+def read_numbers(name_or_path: str | os.PathLike[str]) -> list[Number]:
+    """Return every number of a device file with its unit, source and note, in the file's order.
+
+    Raises:
+        DeviceError: as `load`.
+    """
+    return _numbers(*_tables(*_text(name_or_path)))
+
+
+def identified_model(device: Device) -> IdentifiedModel:
+    """Return the model of a device that was identified from measurements.
+
+    Raises:
+        DeviceError: the device has none; or its file cannot be read, has no matrix of the right shape, or a number
+            that is not finite.
+    """
+    if device.identified_model is None:
+        raise DeviceError(f"{device.name} has no identified model; its file names one as identified_model")
+    return _identified(device.identified_model, device.dof)
+
+
+@lru_cache(maxsize=8)
+def _identified(name: str, dof: int) -> IdentifiedModel:
+    path = resources.files("palpate.devices").joinpath("identified", f"{name}.toml")
+    if path.is_file():
+        text, where = path.read_text("utf-8"), f"identified model {name}"
+    else:
+        try:
+            text, where = Path(name).read_text("utf-8"), name
+        except (OSError, UnicodeDecodeError) as problem:
+            reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
+            raise DeviceError(f"{name}: the file of the identified model cannot be read: {reason}") from None
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise DeviceError(f"{where}: not valid TOML: {problem}") from None
+    for key in ("name", "description", "source", "period", "a", "b", "c"):
+        if key not in tables:
+            raise DeviceError(f"{where}: {key} is missing")
+    period = _period(tables["period"], where)
+    n = len(tables["a"]) if isinstance(tables["a"], list) else 0
+    shapes = {"a": (n, n), "b": (n, dof), "c": (dof, n)}
+    matrices = {key: _matrix(tables[key], shape, f"{where}: {key}") for key, shape in shapes.items()}
+    return IdentifiedModel(str(tables["name"]), str(tables["description"]), str(tables["source"]), period, **matrices)
+
+
+def _period(value: Any, where: str) -> float:
+    """Return a sampling period in s."""
+    period = quantity(value, "s", f"{where}: period", error=DeviceError)
+    if not period > 0.0:
+        raise DeviceError(f"{where}: period is {period:g} s; it must be positive")
+    return period
+
+
+def _matrix(rows: Any, shape: tuple[int, int], at: str) -> NDArray[np.float64]:
+    try:
+        matrix = np.array(rows, dtype=float)
+    except (TypeError, ValueError):
+        raise DeviceError(f"{at} must be a matrix: a list of rows of numbers") from None
+    if matrix.shape != shape:
+        raise DeviceError(f"{at} must be {shape[0]} x {shape[1]}, not of shape {matrix.shape}")
+    if not np.all(np.isfinite(matrix)):
+        raise DeviceError(f"{at} has a number that is not finite")
+    return matrix
+
+
+def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
+    """Return where a file lies and its tables, laid over those of the device it is based on."""
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise DeviceError(f"{where}: not valid TOML: {problem}") from None
+    if "based_on" in tables:
+        base = tables["based_on"]
+        if base not in names():
+            known = ", ".join(names())
+            raise DeviceError(f"{where}: based_on must be a device of the catalogue ({known}), not {base!r}")
+        _, below = _tables(*_text(base))
+        for key, value in tables.items():
+            below[key] = {**below.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
+        tables = below
+    for key in ("name", "description", "mechanism"):
+        if not isinstance(tables.get(key), str):
+            raise DeviceError(f'{where}: {key} is missing; write {key} = "…" at the top of the file')
+    if tables["mechanism"] not in MECHANISMS:
+        known = " or ".join(f'"{m}"' for m in MECHANISMS)
+        raise DeviceError(f"{where}: mechanism must be {known}, not {tables['mechanism']!r}")
+    return where, tables
+
+
+def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise DeviceError(
+            f"a device is named by its name in the catalogue ({', '.join(names())}) or the path of its file, not by "
+            f"{name_or_path!r}"
+        )
+    given = os.fspath(name_or_path)
+    path = Path(given)
+    if given in names():
+        return resources.files("palpate.devices").joinpath(f"{given}.toml").read_text("utf-8"), f"device {given}"
+    if path.suffix != ".toml":
+        close = difflib.get_close_matches(given, names(), 1)
+        hint = f"did you mean {close[0]}? For" if close else "for"
+        raise DeviceError(
+            f"there is no device {given!r} in the catalogue ({', '.join(names())}); "
+            f"{hint} your own, give the path of a .toml file"
+        )
+    try:
+        return path.read_text("utf-8"), str(path)
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
+        raise DeviceError(f"{path}: the device file cannot be read: {reason}") from None
+
+
+def _numbers(where: str, tables: Mapping[str, Any]) -> list[Number]:
+    fields = FIELDS[tables["mechanism"]]
+    sources = tables.get("sources", {})
+    entries: dict[str, Any] = {}
+    for name, value in tables.items():
+        if name == "sources" or name in _TEXTS:
+            continue
+        if name in fields or not isinstance(value, dict):
+            entries[name] = value
+        else:
+            entries.update({f"{name}.{key}": entry for key, entry in value.items()})
+    for name in entries:
+        if name not in fields:
+            close = difflib.get_close_matches(name, fields, 1)
+            raise DeviceError(f"{where}: unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
+    missing = [name for name, field in fields.items() if field.required and name not in entries]
+    if missing:
+        raise DeviceError(f"{where}: {missing[0]} is missing (a value in {fields[missing[0]].unit})")
+    return [_number(where, name, entry, fields[name], sources) for name, entry in entries.items()]
+
+
+def _number(where: str, name: str, entry: Any, field: _Field, sources: Mapping[str, str]) -> Number:
+    at = f"{where}: {name}"
+    if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
+        raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs its source')
+    unknown = set(entry) - {"value", "source", "note"}
+    if unknown:
+        raise DeviceError(f"{at}: unknown key {sorted(unknown)[0]}; there are value, source and note")
+    value = entry["value"]
+    if field.size > 1:
+        if not isinstance(value, list):
+            raise DeviceError(f"{at} needs {field.size} values in a list, one for each joint or axis")
+        values = vector(value, field.unit, at, field.size, error=DeviceError)
+    else:
+        values = (quantity(value, field.unit, at, error=DeviceError),)
+    least = f"{min(values):g} {field.unit}".rstrip()
+    if min(values) < field.low:
+        raise DeviceError(f"{at} is {least}; it cannot be negative")
+    if name in _POSITIVE and min(values) <= 0.0:
+        raise DeviceError(f"{at} is {least}; it must be positive")
+    source = str(entry["source"])
+    shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
+    return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

@@ -1,0 +1,219 @@
+"""From a mesh and a material to a body that can be touched."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.contact.mesh import Mesh
+from palpate.fem.body import Body
+from palpate.fem.checks import positive, unit_of_length, whole
+from palpate.fem.condensation import Condensation, check_memory
+from palpate.fem.elements import Elements, check_order
+from palpate.fem.errors import BodyError
+from palpate.fem.material import Material, Region, Skin
+from palpate.fem.selectors import Place, place, places
+from palpate.fem.storage import Contents, check_target, write
+from palpate.fem.vibration import modes as find_modes
+from palpate.fem.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
+
+__all__ = ["build", "volume_of"]
+
+
+def build(
+    source: Volume | Mesh | str | Path,
+    *,
+    young: float | str,
+    fixed: str | Place | Sequence[str | Place],
+    poisson: float | str = 0.45,
+    density: float | str = 1000.0,
+    regions: str | Region | Sequence[str | Region] = (),
+    skin: str | Skin | None = None,
+    touch: str | Place | None = None,
+    unit: str | None = None,
+    spacing: float | str | None = None,
+    order: int = 2,
+    modes: int = 0,
+    memory: float | str = "8 GB",
+    output: str | Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Body:
+    """Build a body that yields: linear elastic, fixed somewhere, condensed to the surface that is touched.
+
+    Args:
+        source: tetrahedra (`Volume`, or a .msh, .vtk ... file), or a closed surface (`Mesh`, or an .stl, .obj, .ply,
+            .off or .glb file) that is filled.
+        young: Young's modulus, Pa, or text such as "5 kPa".
+        fixed: one or more places that do not move, such as "z < 1 mm" or "sphere 0 0 0 radius 5 mm"; with "surface"
+            before it, only the surface there.
+        poisson: Poisson's ratio, below 0.5.
+        density: kg/m^3, or text with its unit.
+        regions: places of another stiffness, "sphere 50 50 40 radius 7.5 mm = 25 kPa".
+        skin: a layer under the touchable surface, "2 mm = 50 kPa".
+        touch: the part of the surface that can be touched; None for all of it.
+        unit: that a file is written in; needed with a file.
+        spacing: length of the tetrahedra's edges in a filled surface, m or text; a fifteenth of its extent if None.
+        order: 2 for quadratic tetrahedra, 1 for linear ones (which lock as Poisson's ratio nears 0.5).
+        modes: how many vibration modes to find too, for `Body.modal`.
+        memory: budget that the build must keep, bytes or text.
+        output: file (.h5) to write the body to, whole or not at all.
+        progress: told what begins, how large it is and how long it will take, and the part of the stages done, 0 to 1.
+
+    Raises:
+        BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
+        OutputError: the file cannot be written.
+    """
+    _check_source(source, unit)
+    if output is not None:
+        check_target(output)
+    check_order(order)
+    modes = whole(modes, "modes", 0)
+    positive(memory, "byte", "memory")
+    stages = _Stages(progress)
+    material = Material(young, poisson, density, regions, skin)
+    held = places(fixed)
+    if not held:
+        raise BodyError(
+            'nothing is fixed, so the body would float away: fix a part of it, fixed="z < 1 mm" (--fixed "z < 1 mm")'
+        )
+    where = None if touch is None else place(touch)
+    stages.begin("meshing", "meshing")
+    volume = volume_of(source, unit=unit, spacing=spacing)
+    stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
+    elements = Elements(volume, material, held, where, order)
+    check_memory(len(elements.touchable), elements.memory + 36.0 * len(elements.touchable) ** 2, memory)
+    elements.stiffness  # noqa: B018  # assembles
+    stages.begin("ordering", f"ordering {len(elements.free):,} unknowns")
+    condensation = Condensation(elements)
+    check_memory(len(elements.touchable), condensation.memory, memory)
+    stages.begin("condensing", str(condensation))
+    compliance = condensation.compliance()
+    frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
+    if modes:
+        stages.begin("modes", f"finding {modes} modes")
+        frequencies, shapes = find_modes(elements, modes)
+    seconds = stages.end()
+    record = {
+        "source": volume.source,
+        "unit": unit,
+        "young_Pa": material.young,
+        "poisson": material.poisson,
+        "density_kg_per_m3": material.density,
+        "regions": [str(region) for region in material.regions],
+        "skin": None if material.skin is None else str(material.skin),
+        "fixed": [str(p) for p in held],
+        "touch": None if where is None else str(where),
+        "order": order,
+        "modes": modes,
+        "tetrahedra": len(volume.tetrahedra),
+        "nodes": len(elements.nodes),
+        "unknowns": len(elements.free),
+        "volume_m3": volume.size,
+        "memory_bytes": condensation.memory,
+        "operations": condensation.operations,
+        "seconds": seconds,
+        "versions": _versions(),
+    }
+    contents = _contents(elements, compliance, frequencies, shapes, record)
+    if output is not None:
+        write(contents, output)
+    return Body(contents)
+
+
+class _Stages:
+    """Tells of each stage as it begins, and keeps how long each took, s."""
+
+    _NAMES = ("meshing", "assembling", "ordering", "condensing", "modes")
+
+    def __init__(self, progress: Callable[[str, float], None] | None) -> None:
+        self._tell = progress if progress is not None else (lambda _text, _fraction: None)
+        self._seconds: dict[str, float] = {}
+        self._name, self._start = "", time.perf_counter()
+
+    def begin(self, name: str, text: str) -> None:
+        self.end()
+        self._name = name
+        self._tell(text, self._NAMES.index(name) / len(self._NAMES))
+
+    def end(self) -> dict[str, float]:
+        now = time.perf_counter()
+        if self._name:
+            self._seconds[self._name] = round(now - self._start, 3)
+        self._name, self._start = "", now
+        return self._seconds
+
+
+def volume_of(
+    source: Volume | Mesh | str | Path, *, unit: str | None = None, spacing: float | str | None = None
+) -> Volume:
+    """Return the tetrahedra of `source`, filling a surface; see `build`."""
+    if isinstance(source, Volume):
+        return source
+    _check_source(source, unit)
+    if isinstance(source, (str, Path)):
+        assert unit is not None  # checked
+        if Path(source).suffix.lower() not in SURFACES:
+            return read_volume(source, unit=unit)
+        mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
+    else:
+        mesh, name = source, "given surface"
+    if not mesh.closed:
+        raise BodyError(
+            f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
+            "so it has no inside to fill: close it"
+        )
+    step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
+    if step > mesh.extent:
+        raise BodyError(f"spacing: {step:g} m is more than the body is across, {mesh.extent:.4g} m")
+    return fill(mesh.vertices, mesh.triangles, step, source=name)
+
+
+def _check_source(source: object, unit: str | None) -> None:
+    """Raise BodyError if there is nothing to read, before all else."""
+    if isinstance(source, Volume | Mesh):
+        return
+    if not isinstance(source, str | Path):
+        raise BodyError(f"a body is made of a Volume, a Mesh or a mesh's file, not of {source!r}")
+    check_mesh_file(source)
+    if unit is None:
+        raise BodyError(f'{source}: say the unit that the file is written in, such as unit="mm" (--unit mm)')
+    unit_of_length(unit)
+
+
+def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> Contents:
+    faces = elements.volume.surface
+    used, triangles = np.unique(faces, return_inverse=True)
+    there = np.ones(len(elements.volume.points), dtype=bool)
+    if elements.touch is not None:
+        there = elements.touch.inside(elements.volume.points)
+    return Contents(
+        points=elements.volume.points[used],
+        triangles=triangles.reshape(-1, 3).astype(np.int64),
+        touchable=np.asarray(there[faces].all(axis=1)),
+        nodes=np.searchsorted(used, elements.touchable).astype(np.int64),
+        normals=elements.normals,
+        areas=elements.areas,
+        compliance=compliance,
+        frequencies=frequencies,
+        shapes=shapes,
+        vertices=elements.volume.points,
+        tetrahedra=elements.volume.tetrahedra,
+        young=elements.young.mean(axis=1),
+        held=elements.held[: len(elements.volume.points)],
+        record=record,
+    )
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in ("palpate", "numpy", "scipy", "scikit-fem", "scikit-sparse", "pypardiso", "pytetwild", "meshio"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

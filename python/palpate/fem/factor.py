@@ -1,0 +1,71 @@
+"""The best factorisation installed for a large sparse symmetric positive definite matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from palpate.fem.errors import BodyError
+from palpate.fem.pardiso import Pardiso, PardisoError
+
+__all__ = ["NOT_DEFINITE", "Factor", "installed"]
+
+Array = NDArray[np.float64]
+NOT_DEFINITE = "the stiffness is not positive definite: the body can move without straining; fix more of it"
+
+
+def installed() -> str:
+    """Name what `Factor` uses here: "PARDISO", "CHOLMOD" or "SuperLU", the first that is installed."""
+    for name, module in (("PARDISO", "pypardiso"), ("CHOLMOD", "sksparse.cholmod")):
+        try:
+            __import__(module)
+        except ImportError:
+            continue
+        return name
+    return "SuperLU"
+
+
+class Factor:
+    """A factorised matrix; `solve` takes right sides (N, k). `kind` is one of `installed`'s names."""
+
+    def __init__(self, matrix: sparse.csr_matrix, kind: str | None = None) -> None:
+        self.kind = installed() if kind is None else kind
+        self.solve: Callable[[Array], Array] = {
+            "PARDISO": _pardiso,
+            "CHOLMOD": _cholmod,
+            "SuperLU": _superlu,
+        }[self.kind](matrix)
+
+
+def _pardiso(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
+    factor = Pardiso(matrix)
+    try:
+        factor.factorise()
+    except PardisoError as problem:
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
+    return factor.solve
+
+
+def _cholmod(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
+    from sksparse.cholmod import CholmodError, cholesky
+
+    try:
+        factor = cholesky(matrix.tocsc(), ordering_method="metis")
+        return lambda right: np.asarray(factor(right))
+    except CholmodError as problem:
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
+
+
+def _superlu(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
+    from scipy.sparse.linalg import splu
+
+    try:
+        factor = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+        )
+    except RuntimeError as problem:
+        raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
+    return lambda right: np.asarray(factor.solve(right))

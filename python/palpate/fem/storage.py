@@ -1,0 +1,159 @@
+"""A body as an HDF5 file: arrays with units, and the record of how it was made."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.fem.errors import BodyError
+from palpate.fem.volume import SURFACES, VOLUMES
+from palpate.files import HDF5_SIGNATURE, check_readable, check_writable, named, write_whole
+
+__all__ = ["VERSION", "Contents", "check_target", "read", "write"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+_FORMAT: Final = "palpate body"
+VERSION: Final = 2
+_UNITS: Final = {
+    "points": "m",
+    "areas": "m^2",
+    "compliance": "m/N",
+    "normals": "1",
+    "frequencies": "rad/s",
+    "vertices": "m",
+    "young": "Pa",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What a body's file holds; n touchable nodes of s surface points, k triangles."""
+
+    points: Array  # of the whole surface (s, 3), m, at rest
+    triangles: Indices  # of the whole surface (k, 3), anticlockwise seen from outside
+    touchable: NDArray[np.bool_]  # which triangles (k,) may be touched
+    nodes: Indices  # the points (n,) that carry contact and move
+    normals: Array  # outward, unit, at the nodes (n, 3)
+    areas: Array  # of the nodes' patches (n,), m^2
+    compliance: NDArray[np.float32]  # (3n, 3n), m/N, row 3 x node + axis
+    frequencies: Array  # of the vibration modes (m,), rad/s; none if it was built without
+    shapes: NDArray[np.float32]  # of the modes at the nodes (3n, m), 1/sqrt(kg), row 3 x node + axis
+    vertices: Array  # of the volume's mesh (v, 3), m, at rest; those on its surface, in their order, are `points`
+    tetrahedra: Indices  # of that mesh (t, 4)
+    young: Array  # Young's modulus of each tetrahedron (t,), Pa, its mean
+    held: NDArray[np.bool_]  # which vertices (v,) are fixed
+    record: Mapping[str, Any]  # how it was made
+
+
+def check_target(path: str | Path) -> None:
+    """Raise BodyError or OutputError if a body cannot be written to `path`: before the work of building it."""
+    file = named(path, BodyError)
+    if file.suffix.lower() != ".h5":
+        raise BodyError(f"{file}: a body is an HDF5 file, named for example {(file.stem or 'body') + '.h5'}")
+    check_writable(file)
+
+
+def write(contents: Contents, path: str | Path) -> Path:
+    """Write a body to `path` (.h5), whole or not at all; raises as `check_target`."""
+    check_target(path)
+
+    def fill(part: Path) -> None:
+        with h5py.File(part, "w") as store:
+            store.attrs["format"] = _FORMAT
+            store.attrs["version"] = VERSION
+            store.attrs["record"] = json.dumps(contents.record)
+            for field in fields(contents):
+                if field.name != "record":
+                    data = store.create_dataset(field.name, data=getattr(contents, field.name))
+                    if field.name in _UNITS:
+                        data.attrs["unit"] = _UNITS[field.name]
+
+    return write_whole(path, fill)
+
+
+def read(path: str | Path) -> Contents:
+    """Read a body; BodyError if there is no such file, it is cut short, or it is something else."""
+    file = check_readable(path, BodyError, kind="the body's file (.h5)", otherwise="palpate body build makes one")
+    _check_signature(file)
+    try:
+        with h5py.File(file, "r") as store:
+            if store.attrs.get("format") != _FORMAT:
+                raise BodyError(f"{file}: an HDF5 file, but not a body; palpate body build makes one")
+            if store.attrs.get("version") != VERSION:
+                raise BodyError(
+                    f"{file}: written in version {store.attrs.get('version')} of the format; "
+                    f"this palpate reads version {VERSION}: build it again"
+                )
+            record = json.loads(store.attrs["record"])
+            arrays = {f.name: np.asarray(store[f.name]) for f in fields(Contents) if f.name != "record"}
+    except (OSError, KeyError, ValueError) as problem:
+        if isinstance(problem, BodyError):
+            raise
+        missing = "" if isinstance(problem, OSError) else f" ({problem})"
+        raise BodyError(f"{file}: not a whole file of a body, perhaps cut short{missing}; build it again") from None
+    contents = Contents(**arrays, record=record)
+    _check(contents, file)
+    return contents
+
+
+def _check_signature(file: Path) -> None:
+    """Say what a file that is not HDF5 is instead, and what to do."""
+    try:
+        with file.open("rb") as opened:
+            begin = opened.read(len(HDF5_SIGNATURE))
+    except OSError as problem:
+        raise BodyError(f"{file}: cannot be read: {problem.strerror}") from None
+    if begin == HDF5_SIGNATURE:
+        return
+    if not begin:
+        raise BodyError(f"{file}: an empty file; palpate body build makes a body")
+    if file.suffix.lower() in (*SURFACES, *VOLUMES):
+        raise BodyError(
+            f"{file}: a mesh, which is no body yet; make one of it, for example with: "
+            f"""palpate body build {shlex.quote(str(file))} --unit mm --young "5 kPa" --fixed "z < 1 mm\""""
+        )
+    raise BodyError(f"{file}: not a body (.h5); palpate body build makes one from a mesh")
+
+
+def _check(c: Contents, file: Path) -> None:
+    arrays = {field.name: getattr(c, field.name) for field in fields(c) if field.name != "record"}
+    broken = [name for name, array in arrays.items() if array.ndim == 0 or array.dtype.kind not in "bifu"]
+    if broken or not isinstance(c.record, dict) or "source" not in c.record:
+        raise BodyError(f"{file}: {broken[0] if broken else 'record'} is not what a body has there; build it again")
+    n, s = len(c.nodes), len(c.points)
+    sizes = (
+        c.points.shape == (s, 3)
+        and c.triangles.shape == (len(c.touchable), 3)
+        and c.normals.shape == (n, 3)
+        and c.areas.shape == (n,)
+        and c.compliance.shape == (3 * n, 3 * n)
+        and c.compliance.dtype == np.float32
+        and c.shapes.shape == (3 * n, len(c.frequencies))
+        and c.shapes.dtype == np.float32
+        and c.tetrahedra.shape == (len(c.young), 4)
+        and c.vertices.shape == (len(c.held), 3)
+    )
+    if not sizes or n == 0:
+        raise BodyError(f"{file}: the sizes of its arrays do not fit each other; build it again")
+    indices = np.concatenate([c.triangles.ravel(), c.nodes])
+    numbers = (c.points, c.normals, c.areas, c.compliance, c.frequencies, c.shapes, c.vertices, c.young)
+    finite = all(np.isfinite(a).all() for a in numbers)
+    there = (
+        indices.min() >= 0 and indices.max() < s and c.tetrahedra.min() >= 0 and c.tetrahedra.max() < len(c.vertices)
+    )
+    positive = all((a > 0).all() for a in (np.diag(c.compliance), c.areas, c.young, c.frequencies))
+    outward = np.abs(np.linalg.norm(c.normals, axis=1) - 1.0).max() < 1e-6 if finite else False
+    if not (finite and there and positive and outward):
+        raise BodyError(
+            f"{file}: it holds numbers that no body has (not finite, without stiffness or area, or no point); build "
+            "it again"
+        )

@@ -1,0 +1,40 @@
+"""Instruments: what an experiment would have measured without noise, from its known excitation alone.
+
+In a closed loop the torque noise moves the arm and the arm's motion moves the servo's torque, so that regressors and
+noise are correlated and least squares is biased however long the recording. The excitation is known and chosen
+beforehand: it knows nothing of the noise, nor does any signal computed from it (Söderström & Stoica 1989, ch. 8).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from palpate.identification.arx_models import arx_from_excitation
+from palpate.identification.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+def expected_angles(recording: Recording, order: int = 6, bandwidth: float = 25.0) -> Array | None:
+    """Return the angles (n, dof) that the excitation explains through a linear closed loop, or None without one.
+
+    The loop is an ARX model at four times `bandwidth` Hz; its noise-free answer is brought back to the full rate.
+    """
+    if recording.excitation is None or np.any(np.ptp(recording.excitation, axis=0) == 0):
+        return None
+    factor = max(1, round(0.25 / (bandwidth * recording.period)))
+    coarse = recording.decimate(factor)
+    model = arx_from_excitation(coarse, order, order)
+    poles = np.abs(np.linalg.eigvals(np.asarray(model.to_statespace().A)))
+    if poles.max() >= 1.0 or coarse.excitation is None:
+        return None
+    out = model.simulate(coarse.excitation)
+    fine = np.empty_like(recording.angle)
+    for joint in range(recording.dof):
+        fine[:, joint] = np.interp(recording.time, coarse.time, out[:, joint])
+    window = 2 * factor + 1  # rounds the corners of the interpolation
+    if factor > 1:
+        fine = np.asarray(signal.savgol_filter(fine, max(window, 5), 2, axis=0), dtype=float)
+    return fine

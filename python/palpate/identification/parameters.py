@@ -1,0 +1,257 @@
+"""The direct regressor: inertia, gravity and friction of a device from one recording, with confidence intervals.
+
+The weak form (weak_form.py) is linear in the base parameters (base.py) and the friction. It is solved with instruments
+computed from the excitation where the recording holds it, by least squares otherwise. Neighbouring bumps overlap and
+the noise has its own colour, so the covariance is that of correlated moments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from palpate.devices import Device
+from palpate.errors import RecordingError
+from palpate.identification.base import Parameter, base_parameters, friction_parameters
+from palpate.identification.instruments import expected_angles
+from palpate.identification.recording import Recording
+from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_speed, weak_rows
+
+Array = NDArray[np.float64]
+Method = Literal["auto", "instruments", "least_squares"]
+
+SINGULAR = 1e-6  # ratio of singular values of the scaled columns below which nothing is left but rounding
+WEAK = 0.1  # share of a joint's torque that a parameter's uncertainty may be worth before it counts as undetermined
+
+
+@dataclass(frozen=True)
+class ParameterFit:
+    """Estimated parameters.
+
+    Attributes:
+        parameters: what they are.
+        value: (p,) SI.
+        covariance: (p, p).
+        level: confidence of `low` and `high`.
+        method: "instruments" or "least_squares".
+        condition: of the scaled columns; 1 is perfect, above some 100 the excitation is poor.
+        undetermined: names whose uncertainty matters to the torque; the recording hardly says anything about them.
+        torque_error: (dof,) what the fit leaves of the torque, rms, in percent.
+        rows: number of bumps.
+        freedom: degrees of freedom of Student's t for the intervals: bumps that share next to no time.
+    """
+
+    parameters: list[Parameter]
+    value: Array
+    covariance: Array
+    level: float
+    method: str
+    condition: float
+    undetermined: list[str]
+    torque_error: Array
+    rows: int
+    freedom: float
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=float)
+
+    @property
+    def half_width(self) -> Array:
+        """Half the width of the confidence intervals (p,)."""
+        return float(stats.t.ppf(0.5 + 0.5 * self.level, self.freedom)) * self.std
+
+    @property
+    def low(self) -> Array:
+        """Lower ends of the confidence intervals (p,)."""
+        return self.value - self.half_width
+
+    @property
+    def high(self) -> Array:
+        """Upper ends of the confidence intervals (p,)."""
+        return self.value + self.half_width
+
+    def __getitem__(self, name: str) -> float:
+        """Value of the parameter called `name`."""
+        return float(self.value[[p.name for p in self.parameters].index(name)])
+
+    def friction(self, letter: str, dof: int) -> Array:
+        """Return viscous ("k") or Coulomb ("c") friction (dof,), 0 where it was not estimated."""
+        names = [p.name for p in self.parameters]
+        return np.array([self[f"{letter}{j + 1}"] if f"{letter}{j + 1}" in names else 0.0 for j in range(dof)])
+
+
+def estimate_parameters(
+    recording: Recording,
+    device: Device,
+    *,
+    coulomb: bool = True,
+    method: Method = "auto",
+    level: float = 0.95,
+    tests: TestFunctions | None = None,
+) -> ParameterFit:
+    """Estimate base parameters and friction of a device from a recording.
+
+    Args:
+        recording: angles and torques; any trajectory that moves every joint.
+        device: its mechanism and lengths are taken as known; masses, inertias, gravity and friction are not used.
+        coulomb: estimate Coulomb friction too.
+        method: "instruments" needs a recording that holds its excitation; "auto" takes them when it can.
+        level: confidence of the intervals.
+        tests: the test functions.
+
+    Raises:
+        RecordingError: the recording belongs to another device, is too short, or excites too little, in words.
+    """
+    if recording.dof != device.dof:
+        raise RecordingError(f"the recording has {recording.dof} joints, {device.name} has {device.dof}")
+    if not 0 < level < 1:
+        raise RecordingError(f"the confidence level must lie between 0 and 1, not {level}")
+    recording.require_excitation()
+    bumps = TestFunctions() if tests is None else tests
+    parameters = base_parameters(device) + friction_parameters(device, coulomb)
+    slowest = slowest_speed(recording, bumps)
+    rows = weak_rows(device, recording, bumps, slowest=slowest)
+    if len(rows.torque) * device.dof < 4 * len(parameters):
+        raise RecordingError(
+            f"{recording.duration:g} s are too short for {len(parameters)} parameters; record at least 5 s"
+        )
+    keep = _usable(rows, coulomb)
+    for axis, count in enumerate(keep.sum(axis=0)):
+        if count < 20:
+            raise RecordingError(
+                f"too little excitation: joint {axis + 1} turns one way faster than {slowest[axis]:.2g} "
+                f"{recording.units[0]}/s for {bumps.width:g} s only {count:.0f} times; move it more, or leave Coulomb "
+                "friction out"
+            )
+    weight = _balance(rows.torque)
+    columns, target = _stack(rows, weight, keep, len(parameters))
+    condition = _check_excitation(columns, parameters)
+    used, z = "least_squares", columns
+    if method != "least_squares":
+        expected = expected_angles(recording)
+        if expected is None and method == "instruments":
+            raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
+        if expected is not None:
+            used = "instruments"
+            shadow = weak_rows(device, recording, bumps, angle=expected, slowest=slowest)
+            z = _stack(shadow, weight, keep, len(parameters))[0]
+    size = np.sqrt(np.sum(columns**2, axis=(0, 1)))
+    columns, z = columns / size, z / size
+    value = np.zeros(len(parameters))
+    for _ in range(2):  # the second time, joints are weighted by what the first left of them
+        error = target - columns @ value
+        joint = np.sqrt(np.mean(error**2, axis=0))
+        joint = np.where(joint > 0, joint, 1.0)
+        cross = np.einsum("rip,riq,i->pq", z, columns, joint**-2)
+        value = np.linalg.solve(cross, np.einsum("rip,ri,i->p", z, target, joint**-2))
+    error = target - columns @ value
+    moments = np.einsum("rip,ri,i->rp", z, error, joint**-2)
+    spread = long_run_covariance(moments, bumps) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
+    inverse = np.linalg.inv(cross)
+    covariance = inverse @ spread @ inverse.T
+    worth = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
+    undetermined = [p.name for p, most in zip(parameters, worth.max(axis=0), strict=True) if most > WEAK]
+    return ParameterFit(
+        parameters,
+        value / size,
+        covariance / np.outer(size, size),
+        level,
+        used,
+        condition,
+        undetermined,
+        100 * np.sqrt(np.mean(error**2, axis=0)) / _size(target),
+        len(error),
+        len(error) / (2 * _overlap(bumps)),
+    )
+
+
+def _size(target: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean((target - target.mean(axis=0)) ** 2, axis=0)), dtype=float)
+
+
+def _balance(torque: Array) -> Array:
+    """Return weights (dof,) that make the joints' torques equally large."""
+    size = np.sqrt(np.mean(torque**2, axis=0))
+    return np.asarray(1.0 / np.where(size > 0, size, 1.0), dtype=float)
+
+
+def _usable(rows: WeakRows, coulomb: bool) -> Array:
+    """Return (rows, dof) 1 or 0: with dry friction, only bumps in which the joint turns one way throughout.
+
+    A joint that sticks holds any torque and tells nothing; where it turns round, the corner in its speed is blurred.
+    """
+    return (rows.moving > 0.97).astype(float) if coulomb else np.ones_like(rows.moving)
+
+
+def _stack(rows: WeakRows, weight: Array, keep: Array, count: int) -> tuple[Array, Array]:
+    scale = weight * keep
+    return rows.columns[:, :, :count] * scale[:, :, None], rows.torque * scale
+
+
+def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
+    """Return the condition of the scaled columns; raise, naming the parameters, if some cannot be told apart."""
+    flat = columns.reshape(-1, columns.shape[2])
+    size = np.linalg.norm(flat, axis=0)
+    still = [p.name for p, s in zip(parameters, size, strict=True) if s <= 1e-12 * size.max()]
+    if still:
+        raise RecordingError(
+            f"too little excitation: nothing moves that would show {', '.join(still)}; move every joint through "
+            "some tenths of a radian"
+        )
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat / size, mode="r"))
+    if singular[-1] < SINGULAR * singular[0]:
+        mixed = [p.name for p, share in zip(parameters, np.abs(directions[-1]), strict=True) if share > 0.2]
+        raise RecordingError(
+            f"too little excitation: the recording does not tell {', '.join(mixed)} apart; change the pose more, "
+            "all joints at once and not in step"
+        )
+    return float(singular[0] / singular[-1])
+
+
+def long_run_covariance(moments: Array, bumps: TestFunctions) -> Array:
+    """Return the covariance of the sum of correlated `moments` (rows, p).
+
+    Lags at which bumps overlap count in full, longer ones less and less up to three times as long (Politis & Romano
+    1995); should that not be a covariance, all weights fall from the start (Newey & West 1987), which always is.
+    """
+    overlap = min(_overlap(bumps), len(moments) // 12)
+    flat, falling = (np.zeros((moments.shape[1], moments.shape[1])) for _ in range(2))
+    for lag in range(3 * overlap):
+        part = moments[lag:].T @ moments[: len(moments) - lag]
+        part = part if lag == 0 else part + part.T
+        flat += min(1.0, 1.5 - lag / (2 * overlap)) * part
+        falling += (1 - lag / (3 * overlap)) * part
+    scale = np.sqrt(np.diag(falling))
+    return flat if np.linalg.eigvalsh(flat / np.outer(scale, scale)).min() > 0.01 else falling
+
+
+def _overlap(bumps: TestFunctions) -> int:
+    """Return the number of bumps that share time with one, on one side."""
+    return max(1, round(bumps.width / bumps.spacing))
+
+
+def summary_rows(fit: ParameterFit, catalogue: Array | None = None) -> list[dict[str, Any]]:
+    """Return one row per parameter: name, meaning, unit, value, interval, and the catalogue's value if given."""
+    rows = []
+    for i, p in enumerate(fit.parameters):
+        row: dict[str, Any] = {
+            "name": p.name,
+            "meaning": p.meaning,
+            "unit": p.unit,
+            "value": float(fit.value[i]),
+            "low": float(fit.low[i]),
+            "high": float(fit.high[i]),
+            "determined": p.name not in fit.undetermined,
+        }
+        if catalogue is not None:
+            row["catalogue"] = float(catalogue[i])
+            row["inside"] = bool(fit.low[i] <= catalogue[i] <= fit.high[i])
+            row["error_percent"] = float(100 * (fit.value[i] / catalogue[i] - 1)) if catalogue[i] else None
+        rows.append(row)
+    return rows

@@ -1,0 +1,190 @@
+"""A recording: joint angles and torques of one experiment, uniformly sampled, checked when it is made.
+
+Convention of time: `angle[k]` is what the encoder read at `time[k]`; `torque[k]` is the command that was held from
+`time[k]` to `time[k + 1]` (zero-order hold). Coordinates are rad and N*m, or m and N for a device that slides.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from palpate.errors import OutputError, RecordingError
+from palpate.files import check_readable, named, write_whole
+from palpate.identification.csv_file import read_csv, write_csv
+from palpate.identification.hdf5_file import read_hdf5, write_hdf5
+from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_columns, check_samples, uniform_period
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Angles and torques of one experiment.
+
+    time        (n,)     s, uniform
+    angle       (n, dof) rad (or m), as the encoder read it at `time[k]`
+    torque      (n, dof) N*m (or N), the command held over [time[k], time[k+1])
+    period      s; 0 or less means: take it from `time`
+    metadata    anything JSON can write (device, seed, servo, where it comes from)
+    excitation  (n, dof) the part of the torque that was injected on purpose, whatever was measured, when it is known
+    units       unit of angle and unit of torque
+
+    Raises RecordingError: wrong shape, fewer than 50 samples, a sample that is not finite, a repeated or decreasing
+    time stamp, a gap, sampling that is not uniform.
+    """
+
+    time: Array
+    angle: Array
+    torque: Array
+    period: float = 0.0
+    metadata: dict[str, Any] = field(default_factory=dict)
+    excitation: Array | None = None
+    units: tuple[str, str] = ("rad", "N*m")
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time, dtype=float)
+        angle = as_columns(self.angle, "angle")
+        torque = as_columns(self.torque, "torque")
+        if time.ndim != 1 or len(angle) != len(time) or len(torque) != len(time):
+            raise RecordingError(
+                f"time, angle and torque must have one row per sample; they have shapes "
+                f"{time.shape}, {angle.shape}, {torque.shape}"
+            )
+        if angle.shape[1] != torque.shape[1]:
+            raise RecordingError(
+                f"angle has {angle.shape[1]} columns and torque {torque.shape[1]}; each joint needs one of both"
+            )
+        excitation = None if self.excitation is None else as_columns(self.excitation, "excitation")
+        if excitation is not None and excitation.shape != torque.shape:
+            raise RecordingError(f"excitation has shape {excitation.shape}; it must be that of torque, {torque.shape}")
+        check_samples(time, {"angle": angle, "torque": torque, "excitation": excitation}, "sample {}".format)
+        median = float(np.median(np.diff(time)))
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "angle", angle)
+        object.__setattr__(self, "torque", torque)
+        object.__setattr__(self, "excitation", excitation)
+        if not np.isfinite(self.period):
+            raise RecordingError(f"the period is {self.period} s; it must be a positive number of seconds")
+        if self.period <= 0:
+            object.__setattr__(self, "period", uniform_period(time))
+        elif abs(self.period - median) > JITTER * self.period:
+            raise RecordingError(
+                f"the period is said to be {self.period:g} s but the time stamps are {median:g} s apart"
+            )
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return int(self.angle.shape[1])
+
+    @property
+    def duration(self) -> float:
+        """Length in s, last hold included."""
+        return len(self.time) * self.period
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Recording:
+        """Read a recording from CSV or HDF5.
+
+        CSV: a header with units, `time [s], theta1 [rad], ..., tau1 [N*m]`. HDF5: `time`, `angle`, `torque` with a
+        `unit` attribute each, at the root or under `channels`.
+
+        Raises RecordingError that names the file and the line, sample or channel.
+        """
+        file = check_readable(path, RecordingError, kind="the recording's file")
+        if h5py.is_hdf5(file):
+            columns = read_hdf5(file)
+            try:
+                return cls(*columns)
+            except RecordingError as error:
+                raise RecordingError(f"{file}: {error}") from None
+        if file.suffix.lower() in {".h5", ".hdf5"}:
+            raise RecordingError(f"{file}: this is not an HDF5 file, though its name says so")
+        return cls(*read_csv(file))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write `.csv` or `.h5`, whole or not at all."""
+        file = named(path, OutputError)
+        writers = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}
+        if file.suffix.lower() not in writers:
+            raise RecordingError(f"{file}: a recording is saved as .csv or .h5, not as '{file.suffix}'")
+        columns = Columns(self.time, self.angle, self.torque, self.period, self.metadata, self.excitation, self.units)
+        write_whole(file, lambda part: writers[file.suffix.lower()](columns, part))
+        return file
+
+    def split(self, fraction: float = 0.7) -> tuple[Recording, Recording]:
+        """The first `fraction` of the samples (to estimate from) and the rest (to validate on)."""
+        cut = round(len(self) * fraction)
+        if not 0.0 < fraction < 1.0 or min(cut, len(self) - cut) < MINIMUM_SAMPLES:
+            raise RecordingError(
+                f"a split at {fraction:g} of {len(self)} samples leaves a part with fewer than {MINIMUM_SAMPLES}"
+            )
+        return self.slice(0, cut), self.slice(cut, len(self))
+
+    def slice(self, start: int, stop: int) -> Recording:
+        """Samples start … stop − 1 as a recording of their own, on the same time axis."""
+        part = slice(start, stop)
+        return Recording(
+            self.time[part],
+            self.angle[part],
+            self.torque[part],
+            self.period,
+            dict(self.metadata),
+            None if self.excitation is None else self.excitation[part],
+            self.units,
+        )
+
+    def decimate(self, factor: int) -> Recording:
+        """Every `factor`-th sample, after one zero-phase low-pass on angle and torque alike.
+
+        The same filter on both sides leaves a linear relation between them unchanged. The torque is filtered as the
+        average over each hold, so the half period of the hold does not become a delay.
+        """
+        if factor < 1:
+            raise RecordingError(f"a recording is decimated by 1 or more, not by {factor}")
+        if factor == 1:
+            return self
+        taps = signal.firwin(20 * factor + 1, 0.8 / factor, window="hamming")
+        half = 10 * factor
+        if len(self) <= 2 * half + MINIMUM_SAMPLES * factor:
+            raise RecordingError(f"{len(self)} samples are too short to decimate by {factor}")
+        keep = slice(half, len(self) - half, factor)
+
+        def lowpass(values: Array) -> Array:
+            trend = values.mean(axis=0)
+            smooth = signal.oaconvolve(values - trend, taps[:, None], mode="same", axes=0) + trend
+            return np.asarray(smooth[keep], dtype=float)
+
+        def held(values: Array) -> Array:  # mean of the holds that meet at a sample: a box centred on the sample
+            return np.vstack([values[:1], 0.5 * (values[1:] + values[:-1])])
+
+        return Recording(
+            self.time[keep],
+            lowpass(self.angle),
+            lowpass(held(self.torque)),
+            self.period * factor,
+            {**self.metadata, "decimated_by": factor},
+            None if self.excitation is None else lowpass(held(self.excitation)),
+            self.units,
+        )
+
+    def require_excitation(self) -> None:
+        """Raise RecordingError if a torque or an angle never changes: nothing can be learnt from it."""
+        for name, values in (("torque", self.torque), ("angle", self.angle)):
+            for joint in range(self.dof):
+                if np.ptp(values[:, joint]) == 0.0:
+                    raise RecordingError(
+                        f"too little excitation: {name} {joint + 1} is {values[0, joint]:g} in all {len(self)} samples"
+                        "; excite every joint"
+                    )

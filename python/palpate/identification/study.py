@@ -1,0 +1,201 @@
+"""From a recording to a verdict: what `palpate identify RECORDING --device NAME` does."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.devices import Device, load
+from palpate.errors import PalpateError, RecordingError
+from palpate.files import write_whole
+from palpate.identification.arx_models import arx
+from palpate.identification.base import base_parameters, true_values, with_base_values
+from palpate.identification.order import OrderTable, Structure, select_order
+from palpate.identification.parameters import ParameterFit, estimate_parameters, summary_rows
+from palpate.identification.recording import Recording
+from palpate.identification.residuals import independence, whiteness
+from palpate.identification.servo import torque_response
+from palpate.identification.weak_form import smooth
+
+Array = NDArray[np.float64]
+
+USED = 0.7  # share of the recording that models are fitted to; the rest judges them
+ARX_RATE = 100.0  # Hz, at most: faster, two samples differ by less than the encoder's counts
+SPEEDS = 0.025  # s, window from which the speed at the start of the free run is taken
+
+
+def identify_recording(
+    path: str | os.PathLike[str] | Recording,
+    device: str | Device,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    coulomb: bool = True,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Identify a device from a recording: its own parameters, and an ARX model beside them.
+
+    Args:
+        path: CSV or HDF5 file (see `Recording.load`), or a recording.
+        device: catalogue name, path of a device file, or a device: mechanism, lengths and the values to compare with.
+        out: folder for `identification.json`, written whole or not at all; made if need be.
+        coulomb: estimate Coulomb friction too.
+        progress: called with a few words before each step that takes a while.
+
+    Returns:
+        What JSON can write: "recording", "parameters" (a row each, with the 95 % interval beside the catalogue's
+        value), "excitation", "free_run" (NRMSE in percent per joint on data not used: "device", the nonlinear device
+        with the parameters of the first part, driven by the torques alone, and "arx"), "arx" (orders, coefficients
+        with standard deviations, residual tests on data not used), and "summary", text for a person.
+
+    Raises:
+        RecordingError: the recording is bad or too short, or excites too little, in one sentence.
+        DeviceError: the device is unknown or its file is wrong.
+    """
+    say = progress if progress is not None else lambda _: None
+    recording = path if isinstance(path, Recording) else Recording.load(path)
+    arm = device if isinstance(device, Device) else load(device)
+    try:
+        say("estimating inertia, gravity and friction")
+        fit = estimate_parameters(recording, arm, coulomb=coulomb)
+        rows = summary_rows(fit, true_values(arm, fit.parameters))
+        used, unused = recording.split(USED)
+        say("running the fitted device on data not used")
+        device_run, why_not = _device_free_run(arm, used, unused, coulomb)
+        say("fitting ARX models")
+        arx_part = _arx_part(recording, arm)
+    except RecordingError as error:
+        name = recording.metadata.get("file")
+        if name is None or isinstance(path, Recording):
+            raise
+        raise RecordingError(f"{path}: {error}") from None
+    result: dict[str, Any] = {
+        "recording": {
+            "file": None if isinstance(path, Recording) else str(path),
+            "samples": len(recording),
+            "period": recording.period,
+            "duration": recording.duration,
+            "source": recording.metadata.get("source", "not stated"),
+        },
+        "device": arm.name,
+        "method": fit.method,
+        "parameters": rows,
+        "torque_error_percent": fit.torque_error.tolist(),
+        "excitation": {"condition": fit.condition, "undetermined": fit.undetermined},
+        "free_run": {"device": device_run, "device_failed": why_not, "arx": arx_part["free_run"], "used": USED},
+        "arx": arx_part,
+    }
+    result["summary"] = _summary(result, fit)
+    if out is not None:
+        _write(result, Path(out))
+    return result
+
+
+def _device_free_run(
+    device: Device, used: Recording, unused: Recording, coulomb: bool
+) -> tuple[list[float] | None, str | None]:
+    """Return the free run's fit per joint, NRMSE in percent; or None and why there is none."""
+    try:
+        fit = estimate_parameters(used, device, coulomb=coulomb)
+        base = len(base_parameters(device))
+        fitted = with_base_values(
+            device, fit.value[:base], fit.friction("k", device.dof), _certain_coulomb(fit, device.dof)
+        )
+        begin = round(SPEEDS / unused.period)
+        q, qd = smooth(unused.angle, unused.period, SPEEDS)
+        run = torque_response(fitted, q[begin], qd[begin], unused.torque[begin:], unused.period)
+    except PalpateError as error:
+        return None, str(error)
+    wanted = unused.angle[begin:]
+    missed = np.linalg.norm(run - wanted, axis=0) / np.linalg.norm(wanted - wanted.mean(axis=0), axis=0)
+    return (100 * (1 - missed)).tolist(), None
+
+
+def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
+    """Return Coulomb friction (dof,), 0 where the interval does not exclude that there is none."""
+    names = [p.name for p in fit.parameters]
+    if "c1" not in names:
+        return np.zeros(dof)
+    low = np.array([fit.low[names.index(f"c{j + 1}")] for j in range(dof)])
+    return np.where(low > 0, fit.friction("c", dof), 0.0)
+
+
+def arx_structures(device: Device) -> list[Structure]:
+    """Return the structures tried: joint 1 by itself, joints 2 and 3 coupled (3.15), two to four samples deep."""
+    coupled = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 1]]) if device.mechanism == "premium" else np.ones((1, 1), int)
+    return [(n * coupled, n * coupled, coupled) for n in (2, 3, 4)]
+
+
+def _arx_part(recording: Recording, device: Device) -> dict[str, Any]:
+    coarse = recording.decimate(max(1, round(1 / (ARX_RATE * recording.period))))
+    used, unused = coarse.split(USED)
+    table: OrderTable = select_order(used, arx_structures(device))
+    chosen = table.chosen()
+    model = arx(used, chosen.na, chosen.nb, chosen.nk)
+    part: dict[str, Any] = {
+        "period": model.period,
+        "na": model.na.tolist(),
+        "nb": model.nb.tolist(),
+        "nk": model.nk.tolist(),
+        "coefficients": model.coefficients(),
+        "order_table": str(table),
+        "one_step": None,
+        "free_run": None,
+    }
+    try:
+        fit = model.fit(unused)
+        part["one_step"], part["free_run"] = fit.one_step.tolist(), fit.free_run.tolist()
+    except RecordingError as error:
+        part["failed"] = str(error)
+    error_now = model.residuals(unused)
+    lags = min(25, len(error_now) // 8)
+    white = [whiteness(e, lags) for e in error_now.T]
+    past = unused.torque[model.reach :]
+    part["white"] = [{"passed": w.passed, "p_value": w.p_value, "limit": w.limit} for w in white]
+    part["independent"] = [
+        [bool(independence(error_now[:, k], past[:, j], lags).passed) for j in range(coarse.dof)]
+        for k in range(coarse.dof)
+    ]
+    return part
+
+
+def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
+    about = result["recording"]
+    lines = [
+        f"{result['device']}: {about['duration']:g} s, {about['samples']} samples; source: {about['source']}",
+        "",
+        f"{'':5}{'value':>12}  {'95 % interval':>26}{'catalogue':>13}  unit",
+    ]
+    for row in result["parameters"]:
+        interval = f"{row['low']:.4g} … {row['high']:.4g}"
+        mark = "" if row["determined"] else "  not determined by this recording"
+        lines.append(
+            f"{row['name']:5}{row['value']:>12.4g}  {interval:>26}{row['catalogue']:>13.4g}  {row['unit']}, "
+            f"{row['meaning']}{mark}"
+        )
+    outside = [row["name"] for row in result["parameters"] if not row["inside"]]
+    told = ", ".join(outside) if outside else "none"
+    lines += ["", f"Parameters whose interval does not hold the catalogue's value: {told}."]
+    if fit.undetermined:
+        lines.append(f"Too little excitation for {', '.join(fit.undetermined)}: move more, or at more poses.")
+    runs = result["free_run"]
+    lines.append(f"Free run on the last {100 * (1 - USED):.0f} %, not used for the fit, NRMSE per joint:")
+    for name, key in (("fitted device", "device"), ("ARX", "arx")):
+        values = runs[key]
+        why = runs["device_failed"] if key == "device" else result["arx"].get("failed")
+        lines.append(f"  {name:14}" + (", ".join(f"{v:.1f} %" for v in values) if values else f"none: {why}"))
+    white = ["yes" if w["passed"] else "no" for w in result["arx"]["white"]]
+    free = ["yes" if all(row) else "no" for row in result["arx"]["independent"]]
+    lines.append(f"ARX residuals per joint: white {', '.join(white)}; independent of the torques {', '.join(free)}.")
+    return "\n".join(lines)
+
+
+def _write(result: dict[str, Any], folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
+    write_whole(folder / "identification.json", lambda part: part.write_text(text, encoding="utf-8"))

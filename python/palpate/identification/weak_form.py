@@ -1,0 +1,137 @@
+"""The weak form of the dynamics: torques against smooth test functions, so that no angle is differentiated twice.
+
+With a bump φ that vanishes at both ends of its support, the momentum M qd moves its derivative onto φ:
+
+    ∫ φ τ dt = - ∫ φ' M qd dt - ∫ φ C^T qd dt + ∫ φ N dt + friction       (d/dt(M qd) = M qdd + (C + C^T) qd)
+
+The torque, held between samples, is integrated exactly. Speeds come from local polynomials over a few samples; at
+the bandwidth of the bumps their error is four orders below the signal, where a second difference of the same counts
+is all noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from palpate.devices import Device
+from palpate.errors import RecordingError
+from palpate.identification.base import fictitious
+from palpate.identification.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TestFunctions:
+    """Bumps cos^4(pi t / width), |t| < width / 2, one every `spacing`; both in s.
+
+    Their transform falls to a half at about 1.1 / width Hz: 0.1 s listens up to some 10 Hz.
+    """
+
+    __test__ = False  # not a pytest class
+
+    width: float = 0.1
+    spacing: float = 0.025
+    smoothing: float = 0.025  # s, window of the local polynomials
+
+    def kernels(self, period: float) -> tuple[Array, Array, Array, int]:
+        """Return φ and φ' at the samples, the integral of φ over each hold, and the samples between bumps."""
+        half = round(0.5 * self.width / period)
+        if half < 4:
+            raise RecordingError(
+                f"samples every {period:g} s are too slow for test functions {self.width:g} s wide; "
+                f"sample at {self.width / 8:g} s or less"
+            )
+        angle = np.pi * np.arange(-half, half + 1) / (2 * half)
+        phi = np.cos(angle) ** 4
+        slope = -4 * np.cos(angle) ** 3 * np.sin(angle) * np.pi / (2 * half * period)
+        integral = (3 * angle / 8 + np.sin(2 * angle) / 4 + np.sin(4 * angle) / 32) * (2 * half * period) / np.pi
+        return phi, slope, np.append(np.diff(integral), 0.0), max(1, round(self.spacing / period))
+
+
+@dataclass(frozen=True)
+class WeakRows:
+    """torque[r, i] = sum over j of columns[r, i, j] * value_j, row r for one bump, joint i.
+
+    Attributes:
+        torque: (rows, dof) N*m*s.
+        columns: (rows, dof, parameters), base parameters, then viscous, then Coulomb.
+        moving: (rows, dof) share of each bump during which the joint moves fast enough to know its direction.
+        time: (rows,) s, middle of each bump.
+    """
+
+    torque: Array
+    columns: Array
+    moving: Array
+    time: Array
+
+
+def smooth(angle: Array, period: float, window: float) -> tuple[Array, Array]:
+    """Return angle and speed (n, dof) by local polynomials of order 4 over `window` s."""
+    length = max(2 * round(0.5 * window / period) + 1, 7)
+    return (
+        np.asarray(signal.savgol_filter(angle, length, 4, axis=0), dtype=float),
+        np.asarray(signal.savgol_filter(angle, length, 4, deriv=1, delta=period, axis=0), dtype=float),
+    )
+
+
+def weak_rows(
+    device: Device,
+    recording: Recording,
+    tests: TestFunctions,
+    *,
+    angle: Array | None = None,
+    slowest: Array | None = None,
+) -> WeakRows:
+    """Return the rows of `recording`.
+
+    Args:
+        device: gives the mechanism and its lengths; its masses, inertias and friction are not used.
+        recording: angles and torques.
+        tests: the bumps.
+        angle: (n, dof) to use instead of the recorded angles (for instruments).
+        slowest: (dof,) speed below which dry friction is taken as proportional to speed; default twenty times the
+            error of the speeds from the encoder's counts.
+    """
+    period = recording.period
+    phi, slope, hold, stride = tests.kernels(period)
+    position = recording.angle if angle is None else angle
+    q, qd = smooth(position, period, tests.smoothing)
+    if slowest is None:
+        slowest = slowest_speed(recording, tests)
+
+    def against(kernel: Array, values: Array) -> Array:
+        flat = values.reshape(len(values), -1)
+        out = signal.oaconvolve(flat, kernel[::-1, None], mode="valid", axes=0)[::stride]
+        return np.asarray(out.reshape(len(out), *values.shape[1:]), dtype=float)
+
+    columns = []
+    for one in fictitious(device):
+        momentum = np.einsum("nij,nj->ni", one.mass_matrix(q), qd)
+        pull = one.gravity(q) - np.einsum("nji,nj->ni", one.coriolis(q, qd), qd)
+        columns.append(period * (against(phi, pull) - against(slope, momentum)))
+    diagonal = np.eye(device.dof)
+    middle = position.mean(axis=0)
+    speed = -period * against(slope, position - middle)
+    direction = np.clip(qd / slowest, -1.0, 1.0)
+    sign = period * against(phi, direction)
+    columns += [speed * row for row in diagonal] + [sign * row for row in diagonal]
+    rest = recording.torque.mean(axis=0)
+    torque = against(hold, recording.torque - rest) + rest * hold.sum()
+    moving = against(phi, (np.abs(qd) > slowest).astype(float)) / phi.sum()
+    time = recording.time[len(phi) // 2 :: stride][: len(torque)]
+    return WeakRows(torque, np.stack(columns, axis=2), moving, time)
+
+
+def slowest_speed(recording: Recording, tests: TestFunctions) -> Array:
+    """Return the speed (dof,) at which the direction of motion is still certain: twenty standard errors."""
+    period = recording.period
+    length = max(2 * round(0.5 * tests.smoothing / period) + 1, 7)
+    rough = recording.angle - smooth(recording.angle, period, tests.smoothing)[0]
+    noise = np.sqrt(np.mean(rough**2, axis=0))
+    gain = float(np.linalg.norm(signal.savgol_coeffs(length, 4, deriv=1, delta=period)))
+    return np.asarray(np.maximum(20 * gain * noise, 1e-12), dtype=float)

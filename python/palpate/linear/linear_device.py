@@ -1,0 +1,321 @@
+"""What the wall feels: a linear device, moved along one line, alone or in a hand; and what one held force does to it.
+
+M q'' + D q' + S q = J^T f,  tip = J q, with f and the tip's motion taken along a unit vector. A mass is the case of one
+coordinate; an arm at a pose has as many as joints; a hand behind fingertip tissue adds its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from os import PathLike
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from palpate.checks import not_negative, positive
+from palpate.devices import Device, load
+from palpate.errors import PoseError, StabilityError
+from palpate.linear.linearization import hold_force
+
+__all__ = ["Arm", "HeldTip", "Tip", "hold"]
+
+Array = NDArray[np.float64]
+LONGEST = 1000  # samples of delay
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A human arm at the tip, the same along every axis.
+
+    Attributes:
+        mass: kg.
+        damping: N s/m.
+        stiffness: N/m, to the shoulder.
+        tissue_stiffness: N/m of the fingertip between arm and tip; None: the hand grips rigidly.
+        tissue_damping: N s/m of the fingertip.
+
+    Raises:
+        StabilityError: a negative value, or a hand without mass behind tissue.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+    tissue_stiffness: float | None = None
+    tissue_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        not_negative(self.mass, "the arm's mass", "kg")
+        not_negative(self.damping, "the arm's damping", "N s/m")
+        not_negative(self.stiffness, "the arm's stiffness", "N/m")
+        not_negative(self.tissue_damping, "the fingertip's damping", "N s/m")
+        if self.tissue_stiffness is not None:
+            not_negative(self.tissue_stiffness, "the fingertip's stiffness", "N/m")
+            positive(self.mass, "the mass of an arm behind fingertip tissue", "kg")
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A linear device along one line.
+
+    Attributes:
+        inertia: M (n, n), kg m^2 (kg for a slider).
+        damping: D (n, n), N m s/rad.
+        stiffness: S (n, n), N m/rad.
+        levers: J (axes, n), m/rad: how each axis of the tip moves with each coordinate.
+        along: unit vector (axes,) along which wall and tip meet.
+        name: what it is, for verdicts.
+    """
+
+    inertia: Array
+    damping: Array
+    stiffness: Array
+    levers: Array
+    along: Array
+    name: str = "the device"
+
+    @classmethod
+    def of_mass(cls, mass: float, damping: float = 0.0, arm: Arm | None = None) -> Tip:
+        """Return a mass (kg) with viscous damping (N s/m) on one axis, held by ``arm`` if given.
+
+        Raises:
+            StabilityError: the mass is not positive, or the damping negative.
+        """
+        m = positive(mass, "mass", "kg")
+        b = not_negative(damping, "damping", "N s/m")
+        one = np.ones((1, 1))
+        tip = cls(m * one, b * one, 0 * one, one, np.ones(1), f"a mass of {m:g} kg with {b:g} N s/m")
+        return tip if arm is None else tip.held_by(arm)
+
+    @classmethod
+    def at_pose(
+        cls,
+        device: Device | str | PathLike[str],
+        pose: ArrayLike,
+        along: ArrayLike = (1.0, 0.0, 0.0),
+        arm: Arm | None = None,
+    ) -> Tip:
+        """Return ``device`` linearised at rest in ``pose``, moved along a direction in the base frame.
+
+        A constant tip force holds it against gravity; its torque turns with the pose, and is counted as stiffness.
+        Dry friction is left out: it only steadies. Coordinates that ``along`` does not excite are left out as well.
+
+        Args:
+            device: a device, or its name in the catalogue or the path of its file.
+            pose: (dof,), rad (m for a slider).
+            along: direction (3,), not zero.
+            arm: holds the tip.
+
+        Raises:
+            PoseError: a wrong shape, or a pose at which the direction cannot be pushed.
+            StabilityError: ``along`` has no direction.
+            DeviceError: there is no such device.
+        """
+        device = load(device)
+
+        direction = np.asarray(along, dtype=float)
+        length = float(np.linalg.norm(direction))
+        if direction.shape != (3,) or not np.isfinite(length) or length == 0.0:
+            raise StabilityError(f"along must be a direction (3,) in the base frame, not {direction.tolist()}")
+        q = np.asarray(pose, dtype=float)
+        torque = np.asarray(device.gravity(q), dtype=float)
+        a_q, a_v, _ = device.linearization(q, np.zeros(device.dof), torque)
+        inertia, jacobian = device.mass_matrix(q), device.jacobian(q)
+        turning = np.einsum("k,kij->ij", hold_force(jacobian, torque), device.tip_hessian(q))
+        if np.linalg.norm(direction @ jacobian) <= 1e-9 * length * max(float(np.linalg.norm(jacobian)), 1e-300):
+            raise PoseError(
+                f"{device.name} cannot be pushed along {direction.tolist()} at {q.tolist()}: choose another direction "
+                "or a pose off the singularity"
+            )
+        tip = cls(
+            inertia,
+            -inertia @ a_v,
+            -inertia @ a_q - turning,
+            jacobian,
+            direction / length,
+            f"{device.name} along {np.round(direction / length, 6).tolist()}",
+        )
+        return tip if arm is None else tip.held_by(arm)
+
+    def held_by(self, arm: Arm) -> Tip:
+        """Return this device in the hand of ``arm``: rigidly, or with one more mass per axis behind the fingertip."""
+        grip = (
+            "gripped rigidly by"
+            if arm.tissue_stiffness is None
+            else f"held through fingertip tissue of {arm.tissue_stiffness:g} N/m by"
+        )
+        inertia, damping, stiffness, levers = in_hand(self.inertia, self.damping, self.stiffness, self.levers, arm)
+        return replace(
+            self,
+            inertia=inertia,
+            damping=damping,
+            stiffness=stiffness,
+            levers=levers,
+            name=f"{self.name}, {grip} an arm of {arm.mass:g} kg, {arm.damping:g} N s/m, {arm.stiffness:g} N/m",
+        )
+
+    @property
+    def apparent_mass(self) -> float:
+        """Mass felt at the tip along the line by a force that rises at once, kg."""
+        lever = self.along @ self.levers
+        return float(1 / (lever @ np.linalg.solve(self.inertia, lever)))
+
+    @property
+    def state_space(self) -> control.StateSpace:
+        """The continuous system from force (N) to motion (m) along the line, without the modes it does not excite."""
+        root = np.linalg.cholesky(self.inertia)
+        inverse = np.linalg.inv(root)
+        lever = inverse @ (self.levers.T @ self.along)
+        d, s = inverse @ self.damping @ inverse.T, inverse @ self.stiffness @ inverse.T
+        basis = _reachable(lever, (d, s))
+        n = basis.shape[1]
+        zero = np.zeros((n, n))
+        force = basis.T @ lever
+        return control.StateSpace(
+            np.block([[zero, np.eye(n)], [-basis.T @ s @ basis, -basis.T @ d @ basis]]),
+            np.concatenate([np.zeros(n), force])[:, None],
+            np.concatenate([force, np.zeros(n)])[None, :],
+            np.zeros((1, 1)),
+        )
+
+
+def in_hand(
+    inertia: Array, damping: Array, stiffness: Array, levers: Array, arm: Arm
+) -> tuple[Array, Array, Array, Array]:
+    """Return M, D, S (..., n, n) and J (..., axes, n) of a device, or of a stack of them, in the hand of ``arm``.
+
+    A rigid grip adds to the device; behind the fingertip the hand is one more mass per axis, after the device's own.
+    """
+    turned = np.swapaxes(levers, -1, -2)
+    if arm.tissue_stiffness is None:
+        extra = turned @ levers
+        return inertia + arm.mass * extra, damping + arm.damping * extra, stiffness + arm.stiffness * extra, levers
+    axes, n = levers.shape[-2:]
+    eye = np.broadcast_to(np.eye(axes), (*levers.shape[:-2], axes, axes))
+    stretch = np.concatenate([levers, -eye], axis=-1)  # of the tissue
+    between = np.swapaxes(stretch, -1, -2) @ stretch
+
+    def join(device: Array, hand: float, tissue: float) -> Array:
+        joined = tissue * between
+        joined[..., :n, :n] += device
+        joined[..., n:, n:] += hand * eye
+        return np.asarray(joined, dtype=float)
+
+    return (
+        join(inertia, arm.mass, 0.0),
+        join(damping, arm.damping, arm.tissue_damping),
+        join(stiffness, arm.stiffness, arm.tissue_stiffness),
+        np.concatenate([levers, np.zeros_like(eye)], axis=-1),
+    )
+
+
+def _reachable(start: Array, maps: tuple[Array, ...], tolerance: float = 1e-10) -> Array:
+    """Return an orthonormal basis (n, k) of the smallest space with ``start`` in it that every map keeps."""
+    columns = [start / np.linalg.norm(start)]
+    index = 0
+    while index < len(columns) < len(start):
+        for matrix in maps:
+            image = matrix @ columns[index]
+            size = np.linalg.norm(matrix)
+            for _ in range(2):  # twice is enough
+                for column in columns:
+                    image = image - column * (column @ image)
+            if np.linalg.norm(image) > tolerance * max(float(size), 1e-300):
+                columns.append(image / np.linalg.norm(image))
+        index += 1
+    return np.array(columns[: len(start)]).T
+
+
+@dataclass(frozen=True)
+class HeldTip:
+    """What forces held from sample to sample do to a tip: exact, no approximation of the hold or of the delay.
+
+    x_{k+1} = x_k + step x_k + now u_{k-n} + before u_{k-n-1}; tip = out x_k, with n whole samples of delay.
+
+    Attributes:
+        step: A - I (n, n); kept as a difference so that slow motions keep their digits.
+        now: response to the force that acts in the last part of a period (n,).
+        before: response to the force still acting at its beginning (n,); zero for a whole number of samples.
+        out: (n,).
+        whole: whole samples of delay.
+        period: s.
+    """
+
+    step: Array
+    now: Array
+    before: Array
+    out: Array
+    whole: int
+    period: float
+
+    @property
+    def fractional(self) -> bool:
+        """Whether the delay is no whole number of samples."""
+        return bool(np.any(self.before))
+
+    def response(self, angle: Array) -> NDArray[np.complex128]:
+        """Return the tip's motion per force, m/N, delay included, at e^{j angle}; angle (k,) in rad per sample."""
+        theta = np.asarray(angle, dtype=float)
+        ahead = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)  # z - 1 without cancellation
+        n = len(self.step)
+        force = self.now[None, :] + self.before[None, :] * np.exp(-1j * theta)[:, None]
+        if n == 2:  # a mass, a million times over
+            (a, b), (c, d) = -self.step
+            det = (ahead + a) * (ahead + d) - b * c
+            first = ((ahead + d) * force[:, 0] - b * force[:, 1]) / det
+            second = ((ahead + a) * force[:, 1] - c * force[:, 0]) / det
+            moved = self.out[0] * first + self.out[1] * second
+        else:
+            matrix = ahead[:, None, None] * np.eye(n) - self.step
+            moved = np.linalg.solve(matrix, force[:, :, None])[:, :, 0] @ self.out
+        return np.asarray(moved * np.exp(-1j * self.whole * theta), dtype=complex)
+
+
+def hold(device: Tip | control.StateSpace, period: float, delay: float = 0.0) -> HeldTip:
+    """Return ``device`` behind a zero-order hold of ``period`` (s) and ``delay`` (in samples, whole or not).
+
+    Args:
+        device: a tip, or a continuous SISO state space from force (N) to motion (m).
+
+    Raises:
+        StabilityError: a period that is not positive, a negative delay, a device that is sampled, has several
+            inputs or outputs, or answers a force at once.
+    """
+    t = positive(period, "period", "s (a rate of zero has none)")
+    n = not_negative(delay, "delay", "samples (a negative one would look ahead)")
+    if n > LONGEST:
+        raise StabilityError(f"delay: {n:g} samples; the most is {LONGEST}, and no loop bears as many")
+    system = device.state_space if isinstance(device, Tip) else device
+    if not isinstance(system, control.StateSpace):
+        raise StabilityError(
+            f"the device must be a Tip or a continuous control.StateSpace, not {type(device).__name__}; of an arm, "
+            "Tip.at_pose(arm, pose, along=(0, 0, 1)) is one"
+        )
+    if system.isdtime(strict=True) or (system.ninputs, system.noutputs) != (1, 1):
+        raise StabilityError(
+            "the device must be continuous, from one force to one displacement; palpate holds and samples it exactly"
+        )
+    if np.any(system.D):
+        raise StabilityError("the device moves in the same instant as the force: its D must be zero, it needs inertia")
+    whole = int(np.floor(n + 1e-12))
+    part = n - whole
+    part = 0.0 if part < 1e-12 else part
+    step, after = _held(system.A, system.B[:, 0], (1 - part) * t)
+    before = np.zeros_like(after)
+    if part > 0:
+        early, first = _held(system.A, system.B[:, 0], part * t)
+        before = first + step @ first
+        step = early + step + step @ early
+    return HeldTip(step, after, before, np.asarray(system.C[0], float), whole, t)
+
+
+def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
+    """Return e^{a t} - I and the integral of e^{a s} b over [0, t], each to full relative accuracy."""
+    n = len(a)
+    # blocks of expm([[a, I], [0, 0]] t): the integral of e^{as}, from which both follow without cancellation
+    big = np.zeros((2 * n, 2 * n))
+    big[:n, :n], big[:n, n:] = a, np.eye(n)
+    integral = np.asarray(expm(big * time)[:n, n:], dtype=float)
+    return a @ integral, integral @ b

@@ -1,0 +1,132 @@
+"""Exact linearisation of a device about a pose, in joint torque or in tip force.
+
+The device answers with derivatives by dual numbers; nothing here is a finite difference.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.devices import Device, load
+from palpate.errors import PoseError
+
+Array = NDArray[np.float64]
+AXES = ("x", "y", "z")
+
+
+def linearize(
+    device: Device | str | PathLike[str],
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    tau: ArrayLike | None = None,
+    *,
+    inputs: Literal["torque", "force"] = "torque",
+    outputs: Literal["angle", "tip", "object_force"] = "angle",
+    force: ArrayLike | None = None,
+    stiffness: ArrayLike | None = None,
+) -> control.StateSpace:
+    """Return the continuous linear model of small deviations from the pose ``q``.
+
+    States are (dq, dqd), 2*dof of them, in rad and rad/s (m and m/s for a prismatic device).
+
+    Args:
+        device: a device, or its name in the catalogue or the path of its file.
+        q: pose (dof,), rad.
+        qd: joint velocity (dof,), rad/s; zero if not given.
+        tau: joint torque (dof,), N m, at which the dynamics are taken; if not given, the torque that
+            keeps the pose at rest: N(q).
+        inputs: ``"torque"``: deviation of the joint torque (dof inputs, N m); ``"force"``: deviation
+            u of a tip force (3 inputs, N, base frame) that acts through the transposed Jacobian,
+            tau = J(q)^T (force + u).
+        outputs: ``"angle"``: dq (dof, rad); ``"tip"``: dp = J dq (3, m); ``"object_force"``:
+            diag(stiffness) dp (3, N), the force of a spring anchored at the start tip.
+        force: for ``inputs="force"``, the constant tip force (3,), N, held at the pose; if not given,
+            the smallest one with J^T force = tau. Because J turns with the pose, it adds
+            M^-1 d(J^T force)/dq to the position columns.
+        stiffness: N/m, one value or three (x, y, z); only for ``outputs="object_force"``.
+
+    Raises:
+        PoseError: wrong shape, a value that is not finite, or a pose where the tip force cannot
+            produce the torque (singular Jacobian).
+        DeviceError: there is no such device.
+
+    With a_q, a_v, a_tau the derivatives of the acceleration, A = [0 I; a_q + a_tau F_q  a_v],
+    B = [0; a_tau J^T], F_q = sum_k force_k d2p_k/dq2.
+    """
+    device = load(device)
+    n = device.dof
+    pose = _vector(q, n, "q", "rad")
+    speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", "rad/s")
+    torque = np.asarray(device.gravity(pose), dtype=float) if tau is None else _vector(tau, n, "tau", "N m")
+    a_q, a_v, a_tau = (np.asarray(d, dtype=float) for d in device.linearization(pose, speed, torque))
+    jacobian = np.asarray(device.jacobian(pose), dtype=float)
+
+    if inputs == "torque":
+        if force is not None:
+            raise PoseError('linearize: force is only for inputs="force"; with inputs="torque" pass tau')
+        gain, stiffening = np.eye(n), np.zeros((n, n))
+        input_names = [f"torque[{i + 1}]" for i in range(n)]
+    elif inputs == "force":
+        require_regular(jacobian, pose)
+        held = hold_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
+        gain = jacobian.T
+        stiffening = np.einsum("k,kij->ij", held, np.asarray(device.tip_hessian(pose), dtype=float))
+        input_names = [f"force[{a}]" for a in AXES]
+    else:
+        raise PoseError(f'linearize: inputs must be "torque" or "force", not {inputs!r}')
+
+    if outputs == "object_force":
+        if stiffness is None:
+            raise PoseError('linearize: outputs="object_force" needs the object\'s stiffness in N/m')
+        k = np.broadcast_to(np.asarray(stiffness, dtype=float), (3,))
+        if not np.all(np.isfinite(k)) or np.any(k < 0):
+            raise PoseError(f"linearize: stiffness must be finite and not negative in N/m, not {k.tolist()}")
+        position, output_names = k[:, None] * jacobian, [f"object_force[{a}]" for a in AXES]
+    elif stiffness is not None:
+        raise PoseError('linearize: stiffness is only for outputs="object_force"')
+    elif outputs == "tip":
+        position, output_names = jacobian, [f"tip[{a}]" for a in AXES]
+    elif outputs == "angle":
+        position, output_names = np.eye(n), [f"angle[{i + 1}]" for i in range(n)]
+    else:
+        raise PoseError(f'linearize: outputs must be "angle", "tip" or "object_force", not {outputs!r}')
+
+    zero = np.zeros((n, n))
+    return control.StateSpace(
+        np.block([[zero, np.eye(n)], [a_q + a_tau @ stiffening, a_v]]),
+        np.vstack([np.zeros((n, gain.shape[1])), a_tau @ gain]),
+        np.hstack([position, np.zeros((position.shape[0], n))]),
+        np.zeros((position.shape[0], gain.shape[1])),
+        states=[f"angle[{i + 1}]" for i in range(n)] + [f"velocity[{i + 1}]" for i in range(n)],
+        inputs=input_names,
+        outputs=output_names,
+    )
+
+
+def hold_force(jacobian: Array, torque: Array) -> Array:
+    """Return the smallest tip force (3,), N, with J^T force = torque; J is (3, dof) m/rad."""
+    return np.asarray(np.linalg.lstsq(jacobian.T, torque, rcond=None)[0], dtype=float)
+
+
+def require_regular(jacobian: Array, pose: Array, limit: float = 1e-9) -> None:
+    """Raise PoseError if the smallest singular value of J is under ``limit`` times the largest."""
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    if s[-1] <= limit * s[0]:
+        raise PoseError(
+            f"the Jacobian is singular at q = {np.round(pose, 6).tolist()} rad (singular values "
+            f"{', '.join(f'{v:.3g}' for v in s)} m/rad): choose a pose off the singularity, or inputs in torque"
+        )
+
+
+def _vector(value: ArrayLike, n: int, name: str, unit: str) -> Array:
+    v = np.asarray(value, dtype=float)
+    if v.shape != (n,):
+        raise PoseError(f"{name} must be {n} values in {unit}, not an array of shape {v.shape}")
+    if not np.all(np.isfinite(v)):
+        raise PoseError(f"{name} must be finite in {unit}, not {v.tolist()}")
+    return v

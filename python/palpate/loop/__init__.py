@@ -1,1 +1,0 @@
-"""What beats: a scenario run by the core, its trace, and what the trace shows."""

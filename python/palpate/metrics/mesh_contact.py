@@ -1,0 +1,171 @@
+"""What a slide over a mesh shows: force steps, deflection, lost contact, energy, and the buzz that a hand feels."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from palpate.simulation.trace import Trace
+from palpate.units import parse
+
+__all__ = ["BUZZ", "LAST", "Slide", "slide"]
+
+Array = NDArray[np.float64]
+BUZZ = (20.0, 500.0)  # Hz: what a hand feels as buzzing
+LAST = 0.1  # s at the end of a run, over which its state of rest is taken
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A tip's way over a mesh, from its first touch to the end of the run. N, m, J, N^2.
+
+    Attributes:
+        path: length of the proxy's way over the surface.
+        lost_ticks: servo ticks apart from the surface; None, as the next two, if not every tick was recorded.
+        step_at_crossing: largest change of the object force from one tick to the next, over those in which the proxy
+            goes from one triangle to another.
+        step_elsewhere: the same over the ticks on one triangle.
+        deflection: depth of the tip, mean over the last 0.1 s.
+        expected_deflection: reference force along the normal over the stiffness (F/K), then; None without one.
+        deflection_error_percent: of the two.
+        deflection_rms_error: root mean square of depth - F/K over the whole slide; None without a reference.
+        energy_generated: work of the field on the tip plus what it stores at the end less at the beginning: zero
+            for a field that derives from a potential. The force is taken as linear between samples.
+        energy_dissipated: what friction took, by the force that joins tip and proxy along the surface.
+        buzz: power of the object force between 20 and 500 Hz, the three axes together (Welch 1967).
+        final_force: size of the object force, mean over the last 0.1 s.
+        final_swing: peak-to-peak swing of the object force over the last 0.1 s, largest of the axes.
+        touching_at_end: whether contact held over the last 0.1 s.
+    """
+
+    path: float
+    lost_ticks: int | None
+    step_at_crossing: float | None
+    step_elsewhere: float | None
+    deflection: float
+    expected_deflection: float | None
+    deflection_error_percent: float | None
+    deflection_rms_error: float | None
+    energy_generated: float
+    energy_dissipated: float
+    buzz: float
+    final_force: float
+    final_swing: float
+    touching_at_end: bool
+
+    @property
+    def settled(self) -> bool:
+        """Whether the tip rests on the surface at the end: in contact, its force steady to 1 % (or 1 mN)."""
+        return self.touching_at_end and self.final_swing <= max(1e-3, 0.01 * self.final_force)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON holds, each number's unit at the end of its name."""
+        units = {"path": "m", "deflection": "m", "expected_deflection": "m", "deflection_rms_error": "m", "buzz": "N2"}
+        units |= dict.fromkeys(("step_at_crossing", "step_elsewhere", "final_force", "final_swing"), "N")
+        units |= dict.fromkeys(("energy_generated", "energy_dissipated"), "J")
+        named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
+        return {**named, "settled": self.settled}
+
+
+def slide(trace: Trace, *, tangential: float | None = None) -> Slide | None:
+    """Return what a trace on a mesh shows; None if there is no mesh, or the tip touched it in fewer than two samples.
+
+    `tangential` is the stiffness between tip and proxy along the surface, N/m: if not given, as the trace's scenario
+    has it, and as along the normal if that says nothing. The sampled force is the field's at the tip; with encoders
+    the tip that the servo saw is up to half a count away.
+    """
+    if "proxy" not in trace or np.count_nonzero(trace["touching"]) < 2:
+        return None
+    first = int(np.argmax(trace["touching"][:, 0] > 0.0))
+    time = trace.time[first:]
+    names = ("touching", "proxy", "tip", "normal", "depth", "surface_stiffness", "triangle", "object_force")
+    touching, proxy, tip, normal, depth, stiffness, triangle, force = (trace[name][first:] for name in names)
+    on = touching[:, 0] > 0.0
+    both = on[1:] & on[:-1]
+    every_tick = _record_every(trace) == 1
+    steps = np.linalg.norm(np.diff(force, axis=0), axis=1)
+    crossing = both & (np.diff(triangle[:, 0]) != 0.0)
+    last = time >= time[-1] - LAST
+    spring = _tangential(trace) if tangential is None else tangential
+    along = stiffness[:, 0] if spring is None else np.where(on, spring, 0.0)
+    generated, dissipated = _energy(tip, proxy, normal, depth[:, 0], stiffness[:, 0], along, force)
+    expected = _expected(trace, first, normal, stiffness[:, 0], on)
+    at_rest = last & on
+    deflection = float(np.mean(depth[at_rest])) if at_rest.any() else 0.0
+    wanted = rms = error = None
+    if expected is not None:
+        rms = float(np.sqrt(np.mean((depth[on, 0] - expected[on]) ** 2)))
+        if at_rest.any():
+            wanted = float(np.mean(expected[at_rest]))
+            error = (deflection / wanted - 1.0) * 100.0 if wanted > 0.0 else None
+    return Slide(
+        path=float(np.sum(np.linalg.norm(np.diff(proxy, axis=0), axis=1)[both])),
+        lost_ticks=int(np.count_nonzero(~on)) if every_tick else None,
+        step_at_crossing=float(np.max(steps[crossing], initial=0.0)) if every_tick else None,
+        step_elsewhere=float(np.max(steps[~crossing], initial=0.0)) if every_tick else None,
+        deflection=deflection,
+        expected_deflection=wanted,
+        deflection_error_percent=error,
+        deflection_rms_error=rms,
+        energy_generated=generated,
+        energy_dissipated=dissipated,
+        buzz=_buzz(force, float(time[1] - time[0])),
+        final_force=float(np.mean(np.linalg.norm(force[last], axis=1))),
+        final_swing=float(np.max(np.ptp(force[last], axis=0))),
+        touching_at_end=bool(on[last].all()),
+    )
+
+
+def _record_every(trace: Trace) -> int:
+    return int(trace.scenario.get("run", {}).get("record_every", 1))
+
+
+def _tangential(trace: Trace) -> float | None:
+    text = trace.scenario.get("object", {}).get("surface", {}).get("tangential")
+    return None if text is None else parse(text, "N/m")
+
+
+def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, on: NDArray[np.bool_]) -> Array | None:
+    """Return F/K (n,), m, at each sample; None without a reference force."""
+    reference = trace["reference_force"][first:]
+    if not np.any(reference):
+        return None
+    pressed = np.maximum(0.0, -np.sum(reference * normal, axis=1))
+    return np.asarray(np.divide(pressed, stiffness, out=np.zeros_like(pressed), where=on & (stiffness > 0.0)))
+
+
+def _energy(
+    tip: Array, proxy: Array, normal: Array, depth: Array, stiffness: Array, spring: Array, object_force: Array
+) -> tuple[float, float]:
+    """Return the energy (J) that the field generated, and what friction dissipated.
+
+    The force on the tip is the field's (normal, and its slope along the surface) and the spring's between tip and
+    proxy along the surface; only the field's may create energy, and only the other may take it.
+    """
+    lag = proxy - tip - depth[:, None] * normal
+    length = np.sum(lag * lag, axis=1)
+    drag = spring[:, None] * lag
+    move = np.diff(tip, axis=0)
+
+    def work(force: Array) -> float:
+        return float(np.sum(0.5 * (force[1:] + force[:-1]) * move))
+
+    def stored(stiff: Array, square: Array) -> float:
+        return float(0.5 * (stiff[-1] * square[-1] - stiff[0] * square[0]))
+
+    return (
+        work(-object_force - drag) + stored(stiffness, depth**2),
+        -work(drag) - stored(spring, length),
+    )
+
+
+def _buzz(force: Array, period: float) -> float:
+    """Return the force's power (N^2) in the band of `BUZZ`, or as much of it as lies below half the sampling rate."""
+    samples = min(len(force), round(0.25 / period))
+    frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="constant")
+    band = (frequency >= BUZZ[0]) & (frequency <= BUZZ[1])
+    return float(np.sum(density[band]) * (frequency[1] - frequency[0])) if len(frequency) > 1 else 0.0

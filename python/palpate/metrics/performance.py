@@ -1,0 +1,189 @@
+"""The performance of a scenario's loop, in numbers and as a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.files import write_json
+from palpate.linear.linear_device import Arm
+from palpate.metrics.hardness import rate_hardness
+from palpate.metrics.loop_response import LoopResponse
+from palpate.metrics.vibration import Buzz, buzz
+from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import scenario_arm
+from palpate.simulation.simulator import simulate
+
+__all__ = ["Along", "Performance", "measure"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+NOTICED = 0.23  # of stiffness, the least difference that a person notices (Jones & Hunter 1990)
+BAND = (0.5, 8.0)  # Hz, what a hand does on purpose
+STRETCH = 0.5  # s, over which a buzz is told
+HAND = Arm(0.15, 4.5, 560.0, 500.0, 0.5)  # where the scenario has none
+
+
+@dataclass(frozen=True)
+class Along:
+    """What is felt along one direction.
+
+    Attributes:
+        direction: unit vector (3,).
+        frequency: (k,), Hz.
+        felt: force per motion that the hand feels, (k,), N/m, complex; over j w it is the impedance.
+        wished: the same of the object by itself; alone: of the device without object.
+        static_stiffness: N/m, at rest; inf where an integrator gives way to no force for ever.
+        band_stiffness: (least, largest) Re(felt), N/m, from 0.5 to 8 Hz.
+        transparent_to: Hz, up to which what is felt differs from what is wished by no more than 23 %; 0: nowhere.
+        rate_hardness: N/m, over the first 10 ms of a touch; nan but for an impedance display with a
+            damper by backward difference.
+        bandwidth: Hz, -3 dB of the force on the hand per command, or of the object's force per reference; inf: none
+            below half the sampling rate.
+    """
+
+    direction: tuple[float, float, float]
+    frequency: Array
+    felt: NDArray[np.complex128]
+    wished: NDArray[np.complex128]
+    alone: NDArray[np.complex128]
+    static_stiffness: float
+    band_stiffness: tuple[float, float]
+    transparent_to: float
+    rate_hardness: float
+    bandwidth: float
+
+    @property
+    def impedance(self) -> NDArray[np.complex128]:
+        """Return Z(jw), force per speed that the hand feels, (k,), N s/m."""
+        return np.asarray(self.felt / (2j * np.pi * self.frequency), dtype=complex)
+
+
+@dataclass(frozen=True)
+class Performance:
+    """The performance of a scenario's loop.
+
+    Attributes:
+        title: the scenario's.
+        topology: "impedance_display" or "force_tracking".
+        hold_bandwidth: Hz, -3 dB of the hold alone, as on a clamped tip.
+        along: what is felt along each direction of the object.
+        buzz: ripple in the run's quietest half second of contact; None: it diverged, or touches too briefly.
+        remark: on the buzz.
+    """
+
+    title: str
+    topology: str
+    hold_bandwidth: float
+    along: tuple[Along, ...]
+    buzz: Buzz | None
+    remark: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers as JSON can hold them; what is not finite is null."""
+
+        def plain(value: float) -> float | None:
+            return float(value) if math.isfinite(value) else None
+
+        return {
+            "title": self.title,
+            "hold_bandwidth_Hz": plain(self.hold_bandwidth),
+            "directions": [
+                {
+                    "direction": list(a.direction),
+                    "static_stiffness_N_per_m": plain(a.static_stiffness),
+                    "stiffness_0.5_to_8_Hz_N_per_m": [plain(k) for k in a.band_stiffness],
+                    "transparent_to_Hz": plain(a.transparent_to),
+                    "rate_hardness_N_per_m": plain(a.rate_hardness),
+                    "force_bandwidth_Hz": plain(a.bandwidth),
+                    "frequency_Hz": a.frequency.tolist(),
+                    "impedance_real_N_s_per_m": a.impedance.real.tolist(),
+                    "impedance_imag_N_s_per_m": a.impedance.imag.tolist(),
+                }
+                for a in self.along
+            ],
+            "buzz": None
+            if self.buzz is None
+            else {"frequency_Hz": self.buzz.worst, "over_threshold": self.buzz.ratio, "felt": self.buzz.felt},
+            "remark": self.remark,
+        }
+
+    def write_json(self, path: str | Path) -> None:
+        """Write the numbers, whole or not at all; OutputError if they cannot be."""
+        write_json(path, self.to_dict())
+
+
+def measure(scenario: Scenario | Mapping[str, Any] | str | Path, *, progress: Progress | None = None) -> Performance:
+    """Return what a hand feels of a scenario's loop at its start, and the ripple of its run's quietest half second.
+
+    Raises:
+        StabilityError: it touches no spring or wall, or its device has no motion between samples.
+        ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
+    """
+    tell = progress or (lambda _text, _share: None)
+    if isinstance(scenario, Scenario):
+        s = scenario
+    else:
+        s = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    loop = LoopResponse.of(s)
+    tell("what the hand feels", 0.1)
+    along = tuple(_along(loop, n, s) for n in loop.directions())
+    tell("the run", 0.5)
+    ripple, remark = _ripple(s)
+    return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark)
+
+
+def _along(loop: LoopResponse, n: Array, s: Scenario) -> Along:
+    f = np.geomspace(0.1, 0.499 / loop.period, 400)
+    felt, alone = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
+    k, b = float(n @ loop.stiffness @ n), float(n @ loop.damping @ n)
+    wished = np.array(k + 2j * np.pi * f * b, dtype=complex)
+    off = np.abs(felt / wished - 1) > NOTICED
+    band = np.linspace(*BAND, 60)
+    in_band = (1 / (n @ loop.displacement(band) @ n)).real
+    display = s.servo.topology == "impedance_display"
+    passed = loop.transmitted(f, scenario_arm(s) or HAND, n) if display else n @ loop.reference(f) @ n
+    through = np.abs(passed)
+    low = np.flatnonzero(through < through[0] / np.sqrt(2))
+    return Along(
+        (float(n[0]), float(n[1]), float(n[2])), f, felt, wished, alone,
+        _static(loop, n),
+        (float(in_band.min()), float(in_band.max())),
+        float(f[-1] if not off.any() else 0.0 if off[0] else f[int(np.argmax(off)) - 1]),
+        rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
+        float(f[low[0]]) if low.size else float("inf"),
+    )  # fmt: skip
+
+
+def _static(loop: LoopResponse, n: Array) -> float:
+    """Return the stiffness felt at rest, N/m; inf where an integrator gives way to no force for ever."""
+    slow, slower = 1 / (n @ loop.displacement([2e-3, 1e-3]) @ n)
+    return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
+
+
+def _ripple(s: Scenario) -> tuple[Buzz | None, str]:
+    trace = simulate(s)
+    if not trace.stable:
+        return None, f"The run diverges at {trace.unstable_from:g} s: there is no ripple to speak of."
+    period = s.period * s.run.record_every
+    tip, touching = trace["tip"], trace["touching"][:, 0] > 0
+    length = math.ceil(STRETCH / period)
+    best: tuple[float, Array] | None = None
+    for first in range(0, len(tip) - length, max(length // 8, 1)):
+        part = slice(first, first + length)
+        moved = float(np.ptp(tip[part], axis=0).max())
+        if touching[part].all() and (best is None or moved < best[0]):
+            best = moved, tip[part]
+    if best is None:
+        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to tell a buzz."
+    found = buzz(best[1], period)
+    counts = (
+        "" if s.device.encoder else " Encoder counts, which make most of a buzz, are switched off (device.encoder)."
+    )
+    return found, f"{found}{counts}"

@@ -1,0 +1,222 @@
+"""The picture of a Z-width, with its tables, as one HTML file."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.report.html import Page
+from palpate.stability.boundaries import Boundary
+from palpate.stability.simulated import SimulatedBoundary
+from palpate.stability.zwidth_map import ZWidth
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+__all__ = ["close_figure", "zwidth_figure", "zwidth_page"]
+
+ROOM = 1.12  # of the map beyond the scenario's own curve
+DOTS = 40  # about as many are drawn: more would hide the curve
+BEYOND = 1.15  # times the map: another hand's curve that goes so far is shown whole as well
+
+
+def zwidth_page(z: ZWidth) -> Page:
+    """Return the page of a Z-width."""
+    name, own = next(iter(z.curves.items()))
+    b, k = own.stiffest
+    page = Page(
+        f"Z-width: {z.title}",
+        "Every stiffness K and damping B under a curve is a stable object. The curve is exact; the dots were found by "
+        "running the loop.",
+    )
+    page.verdict(_sentence(z, own), "good" if _under(own, *z.here) else "bad")
+    facts = [("stiffest object", f"{k / 1e3:.4g} N/mm"), ("its damping", f"{b:.4g} N·s/m")]
+    if z.passive is not None:
+        facts.append(("stiffest passive object", f"{z.passive[1].max() / 1e3:.4g} N/mm"))
+    if z.softest > 0.0:
+        facts.append(("softest stable object", f"{z.softest:.3g} N/m"))
+    if z.simulated is not None:
+        off = z.simulated.distance
+        facts.append(
+            ("dots off the curve", f"{100 * np.median(off):.1g} % of the map, at most {100 * off.max():.2g} %")
+        )
+    page.facts(facts)
+    page.figure(
+        zwidth_figure(z),
+        f"Under the filled curve: stable objects ({name}). Dashed: the same loop in other hands. "
+        + ("Shaded dark: passive, so stable in every passive hand. " if z.passive is not None else "")
+        + _runs(z.simulated),
+        label="map of stable stiffness against damping",
+    )
+    close = close_figure(z)
+    if close is not None:
+        page.figure(
+            close,
+            "What the map above is too large or too small for. " + (_runs(z.corner.simulated) if z.corner else ""),
+            label="other hands' curves whole, and the corner of the map about its origin",
+        )
+    if z.passive is None:
+        page.paragraph(f"**No passive region**: {z.not_passive}.")
+    page.section("Who holds it")
+    page.table(
+        ("operator", "stiffest object", "with damping", "without damping"),
+        [(who, c.stiffest[1] / 1e3, c.stiffest[0], _undamped(c)) for who, c in z.curves.items()],
+        "The same loop in other hands.",
+        units=("", "N/mm", "N·s/m", "N/m"),
+    )
+    for who in z.never:
+        page.paragraph(f"**{who}**: no wall of any size is stable; the device tips over along the surface.")
+    page.section("How the dots were found")
+    page.paragraph(_method(z))
+    return page
+
+
+def _sentence(z: ZWidth, own: Boundary) -> str:
+    b, k = z.here
+    where = "inside" if _under(own, b, k) else "outside"
+    return f"The scenario's object, K = {k:g} N/m with B = {b:g} N·s/m, lies {where} the stable region."
+
+
+def _runs(found: SimulatedBoundary | None) -> str:
+    if found is None:
+        return ""
+    return f"Dots: where the simulated loop begins to grow ({found.runs:,} runs of {found.duration:.2g} s)."
+
+
+def _method(z: ZWidth) -> str:
+    if z.simulated is None:
+        return "The loop was not run, or its surface is oblique: no spring acts along the normal of one alone."
+    return (
+        "The loop was run on a coarse grid of K and B, and ever closer where a swing that grows has one beside it that "
+        f"dies: {z.simulated.runs:,} runs in place of {z.simulated.cells:,}, told nothing of the exact curve. The push "
+        "is a millinewton, and dry friction, encoder counts and drive limits are left out: each of them holds a swing "
+        "at some size, and would hide where it begins to grow. Where two swings are at their limits at once, as at a "
+        "corner of the curve, such a run cannot always tell which of them wins: dots lie further off there."
+    )
+
+
+def _under(own: Boundary, b: float, k: float) -> bool:
+    """Return whether (b, k) lies in the region that the curve and the axes enclose."""
+    crossings = 0
+    for first, last in own.pieces:
+        x, y = own.damping[first:last], own.stiffness[first:last]
+        spans = (np.minimum(x[:-1], x[1:]) <= b) & (b < np.maximum(x[:-1], x[1:]))
+        at = y[:-1][spans] + (b - x[:-1][spans]) / (x[1:] - x[:-1])[spans] * (y[1:] - y[:-1])[spans]
+        crossings += int(np.sum(at > k))
+    if b <= own.damping.min() and crossings == 0:
+        return bool(k < own.stiffness[int(np.argmin(own.damping))])
+    return crossings % 2 == 1
+
+
+def _undamped(c: Boundary) -> float | None:
+    """Return the stiffness at which the curve meets the axis of no damping, N/m; None where it does not."""
+    near = c.damping < 1e-6 * c.damping.max()
+    return float(c.stiffness[near].max()) if np.any(near) else None
+
+
+def zwidth_figure(z: ZWidth) -> Figure:
+    """Return K against B at the scale of the scenario's own loop: exact curves, passive walls, dots, the object."""
+    figure, axes = new_figure(1, 1, width=8.0, height=4.6)
+    panel = axes[0][0]
+    own = next(iter(z.curves.values()))
+    wide, high = ROOM * float(own.damping.max()), ROOM * float(own.stiffness.max()) / 1e3
+    _curves(panel, z.curves.items())
+    if z.corner is None:
+        _passive(panel, z, 1e-3)
+    _dots(panel, z.simulated, 1e-3, DOTS)
+    _object(panel, z, 1e-3)
+    if z.corner is not None:
+        panel.annotate(
+            "enlarged below",
+            (0.0, 0.0),
+            xytext=(0.035 * wide, 0.09 * high),
+            arrowprops={"arrowstyle": "->", "color": INK},
+        )
+    _frame(panel, max(wide, 1.1 * z.here[0]), max(high, 1.1e-3 * z.here[1]), "N/mm")
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure
+
+
+def close_figure(z: ZWidth) -> Figure | None:
+    """Return what the map cannot show: curves that leave it, and its corner about the origin; None if there is none."""
+    own = next(iter(z.curves.values()))
+    beyond = any(
+        c.damping.max() > BEYOND * ROOM * own.damping.max() or c.stiffness.max() > BEYOND * ROOM * own.stiffness.max()
+        for c in z.curves.values()
+    )
+    count = beyond + (z.corner is not None)
+    if count == 0:
+        return None
+    figure, axes = new_figure(1, count, width=4.3 * count, height=3.3, sharex=False)
+    panels = axes[0]
+    if beyond:
+        panel = panels[0]
+        _curves(panel, z.curves.items())
+        wide = max(float(c.damping.max()) for c in z.curves.values())
+        high = max(float(c.stiffness.max()) for c in z.curves.values())
+        _frame(panel, 1.05 * wide, 1.05e-3 * high, "N/mm")
+        panel.set_title("every hand's curve whole", **TITLE)
+    if z.corner is not None:
+        panel = panels[-1]
+        _curves(panel, [("", z.corner.edge)], 1.0)
+        _passive(panel, z, 1.0)
+        _dots(panel, z.corner.simulated, 1.0, DOTS // 2)
+        _object(panel, z, 1.0)
+        _frame(panel, *z.corner.window, "N/m")
+        panel.set_title("about the origin", **TITLE)
+        if z.passive is not None:
+            panel.annotate("passive", (z.passive[0].max() / 3, z.passive[1].max() / 3), ha="center", va="center")
+    return figure
+
+
+def _curves(panel: Axes, curves: Iterable[tuple[str, Boundary]], scale: float = 1e-3) -> None:
+    for index, (name, c) in enumerate(curves):
+        label: str | None = f"{name}, exact" if index == 0 else name
+        for first, last in c.pieces:
+            x, y = c.damping[first:last], c.stiffness[first:last] * scale
+            if index == 0:
+                panel.fill_between(x, y, color=COLOURS[0], alpha=0.12, linewidth=0)
+            panel.plot(x, y, color=COLOURS[index % len(COLOURS)], label=label, linestyle="-" if index == 0 else "--")
+            label = None
+
+
+def _passive(panel: Axes, z: ZWidth, scale: float) -> None:
+    if z.passive is not None:
+        b, k = z.passive
+        panel.fill_between(b, k * scale, color=INK, alpha=0.3, linewidth=0, label="passive: stable in every hand")
+
+
+def _dots(panel: Axes, found: SimulatedBoundary | None, scale: float, most: int) -> None:
+    if found is not None:
+        every = slice(None, None, max(1, math.ceil(len(found.damping) / most)))
+        x, y = found.damping[every], found.stiffness[every] * scale
+        panel.plot(x, y, "o", markersize=3.5, color=INK, label="simulated", zorder=4)
+
+
+def _object(panel: Axes, z: ZWidth, scale: float) -> None:
+    panel.plot(
+        [z.here[0]],
+        [z.here[1] * scale],
+        "x",
+        markersize=9,
+        markeredgewidth=2.0,
+        color=COLOURS[1],
+        clip_on=False,  # it often lies on an axis
+        zorder=5,
+        label="the scenario's object",
+    )
+
+
+def _frame(panel: Axes, wide: float, high: float, unit: str) -> None:
+    panel.set_xlabel("damping B [N·s/m]")
+    panel.set_ylabel(f"stiffness K [{unit}]")
+    panel.set_xlim(0, wide)
+    panel.set_ylim(0, high)

@@ -1,0 +1,20 @@
+"""Simulation of a scenario's servo loop, and the trace that it returns."""
+
+from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.simulation.simulator import Experiment, prepare, simulate
+from palpate.simulation.surface_frames import Frame, SurfaceFrames
+from palpate.simulation.trace import CHANNELS, Channel, Trace, TraceError
+
+__all__ = [
+    "CHANNELS",
+    "Channel",
+    "Experiment",
+    "Frame",
+    "ScenarioLoop",
+    "SurfaceFrames",
+    "Trace",
+    "TraceError",
+    "prepare",
+    "scenario_loop",
+    "simulate",
+]

@@ -1,0 +1,195 @@
+"""From a scenario's [object.body] to the body in the device's frame: read from its file, or made and kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from palpate import _core
+from palpate import fem as bodies
+from palpate.errors import OutputError, PalpateError, ScenarioError
+from palpate.scenario import Scenario
+from palpate.scenario.body import BodyChoice
+from palpate.simulation.trace import Trace
+
+if TYPE_CHECKING:
+    from palpate.fem import Body
+
+__all__ = ["Pressed", "kept_at", "pressed_at", "scenario_body", "touched_body"]
+
+Array = NDArray[np.float64]
+Tell = Callable[[str, float], None]
+_MAKING = 3  # goes up when bodies are made in another way: those that are kept are made anew
+
+
+class Pressed(NamedTuple):
+    """A body at one sample of a run, in its own frame."""
+
+    body: Body
+    tip: Array  # its centre (3,), m
+    displacement: Array  # of the nodes (n, 3), m
+    pressure: Array  # of the tip on each node's patch (n,), Pa
+
+
+def pressed_at(trace: Trace, row: int) -> Pressed:
+    """Return the body of a trace's scenario as it was at sample `row`: the tip's way to there is played to it again.
+
+    Bodies that remember need every tick recorded; others only the sample itself.
+    """
+    scenario = Scenario.from_dict(trace.scenario)
+    choice = scenario.object.body
+    assert choice is not None
+    body = scenario_body(scenario)
+    anchor = trace["tip"][0] + np.array(scenario.object.position)
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
+    body.core.reset()
+    body.follow(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
+    return Pressed(body, way[-1], body.displacement(), body.pressure())
+
+
+def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
+    """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
+
+    Raises:
+        ScenarioError: the body cannot be read or made, it cannot be of the kind that is asked for, or all of the tip
+            begins inside of it.
+    """
+    choice = scenario.object.body
+    assert choice is not None
+    body = scenario_body(scenario)
+    _check_start(scenario, choice, body)
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    at = origin - turn @ origin_of(choice, body)
+    return _core.TouchedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+
+
+def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
+    """Refuse a tip that begins so deep in the body that its first look does not reach the nodes over it."""
+    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
+    if not body.volume.contains(tip):
+        return
+    deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
+    beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0
+    if deep > choice.radius + beside:
+        raise ScenarioError(
+            f"object.position: the tip begins inside of the body, its centre {1e3 * deep:.3g} mm under the surface; "
+            "the position is that of the body's origin from the tip's centre at the start: move the body away from it"
+        )
+
+
+def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
+    """Return the body that a scenario names, in its own frame and of the kind asked for; `tell` hears of its making.
+
+    A body that is made on the spot is kept (`kept_at`) and read from there the next time.
+
+    Raises:
+        ScenarioError: as `touched_body`.
+    """
+    choice = scenario.object.body
+    assert choice is not None
+    field = "object.body" if choice.file is None else "object.body.file"
+    path = Path(choice.file) if choice.file is not None else kept_at(choice)
+    try:
+        if choice.file is None and not path.is_file():
+            _make(choice, path, tell)
+        _read(_state(path))
+        field = "object.body.kind"
+        options = tuple(sorted(choice.options.items()))
+        return _of_kind(_state(path), choice.stiffer, choice.kind, options, scenario.period)
+    except PalpateError as problem:
+        key, _, sentence = str(problem).partition(": ")  # what is wrong with one number begins with its name
+        if key in choice.options or key in _recipe(choice) or key == "stiffer":
+            raise scenario.mistake(f"object.body.{key}", sentence) from None
+        hint = ""
+        if field == "object.body" and path.is_file():
+            hint = ": delete that file, and it is made again"
+        elif isinstance(problem, OutputError):
+            hint = "; bodies that are made on the spot are kept there: XDG_CACHE_HOME names another folder"
+        raise scenario.mistake(field, f"{problem}{hint}") from None
+
+
+def origin_of(choice: BodyChoice, body: Body) -> Array:
+    """Return the point of a body, in its own frame (3,), m, that lies at the object's position."""
+    if choice.origin is not None:
+        return np.array(choice.origin)
+    if choice.shape == "file":
+        return np.zeros(3)
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    return np.array([*(low + high)[:2] / 2.0, high[2]])
+
+
+def kept_at(choice: BodyChoice) -> Path:
+    """Return where a body made on the spot is kept: a name for each recipe, in the user's cache (XDG_CACHE_HOME)."""
+    from palpate.fem.storage import VERSION
+
+    made = {"version": VERSION, "making": _MAKING, "shape": choice.shape}
+    recipe = json.dumps({**made, **_recipe(choice)}, sort_keys=True)
+    name = f"{choice.shape}-{hashlib.sha256(recipe.encode()).hexdigest()[:16]}.h5"
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "palpate" / "bodies" / name
+
+
+def _recipe(choice: BodyChoice) -> dict[str, Any]:
+    keys = ("young", "poisson", "spacing", "modes", "size", "contrast", "depth", "diameter", "skin", "skin_young")
+    given = {key: getattr(choice, key) for key in keys}
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def _make(choice: BodyChoice, path: Path, tell: Tell | None) -> None:
+    recipe = _recipe(choice)
+    if choice.shape == "phantom":
+        bodies.phantom(**recipe, output=path, progress=tell)
+        return
+    size, spacing = recipe.pop("size"), recipe.pop("spacing")
+    top = size[2] - 1e-6
+    bodies.build(
+        bodies.block(size, spacing),
+        **recipe,
+        fixed=bodies.beyond("z", "<", 1e-6),
+        touch=bodies.beyond("z", ">", top),
+        output=path,
+        progress=tell,
+    )
+
+
+def _state(path: Path) -> tuple[str, int, int]:
+    """Return what changes when a file does."""
+    try:
+        found = path.stat()
+    except OSError:
+        return str(path), 0, 0  # reading it says what is wrong
+    return str(path), found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=2)
+def _read(state: tuple[str, int, int]) -> Body:
+    from palpate.fem import load
+
+    return load(state[0])
+
+
+@lru_cache(maxsize=4)
+def _of_kind(
+    state: tuple[str, int, int], stiffer: float, kind: str, options: tuple[tuple[str, float], ...], period: float
+) -> Body:
+    body = _read(state) if stiffer == 1.0 else _read(state).stiffer(stiffer)
+    from palpate.fem import Law
+
+    if kind == "compliance":
+        given = {"static_friction": 0.0, **dict(options)}
+        return body.rough(**given) if options else body
+    if kind in get_args(Law):
+        return body.nonlinear(period, law=kind, **dict(options))  # type: ignore[arg-type]
+    made: Body = getattr(body, kind)(period, **dict(options))
+    return made

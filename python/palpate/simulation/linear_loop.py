@@ -1,0 +1,218 @@
+"""The servo loop of a scenario, linear about a pose and sampled as it runs: hold, delay, coupling, controller, hand.
+
+Everything the servo computes from samples stays sampled, the turning of the hold's torque with the pose included; all
+that moves between samples (device, gravity, the operator's arm) is continuous behind the hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.control.controller import Controller
+from palpate.control.coupling import virtual_coupling
+from palpate.control.feedback_loop import closed_loop_matrix, spectral_radius
+from palpate.devices import Device
+from palpate.errors import StabilityError
+from palpate.linear.linear_device import Arm
+from palpate.linear.linearization import hold_force
+from palpate.linear.sampled_loop import assembled, felt, held_plants
+from palpate.scenario import Scenario
+from palpate.simulation.controllers import build_controller
+from palpate.simulation.plants import sampled_plant
+
+__all__ = ["ScenarioLoop", "scenario_arm", "scenario_loop"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScenarioLoop:
+    """A scenario's loop about one pose.
+
+    Attributes:
+        path: from the force on the object, as the controller sees it (r, N), to the deflection (r, m), r directions.
+        directions: (3, r), orthonormal: those along which the object is felt and the device can move.
+        stiffness: K (r, r), N/m; damping: B (r, r), N s/m.
+        coupling: "backward" or "bilinear".
+        damping_felt: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
+        hidden: number of modes that the object does not feel or the controller does not move.
+        rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
+    """
+
+    path: control.StateSpace
+    directions: Array
+    stiffness: Array
+    damping: Array
+    coupling: str
+    damping_felt: float
+    hidden: int
+    rests: bool = True
+
+    @property
+    def period(self) -> float:
+        """T, s."""
+        return float(self.path.dt)
+
+    def gain(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> control.StateSpace:
+        """Return L(z) (r x r), negative feedback understood, broken at the object's force.
+
+        Args:
+            stiffness: other K (r, r), or one number for all directions, N/m.
+            damping: other B likewise, N s/m.
+        """
+        r = self.directions.shape[1]
+        k = self.stiffness if stiffness is None else np.asarray(stiffness, float) * np.eye(r)
+        b = self.damping if damping is None else np.asarray(damping, float) * np.eye(r)
+        # the coupling of a unit damper, and the spring beside it
+        rule = virtual_coupling(0.0, 1.0, self.period, "bilinear" if self.coupling == "bilinear" else "backward")
+        eye, p = np.eye(r), self.path
+        av, bv, cv, dv = (np.kron(eye, m) for m in (rule.A, rule.B, rule.C, rule.D))
+        direct = k + b @ dv
+        a = np.block([[p.A, np.zeros((p.nstates, r))], [bv @ p.C, av]])
+        entry = np.vstack([p.B, bv @ p.D])
+        out = np.hstack([direct @ p.C, b @ cv])
+        return control.StateSpace(a, entry, -out, -direct @ p.D, p.dt)
+
+    def matrix(self, scale: float = 1.0) -> Array:
+        """Return the closed loop's matrix with the object's stiffness and damping times ``scale``."""
+        return np.asarray(closed_loop_matrix(self.gain(), scale).real, dtype=float)
+
+    def radius(self, stiffness: float | None = None, damping: float | None = None) -> float:
+        """Return the largest modulus of the closed loop's eigenvalues, for another K and B if given."""
+        return spectral_radius(self.gain(stiffness, damping))
+
+
+def scenario_loop(
+    scenario: Scenario,
+    *,
+    pose: ArrayLike | None = None,
+    tip_force: ArrayLike = (0.0, 0.0, 0.0),
+    operator_force: ArrayLike | None = None,
+    arm: Arm | None = None,
+    controller: Controller | None = None,
+) -> ScenarioLoop:
+    """Return the loop of ``scenario`` about its start, or about another pose of rest.
+
+    Args:
+        pose: (dof,), rad; the start's if not given. Only a nonlinear device has others.
+        tip_force: command of the controller at rest there (3,), N, without the hold.
+        operator_force: of the hand at rest there (3,), N; the arm's spring at the start if not given.
+        arm: holds the tip instead of the scenario's operator.
+        controller: instead of the one that the scenario describes.
+
+    Raises:
+        StabilityError: nothing is touched, the hand does not let the tip move, or the directions cannot be pushed.
+        ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
+    """
+    if scenario.object.kind == "none":
+        raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
+    if scenario.object.kind == "mesh":
+        raise StabilityError(
+            "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
+            "polygon"
+        )
+    if scenario.object.kind == "body":
+        raise StabilityError(
+            "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
+            "palpate.stability.contact_stability(trace)"
+        )
+    if scenario.operator.kind == "hold" and arm is None:
+        raise StabilityError(
+            'operator.kind: "hold" keeps the tip still, so nothing can oscillate; give another operator'
+        )
+    device = scenario.load_device()
+    start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+    law = build_controller(scenario, device, start) if controller is None else controller
+    frozen = scenario.device.kinematics == "linear"
+    at = start if pose is None or scenario.device.model != "nonlinear" else np.asarray(pose, dtype=float)
+    hand = arm if arm is not None else scenario_arm(scenario)
+    jacobian = device.jacobian(start if frozen else at)
+    hold = _hold(scenario, device, start)
+    motors = hold if frozen else hold + np.asarray(tip_force, dtype=float)
+    turning = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
+    plant = _plant(scenario, device, at, start, hand, operator_force)
+    directions = _directions(scenario, jacobian)
+    r = directions.shape[1]
+    k = directions.T @ np.diag(np.asarray(scenario.object.stiffness, float)) @ directions
+    b = directions.T @ np.diag(np.asarray(scenario.object.damping, float)) @ directions
+
+    a, entry, out = assembled((plant.A, plant.B, plant.C), jacobian, turning, law, scenario.device.delay)
+    small = felt(a, entry, out, directions)
+    path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
+    rests = _rests(device, at, turning)
+    own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
+
+
+def scenario_arm(scenario: Scenario) -> Arm | None:
+    """Return the arm that holds the tip in a scenario; None: there is none."""
+    o = scenario.operator
+    if o.kind != "arm":
+        return None
+    return Arm(o.mass or 0.0, o.damping or 0.0, o.stiffness or 0.0, o.tissue_stiffness, o.tissue_damping or 0.0)
+
+
+def _hold(scenario: Scenario, device: Device, start: Array) -> Array:
+    if not scenario.servo.gravity_hold:
+        return np.zeros(3)
+    return hold_force(device.jacobian(start), device.gravity(start))
+
+
+def _plant(
+    scenario: Scenario, device: Device, at: Array, start: Array, arm: Arm | None, operator_force: ArrayLike | None
+) -> control.StateSpace:
+    """Return the sampled plant from motor torques to joint angles, the hand on it."""
+    if scenario.device.model != "nonlinear":
+        if arm is not None:
+            raise StabilityError('operator: an arm moves with the nonlinear device; write device.model = "nonlinear"')
+        p = sampled_plant(scenario.device.model, device, start, scenario.period)
+        return control.StateSpace(p.a, p.b, p.c, np.zeros((device.dof, device.dof)), scenario.period)
+    # the hand's force turns with the pose as well
+    if operator_force is None:
+        pull = np.zeros(3)
+        if arm is not None and scenario.operator.kind == "arm":
+            pull = (arm.stiffness if arm.tissue_stiffness is None else 0.0) * np.array(scenario.operator.rest)
+    else:
+        pull = np.asarray(operator_force, dtype=float)
+    a, b, c = held_plants(device, at[None, :], arm, pull, scenario.period)
+    return control.StateSpace(a[0], b[0], c[0], np.zeros((device.dof, device.dof)), scenario.period)
+
+
+def _directions(scenario: Scenario, jacobian: Array) -> Array:
+    """Return an orthonormal basis (3, r) of where the object pushes and the device moves."""
+    if scenario.object.kind == "wall":
+        normal = np.array(scenario.object.normal, dtype=float)
+        if np.linalg.norm(normal @ jacobian) <= 1e-9 * np.linalg.norm(jacobian):
+            raise StabilityError("object.normal: the device cannot move along it, so there is no loop to judge")
+        return normal[:, None]
+    stiff = np.asarray(scenario.object.stiffness, float) + np.asarray(scenario.object.damping, float)
+    axes = np.flatnonzero((np.linalg.norm(jacobian, axis=1) > 1e-9 * np.linalg.norm(jacobian)) & (stiff > 0))
+    if axes.size == 0:
+        raise StabilityError("object.stiffness: the object is not felt along any axis in which the device moves")
+    return np.asarray(np.eye(3)[:, axes], dtype=float)
+
+
+def _rests(device: Device, at: Array, turning: Array) -> bool:
+    """Return whether gravity and the hold's force together have no hilltop here: M q'' = -S q with S not negative."""
+    a_q, _, _ = device.linearization(at, np.zeros(device.dof), device.gravity(at))
+    stiffness = -device.mass_matrix(at) @ a_q - turning
+    values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
+    return bool(values.min() >= -1e-9 * max(float(np.abs(values).max()), 1e-300))
+
+
+def _damping_felt(device: Device, jacobian: Array, directions: Array) -> float:
+    """Return the least damping (N s/m) that any joint motion with unit tip speed in these directions meets."""
+    if np.any(device.viscous <= 0):
+        return 0.0
+    mobility = directions.T @ jacobian @ np.diag(1 / device.viscous) @ jacobian.T @ directions
+    return float(1 / np.linalg.eigvalsh(mobility).max())
+
+
+def with_object(loop: ScenarioLoop, stiffness: float, damping: float) -> ScenarioLoop:
+    """Return the same loop around an object of one stiffness (N/m) and damping (N s/m) in every direction."""
+    eye = np.eye(loop.directions.shape[1])
+    return replace(loop, stiffness=stiffness * eye, damping=damping * eye)

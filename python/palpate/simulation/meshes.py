@@ -1,0 +1,134 @@
+"""From a scenario's [object.mesh] and [object.surface] to the mesh in the device's frame and its surface."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from palpate.contact import Mesh, Surface
+from palpate.errors import PalpateError
+from palpate.scenario.model import Scenario
+from palpate.scenario.touched import MeshChoice, SurfaceChoice
+
+__all__ = ["box", "organ", "touched_mesh"]
+
+Array = NDArray[np.float64]
+Triangles = NDArray[np.int64]
+
+
+def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
+    """Return the mesh of a scenario's object of kind "mesh", its origin at `origin` (3,), m, and its surface.
+
+    Raises:
+        ScenarioError: the file cannot be read, or mesh and surface do not fit each other.
+    """
+    touched = scenario.object
+    assert touched.mesh is not None
+    assert touched.surface is not None
+    try:
+        own = _mesh(touched.mesh)
+    except PalpateError as problem:
+        field, _, reason = str(problem).partition(": ")
+        if field == "unit":
+            raise scenario.mistake("object.mesh.unit", reason) from None
+        raise scenario.mistake(
+            f"object.mesh.{'shape' if touched.mesh.file is None else 'file'}", str(problem)
+        ) from None
+    turn = Rotation.from_euler("xyz", touched.mesh.turn).as_matrix()
+    mesh = Mesh(own.vertices @ turn.T + origin, own.triangles, open=touched.mesh.open, mend=False)
+    surface = _surface(touched.surface, own, scenario.period)
+    try:
+        surface.core_for(mesh)
+    except PalpateError as problem:
+        field, _, reason = str(problem).partition(" ")
+        raise scenario.mistake(f"object.surface.{field}", reason) from None
+    return mesh, surface
+
+
+def box(edge: float, divisions: int) -> tuple[Array, Triangles]:
+    """Return vertices (n, 3), m, and triangles (m, 3) of a cube; the origin is the middle of its top.
+
+    Each face has `divisions` squares of two triangles along an edge; the squares' diagonals run alike.
+    """
+    n = divisions
+    steps = np.arange(n + 1)
+    u, v = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
+    i, j = (grid.ravel() for grid in np.meshgrid(steps[:-1], steps[:-1], indexing="ij"))
+    a, b, c, d = i * (n + 1) + j, (i + 1) * (n + 1) + j, (i + 1) * (n + 1) + j + 1, i * (n + 1) + j + 1
+    face = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    grids: list[NDArray[np.int64]] = []
+    triangles: list[NDArray[np.int64]] = []
+    for axis in range(3):
+        for high in (True, False):
+            points = np.zeros((len(u), 3), dtype=np.int64)
+            points[:, axis] = n if high else 0
+            points[:, (axis + 1) % 3], points[:, (axis + 2) % 3] = u, v
+            triangles.append((face if high else face[:, ::-1]) + len(grids) * len(u))
+            grids.append(points)
+    whole, same = np.unique(np.concatenate(grids), axis=0, return_inverse=True)
+    vertices = whole * (edge / n) - np.array([edge / 2.0, edge / 2.0, edge])
+    return vertices, same.reshape(-1)[np.concatenate(triangles)].astype(np.int64)
+
+
+def organ(size: tuple[float, float, float], bump: float, divisions: int) -> tuple[Array, Triangles]:
+    """Return vertices (n, 3), m, and triangles (m, 3) of an ellipsoid with smooth bumps; its top is the origin.
+
+    An icosphere split `divisions` times; the point in direction e (unit) lies at size/2 * e * r(e), with
+    r = 1 + bump (sin(5 x + 1) sin(4 y + 2) + sin(3 z) cos(4 x + 3 y)) / 2, so |r - 1| <= bump.
+    """
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(subdivisions=divisions)
+    e = np.asarray(sphere.vertices, dtype=float)
+    half = np.asarray(size) / 2.0
+    top = half * np.array([0.0, 0.0, 1.0]) * _bumps(np.array([[0.0, 0.0, 1.0]]), bump)[0]
+    return e * _bumps(e, bump)[:, None] * half - top, np.asarray(sphere.faces, dtype=np.int64)
+
+
+def _bumps(e: Array, bump: float) -> Array:
+    x, y, z = e.T
+    waves = np.sin(5 * x + 1) * np.sin(4 * y + 2) + np.sin(3 * z) * np.cos(4 * x + 3 * y)
+    return np.asarray(1.0 + 0.5 * bump * waves, dtype=float)
+
+
+def _mesh(choice: MeshChoice) -> Mesh:
+    if choice.file is not None and choice.unit is not None:
+        return Mesh.load(choice.file, unit=choice.unit, open=choice.open)
+    return _shape(choice.edge, choice.size, choice.bump, choice.divisions)
+
+
+@lru_cache(maxsize=8)
+def _shape(
+    edge: float | None, size: tuple[float, float, float] | None, bump: float | None, divisions: int | None
+) -> Mesh:
+    assert divisions is not None
+    if edge is not None:
+        return Mesh(*box(edge, divisions))
+    assert size is not None
+    assert bump is not None
+    return Mesh(*organ(size, bump, divisions))
+
+
+def _surface(choice: SurfaceChoice, own: Mesh, period: float) -> Surface:
+    """Return the surface for a mesh still in its own frame, where patterns are laid out."""
+    values = np.array(choice.stiffness)
+    if choice.pattern in ("stripes", "checkerboard"):
+        assert choice.width is not None
+        middle = own.vertices[own.triangles].mean(axis=1) - own.vertices.min(axis=0)
+        bands = np.floor(middle / choice.width).astype(np.int64)
+        number = bands[:, 0] if choice.pattern == "stripes" else bands[:, 0] + bands[:, 1]
+        values = values[number % len(values)]
+    return Surface(
+        stiffness=values,
+        tangential=choice.tangential,
+        static_friction=choice.static_friction,
+        dynamic_friction=choice.dynamic_friction,
+        viscous=choice.viscous,
+        damping=choice.damping,
+        field=choice.field,
+        shading=choice.shading,
+        period=period,
+    )

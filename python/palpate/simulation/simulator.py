@@ -1,0 +1,279 @@
+"""A scenario in, a trace out: the loop of the block diagram, run by the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import _core
+from palpate.control.controller import Controller
+from palpate.devices import Device
+from palpate.errors import ScenarioError
+from palpate.linear.linearization import hold_force
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import touched_body
+from palpate.simulation.controllers import build_controller
+from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.plants import sampled_plant
+from palpate.simulation.trace import Trace
+
+__all__ = ["Experiment", "prepare", "simulate"]
+
+Array = NDArray[np.float64]
+# What the core adds to a row: columns of each channel.
+MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
+BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}
+BEYOND = 1e100  # in any unit: its square is still a number
+
+
+def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Trace:
+    """Run a scenario and return its trace.
+
+    The same scenario gives the same trace, bit for bit, on one machine.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: runs instead of the one that [controller] describes; sampled with the servo period.
+
+    Raises:
+        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` has
+            another period.
+        PoseError: the pose is singular for what is asked.
+        DesignError: no controller meets the options in [controller].
+    """
+    experiment = prepare(scenario, controller)
+    return experiment.trace(*experiment.run())
+
+
+def prepare(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Experiment:
+    """Return a scenario made ready to run, as `simulate` would run it: for running it many times."""
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    return Experiment.of(scenario, controller)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A scenario made ready: the core's setup, and the forces at every sample (ticks + 1, 3), N."""
+
+    scenario: Scenario
+    device: Device
+    start: Array
+    hold: Array
+    controller: Controller
+    setup: Any
+    reference: Array
+    operator: Array
+
+    @classmethod
+    def of(cls, scenario: Scenario, controller: Controller | None) -> Experiment:
+        """Build what the scenario describes, around `controller` if given."""
+        if controller is not None and not isinstance(controller, Controller):
+            raise ScenarioError(
+                f"controller: a palpate.Controller, or None for that of the scenario, not {controller!r}"
+            )
+        device = scenario.load_device()
+        start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+        hold = np.zeros(3)
+        if scenario.servo.gravity_hold:
+            hold = hold_force(device.jacobian(start), device.gravity(start))
+        chosen = build_controller(scenario, device, start) if controller is None else controller
+        if abs(chosen.period - scenario.period) > 1e-9 * scenario.period:
+            raise ScenarioError(
+                f"servo.period is {scenario.period:g} s, but the controller is sampled every {chosen.period:g} s"
+            )
+        ticks = round(scenario.run.duration / scenario.period)
+        time = scenario.period * np.arange(ticks + 1)
+        silent = np.zeros((ticks + 1, 3))
+        reference = silent if scenario.reference is None else scenario.reference.values(time)
+        operator = scenario.operator.values(time) if scenario.operator.moves else silent
+        setup = _setup(scenario, device, start, hold, chosen)
+        return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
+
+    def run(self) -> tuple[Array, int]:
+        """Return the core's rows and the tick at which the loop diverged or -1.
+
+        A row has 3 dof + 11 numbers, on a mesh 9 and on a body 7 more.
+        """
+        rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
+        return np.asarray(rows)[:count], unstable_tick
+
+    def trace(self, rows: Array, unstable_tick: int) -> Trace:
+        """Name the core's columns and add what follows from them."""
+        device, dof = self.device, self.device.dof
+        every = self.scenario.run.record_every
+        wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
+        if len(wild):  # the force ran away within one sample, before the speed that the core watches
+            rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
+        edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1])
+        q, qd, object_force, command, torque, operator, touching, saturated, met = np.split(rows, edges, axis=1)
+        tip = self._tip(q)
+        if self.scenario.operator.kind == "hold":
+            # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
+            needed = device.gravity(q) - torque
+            operator = np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(device.jacobian(q), 1, 2)), needed)
+        values = {
+            "angle": q,
+            "velocity": qd,
+            "tip": tip,
+            "deflection": self._deflection(tip),
+            "object_force": object_force,
+            "command_force": command,
+            "torque": torque,
+            "reference_force": self.reference[::every][: len(rows)],
+            "operator_force": operator,
+            "touching": touching,
+            "saturated": saturated,
+        }
+        if met.shape[1]:
+            added = BODY if self.scenario.object.kind == "body" else MESH
+            contact = np.split(met, np.cumsum([*added.values()])[:-1], axis=1)
+            values |= dict(zip(added, contact, strict=True))
+        if "proxy" in values:
+            values["deflection"] = -values["depth"] * values["normal"]
+        if self.scenario.device.model == "nonlinear":
+            values["energy"] = device.energy(q, qd)
+        return Trace.of(
+            self._times(len(rows)),
+            values,
+            units={"angle": "m", "velocity": "m/s", "torque": "N"} if device.mechanism == "slider" else None,
+            unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
+            metadata={
+                "scenario": self.scenario.to_dict(),
+                "version": _version(),
+                "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
+            },
+        )
+
+    def _times(self, rows: int) -> Array:
+        """Return when the recorded ticks came, s."""
+        every = self.scenario.run.record_every
+        time = self.scenario.period * every * np.arange(rows)
+        if self.scenario.servo.jitter > 0.0 and rows:
+            time = time + np.asarray(self.setup.lateness((rows - 1) * every))[::every]
+        return np.asarray(time, dtype=float)
+
+    def _tip(self, q: Array) -> Array:
+        """Tip positions as the servo computes them, before the encoders' rounding."""
+        if self.scenario.device.kinematics == "linear":
+            shift = (q - self.start) @ np.asarray(self.device.jacobian(self.start)).T
+            return np.asarray(self.device.forward(self.start) + shift, dtype=float)
+        return self.device.forward(q)
+
+    def _deflection(self, tip: Array) -> Array:
+        """How far the tip has pushed the object in; without an object, how far it has moved."""
+        away = tip - np.array(self.setup.anchor.point)
+        if self.scenario.object.kind != "wall":
+            return np.asarray(away, dtype=float)
+        normal = np.array(self.scenario.object.normal)
+        return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+
+
+def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, controller: Controller) -> Any:
+    setup = device.setup()
+    setup.start = start
+    setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
+    setup.jitter, setup.seed = scenario.servo.jitter, scenario.run.seed
+    setup.hold = hold
+    setup.frozen_kinematics = scenario.device.kinematics == "linear"
+    setup.delay = scenario.device.delay
+    if scenario.device.encoder:
+        if not np.any(device.encoder_step):
+            raise ScenarioError(
+                f"device.encoder: {device.name} has no encoder; give its file one, or set encoder = false"
+            )
+        setup.encoder_step = device.encoder_step
+    if scenario.device.saturation:
+        limits = setup.limits
+        limits.peak_force, limits.continuous_force = device.peak_force, device.continuous_force
+        limits.thermal_time = device.parameters.one("drive.thermal_time", 1.0)
+        limits.peak_torque = device.peak_torque
+        setup.limits = limits
+    _touch(setup, scenario, device, start)
+    _hold(setup, scenario, device, start)
+    system = controller.system
+    none = np.zeros((system.nstates, 3))
+    antiwindup = none if controller.antiwindup is None else controller.antiwindup
+    setup.controller = _core.StateSpace(
+        np.asarray(system.A, float).reshape(system.nstates, system.nstates),
+        np.asarray(system.B, float).reshape(system.nstates, 6),
+        np.asarray(system.C, float).reshape(3, system.nstates),
+        np.asarray(system.D, float),
+        antiwindup,
+    )
+    if scenario.device.model != "nonlinear":
+        plant = sampled_plant(scenario.device.model, device, start, scenario.period)
+        setup.linear = True
+        setup.plant_a, setup.plant_b, setup.plant_c = plant.a, plant.b, plant.c
+        setup.working_torque = plant.working_torque
+    return setup
+
+
+def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
+    touched = scenario.object
+    anchor = _core.Anchor()
+    kinds = {"spring": _core.Anchor.Kind.point, "wall": _core.Anchor.Kind.half_space}
+    anchor.kind = kinds.get(touched.kind, _core.Anchor.Kind.none)
+    # The object stands where the servo sees the tip: between two counts a stiff one would push at rest.
+    step = device.encoder_step
+    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
+    counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
+    anchor.point = device.forward(counted) + np.array(touched.position)
+    if touched.normal is not None:
+        anchor.normal = np.array(touched.normal)
+    setup.anchor = anchor
+    if touched.mesh is not None:
+        mesh, surface = touched_mesh(scenario, np.array(anchor.point))
+        setup.touch(_core.TouchedSurface(mesh.core, surface.core_for(mesh), touched.mesh.radius))
+    if touched.body is not None:
+        setup.touch_body(touched_body(scenario, np.array(anchor.point)))
+    if touched.stiffness is not None:
+        setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
+    difference = _core.Difference
+    setup.difference = difference.bilinear if touched.coupling == "bilinear" else difference.backward
+
+
+def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
+    operator = scenario.operator
+    if operator.kind == "hold":
+        setup.held = True
+    if operator.kind != "arm":
+        return
+    if scenario.device.model != "nonlinear":
+        raise ScenarioError(
+            f'operator.kind: an arm moves with the nonlinear device; with device.model = "{scenario.device.model}" '
+            'use kind = "force"'
+        )
+    hand = _core.Hand()
+    hand.mass, hand.damping, hand.stiffness = operator.mass or 0.0, operator.damping or 0.0, operator.stiffness or 0.0
+    if operator.tissue_stiffness is not None:
+        hand.tissue = True
+        hand.tissue_stiffness, hand.tissue_damping = operator.tissue_stiffness, operator.tissue_damping or 0.0
+    hand.rest = device.forward(start) + np.array(operator.rest)
+    setup.hand = hand
+
+
+def _version() -> str:
+    try:
+        return version("palpate")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: arrays as lists, anything unknown as text."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)

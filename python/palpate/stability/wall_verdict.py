@@ -1,0 +1,100 @@
+"""The one-line question: how stiff a wall this device bears."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from palpate.linear.linear_device import Arm, Tip
+from palpate.linear.wall import wall_loop
+from palpate.stability.boundaries import critical
+from palpate.stability.passivity import passive_stiffness
+
+__all__ = ["WallVerdict", "wall"]
+
+
+@dataclass(frozen=True)
+class WallVerdict:
+    """How stiff a wall a mass with damping bears.
+
+    Attributes:
+        critical_stiffness: N/m, exact; 0 if no wall is stable.
+        frequency: of the oscillation that starts there, Hz.
+        passive_stiffness: N/m, up to which the wall is passive: stable in every passive hand.
+        period: s; delay: samples; virtual_damping: N s/m; velocity_filter: alpha.
+        device: in words, with the hand that holds it.
+    """
+
+    critical_stiffness: float
+    frequency: float
+    passive_stiffness: float
+    period: float
+    delay: float
+    virtual_damping: float
+    velocity_filter: float
+    device: str
+
+    def __str__(self) -> str:
+        late = "no delay" if self.delay == 0 else f"{self.delay:g} sample{'' if self.delay == 1 else 's'} of delay"
+        loop = f"at {1 / self.period:g} Hz, {late}, with {self.virtual_damping:g} N s/m of virtual damping"
+        if self.critical_stiffness == 0.0:
+            return f"No wall is stable with {self.device}, {loop}."
+        if self.critical_stiffness == float("inf"):
+            stable = f"Every wall is stable with {self.device}, {loop}."
+        else:
+            stable = (
+                f"Walls up to {self.critical_stiffness:.5g} N/m are stable with {self.device}, {loop}; beyond, it "
+                f"oscillates at {self.frequency:.4g} Hz."
+            )
+        if self.passive_stiffness > 0:
+            return f"{stable} Up to {self.passive_stiffness:.5g} N/m it is passive: stable in every passive hand."
+        return f"{stable} No wall is passive: in some passive hand each of them is unstable."
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain numbers and text."""
+        return {**asdict(self), "sentence": str(self)}
+
+
+def wall(
+    *,
+    mass: float,
+    damping: float = 0.0,
+    period: float,
+    delay: float = 0.0,
+    virtual_damping: float = 0.0,
+    velocity_filter: float = 0.0,
+    arm: Arm | None = None,
+) -> WallVerdict:
+    """Return how stiff a wall a device of one axis bears, exactly.
+
+    Args:
+        mass: kg, apparent at the tip.
+        damping: b, N s/m, physical.
+        period: servo period T, s.
+        delay: between sample and force, in samples, whole or not.
+        virtual_damping: B of the wall, N s/m, by backward difference.
+        velocity_filter: alpha of v <- alpha v + (1 - alpha) dx/T.
+        arm: who holds it; None: nobody.
+
+    Raises:
+        StabilityError: a mass or period that is not positive, a negative damping or delay, alpha outside [0, 1).
+    """
+    tip = Tip.of_mass(mass, damping, arm)
+    limit = critical(wall_loop(tip, period, delay, velocity_filter), virtual_damping)
+    passive = passive_stiffness(
+        damping=damping,
+        period=period,
+        virtual_damping=virtual_damping,
+        delay=delay,
+        velocity_filter=velocity_filter,
+    )
+    return WallVerdict(
+        limit.stiffness,
+        limit.frequency,
+        float(passive),
+        period,
+        delay,
+        virtual_damping,
+        velocity_filter,
+        tip.name,
+    )

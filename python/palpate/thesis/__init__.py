@@ -1,1 +1,0 @@
-"""The thesis that palpate grew from, computed anew and held against its printed numbers."""

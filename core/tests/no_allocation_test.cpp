@@ -43,7 +43,7 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   const palpate::plant::PlantIntegrator<Premium> motion(arm, friction, hand);
   palpate::plant::PlantState<3> state;
   state.q = pose;
-  state.hand = arm.forward(pose);
+  state.hand_position = arm.forward(pose);
 
   const long before = allocations;
   for (int k = 0; k < 2000; ++k) {

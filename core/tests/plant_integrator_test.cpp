@@ -124,7 +124,7 @@ TEST(PlantIntegrator, StiffTissueTendsToTheRigidGrip) {
   PlantState<1> s;
   s.q[0] = 0.01;
   PlantState<1> t = s;
-  t.hand[0] = 0.01;
+  t.hand_position[0] = 0.01;
   for (int k = 0; k < 100; ++k) {
     a.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);
     b.advance(t, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 40);

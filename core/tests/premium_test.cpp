@@ -10,6 +10,7 @@ namespace {
 using palpate::math::Dual;
 using palpate::math::Joints;
 using palpate::mechanism::Premium;
+using palpate::mechanism::PremiumInverse;
 
 template <class Scalar = Dual<3>>
 Joints<3, Scalar> variables(const Joints<3>& q) {
@@ -35,7 +36,7 @@ TEST(Premium, TorqueOfATipForceIsTheTransposedJacobian) {
   for (int n = 0; n < 200; ++n) {
     const Joints<3> q = states.draw(4.0);
     const palpate::math::Vector3<> f = states.draw(10.0);
-    EXPECT_LT((arm.torque(arm.kinematics(q), f) - arm.jacobian(q).transpose() * f).norm(), 1e-14);
+    EXPECT_LT((arm.apply_jacobian_transpose(arm.kinematics(q), f) - arm.jacobian(q).transpose() * f).norm(), 1e-14);
   }
 }
 
@@ -66,47 +67,47 @@ TEST(Premium, AMassAtTheTipMovesWithIt) {
     const Eigen::Matrix3d inertia = arm.mass_matrix(q) + mass * j.transpose() * j;
     const Joints<3> needed = arm.coriolis(q, qd) * qd + arm.gravity(q) + mass * j.transpose() * turning;
     const auto there = arm.dynamics(arm.kinematics(q), arm.inertia_parameters(mass));
-    const Joints<3> found = there.inverse() * there.net(torque, qd);
+    const Joints<3> found = there.inverse() * there.generalized_force(torque, qd);
     EXPECT_LT((inertia * found + needed - torque).norm(), 1e-12 * (1.0 + needed.norm()));
-    EXPECT_LT((there.inertial(found) - inertia * found).norm(), 1e-12 * (1.0 + needed.norm()));
+    EXPECT_LT((there.inertia_torque(found) - inertia * found).norm(), 1e-12 * (1.0 + needed.norm()));
   }
 }
 
-// Law: a held joint gets no acceleration, and the others move as if it were fixed: rows and columns of M struck out.
-TEST(Premium, HeldJointsLeaveTheOthersTheirOwnEquations) {
+// A stuck joint has no acceleration; the others move as if it were fixed (its row and column of M are removed).
+TEST(Premium, StuckJointsHaveNoAcceleration) {
   States states;
   for (int n = 0; n < 200; ++n) {
     const Joints<3> q = states.draw(4.0);
     const Joints<3> force = states.draw(0.3);
     for (int which = 0; which < 8; ++which) {
-      const std::array<bool, 3> held = {(which & 1) != 0, (which & 2) != 0, (which & 4) != 0};
+      const std::array<bool, 3> stuck = {(which & 1) != 0, (which & 2) != 0, (which & 4) != 0};
       Eigen::Matrix3d m = arm.mass_matrix(q);
       Joints<3> f = force;
       for (int i = 0; i < 3; ++i) {
-        if (!held[static_cast<std::size_t>(i)]) continue;
+        if (!stuck[static_cast<std::size_t>(i)]) continue;
         m.row(i).setZero();
         m.col(i).setZero();
         m(i, i) = 1.0;
         f[i] = 0.0;
       }
       const Joints<3> wanted = m.ldlt().solve(f);
-      EXPECT_LT((arm.dynamics(arm.kinematics(q)).inverse(held) * force - wanted).norm(), 1e-10 * (1.0 + wanted.norm())) << which;
+      EXPECT_LT((arm.dynamics(arm.kinematics(q)).inverse(stuck) * force - wanted).norm(), 1e-10 * (1.0 + wanted.norm())) << which;
     }
   }
 }
 
-// Law: a posture turned by a small or a large angle is the posture at the sum.
-TEST(Premium, TurnedPostureIsThePostureFurtherOn) {
+// Advancing a cache by a small or a large displacement gives the cache at the sum.
+TEST(Premium, AdvancedCacheEqualsTheCacheAtTheSum) {
   States states;
   for (const double size : {1e-9, 1e-3, palpate::math::max_small_rotation, 1.0}) {
     for (int n = 0; n < 200; ++n) {
       const Joints<3> q = states.draw(4.0);
-      const Joints<3> turn = states.draw(size);
-      const auto there = arm.turned(arm.kinematics(q), turn);
-      const auto exact = arm.kinematics(Joints<3>(q + turn));
+      const Joints<3> dq = states.draw(size);
+      const auto there = arm.advance(arm.kinematics(q), dq);
+      const auto exact = arm.kinematics(Joints<3>(q + dq));
       EXPECT_LT((arm.forward(there) - arm.forward(exact)).norm(), 3e-16);
-      if (!Premium::is_small(turn)) continue;
-      EXPECT_EQ(arm.forward(arm.advance_small(arm.kinematics(q), turn)), arm.forward(there));
+      if (!Premium::is_small(dq)) continue;
+      EXPECT_EQ(arm.forward(arm.advance_small(arm.kinematics(q), dq)), arm.forward(there));
     }
   }
 }
@@ -157,7 +158,7 @@ TEST(Premium, InverseFindsEveryBranch) {
     for (const bool behind : {false, true}) {
       for (const bool elbow_down : {false, true}) {
         const auto pose = arm.inverse(p, behind, elbow_down);
-        ASSERT_EQ(pose.reach, Premium::Reach::reachable);
+        ASSERT_EQ(pose.reach, PremiumInverse::Reach::reachable);
         EXPECT_LT((arm.forward(pose.q) - p).norm(), 1e-12);
         ++tried;
       }
@@ -167,10 +168,10 @@ TEST(Premium, InverseFindsEveryBranch) {
 }
 
 TEST(Premium, InverseSaysWhyAPointIsOutOfReach) {
-  EXPECT_EQ(arm.inverse({1.0, 0.0, 0.0}).reach, Premium::Reach::too_far);
-  EXPECT_EQ(arm.inverse({0.0, 0.17, -0.2}).reach, Premium::Reach::too_close);
-  EXPECT_EQ(arm.inverse({0.0, 0.37, -0.215}).reach, Premium::Reach::on_yaw_axis);
-  EXPECT_EQ(arm.inverse({std::nan(""), 0.0, 0.0}).reach, Premium::Reach::not_finite);
+  EXPECT_EQ(arm.inverse({1.0, 0.0, 0.0}).reach, PremiumInverse::Reach::too_far);
+  EXPECT_EQ(arm.inverse({0.0, 0.17, -0.2}).reach, PremiumInverse::Reach::too_close);
+  EXPECT_EQ(arm.inverse({0.0, 0.37, -0.215}).reach, PremiumInverse::Reach::on_yaw_axis);
+  EXPECT_EQ(arm.inverse({std::nan(""), 0.0, 0.0}).reach, PremiumInverse::Reach::not_finite);
 }
 
 // Golden values computed by hand from the published parameters.

@@ -16,6 +16,7 @@ namespace {
 
 using palpate::control::AnyController;
 using palpate::control::TickInput;
+using palpate::mechanism::TipKinematics;
 using palpate::math::Joints;
 using palpate::math::Vector3;
 using palpate::mechanism::Premium;
@@ -30,7 +31,6 @@ using palpate::object::SpringWall;
 using palpate::object::TipState;
 using palpate::servo::Servo;
 using palpate::servo::ServoSetup;
-using palpate::servo::TipKinematics;
 
 const Joints<3> pose(0.0, 2.2305, 3.2776);
 
@@ -58,8 +58,8 @@ TEST(Servo, FrozenKinematicsAreTheTangent) {
   TipKinematics<Premium> tangent(arm, pose, hold);
   const auto error = [&](double size) {
     const Joints<3> q = pose + size * Joints<3>(1.0, -0.5, 0.7);
-    exact.look(q);
-    tangent.look(q);
+    exact.update(q);
+    tangent.update(q);
     return std::pair{(exact.tip() - tangent.tip()).norm(), (exact.torque(hold) - tangent.torque(hold)).norm()};
   };
   EXPECT_LT(error(0.0).first, 1e-16);

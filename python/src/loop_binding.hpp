@@ -126,7 +126,7 @@ void bind_loop(nb::module_& m, const char* name) {
           [](const Setup& self, int ticks) {
             palpate::actuation::TickSchedule<double> clock(self.period, self.jitter, self.seed);
             auto [out, data] = new_array<double>({static_cast<std::size_t>(ticks) + 1});
-            for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.late();
+            for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.lateness();
             return out;
           },
           "ticks"_a, "How late each tick comes, 0 to `ticks`, s.")

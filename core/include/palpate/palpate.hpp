@@ -1,7 +1,9 @@
 #pragma once
 
 /// The whole core. Including only the headers a program uses compiles several times faster.
-#include "palpate/actuation/drive.hpp"
+#include "palpate/actuation/delay.hpp"
+#include "palpate/actuation/drive_limits.hpp"
+#include "palpate/actuation/encoder.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
@@ -20,6 +22,7 @@
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/premium.hpp"
 #include "palpate/mechanism/slider.hpp"
+#include "palpate/mechanism/tip_kinematics.hpp"
 #include "palpate/mesh/mesh_repair.hpp"
 #include "palpate/mesh/proxy.hpp"
 #include "palpate/object/any_object.hpp"
@@ -33,7 +36,7 @@
 #include "palpate/plant/device_catalog.hpp"
 #include "palpate/plant/human_arm.hpp"
 #include "palpate/plant/joint_friction.hpp"
-#include "palpate/plant/linear_plant.hpp"
 #include "palpate/plant/plant_integrator.hpp"
+#include "palpate/plant/sampled_plant.hpp"
 #include "palpate/servo/servo.hpp"
 #include "palpate/servo/simulation.hpp"

@@ -11,7 +11,7 @@ namespace palpate::actuation {
 
 namespace detail {
 
-/// Every bit of what comes out depends on every bit of what goes in (the finaliser of splitmix64, Stafford's variant 13).
+/// Mixes the bits of an integer: the finalizer of splitmix64 (variant 13 of Stafford).
 [[gnu::always_inline]] inline std::uint64_t splitmix64_mix(std::uint64_t bits) noexcept {
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9ULL;
   bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebULL;
@@ -20,80 +20,82 @@ namespace detail {
 
 }  // namespace detail
 
-/// Number `index` of a seed's sequence, uniform in [0, 1). It is computed from seed and index alone, so that it depends neither on who
-/// asks nor on what was asked before.
+/// Returns number `index` of the random sequence of a seed, uniform in [0, 1). It depends only on seed and index (counter-based).
 [[gnu::always_inline]] inline double random_number(std::uint64_t seed, int index) noexcept {
-  const std::uint64_t place = (static_cast<std::uint64_t>(index) + 1) * 0x9e3779b97f4a7c15ULL;
-  return static_cast<double>(detail::splitmix64_mix(detail::splitmix64_mix(seed) + place) >> 11) * 0x1p-53;
+  const std::uint64_t offset = (static_cast<std::uint64_t>(index) + 1) * 0x9e3779b97f4a7c15ULL;
+  return static_cast<double>(detail::splitmix64_mix(detail::splitmix64_mix(seed) + offset) >> 11) * 0x1p-53;
 }
 
-/// When a servo's ticks come: tick k at k periods, or late by up to `jitter`, each by itself and uniformly. A late tick does not delay
-/// the next one.
+/// Times of the servo ticks in simulation: tick k at k periods, plus a lateness that is uniform in [0, jitter) and independent for each
+/// tick. A late tick does not delay the next one.
 template <class Scalar>
 class TickSchedule {
  public:
   TickSchedule() = default;
   /// @param jitter  s, at least 0 and less than a period
-  TickSchedule(double period, double jitter, std::uint64_t seed) : period_(period), jitter_(jitter), seed_(seed), jitters_(jitter > 0.0) {
+  TickSchedule(double period, double jitter, std::uint64_t seed)
+      : period_(period), jitter_(jitter), seed_(seed), has_jitter_(jitter > 0.0) {
     draw();
     tick();
   }
 
-  /// Goes on to the next tick.
+  /// Advances to the next tick.
   void tick() noexcept {
-    if (!jitters_) return;
-    past_ = period_ + (next_ - late_);
-    late_ = next_;
+    if (!has_jitter_) return;
+    elapsed_ = period_ + (next_lateness_ - lateness_);
+    lateness_ = next_lateness_;
     draw();
   }
 
-  /// Puts one loop's clock into a lane: all lanes have the same period, and jitter or do not.
+  /// Copies the schedule of one loop into a lane. All lanes have the same period, and all or none have jitter.
   void set_lane(int lane, const TickSchedule<double>& one) {
     using math::set_lane;
     period_ = one.period_;
     set_lane(jitter_, lane, one.jitter_);
     set_lane(seed_, lane, one.seed_);
-    jitters_ = one.jitters_;
+    has_jitter_ = one.has_jitter_;
     set_lane(index_, lane, one.index_);
-    set_lane(late_, lane, one.late_);
-    set_lane(next_, lane, one.next_);
-    set_lane(past_, lane, one.past_);
+    set_lane(lateness_, lane, one.lateness_);
+    set_lane(next_lateness_, lane, one.next_lateness_);
+    set_lane(elapsed_, lane, one.elapsed_);
   }
 
-  [[nodiscard]] bool jitters() const noexcept { return jitters_; }
+  [[nodiscard]] bool has_jitter() const noexcept { return has_jitter_; }
   [[nodiscard]] double period() const noexcept { return period_; }
 
-  /// How late this tick is [s], and the next.
-  [[nodiscard]] const Scalar& late() const noexcept { return late_; }
-  [[nodiscard]] const Scalar& next_late() const noexcept { return next_; }
+  /// Lateness of this tick [s].
+  [[nodiscard]] const Scalar& lateness() const noexcept { return lateness_; }
+  /// Lateness of the next tick [s].
+  [[nodiscard]] const Scalar& next_lateness() const noexcept { return next_lateness_; }
 
-  /// Time from the tick before to this one [s], and to the next.
-  [[nodiscard]] const Scalar& past() const noexcept { return past_; }
-  [[nodiscard]] Scalar ahead() const noexcept { return period_ + (next_ - late_); }
+  /// Time from the previous tick to this one [s].
+  [[nodiscard]] const Scalar& elapsed() const noexcept { return elapsed_; }
+  /// Time from this tick to the next [s].
+  [[nodiscard]] Scalar remaining() const noexcept { return period_ + (next_lateness_ - lateness_); }
 
  private:
   template <class>
   friend class TickSchedule;
 
-  /// How late the tick after will be.
+  /// Draws the lateness of the next tick.
   void draw() noexcept {
     if constexpr (std::is_same_v<Scalar, double>) {
-      next_ = jitter_ * random_number(seed_, index_++);
+      next_lateness_ = jitter_ * random_number(seed_, index_++);
     } else {
       Scalar number;
       for (std::size_t i = 0; i < seed_.size(); ++i) number.set(static_cast<int>(i), random_number(seed_[i], index_[i]++));
-      next_ = jitter_ * number;
+      next_lateness_ = jitter_ * number;
     }
   }
 
   double period_ = 0.0;
   Scalar jitter_ = 0.0;
   Seed<Scalar> seed_{};
-  bool jitters_ = false;
+  bool has_jitter_ = false;
   LaneIndex<Scalar> index_{};  // of the next number to draw
-  Scalar late_ = 0.0;
-  Scalar next_ = 0.0;
-  Scalar past_ = 0.0;
+  Scalar lateness_ = 0.0;
+  Scalar next_lateness_ = 0.0;
+  Scalar elapsed_ = 0.0;
 };
 
 }  // namespace palpate::actuation

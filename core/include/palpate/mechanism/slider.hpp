@@ -7,8 +7,8 @@
 
 namespace palpate::mechanism {
 
-/// One mass on one axis: the device of the sampled-wall literature (Colgate & Schenkel 1997; Gil et al. 2004).
-/// Its joint is the tip's x [m]; "torques" are forces along x [N].
+/// One mass on one axis, the device of the literature on sampled walls (Colgate & Schenkel 1997; Gil, Avello, Rubio & Florez 2004).
+/// Its joint coordinate is the tip position x [m]. Its joint torque is the force along x [N].
 class Slider {
  public:
   static constexpr int dof = 1;
@@ -18,25 +18,25 @@ class Slider {
   Slider() = default;
   explicit Slider(double mass) : mass_(mass) {}
 
-  /// A slider's pose needs nothing computed beforehand.
+  /// The kinematics cache is the joint coordinate.
   template <class Scalar>
   [[nodiscard]] const Angles<Scalar>& kinematics(const Angles<Scalar>& q) const {
     return q;
   }
   template <class Scalar>
-  [[nodiscard]] const Angles<Scalar>& kinematics_near(const Angles<Scalar>& /*anchor*/, const Angles<Scalar>& q) const {
+  [[nodiscard]] const Angles<Scalar>& kinematics_near(const Angles<Scalar>& /*reference*/, const Angles<Scalar>& q) const {
     return q;
   }
   template <class Scalar>
-  [[nodiscard]] Angles<Scalar> turned(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
-    return from + shift;
+  [[nodiscard]] Angles<Scalar> advance(const Angles<Scalar>& from, const Angles<Scalar>& dq) const {
+    return from + dq;
   }
   template <class Scalar>
-  [[nodiscard]] Angles<Scalar> advance_small(const Angles<Scalar>& from, const Angles<Scalar>& shift) const {
-    return from + shift;
+  [[nodiscard]] Angles<Scalar> advance_small(const Angles<Scalar>& from, const Angles<Scalar>& dq) const {
+    return from + dq;
   }
   template <class Scalar>
-  [[nodiscard]] static Condition<Scalar> is_small(const Angles<Scalar>& /*shift*/) {
+  [[nodiscard]] static Condition<Scalar> is_small(const Angles<Scalar>& /*dq*/) {
     return true;
   }
 
@@ -52,39 +52,41 @@ class Slider {
     return TipJacobian<1, Scalar>(Scalar(1.0), Scalar(0.0), Scalar(0.0));
   }
 
-  /// Velocity of the tip [m/s].
+  /// Tip velocity [m/s].
   template <class Scalar>
   [[nodiscard]] Vector3<Scalar> velocity(const Angles<Scalar>& /*q*/, const Angles<Scalar>& qd) const {
     return {qd[0], Scalar(0.0), Scalar(0.0)};
   }
 
-  /// The part of a tip force [N] along the axis.
+  /// Component of a tip force along the axis [N].
   template <class Scalar>
-  [[nodiscard]] Angles<Scalar> torque(const Angles<Scalar>& /*q*/, const Vector3<Scalar>& force) const {
+  [[nodiscard]] Angles<Scalar> apply_jacobian_transpose(const Angles<Scalar>& /*q*/, const Vector3<Scalar>& force) const {
     return Angles<Scalar>(force[0]);
   }
 
-  /// The mass [kg]; with another one carried at the tip.
+  /// Mass [kg], optionally with a point mass at the tip.
   [[nodiscard]] double inertia_parameters() const { return mass_; }
   template <class Scalar>
-  [[nodiscard]] Scalar inertia_parameters(const Scalar& at_tip) const {
-    return mass_ + at_tip;
+  [[nodiscard]] Scalar inertia_parameters(const Scalar& tip_mass) const {
+    return mass_ + tip_mass;
   }
 
-  /// The equation of motion, mass qdd = force.
+  /// Equation of motion, mass qdd = force.
   template <class Scalar>
   struct Dynamics {
     Scalar mass;
 
-    /// 1 / mass, or 0 when the slider is held.
+    /// 1 / mass, or 0 if the joint is stuck.
     struct Inverse {
-      Scalar per_mass;
-      Angles<Scalar> operator*(const Angles<Scalar>& force) const { return Angles<Scalar>(per_mass * force[0]); }
+      Scalar inverse_mass;
+      Angles<Scalar> operator*(const Angles<Scalar>& force) const { return Angles<Scalar>(inverse_mass * force[0]); }
     };
-    [[nodiscard]] const Angles<Scalar>& net(const Angles<Scalar>& force, const Angles<Scalar>& /*qd*/) const { return force; }
+    [[nodiscard]] const Angles<Scalar>& generalized_force(const Angles<Scalar>& force, const Angles<Scalar>& /*qd*/) const { return force; }
     [[nodiscard]] Inverse inverse() const { return {1.0 / mass}; }
-    [[nodiscard]] Inverse inverse(const std::array<Condition<Scalar>, 1>& held) const { return {select(held[0], Scalar(0.0), 1.0 / mass)}; }
-    [[nodiscard]] Angles<Scalar> inertial(const Angles<Scalar>& qdd) const { return Angles<Scalar>(mass * qdd[0]); }
+    [[nodiscard]] Inverse inverse(const std::array<Condition<Scalar>, 1>& stuck) const {
+      return {select(stuck[0], Scalar(0.0), 1.0 / mass)};
+    }
+    [[nodiscard]] Angles<Scalar> inertia_torque(const Angles<Scalar>& qdd) const { return Angles<Scalar>(mass * qdd[0]); }
   };
 
   template <class Scalar, class Mass>
@@ -96,19 +98,19 @@ class Slider {
     return dynamics(q, mass_);
   }
 
-  /// The mass [kg], 1 x 1.
+  /// Mass matrix [kg], 1 x 1.
   template <class Scalar>
   [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> mass_matrix(const Angles<Scalar>& /*q*/) const {
     return Eigen::Matrix<Scalar, 1, 1>(Scalar(mass_));
   }
 
-  /// Zero: nothing turns.
+  /// Coriolis matrix: zero.
   template <class Scalar>
   [[nodiscard]] Eigen::Matrix<Scalar, 1, 1> coriolis(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/) const {
     return Eigen::Matrix<Scalar, 1, 1>(Scalar(0.0));
   }
 
-  /// Zero: the axis is level.
+  /// Gravity force: zero, because the axis is horizontal.
   template <class Scalar>
   [[nodiscard]] Angles<Scalar> gravity(const Angles<Scalar>& /*q*/) const {
     return Angles<Scalar>(Scalar(0.0));

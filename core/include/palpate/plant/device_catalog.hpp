@@ -5,8 +5,8 @@
 
 namespace palpate::plant {
 
-/// PHANToM Premium 1.5A, published parameters without rotors (Cavusoglu & Feygin 2001). A test holds these numbers against
-/// the catalogue's file phantom-premium-1.5a.toml, where each has its source.
+/// Returns the published parameters of the PHANToM Premium 1.5A without rotors (Cavusoglu & Feygin 2001).
+/// A test compares them with the device file phantom-premium-1.5a.toml, which gives the source of each number.
 inline mechanism::PremiumParameters phantom_premium_1_5a() {
   mechanism::PremiumParameters p;
   p.l1 = 0.215;
@@ -26,7 +26,7 @@ inline mechanism::PremiumParameters phantom_premium_1_5a() {
   return p;
 }
 
-/// The viscous friction of the same arm's joints [N*m*s/rad] (Hosseini-Zadeh 2004, chapter 3).
+/// Returns the viscous joint friction of the same device [N*m*s/rad] (Hosseini-Zadeh 2004, chapter 3).
 inline JointFriction<3> phantom_premium_1_5a_friction() {
   JointFriction<3> friction;
   friction.viscous = Joints<3>(0.05, 0.001, 0.01);

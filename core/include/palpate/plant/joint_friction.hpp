@@ -9,16 +9,18 @@
 
 namespace palpate::plant {
 
-/// Friction in the joints. Dry friction is a set-valued law: at rest it takes whatever value up to `breakaway` holds
-/// the joint; sliding, it falls from `breakaway` to `coulomb` with speed (Stribeck): coulomb + (breakaway - coulomb)
-/// exp(-(v/stribeck_speed)^2), against the motion.
+/// Viscous and dry friction of the joints.
+///
+/// Dry friction is a set-valued law. At rest, it takes any value up to `breakaway` that holds the joint. In sliding, it opposes the motion
+/// with coulomb + (breakaway - coulomb) exp(-(v / stribeck_speed)^2), the Stribeck curve.
 template <int dof, class Scalar = double>
 struct JointFriction {
   Joints<dof, Scalar> viscous = Joints<dof, Scalar>::Constant(0.0);          ///< N*m*s/rad
   Joints<dof, Scalar> coulomb = Joints<dof, Scalar>::Constant(0.0);          ///< N*m
-  Joints<dof, Scalar> breakaway = Joints<dof, Scalar>::Constant(0.0);        ///< N*m, not less than coulomb
+  Joints<dof, Scalar> breakaway = Joints<dof, Scalar>::Constant(0.0);        ///< N*m, at least coulomb
   Joints<dof, Scalar> stribeck_speed = Joints<dof, Scalar>::Constant(1e-2);  ///< rad/s
 
+  /// Whether any joint has dry friction.
   [[nodiscard]] bool dry() const {
     for (int i = 0; i < dof; ++i) {
       if (any(breakaway[i] > Scalar(0.0))) return true;
@@ -26,7 +28,7 @@ struct JointFriction {
     return false;
   }
 
-  /// Puts one loop's friction into a lane.
+  /// Copies the friction of one loop into a lane.
   void set_lane(int lane, const JointFriction<dof>& one) {
     using math::set_lane;
     set_lane(viscous, lane, one.viscous);
@@ -35,7 +37,7 @@ struct JointFriction {
     set_lane(stribeck_speed, lane, one.stribeck_speed);
   }
 
-  /// Size of the sliding dry friction of one joint [N*m].
+  /// Magnitude of the sliding dry friction of one joint [N*m].
   [[nodiscard]] Scalar sliding(int joint, const Scalar& speed) const {
     const Scalar extra = breakaway[joint] - coulomb[joint];
     if (all(extra == Scalar(0.0))) return coulomb[joint];

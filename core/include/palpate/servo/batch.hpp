@@ -96,7 +96,7 @@ class StabilityMonitor {
                                   const actuation::TickSchedule<Scalar>& clock) noexcept {
     const auto& tick = servo.last();
     const Vector tip = plant.tip();
-    const Vector bend = clock.jitters() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
+    const Vector bend = clock.has_jitter() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
     const Scalar swing = bend.squaredNorm();
     before_ = last_;
     last_ = tip;
@@ -138,7 +138,7 @@ class StabilityMonitor {
  private:
   /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
   Vector bend_to(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
-    const Scalar share = clock.period() / clock.past();
+    const Scalar share = clock.period() / clock.elapsed();
     const Vector bend = share * (tip - last_) - share_before_ * (last_ - before_);
     share_before_ = share;
     return bend;
@@ -194,11 +194,11 @@ class SignalTable {
   [[nodiscard]] plant::ForceSegment<Pack<lanes>> during(const Pack<lanes>& k, bool together,
                                                         const actuation::TickSchedule<Pack<lanes>>& clock) const noexcept {
     plant::ForceSegment<Pack<lanes>> out{at(k, together), at(k + 1.0, together)};
-    if (silent_ || !clock.jitters()) return out;
+    if (silent_ || !clock.has_jitter()) return out;
     const Vector after = at(k + 2.0, together);
     const Vector begin = out.begin;
-    out.begin = begin + (clock.late() / clock.period()) * (out.end - begin);
-    out.end = out.end + (clock.next_late() / clock.period()) * (after - out.end);
+    out.begin = begin + (clock.lateness() / clock.period()) * (out.end - begin);
+    out.end = out.end + (clock.next_lateness() / clock.period()) * (after - out.end);
     return out;
   }
 

@@ -6,97 +6,17 @@
 #include <type_traits>
 #include <utility>
 
-#include "palpate/actuation/drive.hpp"
+#include "palpate/actuation/delay.hpp"
+#include "palpate/actuation/drive_limits.hpp"
+#include "palpate/actuation/encoder.hpp"
 #include "palpate/control/controller.hpp"
 #include "palpate/control/state_space.hpp"
-#include "palpate/math/dual.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/object/contact_object.hpp"
-#include "palpate/plant/plant_integrator.hpp"
+#include "palpate/mechanism/kinematics_cache.hpp"
+#include "palpate/mechanism/tip_kinematics.hpp"
 
 namespace palpate::servo {
-
-/// Where angles become tip positions and tip forces become torques: exactly, or linearised at a pose (thesis case C and D).
-template <class Mechanism, class Scalar = double>
-class TipKinematics {
- public:
-  static constexpr int dof = Mechanism::dof;
-  using Angles = Joints<dof, Scalar>;
-  using Vector = Vector3<Scalar>;
-
-  TipKinematics() = default;
-  explicit TipKinematics(const Mechanism& mechanism) : mechanism_(mechanism) {}
-
-  /// First-order kinematics at `pose` [rad]; `hold` [N] is the constant tip force there, whose torque turns with the pose.
-  TipKinematics(const Mechanism& mechanism, const Angles& pose, const Vector& hold)
-      : mechanism_(mechanism),
-        frozen_(true),
-        pose_(pose),
-        pose_tip_(mechanism.forward(pose)),
-        tip_(pose_tip_),
-        jacobian_(mechanism.jacobian(pose)) {
-    using Variable = Dual<dof, Scalar>;
-    Joints<dof, Variable> q;
-    for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
-    const TipJacobian<dof, Variable> j = mechanism.jacobian(q);
-    torque_turn_.setConstant(0.0);
-    for (int i = 0; i < dof; ++i) {
-      for (int row = 0; row < 3; ++row) torque_turn_.row(i) += hold[row] * j(row, i).gradient.transpose();
-    }
-  }
-
-  /// Puts one loop's kinematics into a lane; all lanes have the same mechanism, and frozen kinematics or not.
-  void set_lane(int lane, const TipKinematics<Mechanism>& one) {
-    using math::set_lane;
-    mechanism_ = one.mechanism_;
-    frozen_ = one.frozen_;
-    set_lane(pose_, lane, one.pose_);
-    set_lane(pose_tip_, lane, one.pose_tip_);
-    set_lane(jacobian_, lane, one.jacobian_);
-    set_lane(torque_turn_, lane, one.torque_turn_);
-  }
-
-  /// Takes the angles `q` [rad] of one tick.
-  void look(const Angles& q) noexcept {
-    if (frozen_) {
-      turn_ = q - pose_;
-      tip_ = pose_tip_ + jacobian_ * turn_;
-      return;
-    }
-    at_ = mechanism_.kinematics(q);
-    tip_ = mechanism_.forward(at_);
-  }
-
-  /// The same, for whoever has the posture already.
-  void look_at(const plant::KinematicsCacheOf<Mechanism, Scalar>& at) noexcept {
-    at_ = at;
-    tip_ = mechanism_.forward(at_);
-  }
-
-  /// Tip position [m] at the angles last looked at.
-  [[nodiscard]] const Vector& tip() const noexcept { return tip_; }
-
-  /// Torques [N*m], at the angles last looked at, of tip force `force` [N], the constant hold in it.
-  [[nodiscard, gnu::always_inline]] Angles torque(const Vector& force) const noexcept {
-    if (frozen_) [[unlikely]]
-      return jacobian_.transpose() * force + torque_turn_ * turn_;
-    return mechanism_.torque(at_, force);
-  }
-
- private:
-  template <class, class>
-  friend class TipKinematics;
-
-  Mechanism mechanism_;
-  bool frozen_ = false;
-  Angles pose_ = Angles::Constant(0.0);
-  Vector pose_tip_ = Vector::Constant(0.0);
-  Angles turn_ = Angles::Constant(0.0);  // from the frozen pose
-  Vector tip_ = Vector::Constant(0.0);
-  TipJacobian<dof, Scalar> jacobian_ = TipJacobian<dof, Scalar>::Constant(0.0);  // at the frozen pose
-  plant::KinematicsCacheOf<Mechanism, Scalar> at_ = Mechanism().kinematics(Angles(Angles::Constant(0.0)));
-  Eigen::Matrix<Scalar, dof, dof> torque_turn_ = Eigen::Matrix<Scalar, dof, dof>::Constant(0.0);  // d(J^T hold)/dq
-};
 
 /// Parameters of a servo loop besides its object and its controller. Plain data.
 template <class Mechanism>
@@ -167,8 +87,8 @@ class Servo {
   Servo() = default;
   /// Build a loop that owns its object and its controller. The setup must have no fault().
   explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {})
-      : kinematics_(s.frozen_kinematics ? TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
-                                        : TipKinematics<Mechanism>(s.mechanism)),
+      : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
+                                        : mechanism::TipKinematics<Mechanism>(s.mechanism)),
         encoder_(s.encoder),
         object_(std::move(object)),
         controller_(std::move(controller)),
@@ -205,21 +125,21 @@ class Servo {
   /// @param angles     joint angles [rad]
   /// @param reference  force that the object should feel [N]; zero for an impedance display
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept {
-    kinematics_.look(encoder_.read(angles));
+    kinematics_.update(encoder_.read(angles));
     return finish_tick(reference, rate_);
   }
 
   /// Run one tick, `elapsed` [s] after the last: object damping and velocities use the true time. The controller's own dynamics still
   /// assume the period.
   const Tick& tick(const Angles& angles, const Vector& reference, double elapsed) noexcept {
-    kinematics_.look(encoder_.read(angles));
+    kinematics_.update(encoder_.read(angles));
     return finish_tick(reference, elapsed > 0.0 ? 1.0 / elapsed : rate_);
   }
 
   /// Run one tick with the kinematics `at` of the angles, if the caller has them: exact encoders need not compute them again.
-  const Tick& tick(const Angles& angles, const plant::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
+  const Tick& tick(const Angles& angles, const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
     if (!exact_encoders_) return tick(angles, reference);
-    kinematics_.look_at(at);
+    kinematics_.update(at);
     return finish_tick(reference, rate_);
   }
 
@@ -281,7 +201,7 @@ class Servo {
     const Vector asked = wanted;
     wanted = drive_.limit_force(asked);
     Angles torque = kinematics_.torque(wanted);
-    const Scalar scale = drive_.possible_part(torque);
+    const Scalar scale = drive_.torque_scale(torque);
     const auto limited = scale < Scalar(1.0);
     torque = select_each(limited, Angles(torque * scale), torque);
     wanted = select_each(limited, Vector(wanted * scale), wanted);
@@ -290,12 +210,12 @@ class Servo {
   }
 
   Angles torque_at_rest(const Angles& start) {
-    kinematics_.look(start);
+    kinematics_.update(start);
     const Angles torque = kinematics_.torque(gravity_compensation_);
-    return drive_.possible_part(torque) * torque;
+    return drive_.torque_scale(torque) * torque;
   }
 
-  TipKinematics<Mechanism, Scalar> kinematics_;
+  mechanism::TipKinematics<Mechanism, Scalar> kinematics_;
   actuation::Encoder<dof, Scalar> encoder_;
   Object object_;
   Controller controller_;

@@ -7,12 +7,12 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "palpate/actuation/drive.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/object/any_object.hpp"
-#include "palpate/plant/linear_plant.hpp"
+#include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/plant/plant_integrator.hpp"
+#include "palpate/plant/sampled_plant.hpp"
 #include "palpate/servo/servo.hpp"
 
 namespace palpate::servo {
@@ -69,17 +69,17 @@ class MovingPlant {
   explicit MovingPlant(const SimulationSetup<Mechanism>& s) : motion_(s.mechanism, s.friction, s.human_arm), substeps_(s.substeps) {
     state_.q = s.start;
     state_.qd = s.start_speed;
-    state_.hand = s.mechanism.forward(s.start);
-    track_ = plant::IncrementalKinematics<Mechanism>(s.mechanism.kinematics(s.start));
+    state_.hand_position = s.mechanism.forward(s.start);
+    track_ = mechanism::IncrementalKinematics<Mechanism>(s.mechanism.kinematics(s.start));
   }
-  [[nodiscard]] const plant::KinematicsCacheOf<Mechanism, Scalar>& kinematics() const { return track_.at; }
-  [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(track_.at); }
+  [[nodiscard]] const mechanism::KinematicsCacheOf<Mechanism, Scalar>& kinematics() const { return track_.current; }
+  [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(track_.current); }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
-  [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.hand_force(state_, voluntary); }
+  [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.operator_force(state_, voluntary); }
   void advance(const Joints<dof, Scalar>& torque, const plant::ForceSegment<Scalar>& force,
                const actuation::TickSchedule<Scalar>& clock) noexcept {
-    if (clock.jitters()) return motion_.advance(state_, track_, torque, force, clock.ahead(), substeps_);
+    if (clock.has_jitter()) return motion_.advance(state_, track_, torque, force, clock.remaining(), substeps_);
     motion_.advance(state_, track_, torque, force, clock.period(), substeps_);
   }
   /// Puts one loop's plant into a lane: of the same mechanism and number of substeps.
@@ -96,7 +96,7 @@ class MovingPlant {
 
   plant::PlantIntegrator<Mechanism, Scalar> motion_;
   plant::PlantState<dof, Scalar> state_;
-  plant::IncrementalKinematics<Mechanism, Scalar> track_;
+  mechanism::IncrementalKinematics<Mechanism, Scalar> track_;
   int substeps_ = 1;
 };
 
@@ -122,7 +122,7 @@ class SampledPlant {
   }
 
  private:
-  plant::LinearPlant<dof> plant_;
+  plant::SampledPlant<dof> plant_;
   Mechanism kinematics_;
   Joints<dof> angles_;
   Joints<dof> speeds_;
@@ -214,9 +214,9 @@ inline Vector3<> force_after(const double* table, int tick, int ticks, double la
 
 /// The operator's force [N] from one tick to the next: between two late ones a straight line, though it may bend at a sample.
 inline plant::ForceSegment<> force_during(const double* table, int tick, int ticks, const actuation::TickSchedule<double>& clock) noexcept {
-  if (clock.jitters())
-    return {force_after(table, tick, ticks, clock.late(), clock.period()),
-            force_after(table, tick + 1, ticks, clock.next_late(), clock.period())};
+  if (clock.has_jitter())
+    return {force_after(table, tick, ticks, clock.lateness(), clock.period()),
+            force_after(table, tick + 1, ticks, clock.next_lateness(), clock.period())};
   return {force_at(table, tick), force_at(table, std::min(tick + 1, ticks))};
 }
 

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
-#include <palpate/actuation/drive.hpp>
+#include <palpate/actuation/delay.hpp>
+#include <palpate/actuation/drive_limits.hpp>
+#include <palpate/actuation/encoder.hpp>
 
 namespace {
 
@@ -56,8 +58,8 @@ TEST(Drive, TorquesStayWithinTheMotorsAndKeepTheirDirection) {
   DriveLimits<3> limits;
   limits.peak_torque = Joints<3>(0.1, 0.2, 0.3);
   const Drive<3> drive(limits, 1e-3);
-  EXPECT_DOUBLE_EQ(drive.possible_part(Joints<3>(1.0, -1.0, 0.2)), 0.1);
-  EXPECT_DOUBLE_EQ(drive.possible_part(Joints<3>(0.1, -0.2, 0.3)), 1.0);
+  EXPECT_DOUBLE_EQ(drive.torque_scale(Joints<3>(1.0, -1.0, 0.2)), 0.1);
+  EXPECT_DOUBLE_EQ(drive.torque_scale(Joints<3>(0.1, -0.2, 0.3)), 1.0);
 }
 
 TEST(Delay, GivesBackWhatWentInPeriodsAgo) {

@@ -74,7 +74,7 @@ TEST(MeshFile, ReadsBinaryAndAsciiStl) {
   expect_same(parse_stl(shouted), s, 1.0, false);
 }
 
-TEST(MeshFile, MergesZerosOfEitherSignButNothingElse) {
+TEST(MeshFile, MergesEqualCoordinatesOnly) {
   const MeshFile mesh = parse_stl(
       "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
       "facet normal 0 0 1\nouter loop\nvertex -0.0 0 0\nvertex 0 1 0\nvertex 1e-300 0 0\nendloop\nendfacet\nendsolid\n");
@@ -140,7 +140,7 @@ TEST(MeshFile, ExplainsDamagedObj) {
   expect_error(parse_obj("v 0 0 0\n", -1.0), "unit");
 }
 
-TEST(MeshFile, AnyDamageEndsInAResultNotACrash) {
+TEST(MeshFile, RandomDamageNeverCrashes) {
   const Shape s = shapes::ball(2, 0.5);
   const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 \\\n0\nf 1/2/3 2 -1\n";
   std::mt19937_64 random(12);

@@ -14,7 +14,7 @@ struct Numbers {
   std::int64_t last = 0;
 };
 
-TEST(LatestValue, IsWholeAndNeverOlder) {
+TEST(LatestValue, IsCompleteAndNeverOlder) {
   const std::int64_t count = 200'000;
   palpate::math::LatestValue<Numbers> latest;
   EXPECT_FALSE(latest.acquire());
@@ -27,14 +27,14 @@ TEST(LatestValue, IsWholeAndNeverOlder) {
       latest.publish();
     }
   });
-  std::int64_t seen = 0;
-  while (seen < count) {
+  std::int64_t previous = 0;
+  while (previous < count) {
     if (!latest.acquire()) continue;
     const Numbers& value = latest.value();
-    ASSERT_GT(value.first, seen);
+    ASSERT_GT(value.first, previous);
     ASSERT_EQ(value.first, value.last);
     for (const std::int64_t m : value.more) ASSERT_EQ(m, value.first);
-    seen = value.first;
+    previous = value.first;
   }
   writer.join();
   EXPECT_FALSE(latest.acquire());

@@ -29,12 +29,12 @@ inline Shape ball(int n, double r, double bump = 0.0) {
                             {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
                             {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
   Shape s;
-  std::map<std::tuple<long, long, long>, int> known;
+  std::map<std::tuple<long, long, long>, int> indices;
   const auto vertex = [&](Vector3<> x) {
     x.normalize();
     const auto key = std::make_tuple(std::lround(x[0] * 1e7), std::lround(x[1] * 1e7), std::lround(x[2] * 1e7));
-    const auto [it, fresh] = known.emplace(key, static_cast<int>(s.vertices.size()));
-    if (fresh) s.vertices.push_back(r * (1.0 + bump * std::sin(10 * x[0]) * std::sin(10 * x[1]) * std::sin(10 * x[2])) * x);
+    const auto [it, is_new] = indices.emplace(key, static_cast<int>(s.vertices.size()));
+    if (is_new) s.vertices.push_back(r * (1.0 + bump * std::sin(10 * x[0]) * std::sin(10 * x[1]) * std::sin(10 * x[2])) * x);
     return it->second;
   };
   for (const auto& f : faces)
@@ -71,10 +71,10 @@ Shape sheet(int n, double a, Height height) {
 /// Return a box with half extents `half` and n x n squares per side.
 inline Shape box(const Vector3<>& half, int n) {
   Shape s;
-  std::map<std::tuple<int, int, int>, int> known;
+  std::map<std::tuple<int, int, int>, int> indices;
   const auto vertex = [&](int x, int y, int z) {
-    const auto [it, fresh] = known.emplace(std::make_tuple(x, y, z), static_cast<int>(s.vertices.size()));
-    if (fresh) s.vertices.push_back(half.cwiseProduct(Vector3<>(2.0 * x / n - 1.0, 2.0 * y / n - 1.0, 2.0 * z / n - 1.0)));
+    const auto [it, is_new] = indices.emplace(std::make_tuple(x, y, z), static_cast<int>(s.vertices.size()));
+    if (is_new) s.vertices.push_back(half.cwiseProduct(Vector3<>(2.0 * x / n - 1.0, 2.0 * y / n - 1.0, 2.0 * z / n - 1.0)));
     return it->second;
   };
   for (int axis = 0; axis < 3; ++axis)

@@ -35,7 +35,7 @@ void move(World& world, MeshUpdater& updater, Proxy& proxy, const std::vector<st
   proxy.reattach(attachment);
 }
 
-TEST(MeshUpdater, LocalChangesEqualAMeshBuiltAnew) {
+TEST(MeshUpdater, LocalUpdatesEqualARebuild) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const Shape shape = shapes::ball(8, 0.5, 0.1);
@@ -52,24 +52,25 @@ TEST(MeshUpdater, LocalChangesEqualAMeshBuiltAnew) {
     }
     ASSERT_EQ(updater.move(world.mesh, world.tree, which.data(), to.data(), which.size()), TriangleMesh::none);
     world.field.refit(world.mesh, updater.affected_faces().begin(), updater.affected_faces().end());
-    EXPECT_LT(updater.moved_faces().size(), 250U) << "only there";
-    const World anew({world.mesh.vertices(), shape.triangles}, surface);
+    EXPECT_LT(updater.moved_faces().size(), 250U) << "local update";
+    const World rebuilt({world.mesh.vertices(), shape.triangles}, surface);
     for (std::size_t v = 0; v < shape.vertices.size(); ++v)
-      ASSERT_LT((world.mesh.vertex_normal(static_cast<std::int32_t>(v)) - anew.mesh.vertex_normal(static_cast<std::int32_t>(v))).norm(),
+      ASSERT_LT((world.mesh.vertex_normal(static_cast<std::int32_t>(v)) - rebuilt.mesh.vertex_normal(static_cast<std::int32_t>(v))).norm(),
                 1e-12);
     for (int k = 0; k < 200; ++k) {
       const Vector3<> x(u(random), u(random), u(random));
-      const auto here = world.tree.nearest(world.mesh, x), there = anew.tree.nearest(anew.mesh, x);
+      const auto here = world.tree.nearest(world.mesh, x), there = rebuilt.tree.nearest(rebuilt.mesh, x);
       ASSERT_DOUBLE_EQ(here.distance2, there.distance2);
       const Vector3<> foot = here.at.point;
-      ASSERT_LT((world.field.shading().normal_at(world.mesh, here.face, foot) - anew.field.shading().normal_at(anew.mesh, here.face, foot))
-                    .norm(),
-                1e-12);
+      ASSERT_LT(
+          (world.field.shading().normal_at(world.mesh, here.face, foot) - rebuilt.field.shading().normal_at(rebuilt.mesh, here.face, foot))
+              .norm(),
+          1e-12);
     }
   }
 }
 
-TEST(MeshUpdater, AFacetWithoutAreaIsRefusedAndNothingChanges) {
+TEST(MeshUpdater, RejectsDegenerateFacesWithoutChanges) {
   const Shape shape = shapes::ball(4, 0.5);
   World world(shape);
   MeshUpdater updater(world.mesh);
@@ -81,7 +82,7 @@ TEST(MeshUpdater, AFacetWithoutAreaIsRefusedAndNothingChanges) {
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(world.mesh.face(17).corner[i], face.corner[i]);
 }
 
-TEST(MeshUpdater, AProxyRidesOnARigidMotion) {
+TEST(MeshUpdater, ProxyFollowsARigidMotion) {
   // Property: the force rotates with mesh and tip.
   Surface surface;
   surface.static_friction = 0.6;
@@ -111,7 +112,7 @@ TEST(MeshUpdater, AProxyRidesOnARigidMotion) {
     }
 }
 
-TEST(MeshUpdater, AStuckTipIsDraggedByTheSurface) {
+TEST(MeshUpdater, StickingSurfaceDragsTheTip) {
   // Infinite friction: the spring is stretched by the displacement of the surface.
   Surface surface;
   surface.static_friction = surface.dynamic_friction = std::numeric_limits<double>::infinity();
@@ -133,7 +134,7 @@ TEST(MeshUpdater, AStuckTipIsDraggedByTheSurface) {
   }
 }
 
-TEST(MeshUpdater, ASurfaceThatComesToTheTipTouchesIt) {
+TEST(MeshUpdater, SurfaceMovingOverTheTipMakesContact) {
   // A ball expands, contracts and undulates around a fixed tip. Contact holds exactly while the tip
   // is inside.
   for (const double shading : {0.0, 0.4})

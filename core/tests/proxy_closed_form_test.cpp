@@ -16,16 +16,16 @@ using palpate::mesh::Surface;
 using shapes::Shape;
 using shapes::World;
 
-Surface rough(double hold, double slide) {
+Surface rough(double mu_static, double mu_dynamic) {
   Surface s;
-  s.static_friction = hold;
-  s.dynamic_friction = slide;
+  s.static_friction = mu_static;
+  s.dynamic_friction = mu_dynamic;
   return s;
 }
 
 const Vector3<> half(1.0, 1.0, 0.5);  // the top of the box is z = 0.5
 
-TEST(Proxy, OnAPlaneIsThePointAboveTheTip) {
+TEST(Proxy, ProjectsTheTipOntoAPlane) {
   for (const double radius : {0.0, 0.05}) {
     const World world(shapes::box(half, 7));
     Proxy proxy = world.proxy(radius);
@@ -43,7 +43,7 @@ TEST(Proxy, OnAPlaneIsThePointAboveTheTip) {
   }
 }
 
-TEST(Proxy, LagsByFrictionAndHoldsUntilTheConeIsLeft) {
+TEST(Proxy, SticksInsideTheFrictionConeAndLagsWhenSliding) {
   for (const double radius : {0.0, 0.05}) {
     const World world(shapes::box(half, 7), rough(0.5, 0.3));
     Proxy proxy = world.proxy(radius);
@@ -56,7 +56,7 @@ TEST(Proxy, LagsByFrictionAndHoldsUntilTheConeIsLeft) {
       const Contact& c = proxy.step({x, 0.0, top - depth});
       const double lag = x - c.position[0];
       if (x <= 0.5 * depth * (1.0 - 1e-9)) {
-        EXPECT_NEAR(lag, x, 1e-12) << "holds";
+        EXPECT_NEAR(lag, x, 1e-12) << "sticks";
       } else if (x > 0.5 * depth * (1.0 + 1e-9)) {
         slid = true;
         EXPECT_NEAR(lag, 0.3 * depth, 1e-12) << "slides at x " << x;
@@ -71,7 +71,7 @@ TEST(Proxy, LagsByFrictionAndHoldsUntilTheConeIsLeft) {
   }
 }
 
-TEST(Proxy, LagScalesWithTheRatioOfStiffnesses) {
+TEST(Proxy, LagScalesWithTheStiffnessRatio) {
   Surface s = rough(0.4, 0.4);
   s.stiffness = {2000.0};
   s.tangential = 500.0;
@@ -87,10 +87,10 @@ TEST(Proxy, LagScalesWithTheRatioOfStiffnesses) {
   Proxy free = slippery.proxy();
   free.step({0.0, 0.0, 1.0});
   free.step({0.0, 0.0, 0.48});
-  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "nothing to reattach friction";
+  EXPECT_NEAR(free.step({0.3, 0.0, 0.48}).position[0], 0.3, 1e-12) << "no tangential spring, no friction";
 }
 
-TEST(Proxy, NeverSlipsUnderInfiniteFriction) {
+TEST(Proxy, NeverSlidesWithInfiniteFriction) {
   const double infinity = std::numeric_limits<double>::infinity();
   Surface s = rough(infinity, infinity);
   s.tangential = 1000.0;
@@ -103,7 +103,7 @@ TEST(Proxy, NeverSlipsUnderInfiniteFriction) {
   EXPECT_LT((c.force - Vector3<>(-700.0, 200.0, 200.0)).norm(), 1e-9);
 }
 
-TEST(Proxy, DragSlowsItAsItsLawSays) {
+TEST(Proxy, ViscousFrictionDecaysGeometrically) {
   // k_t lag = b v with v the change of the lag: the lag decays by 1 / (1 + k_t T / b) per tick.
   Surface s;
   s.viscous = 2.0;
@@ -133,7 +133,7 @@ TEST(Proxy, DampsAlongTheNormalAndNeverPulls) {
   EXPECT_EQ(proxy.step({0.0, 0.0, 0.499}).force[2], 0.0);
 }
 
-TEST(Proxy, RestsInAConcaveEdgeAndCorner) {
+TEST(Proxy, RestsInConcaveEdgesAndCorners) {
   // Inverting the orientation makes the inside of the box free. Three faces meet in the corner (1,
   // 1, 0.5).
   Shape s = shapes::box(half, 4);
@@ -157,7 +157,7 @@ TEST(Proxy, RestsInAConcaveEdgeAndCorner) {
   }
 }
 
-TEST(Proxy, SphereGoesRoundAConvexEdgeOnItsRounding) {
+TEST(Proxy, SphereFollowsTheArcAroundAConvexEdge) {
   const World world(shapes::box(half, 4));
   const double radius = 0.2;
   Proxy proxy = world.proxy(radius);
@@ -174,7 +174,7 @@ TEST(Proxy, SphereGoesRoundAConvexEdgeOnItsRounding) {
   }
 }
 
-TEST(Proxy, ThinWallIsNotCrossedBetweenTwoTicks) {
+TEST(Proxy, DoesNotTunnelThroughThinWalls) {
   for (const double radius : {0.0, 0.01}) {
     for (const bool open : {false, true}) {
       const World world(open ? shapes::sheet(5, 1.0, [](double, double) { return 0.0; }) : shapes::box({1.0, 1.0, 1e-5}, 5), {}, open);
@@ -192,19 +192,19 @@ TEST(Proxy, ThinWallIsNotCrossedBetweenTwoTicks) {
   }
 }
 
-TEST(Proxy, SheetLetsGoRoundItsBorder) {
+TEST(Proxy, LeavesASheetAroundItsBorder) {
   const World world(shapes::sheet(5, 1.0, [](double, double) { return 0.0; }), {}, true);
   for (const double radius : {0.0, 0.01}) {
     Proxy proxy = world.proxy(radius);
     proxy.step({0.9, 0.05, 0.1});
     EXPECT_TRUE(proxy.step({0.95, 0.05, -0.1}).touching);
     EXPECT_FALSE(proxy.step({1.1, 0.05, -0.1}).touching);
-    EXPECT_FALSE(proxy.step({0.9, 0.05, -0.1}).touching) << "below it now, on the free side there";
+    EXPECT_FALSE(proxy.step({0.9, 0.05, -0.1}).touching) << "below the sheet, on its free side";
     EXPECT_TRUE(proxy.step({0.9, 0.05, 0.1}).touching) << "from below";
   }
 }
 
-TEST(Proxy, StartsOnTheNearestSurfaceIfTheTipIsInside) {
+TEST(Proxy, StartsOnTheNearestSurfacePointIfTheTipIsInside) {
   const World world(shapes::box(half, 4));
   Proxy point = world.proxy();
   EXPECT_LT((point.step({0.31, 0.21, 0.4}).position - Vector3<>(0.31, 0.21, 0.5)).norm(), 1e-12);
@@ -212,19 +212,19 @@ TEST(Proxy, StartsOnTheNearestSurfaceIfTheTipIsInside) {
   EXPECT_LT((sphere.step({0.31, 0.21, 0.4}).position - Vector3<>(0.31, 0.21, 0.6)).norm(), 1e-9);
 }
 
-TEST(Proxy, HoldsTheLastContactWhenTheTipIsNotANumber) {
+TEST(Proxy, KeepsTheLastContactIfTheTipIsNotFinite) {
   const World world(shapes::box(half, 4));
   for (const double radius : {0.0, 0.1}) {
     Proxy proxy = world.proxy(radius);
     proxy.step({0.0, 0.0, 2.0});
     const Contact before = proxy.step({0.2, 0.1, 0.4});
-    for (const double bad : {std::nan(""), HUGE_VAL}) {
-      const Contact c = proxy.step({0.2, bad, 0.4});
+    for (const double invalid : {std::nan(""), HUGE_VAL}) {
+      const Contact c = proxy.step({0.2, invalid, 0.4});
       EXPECT_EQ(c.position, before.position);
       EXPECT_EQ(c.force, before.force);
     }
     EXPECT_EQ(proxy.invalid_input_count(), 2);
-    EXPECT_LT((proxy.step({0.3, 0.1, 0.4}).position - before.position - Vector3<>(0.1, 0.0, 0.0)).norm(), 1e-12) << "and goes on";
+    EXPECT_LT((proxy.step({0.3, 0.1, 0.4}).position - before.position - Vector3<>(0.1, 0.0, 0.0)).norm(), 1e-12) << "continues afterwards";
   }
 }
 
@@ -241,39 +241,39 @@ double difference(double radius, double scale, const Shape& other, Change change
   const Surface s = rough(friction, 0.6 * friction);
   const World one(shapes::ball(20, 0.5, 0.1), s), two(other, s);
   Proxy p = one.proxy(radius), q = two.proxy(radius * scale);
-  double worst = 0.0;
+  double max_difference = 0.0;
   for (int k = 0; k < 3000; ++k) {
     const Contact a = p.step(path(k)), b = q.step(change(path(k)));
     if (a.touching != b.touching) return 1e9;
-    worst = std::max(worst, (change(a.position) - b.position).norm() / scale);
-    worst = std::max(worst, std::fabs(a.depth * scale - b.depth) / scale);
+    max_difference = std::max(max_difference, (change(a.position) - b.position).norm() / scale);
+    max_difference = std::max(max_difference, std::fabs(a.depth * scale - b.depth) / scale);
   }
-  return worst;
+  return max_difference;
 }
 
-struct How {
-  double radius, friction, within;
+struct Variant {
+  double radius, friction, tolerance;
 };
-const How runs[] = {{0.0, 0.0, 1e-9}, {0.0, 0.5, 1e-9}, {0.02, 0.0, 1e-9}, {0.02, 0.5, 1e-9}};
+const Variant runs[] = {{0.0, 0.0, 1e-9}, {0.0, 0.5, 1e-9}, {0.02, 0.0, 1e-9}, {0.02, 0.5, 1e-9}};
 
-TEST(Proxy, SaysTheSameInMetresAndMillimetres) {
-  for (const How& run : runs)
+TEST(Proxy, DoesNotDependOnTheUnit) {
+  for (const Variant& run : runs)
     for (const double scale : {1e-3, 1e3}) {
       const auto change = [scale](const Vector3<>& x) { return Vector3<>(scale * x); };
       const Shape other = shapes::moved(shapes::ball(20, 0.5, 0.1), change);
-      EXPECT_LT(difference(run.radius, scale, other, change, run.friction), run.within) << run.radius << " " << run.friction;
+      EXPECT_LT(difference(run.radius, scale, other, change, run.friction), run.tolerance) << run.radius << " " << run.friction;
     }
 }
 
-TEST(Proxy, TurningTheMeshChangesOnlyRounding) {
+TEST(Proxy, DoesNotDependOnTheOrientation) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3<>(1, 2, 3).normalized()).toRotationMatrix();
   const auto change = [&turn](const Vector3<>& x) { return Vector3<>(turn * x); };
   const Shape other = shapes::moved(shapes::ball(20, 0.5, 0.1), change);
-  for (const How& run : runs)
-    EXPECT_LT(difference(run.radius, 1.0, other, change, run.friction), run.within) << run.radius << " " << run.friction;
+  for (const Variant& run : runs)
+    EXPECT_LT(difference(run.radius, 1.0, other, change, run.friction), run.tolerance) << run.radius << " " << run.friction;
 }
 
-TEST(Proxy, RenumberingTheMeshChangesOnlyRounding) {
+TEST(Proxy, DoesNotDependOnTheNumbering) {
   const Shape s = shapes::ball(20, 0.5, 0.1);
   std::mt19937_64 random(7);
   std::vector<std::int32_t> number(s.vertices.size());
@@ -287,8 +287,8 @@ TEST(Proxy, RenumberingTheMeshChangesOnlyRounding) {
   }
   std::shuffle(shuffled.triangles.begin(), shuffled.triangles.end(), random);
   const auto same = [](const Vector3<>& x) { return x; };
-  for (const How& run : runs)
-    EXPECT_LT(difference(run.radius, 1.0, shuffled, same, run.friction), run.within) << run.radius << " " << run.friction;
+  for (const Variant& run : runs)
+    EXPECT_LT(difference(run.radius, 1.0, shuffled, same, run.friction), run.tolerance) << run.radius << " " << run.friction;
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ static_assert(std::is_constructible_v<MeshUpdater, Mesh>);
 static_assert(!std::is_constructible_v<MeshUpdater, TriangleMesh>);
 static_assert(!std::is_constructible_v<ForceShading, TriangleMesh, double>);
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 Shape tetrahedron_shape() {
@@ -63,7 +63,7 @@ std::vector<Shape> unusable_shapes() {
   list[1].triangles.clear();
   list[2].vertices.clear();
   list[3].vertices[1][2] = not_a_number;
-  list[4].vertices[4][0] = -infinity;
+  list[4].vertices[4][0] = -infinite;
   list[5].triangles[2][1] = 5;
   list[6].triangles[2][1] = -1;
   list[7].triangles.push_back({1, 1, 2});
@@ -87,7 +87,7 @@ void expect_untouched(Proxy& proxy) {
   EXPECT_EQ(proxy.invalid_input_count(), 0);
 }
 
-TEST(InvalidInput, AnUnusableMeshIsNeverTouched) {
+TEST(InvalidInput, UnusableMeshIsNeverTouched) {
   int number = 0;
   for (const Shape& s : unusable_shapes()) {
     SCOPED_TRACE(number++);
@@ -118,7 +118,7 @@ TEST(InvalidInput, AnUnusableMeshIsNeverTouched) {
   }
 }
 
-TEST(InvalidInput, AnInvalidSurfaceIsNeverTouched) {
+TEST(InvalidInput, InvalidSurfaceIsNeverTouched) {
   const Shape shape = shapes::ball(3, 0.5);
   const TriangleMesh mesh(shape.vertices, shape.triangles);
   const AabbTree tree(mesh);
@@ -146,7 +146,7 @@ TEST(InvalidInput, AnInvalidSurfaceIsNeverTouched) {
   }
 }
 
-TEST(InvalidInput, TheDefaultFieldFitsEveryMesh) {
+TEST(InvalidInput, DefaultFieldFitsEveryMesh) {
   const Shape shape = shapes::ball(3, 0.5);
   const TriangleMesh mesh(shape.vertices, shape.triangles);
   const AabbTree tree(mesh);
@@ -156,12 +156,12 @@ TEST(InvalidInput, TheDefaultFieldFitsEveryMesh) {
   EXPECT_GT(proxy.step({0.0, 0.0, 0.45}).force[2], 0.0);
 }
 
-TEST(InvalidInput, AnInvalidRadiusCountsAsZero) {
+TEST(InvalidInput, InvalidRadiusCountsAsZero) {
   const shapes::World world(shapes::ball(3, 0.5));
-  for (const double radius : {-1.0, not_a_number, infinity}) EXPECT_EQ(world.proxy(radius).radius(), 0.0);
+  for (const double radius : {-1.0, not_a_number, infinite}) EXPECT_EQ(world.proxy(radius).radius(), 0.0);
 }
 
-TEST(InvalidInput, AHugeTipKeepsTheLastContact) {
+TEST(InvalidInput, HugeTipKeepsTheLastContact) {
   for (const bool open : {false, true}) {
     const Shape shape = open ? shapes::sheet(4, 1.0, [](double, double) { return 0.5; }) : shapes::ball(3, 0.5);
     const shapes::World world(shape, {}, open);
@@ -172,7 +172,7 @@ TEST(InvalidInput, AHugeTipKeepsTheLastContact) {
       const Contact before = proxy.step({0.1, 0.05, 0.4});
       ASSERT_TRUE(before.touching);
       std::int64_t count = 1;
-      for (const double huge : {1.1e150, 1e155, 1e200, std::numeric_limits<double>::max(), infinity, not_a_number}) {
+      for (const double huge : {1.1e150, 1e155, 1e200, std::numeric_limits<double>::max(), infinite, not_a_number}) {
         for (const double sign : {-1.0, 1.0}) {
           const Contact& c = proxy.step({0.1, sign * huge, 0.4});
           EXPECT_EQ(c.position, before.position);
@@ -185,7 +185,7 @@ TEST(InvalidInput, AHugeTipKeepsTheLastContact) {
   }
 }
 
-TEST(InvalidInput, TipsOfAnyMagnitudeReadNothingOutOfBounds) {
+TEST(InvalidInput, TipsOfAnyMagnitudeStayInBounds) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> u(-1.0, 1.0), exponent(-20.0, 160.0);
   for (const double radius : {0.0, 0.03, 1e160}) {

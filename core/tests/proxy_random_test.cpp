@@ -71,38 +71,40 @@ void wander(const Case& c, std::uint64_t seed, double scale, double friction, do
   ASSERT_TRUE(world.mesh.usable());
   Proxy proxy = world.proxy(radius * scale);
   Wanderer tip{.x = Vector3<>(0.0, 0.0, 1.2), .size = 1.0};
-  const double small = 1e-9 * scale;
+  const double tolerance = 1e-9 * scale;
   for (int k = 0; k < ticks; ++k) {
     const Vector3<> at = scale * tip.next(random) + offset;
     const palpate::mesh::Contact contact = proxy.step(at);
     const shapes::ReferenceDistance proxy_distance = shapes::reference_distance(world.mesh, contact.position);
-    ASSERT_FALSE(!c.open && proxy_distance.inside && proxy_distance.distance > small) << "proxy inside at tick " << k;
-    ASSERT_GE(proxy_distance.distance, radius * scale * (1.0 - 1e-9) - small) << "at tick " << k;
+    ASSERT_FALSE(!c.open && proxy_distance.inside && proxy_distance.distance > tolerance) << "proxy inside at tick " << k;
+    ASSERT_GE(proxy_distance.distance, radius * scale * (1.0 - 1e-9) - tolerance) << "at tick " << k;
     if (!contact.touching) {
       ASSERT_EQ(contact.position, at) << "tick " << k;
       ASSERT_FALSE(!c.open && shapes::reference_distance(world.mesh, at).inside) << "contact lost at tick " << k;
     } else if (radius == 0.0) {
-      ASSERT_LE(proxy_distance.distance, small) << "at tick " << k;
+      ASSERT_LE(proxy_distance.distance, tolerance) << "at tick " << k;
     }
     const double distance = (contact.position - at).norm();
     if (contact.touching && friction == 0.0 && radius == 0.0 && shading == 0.0) {
       for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
         const palpate::mesh::Face& face = world.mesh.face(f);
         if ((palpate::mesh::nearest_point(face, contact.position).point - contact.position).norm() > 1e-13 * scale) continue;
-        ASSERT_GE((palpate::mesh::nearest_point(face, at).point - at).norm(), distance - small) << "stuck at tick " << k << " face " << f;
+        ASSERT_GE((palpate::mesh::nearest_point(face, at).point - at).norm(), distance - tolerance)
+            << "stuck at tick " << k << " face " << f;
       }
     }
     if (contact.touching) {
-      const double along = contact.normal.dot(contact.position - at);
-      ASSERT_NEAR(along, contact.depth, 10.0 * small);
+      const double depth = contact.normal.dot(contact.position - at);
+      ASSERT_NEAR(depth, contact.depth, 10.0 * tolerance);
       if (shading > 0.0) continue;  // at a crease the face normals decide
-      ASSERT_LE((contact.position - at - along * contact.normal).norm(), friction * contact.depth * (1.0 + 1e-9) + small) << "tick " << k;
+      ASSERT_LE((contact.position - at - depth * contact.normal).norm(), friction * contact.depth * (1.0 + 1e-9) + tolerance)
+          << "tick " << k;
     }
   }
   ASSERT_EQ(proxy.iteration_limit_count(), 0);
 }
 
-void wander_everywhere(double radius, double shading, std::uint64_t seed, int ticks) {
+void wander_on_all_meshes(double radius, double shading, std::uint64_t seed, int ticks) {
   for (int round = 0; round < rounds(); ++round)
     for (const double scale : {1.0, 1e-3, 1e3}) {
       std::mt19937_64 random(++seed);
@@ -114,20 +116,20 @@ void wander_everywhere(double radius, double shading, std::uint64_t seed, int ti
     }
 }
 
-TEST(TouchRandom, PointNeverSticksNorPopsThrough) {
-  wander_everywhere(0.0, 0.0, 0, 100);
+TEST(ProxyRandom, PointNeverSticksOrPopsThrough) {
+  wander_on_all_meshes(0.0, 0.0, 0, 100);
 }
 
-TEST(TouchRandom, SphereNeverSticksNorPopsThrough) {
-  wander_everywhere(0.03, 0.0, 1'000'000, 60);
+TEST(ProxyRandom, SphereNeverSticksOrPopsThrough) {
+  wander_on_all_meshes(0.03, 0.0, 1'000'000, 60);
 }
 
-TEST(TouchRandom, ShadedPointNeverPopsThrough) {
-  wander_everywhere(0.0, 0.4, 2'000'000, 40);
+TEST(ProxyRandom, ShadedPointNeverPopsThrough) {
+  wander_on_all_meshes(0.0, 0.4, 2'000'000, 40);
 }
 
-TEST(TouchRandom, ShadedSphereNeverPopsThrough) {
-  wander_everywhere(0.03, 0.4, 3'000'000, 40);
+TEST(ProxyRandom, ShadedSphereNeverPopsThrough) {
+  wander_on_all_meshes(0.03, 0.4, 3'000'000, 40);
 }
 
 }  // namespace

@@ -7,11 +7,11 @@ namespace {
 using palpate::math::Vector3;
 using palpate::object::SpringWall;
 
-TEST(SpringWall, NothingIsNeverTouched) {
+TEST(SpringWall, KindNoneIsNeverTouched) {
   EXPECT_FALSE(SpringWall{}.contact({0.0, 0.0, -1.0}).touching);
 }
 
-TEST(SpringWall, WallDeflectsAlongItsNormalOnlyInside) {
+TEST(SpringWall, WallDeflectsAlongItsNormal) {
   SpringWall wall;
   wall.kind = SpringWall::Kind::half_space;
   wall.point = Vector3<>(0.0, 0.0, 0.1);
@@ -22,7 +22,7 @@ TEST(SpringWall, WallDeflectsAlongItsNormalOnlyInside) {
   EXPECT_LT((c.deflection - Vector3<>(-0.08 * wall.normal)).norm(), 1e-15);
 }
 
-TEST(SpringWall, PointHoldsFromAllSides) {
+TEST(SpringWall, PointDeflectsInAllDirections) {
   SpringWall point;
   point.kind = SpringWall::Kind::point;
   point.point = Vector3<>(1.0, 2.0, 3.0);

@@ -21,7 +21,7 @@ MeshFault fault(std::vector<Vector3<>> v, std::vector<Triangle> t, bool open = f
   return TriangleMesh(std::move(v), std::move(t), open).fault();
 }
 
-TEST(TriangleMesh, NamesEachFault) {
+TEST(TriangleMesh, DiagnosesEachFault) {
   EXPECT_EQ(fault(corners, tetrahedron), MeshFault::none);
   EXPECT_EQ(fault(corners, {}), MeshFault::empty);
   EXPECT_EQ(fault({}, tetrahedron), MeshFault::empty);
@@ -36,7 +36,7 @@ TEST(TriangleMesh, NamesEachFault) {
   t = tetrahedron;
   t.push_back({1, 1, 2});
   EXPECT_EQ(fault(corners, t), MeshFault::degenerate);
-  EXPECT_EQ(fault({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}, {{0, 1, 2}}, true), MeshFault::degenerate) << "three in line";
+  EXPECT_EQ(fault({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}, {{0, 1, 2}}, true), MeshFault::degenerate) << "collinear";
   t = tetrahedron;
   t.push_back({1, 3, 0});
   EXPECT_EQ(fault(corners, t), MeshFault::duplicate);
@@ -49,7 +49,7 @@ TEST(TriangleMesh, NamesEachFault) {
   t = tetrahedron;
   t.pop_back();
   EXPECT_EQ(fault(corners, t), MeshFault::open);
-  EXPECT_EQ(fault(corners, t, true), MeshFault::none) << "open on purpose";
+  EXPECT_EQ(fault(corners, t, true), MeshFault::none) << "open meshes allowed";
 }
 
 TEST(TriangleMesh, FaultsDoNotDependOnTheUnit) {
@@ -61,7 +61,7 @@ TEST(TriangleMesh, FaultsDoNotDependOnTheUnit) {
   }
 }
 
-TEST(TriangleMesh, AdjacencyIsMutualAndSharesTheEdge) {
+TEST(TriangleMesh, TwinsAreMutualAndShareTheEdge) {
   const Shape s = shapes::ball(5, 0.5, 0.1);
   const TriangleMesh mesh(s.vertices, s.triangles);
   ASSERT_TRUE(mesh.usable());
@@ -77,7 +77,7 @@ TEST(TriangleMesh, AdjacencyIsMutualAndSharesTheEdge) {
   }
 }
 
-TEST(Mend, MakesATouchableMeshOfABrokenOne) {
+TEST(MeshRepair, MakesABrokenMeshUsable) {
   Shape s = shapes::ball(4, 0.5);
   std::mt19937_64 random(1);
   for (std::size_t f = 0; f < s.triangles.size(); ++f)
@@ -85,16 +85,16 @@ TEST(Mend, MakesATouchableMeshOfABrokenOne) {
   s.triangles.push_back(s.triangles[7]);
   s.triangles.push_back({3, 3, 4});
   EXPECT_NE(fault(s.vertices, s.triangles), MeshFault::none);
-  const palpate::mesh::RepairReport done = palpate::mesh::repair_mesh(s.vertices, s.triangles);
-  EXPECT_EQ(done.dropped_degenerate, 1);
-  EXPECT_EQ(done.dropped_duplicate, 1);
-  EXPECT_GT(done.flipped, 0);
+  const palpate::mesh::RepairReport report = palpate::mesh::repair_mesh(s.vertices, s.triangles);
+  EXPECT_EQ(report.dropped_degenerate, 1);
+  EXPECT_EQ(report.dropped_duplicate, 1);
+  EXPECT_GT(report.flipped, 0);
   const TriangleMesh mesh(s.vertices, s.triangles);
   EXPECT_EQ(mesh.fault(), MeshFault::none);
   EXPECT_GT(mesh.diagnosis().volume, 0.0);
 }
 
-TEST(Mend, FindsPiecesThatCutEachOther) {
+TEST(MeshRepair, FindsSelfIntersections) {
   Shape s = shapes::ball(3, 0.5);
   Shape other = shapes::moved(s, [](const Vector3<>& v) { return Vector3<>(v + Vector3<>(0.4, 0.03, 0.01)); });
   {
@@ -109,7 +109,7 @@ TEST(Mend, FindsPiecesThatCutEachOther) {
   EXPECT_GT(palpate::mesh::self_intersections(world.mesh, world.tree).count, 0);
 }
 
-TEST(AabbTree, NearestIsTheNearestOfAll) {
+TEST(AabbTree, NearestEqualsBruteForce) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   for (const Shape& s :
@@ -124,51 +124,51 @@ TEST(AabbTree, NearestIsTheNearestOfAll) {
   }
 }
 
-TEST(AabbTree, AlongShowsEveryFacetThatASegmentMeets) {
+TEST(AabbTree, SweepVisitsEveryFaceOnASegment) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const shapes::World world(shapes::ball(8, 0.5, 0.3));
-  int met = 0;
+  int intersections = 0;
   for (int k = 0; k < 300; ++k) {
     const Vector3<> from(u(random), u(random), u(random)), motion = Vector3<>(u(random), u(random), u(random)) - from;
-    std::vector<bool> shown(static_cast<std::size_t>(world.mesh.size()), false);
-    world.tree.sweep_sphere(from, motion, 0.0, [&](std::int32_t f, double&) { shown[static_cast<std::size_t>(f)] = true; });
+    std::vector<bool> visited(static_cast<std::size_t>(world.mesh.size()), false);
+    world.tree.sweep_sphere(from, motion, 0.0, [&](std::int32_t f, double&) { visited[static_cast<std::size_t>(f)] = true; });
     for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
       const palpate::mesh::Face& face = world.mesh.face(f);
       if (face.height(from) * face.height(from + motion) < 0.0 && palpate::mesh::line_intersects(face, from, motion)) {
-        ++met;
-        EXPECT_TRUE(shown[static_cast<std::size_t>(f)]);
+        ++intersections;
+        EXPECT_TRUE(visited[static_cast<std::size_t>(f)]);
       }
     }
   }
-  EXPECT_GT(met, 100);
+  EXPECT_GT(intersections, 100);
 }
 
 TEST(AabbTree, RefitFollowsMovedVertices) {
   const Shape s = shapes::ball(8, 0.5, 0.2);
   TriangleMesh mesh(s.vertices, s.triangles);
   palpate::mesh::AabbTree tree(mesh);
-  std::vector<std::int32_t> touched;
+  std::vector<std::int32_t> moved_faces;
   for (std::int32_t f = 0; f < mesh.size(); ++f)
     for (const std::int32_t v : mesh.face(f).vertex)
       if (mesh.vertices()[static_cast<std::size_t>(v)][2] > 0.4) {
-        touched.push_back(f);
+        moved_faces.push_back(f);
         break;
       }
   for (std::size_t v = 0; v < s.vertices.size(); ++v)
     if (s.vertices[v][2] > 0.4) mesh.set_vertex(static_cast<std::int32_t>(v), s.vertices[v] + Vector3<>(0.1, 0.2, 0.3));
-  for (const std::int32_t f : touched) ASSERT_TRUE(mesh.update_face(f));
-  tree.refit(mesh, touched.begin(), touched.end());
-  const palpate::mesh::AabbTree fresh(mesh);
+  for (const std::int32_t f : moved_faces) ASSERT_TRUE(mesh.update_face(f));
+  tree.refit(mesh, moved_faces.begin(), moved_faces.end());
+  const palpate::mesh::AabbTree rebuilt(mesh);
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   for (int k = 0; k < 200; ++k) {
     const Vector3<> x(u(random), u(random), u(random));
-    EXPECT_EQ(tree.nearest(mesh, x).distance2, fresh.nearest(mesh, x).distance2);
+    EXPECT_EQ(tree.nearest(mesh, x).distance2, rebuilt.nearest(mesh, x).distance2);
   }
 }
 
-TEST(Sweep, StopsWhereTheDistanceIsTheRadius) {
+TEST(SweepSphere, StopsAtADistanceOfOneRadius) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
   const shapes::World world(Shape{{{0, 0, 0}, {0.5, 0.1, 0}, {0.1, 0.4, 0.2}}, {{0, 1, 2}}}, {}, true);

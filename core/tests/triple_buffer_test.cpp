@@ -17,43 +17,43 @@ struct Page {
 
 // Property: each page is complete, pages arrive in order without repetition, and slots owned by the
 // reader do not change.
-TEST(TripleBuffer, PagesAreWholeAndInTurn) {
-  palpate::math::TripleBuffer<Page, 3> box;
+TEST(TripleBuffer, ValuesAreCompleteAndOrdered) {
+  palpate::math::TripleBuffer<Page, 3> buffer;
   std::atomic<bool> done{false};
   const long last = 50000;
   std::thread writer([&] {
     for (long n = 1; n <= last; ++n) {
-      Page& page = box.write_slot();
+      Page& page = buffer.write_slot();
       page.number = n;
       page.copies.fill(n);
-      box.publish();
+      buffer.publish();
     }
     done = true;
   });
   std::array<int, 3> held{0, 1, 2};
   std::array<long, 3> number{};
-  long newest = 0, taken = 0;
-  long wrong = 0;
-  while (newest < last && wrong == 0) {
-    if (!box.has_new()) {
+  long newest = 0, acquired = 0;
+  long errors = 0;
+  while (newest < last && errors == 0) {
+    if (!buffer.has_new()) {
       if (!done) std::this_thread::yield();
       continue;
     }
-    const auto k = static_cast<std::size_t>(taken++ % 3);
-    held[k] = box.acquire(held[k]);
-    number[k] = box.read_slot(held[k]).number;
-    wrong += number[k] > newest ? 0 : 1;
+    const auto k = static_cast<std::size_t>(acquired++ % 3);
+    held[k] = buffer.acquire(held[k]);
+    number[k] = buffer.read_slot(held[k]).number;
+    errors += number[k] > newest ? 0 : 1;
     newest = number[k];
     for (std::size_t i = 0; i < 3; ++i) {
-      const Page& page = box.read_slot(held[i]);
-      wrong += page.number == number[i] ? 0 : 1;
-      for (const long copy : page.copies) wrong += copy == number[i] ? 0 : 1;
+      const Page& page = buffer.read_slot(held[i]);
+      errors += page.number == number[i] ? 0 : 1;
+      for (const long copy : page.copies) errors += copy == number[i] ? 0 : 1;
     }
   }
   writer.join();
-  EXPECT_EQ(wrong, 0);
-  EXPECT_GT(taken, 1);
-  EXPECT_FALSE(box.has_new());
+  EXPECT_EQ(errors, 0);
+  EXPECT_GT(acquired, 1);
+  EXPECT_FALSE(buffer.has_new());
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ struct TouchMesh {
     if (mesh.usable()) tree = palpate::mesh::AabbTree(mesh);
   }
 
-  /// See Deformation::move.
+  /// See MeshUpdater::move.
   std::int32_t move(const std::vector<std::int32_t>& vertices, const std::vector<palpate::math::Vector3<>>& to) {
     if (moves == 0) deformation = palpate::mesh::MeshUpdater(mesh);
     const std::int32_t flat = deformation.move(mesh, tree, vertices.data(), to.data(), vertices.size());

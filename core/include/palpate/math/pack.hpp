@@ -102,12 +102,12 @@ struct Pack {
 
 template <int lanes>
 struct LaneIndexOf<Pack<lanes>> {
-  using Type = std::array<int, lanes>;
+  using Type = std::array<int, static_cast<std::size_t>(lanes)>;
 };
 
 template <int lanes>
 struct SeedOf<Pack<lanes>> {
-  using Type = std::array<std::uint64_t, lanes>;
+  using Type = std::array<std::uint64_t, static_cast<std::size_t>(lanes)>;
 };
 
 template <int lanes>

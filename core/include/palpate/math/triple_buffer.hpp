@@ -14,6 +14,8 @@ namespace palpate::math {
 template <class T, int reader_slots = 1>
 class TripleBuffer {
  public:
+  static constexpr std::size_t slot_count = static_cast<std::size_t>(reader_slots) + 2;
+
   /// Writer: return the slot that publish() will publish. It contains an older value.
   T& write_slot() noexcept { return slots_[static_cast<std::size_t>(writer_slot_)]; }
   void publish() noexcept { writer_slot_ = exchange_.exchange(writer_slot_ | new_bit, std::memory_order_acq_rel) & ~new_bit; }
@@ -26,12 +28,12 @@ class TripleBuffer {
   T& read_slot(int index) noexcept { return slots_[static_cast<std::size_t>(index)]; }
 
   /// Return all slots, for initialization before the threads start.
-  [[nodiscard]] std::array<T, reader_slots + 2>& slots() noexcept { return slots_; }
+  [[nodiscard]] std::array<T, slot_count>& slots() noexcept { return slots_; }
 
  private:
   static constexpr int new_bit = 1024;
 
-  std::array<T, reader_slots + 2> slots_{};
+  std::array<T, slot_count> slots_{};
   std::atomic<int> exchange_{reader_slots};
   int writer_slot_ = reader_slots + 1;
 };

@@ -98,10 +98,10 @@ class AabbTree {
       if (lower_bound >= best.distance2) continue;
       const Node& node = nodes_[static_cast<std::size_t>(index)];
       double d[2] = {node.box[0].distance2(x), node.box[1].distance2(x)};
-      const int near = d[1] < d[0] ? 1 : 0;
-      for (const int k : {1 - near, near})
+      const std::size_t near = d[1] < d[0] ? 1 : 0;
+      for (const std::size_t k : {1 - near, near})
         if (node.count[k] == 0 && d[k] < best.distance2) stack.push(node.child[k], d[k]);
-      for (const int k : {near, 1 - near}) {
+      for (const std::size_t k : {near, 1 - near}) {
         if (!(d[k] < best.distance2)) continue;
         for (std::int32_t i = 0; i < node.count[k]; ++i) {
           const std::int32_t f = order_[static_cast<std::size_t>(node.child[k] + i)];
@@ -169,10 +169,10 @@ class AabbTree {
       if (lower_bound > end) continue;
       const Node& node = nodes_[static_cast<std::size_t>(index)];
       const double t[2] = {entry(node.box[0]), entry(node.box[1])};
-      const int near = t[1] < t[0] ? 1 : 0;
-      for (const int k : {1 - near, near})
+      const std::size_t near = t[1] < t[0] ? 1 : 0;
+      for (const std::size_t k : {1 - near, near})
         if (node.count[k] == 0 && t[k] <= end) stack.push(node.child[k], t[k]);
-      for (const int k : {near, 1 - near})
+      for (const std::size_t k : {near, 1 - near})
         if (t[k] <= end)
           for (std::int32_t i = 0; i < node.count[k]; ++i) {
             found = true;

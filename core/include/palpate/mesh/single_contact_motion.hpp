@@ -44,7 +44,7 @@ class SingleContactMotion {
   [[nodiscard]] Move next(const SphereProxyState& state, const SphereProxyState::ContactConstraint& constraint, const Vector3<>& tip,
                           const Cone& cone, const SlidingState& slip, double min_step) const noexcept {
     Contact at{constraint.face, constraint.at.feature, constraint.at.point, constraint.normal};
-    for (int turn = 0; turn < 16; ++turn) {
+    for (int iteration = 0; iteration < 16; ++iteration) {
       Move move;
       bool retry = false;
       if (at.feature == Feature::inside) {
@@ -114,14 +114,14 @@ class SingleContactMotion {
     const std::int32_t twin = face.neighbor[static_cast<std::size_t>(i)];
     if (twin >= 0) {
       const Vector3<>& other = mesh_->face(twin / 3).normal;
-      const double turn = std::atan2(other.dot(out), other.dot(face.normal));
-      if (std::fabs(turn) < coplanar_tolerance) {
+      const double dihedral = std::atan2(other.dot(out), other.dot(face.normal));
+      if (std::fabs(dihedral) < coplanar_tolerance) {
         if (to_tip.dot(out) > 0.0) at.face = twin / 3;
         at.feature = Feature::inside;
         return true;
       }
-      (turn > 0.0 ? high : low) = turn > 0.0 ? turn : std::numbers::pi + turn;
-      (turn > 0.0 ? at_high : at_low) = twin / 3;
+      (dihedral > 0.0 ? high : low) = dihedral > 0.0 ? dihedral : std::numbers::pi + dihedral;
+      (dihedral > 0.0 ? at_high : at_low) = twin / 3;
       if (angle < low - valley_tolerance || angle > high + valley_tolerance) {  // valley: the neighbor touches too
         move = {Move::Kind::new_contact, twin / 3};
         return false;
@@ -139,28 +139,28 @@ class SingleContactMotion {
     const double stop = equilibrium_angle(friction * across_lag / lag, distance, angle_to_tip);
     // Full rotation and translation along the edge; then the common fraction of both up to the end
     // of the edge or of its arc.
-    const double turn = std::copysign(angle_to_tip - stop, to_go);
+    const double full_rotation = std::copysign(angle_to_tip - stop, to_go);
     const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(stop));
     const double shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
-    double fraction = std::fabs(turn) > max_rotation ? max_rotation / std::fabs(turn) : 1.0;
-    enum class End { none, turn, length } end_reached = End::none;
-    if (turn > 0.0 ? turn * fraction > high - angle : turn * fraction < low - angle) {
-      fraction = (turn > 0.0 ? high - angle : low - angle) / turn;
-      end_reached = End::turn;
+    double fraction = std::fabs(full_rotation) > max_rotation ? max_rotation / std::fabs(full_rotation) : 1.0;
+    enum class End { none, arc, length } end_reached = End::none;
+    if (full_rotation > 0.0 ? full_rotation * fraction > high - angle : full_rotation * fraction < low - angle) {
+      fraction = (full_rotation > 0.0 ? high - angle : low - angle) / full_rotation;
+      end_reached = End::arc;
     }
     if (shift > 0.0 ? shift * fraction > size - position : shift * fraction < -position) {
       fraction = (shift > 0.0 ? size - position : -position) / shift;
       end_reached = End::length;
     }
-    const std::int32_t next_face = turn > 0.0 ? at_high : at_low;
-    const double rotation = fraction * std::fabs(turn);
-    double next = angle + fraction * turn, end = position + fraction * shift;
-    if (end_reached == End::turn) next = turn > 0.0 ? high : low;
+    const std::int32_t next_face = full_rotation > 0.0 ? at_high : at_low;
+    const double rotation = fraction * std::fabs(full_rotation);
+    double next = angle + fraction * full_rotation, end = position + fraction * shift;
+    if (end_reached == End::arc) next = full_rotation > 0.0 ? high : low;
     if (end_reached == End::length) end = shift > 0.0 ? size : 0.0;
-    const double slid = fraction * std::hypot(radius_ * turn, shift);
+    const double slid = fraction * std::hypot(radius_ * full_rotation, shift);
     if (!(slid > min_step)) {
       if (end_reached == End::none) return false;
-      if (end_reached == End::turn) {
+      if (end_reached == End::arc) {
         at.face = next_face;
         at.feature = Feature::inside;
         at.normal = std::cos(next) * face.normal + std::sin(next) * out;
@@ -173,7 +173,7 @@ class SingleContactMotion {
       return true;
     }
     const Vector3<> normal = std::cos(next) * face.normal + std::sin(next) * out, foot = a + end * along;
-    move = {Move::Kind::move,        end_reached == End::turn ? next_face : at.face,
+    move = {Move::Kind::move,        end_reached == End::arc ? next_face : at.face,
             rotation > 0.0,          foot + radius_ / std::cos(rotation) * normal,
             foot + radius_ * normal, slid};
     return false;

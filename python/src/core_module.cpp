@@ -118,7 +118,7 @@ void time_ticks(const palpate::servo::SimulationSetup<Mechanism>& setup, int tic
   const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
   std::optional<SlowThread> slow;
   palpate::object::BodyInstance* body = servo.body();
-  if (paced && body != nullptr && body->body().slow()) slow.emplace([body] { body->body().slow_step(); });
+  if (paced && body != nullptr && body->object().is_multirate()) slow.emplace([body] { body->object().update_model(); });
   const Time::time_point first = Time::now();
   for (int k = 0; k < ticks; ++k) {
     if (paced)
@@ -200,10 +200,10 @@ void bind_loop(nb::module_& m, const char* name) {
           "touch_body", [](Setup& s, const BodyPlacement& t) { s.body = t.placed; }, "body"_a, nb::keep_alive<1, 2>(),
           "Puts a body that yields in the anchor's place.")
       .def(
-          "watch", [](Setup& s, SurfaceFrames& f) { s.body.watched = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "watch", [](Setup& s, SurfaceFrames& f) { s.body.contact_observer = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
           "Lets a thread draw the body that was put there.")
       .def(
-          "watch", [](Setup& s, SolidFrames& f) { s.body.drawn = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "watch", [](Setup& s, SolidFrames& f) { s.body.deformation_observer = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
           "Shows each slow step of the body that was put there.")
       .def(
           "time_ticks",

@@ -169,7 +169,7 @@ class Servo {
         delay_(s.delay, torque_at_rest(s.start)),
         reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {
     if constexpr (alone)
-      if (touch_) touch_->begin(kinematics_.tip());  // torque_at_rest has looked at the start
+      if (touch_) touch_->initialize(kinematics_.tip());  // torque_at_rest has looked at the start
   }
 
   /// The same loop as `one`, for several side by side: each lane is to be put in.
@@ -205,10 +205,10 @@ class Servo {
   }
 
   /// After each tick in virtual time: a body's slow steps, in turn with the ticks. They may take memory. In real time a thread of its own
-  /// takes them instead: body()->body().slow_step(), over and over.
+  /// takes them instead: body()->object().update_model(), over and over.
   void in_turn() {
     if constexpr (alone)
-      if (touch_) touch_->body().in_turn();
+      if (touch_) touch_->object().step_synchronously();
   }
 
   /// What the last tick saw and did.
@@ -326,7 +326,7 @@ class Servo {
     if constexpr (alone) {
       if (touch_) {
         const Vector force = touch_->step(tick_.tip);
-        tick_.touching = touch_->answer().touching;
+        tick_.touching = touch_->result().touching;
         return force;
       }
     }

@@ -45,7 +45,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 /// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated;
 /// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle;
 /// on a body the deflection of the pressed patch (3), the energy stored, the number of pressed nodes, whether the contact was solved, and
-/// the energy kept for snapshots to come.
+/// the level of the energy tank.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< the tick at which the loop diverged; -1: never. Nothing is recorded from it on.
@@ -158,12 +158,12 @@ inline void write_contact(double* row, const mesh::Contact& contact) noexcept {
 }
 
 inline void write_body(double* row, const object::BodyInstance& touch) noexcept {
-  const deformable::ContactResult& answer = touch.answer();
+  const deformable::ContactResult& answer = touch.result();
   Eigen::Map<Vector3<>>{row} = touch.deflection();
   row[3] = answer.energy;
   row[4] = answer.nodes;
   row[5] = answer.solved ? 1.0 : 0.0;
-  row[6] = answer.saved;
+  row[6] = answer.tank_energy;
 }
 
 /// Writes one loop's rows.

@@ -43,9 +43,9 @@ struct HalfSpace {
       const double r = d.norm();
       c = Eigen::Matrix3d::Identity() * ((1.0 - poisson) / r) + (poisson / (r * r * r)) * d * d.transpose();
     }
-    return nodes.across(i).transpose() * c * nodes.across(j) / (2.0 * M_PI * shear);
+    return nodes.tangent_basis(i).transpose() * c * nodes.tangent_basis(j) / (2.0 * M_PI * shear);
   }
-  [[nodiscard]] static double at_rest(std::int32_t) { return 0.0; }
+  [[nodiscard]] static double free_displacement(std::int32_t) { return 0.0; }
   static void advance(const std::int32_t*, const double*, int) {}
   static void reset() {}
 };
@@ -59,11 +59,11 @@ TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
     tip.radius = 5e-3;
     for (const double aside : {0.0, 0.3e-3}) {
       TipContact<HalfSpace> contact(space.nodes, space, {50.0, 50.0});
-      tip.centre = {aside, 0.4 * aside, -1e-3};
+      tip.center = {aside, 0.4 * aside, -1e-3};
       contact.step(tip);
       EXPECT_EQ(contact.last().friction.norm(), 0.0);
       const double way = 1e-5;
-      tip.centre.x() += way;
+      tip.center.x() += way;
       for (int k = 0; k < 20; ++k) contact.step(tip);  // what the sweeps leave over is made up for
       EXPECT_NEAR(-contact.last().friction.x(), 8.0 * 5e3 * tip.radius / (2.0 - poisson) * way, 0.04 * -contact.last().friction.x())
           << poisson << " " << aside;
@@ -80,24 +80,24 @@ TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
   Tip tip;
   tip.radius = 60e-3;
   const double depth = 0.5e-3;
-  tip.centre = {0.2e-3, 0.3e-3, tip.radius - depth};
+  tip.center = {0.2e-3, 0.3e-3, tip.radius - depth};
   const double normal = contact.step(tip).force.z(), a = std::sqrt(tip.radius * depth);
   const double full = 3.0 * mu * normal * (2.0 - poisson) / (16.0 * shear * a);
   const Vector3<> along(0.8, 0.6, 0.0);
-  const Vector3<> start = tip.centre;
+  const Vector3<> start = tip.center;
   for (int k = 1; k <= 130; ++k) {
     const double way = full * k / 100.0;
-    tip.centre = start + way * along;
+    tip.center = start + way * along;
     const double found = -contact.step(tip).friction.dot(along) / (mu * contact.last().force.z());
     const double expected = way < full ? 1.0 - std::pow(1.0 - way / full, 1.5) : 1.0;
     ASSERT_NEAR(found, expected, 0.03) << k;
     ASSERT_TRUE((k > 90 && k < 110) || contact.last().sliding == (k >= 110)) << k;
   }
   // Mindlin & Deresiewicz 1953: going back, the same curve from there at twice the scale.
-  const Vector3<> turn = tip.centre;
+  const Vector3<> turn = tip.center;
   for (int k = 1; k <= 220; ++k) {
     const double way = full * k / 100.0;
-    tip.centre = turn - way * along;
+    tip.center = turn - way * along;
     const double found = -contact.step(tip).friction.dot(along) / (mu * contact.last().force.z());
     ASSERT_NEAR(found, way < 2.0 * full ? 2.0 * std::pow(1.0 - way / (2.0 * full), 1.5) - 1.0 : -1.0, 0.04) << k;
   }
@@ -120,17 +120,17 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
     for (double& f : forces) f = std::max(1e-5, f + 3e-4 * uniform(random));
     std::vector<Eigen::Vector2d> before;
     before.reserve(pressed.size());
-    for (const std::int32_t i : pressed) before.push_back(slip.moved(i));
+    for (const std::int32_t i : pressed) before.push_back(slip.displacement(i));
     Vector3<> way(1e-4 * uniform(random), 1e-4 * uniform(random), 1e-4 * uniform(random));
     if (step == 0) way.setZero();
     slip.step(space.nodes, space, pressed.data(), forces.data(), covers.data(), count, way);
     for (std::size_t c = 0; c < pressed.size(); ++c) {
       Eigen::Vector2d moved = Eigen::Vector2d::Zero();  // by the forces, from scratch
       for (const std::int32_t j : pressed) moved += space.tangential(pressed[c], j) * slip.force(j);
-      ASSERT_NEAR((moved - slip.moved(pressed[c])).norm(), 0.0, 1e-12);
+      ASSERT_NEAR((moved - slip.displacement(pressed[c])).norm(), 0.0, 1e-12);
       const Eigen::Vector2d q = slip.force(pressed[c]);
       ASSERT_LE(q.norm(), mu * forces[c] * (1.0 + 1e-9));
-      const Eigen::Vector2d lag = space.nodes.across(pressed[c]).transpose() * way - (moved - before[c]);
+      const Eigen::Vector2d lag = space.nodes.tangent_basis(pressed[c]).transpose() * way - (moved - before[c]);
       if (q.norm() < 0.999 * mu * forces[c]) {
         ++held;
         ASSERT_LE(lag.norm(), 2e-7);
@@ -153,7 +153,7 @@ TEST(TipContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
   Tip tip;
   tip.radius = 6e-3;
   for (int k = 0; k < 2000; ++k) {
-    tip.centre = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), tip.radius - 5e-4 - 1e-3 * std::sin(0.05 * k)};
+    tip.center = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), tip.radius - 5e-4 - 1e-3 * std::sin(0.05 * k)};
     const ContactResult &a = plain.step(tip), &b = smooth.step(tip), &c = rough.step(tip);
     ASSERT_EQ(a.force, b.force);
     ASSERT_EQ(a.energy, b.energy);
@@ -170,12 +170,12 @@ TEST(TipContact, HoldsBreaksAwayAndSlides) {
   TipContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
   Tip tip;
   tip.radius = 10e-3;
-  tip.centre = {-3e-3, 0.2e-3, tip.radius - 2e-3};
+  tip.center = {-3e-3, 0.2e-3, tip.radius - 2e-3};
   contact.step(tip);
   double most = 0.0;
   const auto ratio = [&] { return contact.last().friction.norm() / contact.last().force.z(); };
   for (int k = 0; k < 500; ++k) {
-    tip.centre.x() += 1e-5;
+    tip.center.x() += 1e-5;
     contact.step(tip);
     most = std::max(most, ratio());
   }
@@ -190,7 +190,7 @@ TEST(TipContact, HoldsBreaksAwayAndSlides) {
   // And it breaks away again from there.
   most = 0.0;
   for (int k = 0; k < 300; ++k) {
-    tip.centre.x() += 1e-5;
+    tip.center.x() += 1e-5;
     contact.step(tip);
     most = std::max(most, ratio());
   }
@@ -210,7 +210,7 @@ TEST(TipContact, NodesComeAndGoWithoutASTepOfFriction) {
     double most = 0.0, largest = 0.0;
     int least = 1000, greatest = 0;
     for (int k = 0; k < 2500; ++k) {
-      tip.centre = {-1e-3 + 1e-6 * k, 0.3e-3, top - 1.5e-3};
+      tip.center = {-1e-3 + 1e-6 * k, 0.3e-3, top - 1.5e-3};
       const Vector3<> friction = contact.step(tip).friction;
       if (k > 0) most = std::max(most, (friction - before).norm());
       largest = std::max(largest, friction.norm());
@@ -232,7 +232,7 @@ std::vector<float> full(const HalfSpace& space) {
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < n; ++j) {
       const auto p = static_cast<std::int32_t>(i), q = static_cast<std::int32_t>(j);
-      Eigen::Matrix3d block = space.nodes.across(p) * space.tangential(p, q) * space.nodes.across(q).transpose();
+      Eigen::Matrix3d block = space.nodes.tangent_basis(p) * space.tangential(p, q) * space.nodes.tangent_basis(q).transpose();
       block(2, 2) = space.compliance(p, q);
       for (std::size_t x = 0; x < 3; ++x)
         for (std::size_t y = 0; y < 3; ++y)
@@ -265,11 +265,11 @@ TEST(TipContact, FrictionGivesOutNoWorkOverClosedPaths) {
     const int ticks = 30;
     for (int k = 0; k <= ticks; ++k) {
       const double s = 2.0 * M_PI * k / ticks;
-      tip.centre = waves * Eigen::Vector4d(std::sin(s), std::cos(s), std::sin(2.0 * s), std::cos(2.0 * s));
-      tip.centre.z() += tip.radius - 2e-4;
+      tip.center = waves * Eigen::Vector4d(std::sin(s), std::cos(s), std::sin(2.0 * s), std::cos(2.0 * s));
+      tip.center.z() += tip.radius - 2e-4;
       const ContactResult &a = smooth.step(tip), &b = rough.step(tip);
-      if (k > 0) in -= b.friction.dot(tip.centre - before);
-      before = tip.centre;
+      if (k > 0) in -= b.friction.dot(tip.center - before);
+      before = tip.center;
       ASSERT_GE(in, (1.0 - 1e-6) * (b.energy - a.energy) - 1e-14) << path << " " << k;
       ++(!b.touching ? free : (b.sliding ? slid : stuck));
     }
@@ -309,10 +309,10 @@ TEST(TipContact, WithFrictionTurnsWithTheBody) {
   tip.radius = 6e-3;
   for (int k = 0; k < 1000; ++k) {
     tip.outward = Vector3<>::UnitZ();
-    tip.centre = {2e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 8e-4 - 3e-4 * std::sin(0.05 * k)};
+    tip.center = {2e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 8e-4 - 3e-4 * std::sin(0.05 * k)};
     const Vector3<> force = first.step(tip).force;
     tip.outward = turn * tip.outward;
-    tip.centre = (turn * tip.centre).eval();
+    tip.center = (turn * tip.center).eval();
     ASSERT_LT((second.step(tip).force - turn * force).norm(), 2e-3 * force.norm() + 1e-9) << k;
   }
 }
@@ -326,10 +326,10 @@ TEST(TipContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
   TipContact<palpate::deformable::StandardLinearSolid> contact(space.nodes, relaxing, {20.0, 20.0});
   Tip tip;
   tip.radius = 8e-3;
-  tip.centre.z() = tip.radius - 1.5e-3;
+  tip.center.z() = tip.radius - 1.5e-3;
   for (int k = 0; k < 500; ++k) contact.step(tip);
   still.step(tip);
-  tip.centre.x() = 1e-5;
+  tip.center.x() = 1e-5;
   for (int k = 0; k < 50; ++k) still.step(tip);
   const double first = contact.step(tip).friction.x(), last = still.last().friction.x();
   EXPECT_NEAR(first, 3.0 * last, 0.04 * 3.0 * std::abs(last));
@@ -347,11 +347,11 @@ TEST(TipContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
   Tip tip;
   tip.kind = Tip::Kind::flat;
   tip.radius = 4.3e-3;
-  tip.centre = {2e-4, 1e-4, -5e-4};
+  tip.center = {2e-4, 1e-4, -5e-4};
   for (int k = 0; k < 500; ++k) contact.step(tip);
   still.step(tip);
   ASSERT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
-  tip.centre.x() += 1e-5;
+  tip.center.x() += 1e-5;
   for (int k = 0; k < 50; ++k) still.step(tip);
   for (int k = 0; k < 500; ++k) contact.step(tip);
   EXPECT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
@@ -374,12 +374,12 @@ TEST(TipContact, ARelaxingBodyGivesAFlatEndNothing) {
     const int ticks = 1000;
     for (int k = 0; k <= ticks; ++k) {
       const double t = 2.0 * 3.141592653589793 * k / ticks, turns = 1.0 + trial % 4;
-      tip.centre = {3e-3 * std::sin(turns * t + trial), 2e-3 * std::sin(2.0 * t) * std::cos(0.7 * trial),
+      tip.center = {3e-3 * std::sin(turns * t + trial), 2e-3 * std::sin(2.0 * t) * std::cos(0.7 * trial),
                     1e-4 - 5e-4 * (1.0 - std::cos(t))};
       const Vector3<> next = contact.step(tip).force;
-      if (k > 0) work -= 0.5 * (force + next).dot(tip.centre - before);
+      if (k > 0) work -= 0.5 * (force + next).dot(tip.center - before);
       most = std::max(most, std::abs(work));
-      before = tip.centre;
+      before = tip.center;
       force = next;
     }
     EXPECT_EQ(contact.last().nodes, 0);

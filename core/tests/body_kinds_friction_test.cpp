@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-#include "lattice_cube.hpp"
+#include "mass_spring_cube.hpp"
 #include "rounds.hpp"
 
 namespace {
@@ -25,15 +25,16 @@ struct OneMode {
   SurfaceNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
 
   [[nodiscard]] double along() const { return extra + 1.0 / (mass * frequency * frequency); }
-  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double instant = 1.0, double creep = 1.0) const {
+  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double instantaneous_ratio = 1.0,
+                                                 double retardation_time = 1.0) const {
     const auto x = static_cast<float>(along()), z = static_cast<float>(normal);
     const auto one = static_cast<float>(1.0 / std::sqrt(mass));
     const std::vector<float> full{x, 0, 0, 0, x, 0, 0, 0, z}, shapes{one, 0, 0, one, 0, 0};
-    return {nodes, full.data(), shapes.data(), {frequency, frequency}, period, alpha, 0.0, instant, creep, true};
+    return {nodes, full.data(), shapes.data(), {frequency, frequency}, period, alpha, 0.0, instantaneous_ratio, retardation_time, true};
   }
 };
 
-// A tip that runs away from the node: it is dragged by mu N all the while, and so answers as a mass on a spring to a step.
+// A tip that runs away from the node: it is tangential_force by mu N all the while, and so answers as a mass on a spring to a step.
 TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
   const OneMode o;
   const double depth = 1e-3, mu = 0.4, period = 1e-3, drag = mu * depth / o.normal;
@@ -42,10 +43,10 @@ TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
   Tip tip;
   tip.kind = Tip::Kind::flat;
   tip.radius = 1.0;
-  tip.centre = {0, 0, -depth};
+  tip.center = {0, 0, -depth};
   contact.step(tip);
   for (int k = 1; k <= 200; ++k) {
-    tip.centre.x() += 2e-3;  // quicker than the mass is anywhere
+    tip.center.x() += 2e-3;  // quicker than the mass is anywhere
     const ContactResult& a = contact.step(tip);
     ASSERT_NEAR(a.friction.x(), -drag, 1e-7);
     ASSERT_NEAR(a.force.z(), depth / o.normal, 1e-6);
@@ -58,25 +59,25 @@ TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
 // Dragged slowly, with the mass well damped: a spring up to mu N, at the static coefficient, and then at the dynamic one.
 TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
   const OneMode o;
-  for (const double instant : {1.0, 2.0}) {
-    palpate::deformable::Modal modal = o.modal(1e-3, 200.0, instant, 0.01);
+  for (const double instantaneous_ratio : {1.0, 2.0}) {
+    palpate::deformable::Modal modal = o.modal(1e-3, 200.0, instantaneous_ratio, 0.01);
     const double depth = 1e-3, press = depth / o.normal;
     TipContact<palpate::deformable::Modal> contact(o.nodes, modal, {0.5, 0.3});
     Tip tip;
     tip.kind = Tip::Kind::flat;
     tip.radius = 1.0;
-    tip.centre = {0, 0, -depth};
+    tip.center = {0, 0, -depth};
     for (int k = 0; k < 2000; ++k) contact.step(tip);
-    const double way = 1e-6, lag = way / 1e-3 * (200.0 / (o.frequency * o.frequency) + (1.0 - 1.0 / instant) * 0.01);
+    const double way = 1e-6, lag = way / 1e-3 * (200.0 / (o.frequency * o.frequency) + (1.0 - 1.0 / instantaneous_ratio) * 0.01);
     int broke = -1;
     for (int k = 1; k < 20000; ++k) {
-      tip.centre.x() = way * k;
+      tip.center.x() = way * k;
       const ContactResult& a = contact.step(tip);
       if (a.sliding && broke < 0) broke = k;
       ASSERT_LE(-a.friction.x(), (broke < 0 ? 0.5 : 0.51) * press * (1.0 + 1e-6));
-      // Damping and creep ask for this much more at a steady speed.
+      // Damping and retardation_time ask for this much more at a steady speed.
       if (broke < 0 && k > 500) {
-        ASSERT_NEAR(-a.friction.x() * o.along(), tip.centre.x() + lag, 2e-6) << k;
+        ASSERT_NEAR(-a.friction.x() * o.along(), tip.center.x() + lag, 2e-6) << k;
       }
     }
     EXPECT_NEAR(broke * way, 0.5 * press * o.along() - lag, 4e-6);
@@ -151,11 +152,11 @@ double follow(TipContact<Kind>& smooth, TipContact<Kind>& rough, const Path& pat
   double in = 0.0, most = 0.0;
   Vector3<> before = Vector3<>::Zero();
   for (int k = 0; k <= ticks; ++k) {
-    tip.centre = path.at(2.0 * M_PI * k / ticks, 6e-4);
-    tip.centre.z() += tip.kind == Tip::Kind::sphere ? tip.radius : 0.0;
+    tip.center = path.at(2.0 * M_PI * k / ticks, 6e-4);
+    tip.center.z() += tip.kind == Tip::Kind::sphere ? tip.radius : 0.0;
     const ContactResult &a = smooth.step(tip), &b = rough.step(tip);
-    if (k > 0) in -= b.friction.dot(tip.centre - before);
-    before = tip.centre;
+    if (k > 0) in -= b.friction.dot(tip.center - before);
+    before = tip.center;
     most = std::max(most, in);
     see(tip, a, b, in, most);
   }
@@ -167,10 +168,10 @@ double follow(TipContact<Kind>& smooth, TipContact<Kind>& rough, const Path& pat
 TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
   const Cap cap;
   std::mt19937 random(32);
-  for (const double instant : {1.0, 2.5}) {
+  for (const double instantaneous_ratio : {1.0, 2.5}) {
     const auto make = [&](bool tangential) {
-      return palpate::deformable::Modal(cap.nodes, cap.full.data(), cap.shapes.data(), cap.frequencies, 1e-3, 0.0, 0.0, instant, 0.03,
-                                        tangential);
+      return palpate::deformable::Modal(cap.nodes, cap.full.data(), cap.shapes.data(), cap.frequencies, 1e-3, 0.0, 0.0, instantaneous_ratio,
+                                        0.03, tangential);
     };
     palpate::deformable::Modal plain = make(false), draggable = make(true);
     TipContact<palpate::deformable::Modal> smooth(cap.nodes, plain), rough(cap.nodes, draggable, {0.7, 0.5});
@@ -208,12 +209,12 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   EXPECT_GT(counts.least(), 200);
 }
 
-// A lattice's nodes really move along the surface: the tip gives friction at least what the nodes take, and the body never has more than
+// A model's nodes really move along the surface: the tip gives friction at least what the nodes take, and the body never has more than
 // what all forces on its nodes have done.
 TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
   const Cube cube(3);
-  palpate::deformable::MassSpringModel lattice = cube.lattice(1e-3, 0.0, 1e-4);
-  TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, lattice, {0.7, 0.5});
+  palpate::deformable::MassSpringModel model = cube.model(1e-3, 0.0, 1e-4);
+  TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, model, {0.7, 0.5});
   std::mt19937 random(34);
   Tip tip;
   tip.radius = 12e-3;
@@ -221,7 +222,7 @@ TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
   Counts counts;
   std::vector<Vector3<>> before(static_cast<std::size_t>(cube.nodes.size())), after(before.size());
   const auto look = [&](std::vector<Vector3<>>& at) {
-    for (std::int32_t i = 0; i < cube.nodes.size(); ++i) at[static_cast<std::size_t>(i)] = lattice.displacement(i);
+    for (std::int32_t i = 0; i < cube.nodes.size(); ++i) at[static_cast<std::size_t>(i)] = model.displacement(i);
   };
   for (int number = 0; number < 30 * rounds(); ++number) {
     const Path path(random, 8e-4);
@@ -231,22 +232,22 @@ TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
     Vector3<> place = Vector3<>::Zero();
     const int ticks = 100;
     for (int k = 0; k <= ticks; ++k) {
-      tip.centre = path.at(2.0 * M_PI * k / ticks, 2e-3) + Vector3<>(7e-3, 8e-3, 15e-3 + tip.radius);
+      tip.center = path.at(2.0 * M_PI * k / ticks, 2e-3) + Vector3<>(7e-3, 8e-3, 15e-3 + tip.radius);
       const ContactResult& a = contact.step(tip);
       look(after);
       for (int c = 0; c < a.nodes; ++c) {
-        const std::int32_t node = contact.pressed()[c];
+        const std::int32_t node = contact.contact_nodes()[c];
         const Vector3<> moved = after[static_cast<std::size_t>(node)] - before[static_cast<std::size_t>(node)];
-        along += contact.dragged(node).dot(moved);
-        all += (contact.dragged(node) - contact.forces()[c] * cube.nodes.normal(node)).dot(moved);
+        along += contact.tangential_force(node).dot(moved);
+        all += (contact.tangential_force(node) - contact.forces()[c] * cube.nodes.normal(node)).dot(moved);
       }
       std::swap(before, after);
-      if (k > 0) in -= a.friction.dot(tip.centre - place);
-      place = tip.centre;
+      if (k > 0) in -= a.friction.dot(tip.center - place);
+      place = tip.center;
       most = std::max(most, std::abs(in));
       ASSERT_GE(in, along - 1e-4 * most - 1e-13) << number << " " << k;  // the friction's sweeps leave that much over
-      ASSERT_EQ(a.energy, lattice.energy());
-      ASSERT_LE(lattice.energy(), all + 1e-6 * std::abs(all) + 1e-15);
+      ASSERT_EQ(a.energy, model.energy());
+      ASSERT_LE(model.energy(), all + 1e-6 * std::abs(all) + 1e-15);
       counts.see(a);
     }
     lost += in - along;

@@ -1,4 +1,4 @@
-// Bodies with inertia and with creep: against closed forms, and never giving out energy.
+// Bodies with inertia and with retardation_time: against closed forms, and never giving out energy.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -23,10 +23,10 @@ struct Oscillator {
     const auto c = static_cast<float>(1.0 / (mass * frequency * frequency) + extra);
     return {c, 0, 0, 0, c, 0, 0, 0, c};
   }
-  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double beta, double extra = 0.0, double instant = 1.0,
-                                                 double creep = 1.0) const {
+  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double beta, double extra = 0.0,
+                                                 double instantaneous_ratio = 1.0, double retardation_time = 1.0) const {
     const std::vector<float> shapes{0, 0, static_cast<float>(1.0 / std::sqrt(mass))};
-    return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta, instant, creep};
+    return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta, instantaneous_ratio, retardation_time};
   }
 };
 
@@ -39,7 +39,7 @@ TEST(Modal, StepResponseIsTheClosedForm) {
       const std::int32_t node = 0;
       const double force = 0.5;
       for (int k = 1; k <= 100; ++k) {
-        const double found = modal.at_rest(0) + modal.compliance(0, 0) * force, t = k * period, w = o.frequency;
+        const double found = modal.free_displacement(0) + modal.compliance(0, 0) * force, t = k * period, w = o.frequency;
         double expected = 0.0;
         if (ratio < 1.0) {
           const double n = w * std::sqrt(1.0 - ratio * ratio);
@@ -66,7 +66,8 @@ TEST(Modal, HeldForLongItIsTheFullCompliance) {
   const std::int32_t node = 0;
   EXPECT_NEAR(modal.compliance(0, 0), extra, 0.1 * extra);
   for (int k = 0; k < 2000; ++k) modal.advance(&node, &force, 1);
-  EXPECT_NEAR(modal.at_rest(0) + modal.compliance(0, 0) * force, (extra + 1.0 / (o.mass * o.frequency * o.frequency)) * force, 1e-6);
+  EXPECT_NEAR(modal.free_displacement(0) + modal.compliance(0, 0) * force, (extra + 1.0 / (o.mass * o.frequency * o.frequency)) * force,
+              1e-6);
 }
 
 // A tip that dances on the body: energy that went in at the tip covers what the body holds, at every tick.
@@ -82,8 +83,8 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
     int pressed = 0;
     for (int k = 0; k < 20000; ++k) {
       depth = 0.98 * depth + 4e-4 * normal(random);
-      tip.centre = {0, 0, tip.radius - depth};
-      const double rest = modal.at_rest(0);
+      tip.center = {0, 0, tip.radius - depth};
+      const double rest = modal.free_displacement(0);
       const palpate::deformable::ContactResult& a = contact.step(tip);
       const double now = a.touching ? depth : rest, f = a.force.z();
       in += f * (now - before);
@@ -101,56 +102,58 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
 // A mass on a standard linear solid: the step response by the three roots of its characteristic equation, in closed form.
 TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
   const Oscillator o;
-  const double instant = 2.5, force = 0.5, w = o.frequency;
-  for (const double creep : {2e-3, 0.05, 2.0})
+  const double instantaneous_ratio = 2.5, force = 0.5, w = o.frequency;
+  for (const double retardation_time : {2e-3, 0.05, 2.0})
     for (const double alpha : {0.0, 30.0, 300.0})
       for (const double period : {1e-4, 1e-3, 2e-2}) {
-        palpate::deformable::Modal modal = o.modal(period, alpha, 1e-5, 0.0, instant, creep);
+        palpate::deformable::Modal modal = o.modal(period, alpha, 1e-5, 0.0, instantaneous_ratio, retardation_time);
         Eigen::Matrix3d a;
-        a << 0.0, 1.0, 0.0, -w * w * instant, -alpha - 1e-5 * w * w, w * w * (instant - 1.0), instant / creep, 0.0, -instant / creep;
+        a << 0.0, 1.0, 0.0, -w * w * instantaneous_ratio, -alpha - 1e-5 * w * w, w * w * (instantaneous_ratio - 1.0),
+            instantaneous_ratio / retardation_time, 0.0, -instantaneous_ratio / retardation_time;
         const Eigen::EigenSolver<Eigen::Matrix3d> roots(a);
         const Eigen::Vector3d at_last = Eigen::Vector3d(1.0, 0.0, 1.0) * (force / (o.mass * w * w));
         const Eigen::Vector3cd weights = roots.eigenvectors().fullPivLu().solve(-at_last.cast<std::complex<double>>());
         const std::int32_t node = 0;
         for (int k = 1; k <= 100; ++k) {
-          const double found = modal.at_rest(0) + modal.compliance(0, 0) * force;
+          const double found = modal.free_displacement(0) + modal.compliance(0, 0) * force;
           std::complex<double> expected = at_last[0];
           for (int r = 0; r < 3; ++r) expected += roots.eigenvectors()(0, r) * weights[r] * std::exp(roots.eigenvalues()[r] * (k * period));
-          ASSERT_NEAR(found, expected.real(), 3e-6 * at_last[0]) << creep << " " << alpha << " " << period << " " << k;
+          ASSERT_NEAR(found, expected.real(), 3e-6 * at_last[0]) << retardation_time << " " << alpha << " " << period << " " << k;
           modal.advance(&node, &force, 1);
         }
       }
 }
 
-// The same against the equations themselves, in 2,000 Runge-Kutta steps a period, under a force that changes; with what the modes leave
+// The same against the equations themselves, in 2,000 Runge-Kutta steps a period, query_tip a force that changes; with what the modes leave
 // out.
 TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
   const Oscillator o;
-  const double instant = 3.0, creep = 0.02, period = 1e-3, extra = 2e-3, w = o.frequency, alpha = 20.0;
-  palpate::deformable::Modal modal = o.modal(period, alpha, 0.0, extra, instant, creep);
+  const double instantaneous_ratio = 3.0, retardation_time = 0.02, period = 1e-3, extra = 2e-3, w = o.frequency, alpha = 20.0;
+  palpate::deformable::Modal modal = o.modal(period, alpha, 0.0, extra, instantaneous_ratio, retardation_time);
   Eigen::Vector4d x = Eigen::Vector4d::Zero();  // place, speed, dashpot, creep of what is left out
   double force = 0.0;
   const auto rate = [&](const Eigen::Vector4d& s) {
-    return Eigen::Vector4d(s[1], force / o.mass - alpha * s[1] - w * w * (s[0] + (instant - 1.0) * (s[0] - s[2])),
-                           instant / creep * (s[0] - s[2]), ((1.0 - 1.0 / instant) * extra * force - s[3]) / creep);
+    return Eigen::Vector4d(s[1], force / o.mass - alpha * s[1] - w * w * (s[0] + (instantaneous_ratio - 1.0) * (s[0] - s[2])),
+                           instantaneous_ratio / retardation_time * (s[0] - s[2]),
+                           ((1.0 - 1.0 / instantaneous_ratio) * extra * force - s[3]) / retardation_time);
   };
   std::mt19937 random(14);
   std::normal_distribution<double> normal;
   const std::int32_t node = 0;
   for (int k = 0; k < 100; ++k) {
     force = 0.8 * force + 0.1 * std::abs(normal(random));
-    const double found = modal.at_rest(0) + modal.compliance(0, 0) * force;
+    const double found = modal.free_displacement(0) + modal.compliance(0, 0) * force;
     const double h = period / 2000.0;
     for (int s = 0; s < 2000; ++s) {
       const Eigen::Vector4d a = rate(x), b = rate(x + 0.5 * h * a), c = rate(x + 0.5 * h * b), d = rate(x + h * c);
       x += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
     }
-    ASSERT_NEAR(found, x[0] + x[3] + extra * force / instant, 3e-8);
+    ASSERT_NEAR(found, x[0] + x[3] + extra * force / instantaneous_ratio, 3e-8);
     modal.advance(&node, &force, 1);
   }
 }
 
-// Random closed presses on masses that creep, lifting and coming back: at no time has more come out than was put in.
+// Random closed presses on masses that retardation_time, lifting and coming back: at no time has more come out than was put in.
 TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
   const Oscillator o;
   palpate::deformable::Modal modal = o.modal(1e-3, 0.0, 0.0, 1e-3, 3.0, 0.02);
@@ -167,8 +170,8 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
     const int ticks = 100;
     for (int k = 1; k <= ticks; ++k) {
       const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
-      tip.centre = {0, 0, tip.radius - depth};
-      const double rest = modal.at_rest(0);
+      tip.center = {0, 0, tip.radius - depth};
+      const double rest = modal.free_displacement(0);
       const palpate::deformable::ContactResult& answer = contact.step(tip);
       const double now = answer.touching ? depth : rest;
       in += answer.force.z() * (now - before);
@@ -212,7 +215,7 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
   struct Asked {
     palpate::deformable::Modal modal;
     [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const { return modal.compliance(i, j); }
-    [[nodiscard]] double at_rest(std::int32_t i) { return modal.at_rest(i); }
+    [[nodiscard]] double free_displacement(std::int32_t i) { return modal.free_displacement(i); }
     void advance(const std::int32_t* which, const double* forces, int count) { modal.advance(which, forces, count); }
     void reset() { modal.reset(); }
   };
@@ -223,18 +226,18 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
   palpate::deformable::Tip tip;
   int skipped = 0, looked = 0, spared = 0;
   for (int k = 0; k < 3000; ++k) {
-    tip.centre = {3e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 1e-3 * std::sin(0.05 * k)};
-    nodes.under(tip, [&](std::int32_t node, double depth) {
-      skipped += modal.surely_above(node, depth) ? 1 : 0;
+    tip.center = {3e-3 * std::sin(0.01 * k), 2e-3 * std::cos(0.017 * k), tip.radius - 1e-3 * std::sin(0.05 * k)};
+    nodes.query_tip(tip, [&](std::int32_t node, double depth) {
+      skipped += modal.free_displacement_at_least(node, depth) ? 1 : 0;
       ++looked;
-      ASSERT_TRUE(!modal.surely_above(node, depth) || modal.at_rest(node) >= depth - 1e-9);
+      ASSERT_TRUE(!modal.free_displacement_at_least(node, depth) || modal.free_displacement(node) >= depth - 1e-9);
     });
-    for (std::size_t g = 0; k % 10 == 0 && g < nodes.groups(); ++g) {
+    for (std::size_t g = 0; k % 10 == 0 && g < nodes.group_count(); ++g) {
       const double place = 1e-3 * std::sin(0.7 * static_cast<double>(g) + 0.03 * k);
-      if (!modal.surely_above_all(g, place)) continue;
+      if (!modal.group_free_displacement_at_least(g, place)) continue;
       ++spared;
       palpate::deformable::Modal copy = modal;
-      nodes.group(g, [&](std::int32_t node) { ASSERT_GE(copy.at_rest(node), place); });
+      nodes.for_each_in_group(g, [&](std::int32_t node) { ASSERT_GE(copy.free_displacement(node), place); });
     }
     ASSERT_EQ(quick.step(tip).force, slow.step(tip).force);
   }
@@ -284,10 +287,10 @@ void dance(const palpate::deformable::SurfaceNodes& nodes, Kind& kind, int ticks
   palpate::deformable::TipContact<Kind> contact(nodes, kind);
   palpate::deformable::Tip tip;
   for (int k = 0; k < ticks; ++k) {
-    tip.centre = {1.5e-3 * std::sin(0.031 * k), 1.2e-3 * std::cos(0.023 * k), tip.radius - 1.2e-3 * std::sin(0.02 * k)};
+    tip.center = {1.5e-3 * std::sin(0.031 * k), 1.2e-3 * std::cos(0.023 * k), tip.radius - 1.2e-3 * std::sin(0.02 * k)};
     const palpate::deformable::ContactResult& a = contact.step(tip);
     Eigen::VectorXd force = Eigen::VectorXd::Zero(nodes.size());
-    for (int c = 0; c < a.nodes; ++c) force[contact.pressed()[c]] = contact.forces()[c];
+    for (int c = 0; c < a.nodes; ++c) force[contact.contact_nodes()[c]] = contact.forces()[c];
     see(force, a);
   }
 }
@@ -325,15 +328,16 @@ TEST(Modal, WithoutDampingLosesOnlyWhatStepsOfTheForceDo) {
 // Damped and held for long, of a standard linear solid or not: what a spring of the full compliance stores.
 TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
   const Nine nine;
-  for (const double instant : {1.0, 3.0}) {
-    palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 100.0, 1e-3, instant, 0.02);
+  for (const double instantaneous_ratio : {1.0, 3.0}) {
+    palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 100.0, 1e-3, instantaneous_ratio,
+                                     0.02);
     palpate::deformable::TipContact<palpate::deformable::Modal> contact(nine.at, modal);
     palpate::deformable::Tip tip;
-    tip.centre = {0.3e-3, 0.2e-3, tip.radius - 3e-3};
+    tip.center = {0.3e-3, 0.2e-3, tip.radius - 3e-3};
     for (int k = 0; k < 1000; ++k) contact.step(tip);
     const palpate::deformable::ContactResult& a = contact.last();
     Eigen::VectorXd force = Eigen::VectorXd::Zero(Nine::nodes);
-    for (int c = 0; c < a.nodes; ++c) force[contact.pressed()[c]] = contact.forces()[c];
+    for (int c = 0; c < a.nodes; ++c) force[contact.contact_nodes()[c]] = contact.forces()[c];
     ASSERT_GT(a.nodes, 3);
     EXPECT_NEAR(a.energy, 0.5 * force.dot(nine.whole() * force), 1e-5 * a.energy);
   }
@@ -343,19 +347,21 @@ TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
 // is lost: in each tick what the dashpots take, in closed form, and what the step of the force does.
 TEST(StandardLinearSolid, LosesWhatItsDashpotsTake) {
   const Nine nine;
-  const double instant = 3.0, creep = 0.05, period = 1e-3, late = 1.0 - 1.0 / instant, stays = std::exp(-period / creep);
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(nine.at, nine.full.data()), instant, creep, period);
+  const double instantaneous_ratio = 3.0, retardation_time = 0.05, period = 1e-3, late = 1.0 - 1.0 / instantaneous_ratio,
+               stays = std::exp(-period / retardation_time);
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(nine.at, nine.full.data()), instantaneous_ratio,
+                                                retardation_time, period);
   const Eigen::MatrixXd c = nine.whole(), stiffness = c.inverse();
   Eigen::VectorXd q = Eigen::VectorXd::Zero(Nine::nodes), place = q, before = q;
   double held = 0.0, most = 0.0, lost = 0.0;
   dance(nine.at, body, 3000, [&](const Eigen::VectorXd& f, const palpate::deformable::ContactResult& a) {
     const Eigen::VectorXd behind = late * f - q;
     q += (1.0 - stays) * behind;
-    const Eigen::VectorXd now = c * (f / instant + q), spring = now - c * q / late;
+    const Eigen::VectorXd now = c * (f / instantaneous_ratio + q), spring = now - c * q / late;
     most = std::max(most, a.energy);
-    ASSERT_NEAR(a.energy, 0.5 * now.dot(stiffness * now) + 0.5 * (instant - 1.0) * spring.dot(stiffness * spring), 2e-5 * most);
+    ASSERT_NEAR(a.energy, 0.5 * now.dot(stiffness * now) + 0.5 * (instantaneous_ratio - 1.0) * spring.dot(stiffness * spring), 2e-5 * most);
     const double dashpots = 0.5 * (1.0 - stays * stays) / late * behind.dot(c * behind);
-    const double step = 0.5 / instant * (f - before).dot(c * (f - before));
+    const double step = 0.5 / instantaneous_ratio * (f - before).dot(c * (f - before));
     ASSERT_NEAR(f.dot(now - place) - (a.energy - held), dashpots + step, 2e-5 * most);
     lost += dashpots;
     held = a.energy;
@@ -368,42 +374,46 @@ TEST(StandardLinearSolid, LosesWhatItsDashpotsTake) {
 // Pressed in a step and held for ever: what the spring at last stores stays, all else is lost; let go, all of it.
 TEST(StandardLinearSolid, KeepsOfAStepWhatItsSpringAtLastStores) {
   const Oscillator o;
-  const double instant = 3.0, c = 1.0 / (o.mass * o.frequency * o.frequency), depth = 1e-3;
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instant, 0.02, 1e-5);
+  const double instantaneous_ratio = 3.0, c = 1.0 / (o.mass * o.frequency * o.frequency), depth = 1e-3;
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instantaneous_ratio, 0.02,
+                                                1e-5);
   palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
   palpate::deformable::Tip tip;
-  tip.centre = {0, 0, tip.radius - depth};
-  EXPECT_NEAR(contact.step(tip).energy, 0.5 * instant * depth * depth / c, 4e-3 * depth * depth / c);
+  tip.center = {0, 0, tip.radius - depth};
+  EXPECT_NEAR(contact.step(tip).energy, 0.5 * instantaneous_ratio * depth * depth / c, 4e-3 * depth * depth / c);
   for (int k = 0; k < 20000; ++k) contact.step(tip);
   EXPECT_NEAR(contact.last().energy, 0.5 * depth * depth / c, 1e-6 * depth * depth / c);
-  tip.centre.z() += 2.0 * depth;
+  tip.center.z() += 2.0 * depth;
   const double left = contact.step(tip).energy;  // both springs of Kelvin's form hold the same force: that in line with them lets go
-  EXPECT_NEAR(left, 0.5 * (1.0 - 1.0 / instant) * depth * depth / c, 1e-3 * depth * depth / c);
+  EXPECT_NEAR(left, 0.5 * (1.0 - 1.0 / instantaneous_ratio) * depth * depth / c, 1e-3 * depth * depth / c);
   for (int k = 0; k < 20000; ++k) contact.step(tip);
   EXPECT_LT(contact.last().energy, 1e-8 * left);
 }
 
-// Creep under a constant force and relaxation at a constant depth, by their exponentials.
+// Creep query_tip a constant force and relaxation at a constant depth, by their exponentials.
 TEST(StandardLinearSolid, CreepsAndRelaxesAsAStandardLinearSolid) {
   const Oscillator o;
-  const double instant = 3.0, creep = 0.2, period = 1e-3, c = 1.0 / (o.mass * o.frequency * o.frequency);
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instant, creep, period);
+  const double instantaneous_ratio = 3.0, retardation_time = 0.2, period = 1e-3, c = 1.0 / (o.mass * o.frequency * o.frequency);
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instantaneous_ratio,
+                                                retardation_time, period);
   const std::int32_t node = 0;
   const double force = 0.4;
   for (int k = 1; k <= 1000; ++k) {
-    const double found = body.at_rest(0) + body.compliance(0, 0) * force;
-    ASSERT_NEAR(found, c * force * (1.0 - (1.0 - 1.0 / instant) * std::exp(-k * period / creep)), 1e-6 * c);
+    const double found = body.free_displacement(0) + body.compliance(0, 0) * force;
+    ASSERT_NEAR(found, c * force * (1.0 - (1.0 - 1.0 / instantaneous_ratio) * std::exp(-k * period / retardation_time)), 1e-6 * c);
     body.advance(&node, &force, 1);
   }
-  // At a constant depth the force falls from instant to one, with the time creep / instant; a held force lags by half a period.
+  // At a constant depth the force falls from instantaneous_ratio to one, with the time retardation_time / instantaneous_ratio; a held force
+  // lags by half a period.
   body.reset();
   palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
   palpate::deformable::Tip tip;
   const double depth = 1e-3;
-  tip.centre = {0, 0, tip.radius - depth};
+  tip.center = {0, 0, tip.radius - depth};
   for (int k = 0; k <= 1000; ++k) {
     const double t = (k + 0.5) * period;
-    ASSERT_NEAR(contact.step(tip).force.z(), depth / c * (1.0 + (instant - 1.0) * std::exp(-t * instant / creep)), 0.02 * depth / c);
+    ASSERT_NEAR(contact.step(tip).force.z(),
+                depth / c * (1.0 + (instantaneous_ratio - 1.0) * std::exp(-t * instantaneous_ratio / retardation_time)), 0.02 * depth / c);
   }
 }
 
@@ -422,8 +432,8 @@ TEST(StandardLinearSolid, GivesOutNoEnergyOverClosedPaths) {
     const int ticks = 100;
     for (int k = 1; k <= ticks; ++k) {
       const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
-      tip.centre = {0, 0, tip.radius - depth};
-      const double rest = body.at_rest(0);
+      tip.center = {0, 0, tip.radius - depth};
+      const double rest = body.free_displacement(0);
       const palpate::deformable::ContactResult& answer = contact.step(tip);
       const double now = answer.touching ? depth : rest;
       in += answer.force.z() * (now - before);

@@ -10,7 +10,7 @@
 #include <palpate/servo/servo.hpp>
 
 #include "allocations.hpp"
-#include "lattice_cube.hpp"
+#include "mass_spring_cube.hpp"
 
 namespace {
 
@@ -45,20 +45,20 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
     tip.kind = kind;
     tip.radius = 4e-3;
     long pressed = 0;
-    double dragged = 0.0;
+    double friction = 0.0;
     int most = 0;
     const long before = allocations;
     for (int k = 0; k < 3000; ++k) {
       const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0;
-      tip.centre = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), top + 2e-3 * std::sin(0.05 * k)};
+      tip.center = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), top + 2e-3 * std::sin(0.05 * k)};
       const palpate::deformable::ContactResult& a = contact.step(tip);
-      dragged += rough.step(tip).friction.norm();
+      friction += rough.step(tip).friction.norm();
       pressed += a.touching ? 1 : 0;
       most = std::max(most, a.nodes);
     }
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(pressed, 1000);
-    EXPECT_GT(dragged, 0.0);
+    EXPECT_GT(friction, 0.0);
     EXPECT_LT(pressed, 2900);
     EXPECT_GT(most, 15);
   }
@@ -81,9 +81,9 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     placement.rotation = Eigen::AngleAxisd(0.1, Vector3<>::UnitX()).toRotationMatrix();
     const double top = kind == palpate::deformable::Tip::Kind::sphere ? 4e-3 : 0.0;
     placement.origin = arm.forward(pose) - placement.rotation * Vector3<>(0.0, 0.0, top - 1e-3);
-    const auto frames = std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
-    auto& pressed = *frames;
-    placement.contact_frames = frames;
+    const auto contact_frames = std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
+    auto& pressed = *contact_frames;
+    placement.contact_frames = contact_frames;
     palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     int touching = 0;
     const long before = allocations;
@@ -102,14 +102,14 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
 
 TEST(BodyNoAllocation, InATickOfALattice) {
   const Cube cube(4);
-  palpate::deformable::MassSpringModel lattice = cube.lattice(1e-3, 1.0, 1e-3);
-  palpate::deformable::TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, lattice);
+  palpate::deformable::MassSpringModel model = cube.model(1e-3, 1.0, 1e-3);
+  palpate::deformable::TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, model);
   palpate::deformable::Tip tip;
   tip.radius = 8e-3;
   int pressed = 0;
   const long before = allocations;
   for (int k = 0; k < 1000; ++k) {
-    tip.centre = {10e-3 + 3e-3 * std::sin(0.01 * k), 10e-3, 28e-3 - 2e-3 * std::sin(0.05 * k)};
+    tip.center = {10e-3 + 3e-3 * std::sin(0.01 * k), 10e-3, 28e-3 - 2e-3 * std::sin(0.05 * k)};
     pressed += contact.step(tip).touching ? 1 : 0;
   }
   EXPECT_EQ(allocations - before, 0);

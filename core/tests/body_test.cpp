@@ -19,7 +19,7 @@ Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
   return a * a.transpose() + 0.05 * Eigen::MatrixXd::Identity(n, n);
 }
 
-void set_lane(ContactLcp& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
+void load_lcp(ContactLcp& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
   for (int i = 0; i < g.size(); ++i) {
     solver.depth(i) = g[i];
     for (int j = 0; j < g.size(); ++j) solver.compliance(i, j) = c(i, j);
@@ -35,8 +35,8 @@ TEST(ContactLcp, FindsWhatTryingAllSetsFinds) {
     const Eigen::MatrixXd c = random_compliance(n, random);
     const Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
     ContactLcp solver;
-    set_lane(solver, c, g);
-    solver.start(n, [&](int a) { return ((trial >> a) & 1) != 0; });  // whatever is tried first
+    load_lcp(solver, c, g);
+    solver.reset(n, [&](int a) { return ((trial >> a) & 1) != 0; });  // whatever is tried first
     ASSERT_TRUE(solver.solve());
     int right = 0;
     for (int set = 0; set < (1 << n); ++set) {
@@ -65,8 +65,8 @@ TEST(ContactLcp, HoldsItsConditionsWhileDepthsChange) {
     const Eigen::MatrixXd c = random_compliance(n, random);
     Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
     ContactLcp solver;
-    set_lane(solver, c, g);
-    solver.start(n, [](int) { return false; });
+    load_lcp(solver, c, g);
+    solver.reset(n, [](int) { return false; });
     for (int step = 0; step < 50; ++step) {
       ASSERT_TRUE(solver.solve());
       Eigen::VectorXd f(n);
@@ -89,19 +89,19 @@ TEST(ContactLcp, LooksTwiceWhereOnePlaceComesOrGoes) {
   const int n = 30;
   const Eigen::MatrixXd c = Eigen::MatrixXd::Identity(n, n) + 1e-3 * random_compliance(n, random);
   ContactLcp solver;
-  set_lane(solver, c, Eigen::VectorXd::Ones(n));
-  solver.start(n, [](int) { return true; });
+  load_lcp(solver, c, Eigen::VectorXd::Ones(n));
+  solver.reset(n, [](int) { return true; });
   ASSERT_TRUE(solver.solve());
-  EXPECT_EQ(solver.looks(), 1);
+  EXPECT_EQ(solver.iterations(), 1);
   for (const double depth : {-1.0, 1.0}) {
     solver.depth(7) = depth;
     ASSERT_TRUE(solver.solve());
-    EXPECT_EQ(solver.looks(), 2);
+    EXPECT_EQ(solver.iterations(), 2);
     EXPECT_EQ(solver.force(7) > 0.0, depth > 0.0);
   }
 }
 
-/// The top of an elastic half-space, z up: mean displacement of square patches under even pressure on another, by Love's closed form at
+/// The top of an elastic half-space, z up: mean displacement of square patches query_tip even pressure on another, by Love's closed form at
 /// centres for the own patch and Boussinesq's point load elsewhere. Nothing here comes from finite elements.
 struct HalfSpace {
   double modulus, width;  // E / (1 - nu^2), Pa; m
@@ -116,11 +116,11 @@ struct HalfSpace {
                                           std::vector<double>(points.size(), w * w));
   }
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
-    // 1.1222 / w at the centre of the own square; the mean over it is 0.9464 / w (Johnson 1985, eq. 3.25 ff.).
+    // 1.1222 / w at the center of the own square; the mean over it is 0.9464 / w (Johnson 1985, eq. 3.25 ff.).
     if (i == j) return 2.9730 / (M_PI * modulus * width);
     return 1.0 / (M_PI * modulus * (points[static_cast<std::size_t>(i)] - points[static_cast<std::size_t>(j)]).norm());
   }
-  [[nodiscard]] static double at_rest(std::int32_t) { return 0.0; }
+  [[nodiscard]] static double free_displacement(std::int32_t) { return 0.0; }
   static void advance(const std::int32_t*, const double*, int) {}
   static void reset() {}
 };
@@ -132,14 +132,14 @@ TEST(TipContact, OnAHalfSpaceIsHertzs) {
   palpate::deformable::Tip tip;
   tip.radius = 20e-3;
   for (const double depth : {0.1e-3, 0.15e-3, 0.2e-3}) {
-    tip.centre = {0.1e-3, -0.2e-3, tip.radius - depth};
+    tip.center = {0.1e-3, -0.2e-3, tip.radius - depth};
     const palpate::deformable::ContactResult& a = contact.step(tip);
     ASSERT_TRUE(a.solved);
     EXPECT_NEAR(a.force.z(), 4.0 / 3.0 * 20e3 * std::sqrt(tip.radius) * std::pow(depth, 1.5), 0.05 * a.force.z());
     EXPECT_NEAR(a.nodes * 0.25e-6, M_PI * tip.radius * depth, 0.2 * M_PI * tip.radius * depth);
     EXPECT_NEAR(a.energy, 0.4 * a.force.z() * depth, 0.05 * a.energy);
   }
-  tip.centre.z() = tip.radius + 1e-6;
+  tip.center.z() = tip.radius + 1e-6;
   EXPECT_FALSE(contact.step(tip).touching);
   EXPECT_EQ(contact.last().force.norm(), 0.0);
 }
@@ -152,7 +152,7 @@ TEST(TipContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
   tip.kind = palpate::deformable::Tip::Kind::flat;
   tip.radius = 5e-3;
   for (const double aside : {0.0, 0.2e-3, 0.35e-3, 0.5e-3}) {
-    tip.centre = {aside, 0.4 * aside, -1e-3};
+    tip.center = {aside, 0.4 * aside, -1e-3};
     EXPECT_NEAR(contact.step(tip).force.z(), 2.0 * tip.radius * 20e3 * 1e-3, 0.04 * 0.2);
   }
 }
@@ -170,14 +170,14 @@ TEST(TipContact, ForceIsTheSlopeOfItsEnergy) {
     for (int trial = 0; trial < 50; ++trial) {
       const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0;
       const palpate::math::Vector3<> at(3e-3 * uniform(random), 3e-3 * uniform(random), top - 1e-3 * (1.2 + uniform(random)));
-      tip.centre = at;
+      tip.center = at;
       const palpate::math::Vector3<> force = contact.step(tip).force;
       palpate::math::Vector3<> slope;
       for (int a = 0; a < 3; ++a) {
         const double h = 1e-8;
-        tip.centre = at + h * palpate::math::Vector3<>::Unit(a);
+        tip.center = at + h * palpate::math::Vector3<>::Unit(a);
         const double up = contact.step(tip).energy;
-        tip.centre = at - h * palpate::math::Vector3<>::Unit(a);
+        tip.center = at - h * palpate::math::Vector3<>::Unit(a);
         slope[a] = (up - contact.step(tip).energy) / (2.0 * h);
       }
       EXPECT_LT((force + slope).norm(), 1e-4 * force.norm() + 1e-9);
@@ -195,11 +195,11 @@ TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
     tip.kind = kind;
     tip.radius = 3e-3;
     const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0, down = 4.0 * tip.radius, step = 2e-5;
-    tip.centre = {0.2e-3, -0.3e-3, top};
+    tip.center = {0.2e-3, -0.3e-3, top};
     Vector3<> force = contact.step(tip).force;
     double work = 0.0, exchanged = 0.0;
     const auto go = [&](const Vector3<>& way) {
-      tip.centre += way;
+      tip.center += way;
       const palpate::deformable::ContactResult& a = contact.step(tip);
       const double part = -0.5 * (a.force + force).dot(way);
       work += part;
@@ -216,15 +216,15 @@ TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
     }
     EXPECT_GT(force.z(), kind == palpate::deformable::Tip::Kind::sphere ? 2.0 * tip.radius * 20e3 * 3.0 * tip.radius
                                                                         : 0.95 * 2.0 * tip.radius * 20e3 * down);
-    const Vector3<> deep = tip.centre;
+    const Vector3<> deep = tip.center;
     for (int a = 0; a < 3; ++a) {
       const double h = 1e-7;
-      tip.centre = deep + h * Vector3<>::Unit(a);
+      tip.center = deep + h * Vector3<>::Unit(a);
       const double up = contact.step(tip).energy;
-      tip.centre = deep - h * Vector3<>::Unit(a);
+      tip.center = deep - h * Vector3<>::Unit(a);
       EXPECT_NEAR(force[a], -(up - contact.step(tip).energy) / (2.0 * h), 1e-4 * force.norm());
     }
-    tip.centre = deep;
+    tip.center = deep;
     contact.step(tip);
     for (int k = 0; k < 250; ++k) {
       const palpate::deformable::ContactResult a = go({step, 0.4 * step, 0});
@@ -237,22 +237,22 @@ TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
   }
 }
 
-// Nodes on the far side of a thin plate are not under the tip.
+// Nodes on the far side of a thin plate are not query_tip the tip.
 TEST(SurfaceNodes, OnTheFarSideAreNotUnderTheTip) {
   const std::vector<palpate::math::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};
   const std::vector<palpate::math::Vector3<>> normals{palpate::math::Vector3<>::UnitZ(), -palpate::math::Vector3<>::UnitZ()};
   const palpate::deformable::SurfaceNodes nodes(points, normals, {1e-6, 1e-6});
   palpate::deformable::Tip tip;
-  tip.centre = {0, 0, 4e-3};
+  tip.center = {0, 0, 4e-3};
   int found = 0;
-  nodes.under(tip, [&](std::int32_t node, double depth) {
+  nodes.query_tip(tip, [&](std::int32_t node, double depth) {
     EXPECT_EQ(node, 0);
     EXPECT_NEAR(depth, 1e-3, 1e-15);
     ++found;
   });
   EXPECT_EQ(found, 1);
-  tip.centre.x() = std::nan("");
-  nodes.under(tip, [&](std::int32_t, double) { FAIL(); });
+  tip.center.x() = std::nan("");
+  nodes.query_tip(tip, [&](std::int32_t, double) { FAIL(); });
 }
 
 // A sphere that goes round a ball, out of contact and in again on the way, is pushed outward everywhere, and as hard on the far side as

@@ -13,47 +13,47 @@
 #include <palpate/servo/servo.hpp>
 
 #include "allocations.hpp"
-#include "solid_blocks.hpp"
+#include "tet_block.hpp"
 
 namespace {
 
 TEST(SolidNoAllocation, InATickOfTwoTips) {
-  const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> slow(block.mesh, block.top(), {});
-  auto box = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
+  const TetBlock block(8, 6, 3, 8e3, 0.4);
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), {});
+  auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
   auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
   palpate::deformable::TipPair tips;
   tips.count = 2;
   long counted = 0, pressed = 0;
   for (int k = 0; k < 800; ++k) {
     for (std::size_t t = 0; t < 2; ++t)
-      tips.tip[t].centre = {0.012 + 0.016 * static_cast<double>(t) + 4e-3 * std::sin(0.01 * k), 0.015, 0.019 + 3e-3 * std::cos(0.02 * k)};
+      tips.tip[t].center = {0.012 + 0.016 * static_cast<double>(t) + 4e-3 * std::sin(0.01 * k), 0.015, 0.019 + 3e-3 * std::cos(0.02 * k)};
     if (k % 20 == 0) {
-      slow.step(tips, box->write_slot());
-      box->publish();
+      solver.step(tips, models->write_slot());
+      models->publish();
     }
     const long before = allocations;
-    pressed += servo->step(*box, tips).nodes;
+    pressed += servo->step(*models, tips).nodes;
     counted += allocations - before;
   }
   EXPECT_EQ(counted, 0);
   EXPECT_GT(pressed, 400);
 }
 
-struct Slow {
+struct Solver {
   palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solid;
   auto step(const palpate::deformable::TipPair& tips, palpate::deformable::LocalModel& to) { return solid.step(tips, to); }
   void reset() { solid.reset(); }
   void displacement(double* to) const { solid.displacement(to); }
-  [[nodiscard]] std::unique_ptr<Slow> fresh() const { return std::make_unique<Slow>(*this); }
+  [[nodiscard]] std::unique_ptr<Solver> clone_at_rest() const { return std::make_unique<Solver>(*this); }
 };
 
 // The arm swings its tip over the solid, in and out of it, with either tip; slow steps in turn, outside of the ticks.
 TEST(SolidNoAllocation, InAServoTickOnASolid) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
-  const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  const auto body = std::make_shared<palpate::object::HyperelasticObject<Slow>>(
-      std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20,
+  const TetBlock block(8, 6, 3, 8e3, 0.4);
+  const auto body = std::make_shared<palpate::object::HyperelasticObject<Solver>>(
+      std::make_unique<Solver>(Solver{{block.mesh, block.top(), {}}}), 20,
       palpate::deformable::LocalModelSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
@@ -70,33 +70,33 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
     auto& pressed = *contact_frames;
     placement.contact_frames = contact_frames;
     const auto deformation_frames = std::make_shared<palpate::math::LatestValue<palpate::object::DeformationFrame>>();
-    auto& drawn = *deformation_frames;
-    for (palpate::object::DeformationFrame& place : drawn.slots()) place.displacement.resize(3 * block.mesh.points.size());
+    auto& observer = *deformation_frames;
+    for (palpate::object::DeformationFrame& place : observer.slots()) place.displacement.resize(3 * block.mesh.points.size());
     placement.deformation_frames = deformation_frames;
     palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
     EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
     int touching = 0;
     long counted = 0;
-    double dragged = 0.0, deepest = 0.0;
+    double friction = 0.0, deepest = 0.0;
     for (int k = 0; k < 1000; ++k) {
       const long before = allocations;
       touching += servo.tick(pose + 0.02 * swing(k), Vector3<>::Zero()).touching ? 1 : 0;
       counted += allocations - before;
-      dragged += servo.object().body().last().friction.norm();
+      friction += servo.object().body().last().friction.norm();
       servo.update();
-      if (drawn.acquire())
-        for (const double d : drawn.value().displacement) deepest = std::max(deepest, std::abs(d));
+      if (observer.acquire())
+        for (const double d : observer.value().displacement) deepest = std::max(deepest, std::abs(d));
     }
     EXPECT_EQ(counted, 0);
-    EXPECT_GT(dragged, 0.0);
+    EXPECT_GT(friction, 0.0);
     EXPECT_GT(touching, 200);
     EXPECT_LT(touching, 950);
     ASSERT_TRUE(pressed.acquire());
     EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
-    EXPECT_TRUE(servo.object().body().slow());
-    EXPECT_EQ(drawn.value().step, 51);   // one from before the first tick
-    EXPECT_EQ(drawn.value().tick, 981);  // ticks 0 to 1000, a slow step after 1, 21, ... 981 of them
+    EXPECT_TRUE(servo.object().body().is_multirate());
+    EXPECT_EQ(observer.value().step, 51);   // one from before the first tick
+    EXPECT_EQ(observer.value().tick, 981);  // ticks 0 to 1000, a slow step after 1, 21, ... 981 of them
     EXPECT_GT(deepest, 5e-4);
   }
 }

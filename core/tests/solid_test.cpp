@@ -7,13 +7,13 @@
 #include <palpate/deformable/multirate/passive_model_switch.hpp>
 #include <random>
 
-#include "solid_blocks.hpp"
+#include "tet_block.hpp"
 
 namespace {
 
 // Under a load that bends it far, Newton's steps end at rest, the last ones with quadratic speed, and the energy has only fallen.
 TEST(Solids, NewtonComesToRestUnderALargeLoad) {
-  const SolidBlock block(2, 2, 6, 1e4, 0.4);
+  const TetBlock block(2, 2, 6, 1e4, 0.4);
   palpate::deformable::HyperelasticModel<palpate::deformable::NeoHookean, 2> solid(block.mesh);
   std::vector<double> load(solid.unknowns(), 0.0);
   for (std::int32_t i = 0; i < solid.free_nodes(); ++i)
@@ -33,14 +33,14 @@ TEST(Solids, NewtonComesToRestUnderALargeLoad) {
   EXPECT_GT(far, 8e-3);
 }
 
-// Two tips that dance on it with slow steps in turn: what they put in is the potential and what is saved, neither is negative, and every
+// Two tips that dance on it with solver steps in turn: what they put in is the potential and what is saved, neither is negative, and every
 // snapshot's compliance is symmetric with a positive diagonal. (Each tick goes half of a random step, for the sum's sake.)
 TEST(Solids, TipsGetOutNoMoreThanTheyPutIn) {
-  const SolidBlock block(8, 6, 4, 8e3, 0.4);
-  palpate::deformable::SolverOptions effort;
-  effort.near = 16;
-  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> slow(block.mesh, block.top(), effort);
-  auto box = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
+  const TetBlock block(8, 6, 4, 8e3, 0.4);
+  palpate::deformable::SolverOptions options;
+  options.nodes_per_tip = 16;
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), options);
+  auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
   auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
   palpate::deformable::TipPair tips;
   tips.count = 2;
@@ -58,28 +58,28 @@ TEST(Solids, TipsGetOutNoMoreThanTheyPutIn) {
       way[t] += step[t];
       palpate::deformable::Tip& tip = tips.tip[t];
       tip.radius = 7e-3;
-      tip.centre = place[t] + 6.0 * way[t] + palpate::math::Vector3<>(0, 0, 0.02 + tip.radius - 1.5e-3 + 4e-3 * std::cos(2e-3 * k));
+      tip.center = place[t] + 6.0 * way[t] + palpate::math::Vector3<>(0, 0, 0.02 + tip.radius - 1.5e-3 + 4e-3 * std::cos(2e-3 * k));
     }
     if (k % 80 == 0) {
-      slow.step(tips, box->write_slot());
-      box->publish();
-      const palpate::deformable::LocalModel& state = slow.state();
+      solver.step(tips, models->write_slot());
+      models->publish();
+      const palpate::deformable::LocalModel& state = solver.local_model();
       for (std::int32_t i = 0; i < state.nodes.size(); ++i) {
-        ASSERT_GT(state.between(i, i), 0.0);
-        for (std::int32_t j = 0; j < i; ++j) ASSERT_EQ(state.between(i, j), state.between(j, i));
+        ASSERT_GT(state.compliance(i, i), 0.0);
+        for (std::int32_t j = 0; j < i; ++j) ASSERT_EQ(state.compliance(i, j), state.compliance(j, i));
       }
     }
-    const palpate::deformable::MultiTipResult& now = servo->step(*box, tips);
+    const palpate::deformable::MultiTipResult& now = servo->step(*models, tips);
     ASSERT_TRUE(now.solved);
-    ASSERT_GE(servo->account().saved, 0.0);
+    ASSERT_GE(servo->tank().level, 0.0);
     ASSERT_GE(now.energy, 0.0);
-    for (std::size_t t = 0; t < 2 && k > 0; ++t) work -= 0.5 * (now.tip[t].force + last.tip[t].force).dot(tips.tip[t].centre - before[t]);
+    for (std::size_t t = 0; t < 2 && k > 0; ++t) work -= 0.5 * (now.tip[t].force + last.tip[t].force).dot(tips.tip[t].center - before[t]);
     if (now.nodes == 0) work = 0.0;
-    error = std::max(error, std::abs(work - now.energy - servo->account().saved));
+    error = std::max(error, std::abs(work - now.energy - servo->tank().level));
     most = std::max(most, now.energy);
     touched += now.nodes > 0 ? 1 : 0;
     last = now;
-    before = {tips.tip[0].centre, tips.tip[1].centre};
+    before = {tips.tip[0].center, tips.tip[1].center};
   }
   EXPECT_GT(touched, 2000);
   EXPECT_LT(touched, 12000);

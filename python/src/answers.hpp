@@ -12,15 +12,15 @@
 
 /// What bodies of every kind tell Python about a tip.
 
-inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::math::Vector3<>& centre,
+inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::math::Vector3<>& center,
                                        const palpate::math::Vector3<>& outward) {
-  return {flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere, radius, centre, outward};
+  return {flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere, radius, center, outward};
 }
 
 /// Numbers of an answer: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
 constexpr std::size_t answer_width = 14;
 
-inline void write_row(const palpate::deformable::ContactResult& a, double* row) {
+inline void write_result(const palpate::deformable::ContactResult& a, double* row) {
   Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
   Eigen::Map<palpate::math::Vector3<>>(row + 3) = a.deflection;
   row[6] = a.energy;
@@ -37,7 +37,7 @@ nanobind::tuple pressed_by(const Contact& contact) {
   const auto n = static_cast<std::size_t>(contact.last().nodes);
   auto [nodes, i] = new_array<std::int64_t>({n});
   auto [forces, f] = new_array<double>({n});
-  std::copy_n(contact.pressed(), n, i);
+  std::copy_n(contact.contact_nodes(), n, i);
   std::copy_n(contact.forces(), n, f);
   return nanobind::make_tuple(nodes, forces);
 }

@@ -85,10 +85,10 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             const nb::gil_scoped_release unlocked;
             palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
             for (std::size_t i = 0; i < n; ++i, row += answer_width) {
-              tip.centre = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
+              tip.center = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
               tip.outward = faces ? self.contact.outward(tip)
                                   : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              write_row(self.contact.step(tip), row);
+              write_result(self.contact.step(tip), row);
             }
             return rows;
           },
@@ -121,7 +121,7 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             const auto n = static_cast<std::size_t>(self.contact.last().nodes);
             auto [forces, f] = new_array<double>({n, 3});
             for (std::size_t k = 0; k < n; ++k)
-              Eigen::Map<palpate::math::Vector3<>>(f + 3 * k) = self.contact.dragged(self.contact.pressed()[k]);
+              Eigen::Map<palpate::math::Vector3<>>(f + 3 * k) = self.contact.tangential_force(self.contact.contact_nodes()[k]);
             return forces;
           },
           "The forces of friction on the nodes of pressed(), N.")
@@ -132,7 +132,7 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             if (node < 0 || node >= self.nodes.size()) throw nb::value_error("there is no such node");
             auto [places, x] = new_array<double>({forces.shape(0)});
             for (std::size_t k = 0; k < forces.shape(0); ++k) {
-              x[k] = self.body.at_rest(node) + self.body.compliance(node, node) * forces.data()[k];
+              x[k] = self.body.free_displacement(node) + self.body.compliance(node, node) * forces.data()[k];
               self.body.advance(&node, forces.data() + k, 1);
             }
             return places;
@@ -152,15 +152,14 @@ std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std
   return list;
 }
 
-palpate::deformable::SpringNetworkData network_parts(const Points& places, const Numbers& inertia_parameters, const Flags& held,
+palpate::deformable::SpringNetworkData network_parts(const Points& places, const Numbers& masses, const Flags& held,
                                                      const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
                                                      const Numbers& pressure) {
   const std::size_t count = places.shape(0);
-  if (inertia_parameters.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count ||
-      stiffness.shape(0) != springs.shape(0))
+  if (masses.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
     throw nb::value_error("the sizes of a network's arrays do not fit each other");
-  return {points(places),          numbers(inertia_parameters), {held.data(), held.data() + count},
-          rows<2>(springs, count), numbers(stiffness),          rows<4>(tetrahedra, count),
+  return {points(places),          numbers(masses),    {held.data(), held.data() + count},
+          rows<2>(springs, count), numbers(stiffness), rows<4>(tetrahedra, count),
           numbers(pressure)};
 }
 
@@ -168,7 +167,7 @@ palpate::deformable::PatchWeights network_patches(const Indices& begin, const In
                                                   std::size_t below) {
   palpate::deformable::PatchWeights p{
       {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
-  bool fit = p.begin.size() == nodes + 1 && p.shares.size() == p.vertices.size() && p.begin.front() == 0 &&
+  bool fit = p.begin.size() == nodes + 1 && p.weights.size() == p.vertices.size() && p.begin.front() == 0 &&
              static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
   for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
   if (!fit) throw nb::value_error("the patches of a network do not fit its nodes and vertices");
@@ -189,16 +188,16 @@ void bind_lattice(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
-             const Numbers& inertia_parameters, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
+             const Numbers& masses, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
              const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
-             double period, double alpha, double beta, double hold, double slide) {
+             double period, double alpha, double beta, double mu_static, double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
-            MassSpringModel lattice(nodes, network_parts(places, inertia_parameters, held, springs, stiffness, tetrahedra, pressure),
+            MassSpringModel lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
                                     network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
             if (!lattice.definite()) throw nb::value_error("a network has positive masses and volumes");
-            new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(lattice), {hold, slide});
+            new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(lattice), {mu_static, mu_dynamic});
           },
           "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
           "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
@@ -212,21 +211,21 @@ void bind_lattice(nb::module_& m) {
       .def(
           "places",
           [](const BodyCore<MassSpringModel>& self) {
-            return new_points(self.body.places().size(), [&](std::size_t v) { return self.body.places()[v]; });
+            return new_points(self.body.positions().size(), [&](std::size_t v) { return self.body.positions()[v]; });
           },
           "Of the vertices (N, 3), m.")
       .def(
           "set",
           [](BodyCore<MassSpringModel>& self, const Points& places, const Points& speeds) {
-            if (places.shape(0) != self.body.places().size() || speeds.shape(0) != places.shape(0))
+            if (places.shape(0) != self.body.positions().size() || speeds.shape(0) != places.shape(0))
               throw nb::value_error("as many places and speeds as the network has vertices are needed");
-            self.body.set(points(places).data(), points(speeds).data());
+            self.body.set_state(points(places).data(), points(speeds).data());
           },
           "places"_a, "speeds"_a, "Go on from here.")
       .def_prop_ro(
           "energy", [](const BodyCore<MassSpringModel>& self) { return self.body.energy(); }, "Kinetic and stored, J.")
       .def_prop_ro(
-          "held_back", [](const BodyCore<MassSpringModel>& self) { return self.body.held_back(); },
+          "held_back", [](const BodyCore<MassSpringModel>& self) { return self.body.limited_steps(); },
           "Periods that lost speed because they would have made energy.");
 }
 
@@ -236,12 +235,12 @@ void bind_spline(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
-             double give, double layer, double give_across, double layer_across, double hold, double slide) {
+             double give, double layer, double give_across, double layer_across, double mu_static, double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of a body's arrays do not fit each other");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
             FreeFormDeformation spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
-            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(spline), {hold, slide});
+            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(spline), {mu_static, mu_dynamic});
           },
           "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a, "give_across"_a, "layer_across"_a,
           "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
@@ -251,8 +250,9 @@ void bind_spline(nb::module_& m) {
             return new_points(static_cast<std::size_t>(self.nodes.size()), [&](std::size_t i) {
               palpate::math::Vector3<> sum = palpate::math::Vector3<>::Zero();
               for (int c = 0; c < self.contact.last().nodes; ++c) {
-                const std::int32_t node = self.contact.pressed()[c];
-                sum += self.body.displacement(static_cast<std::int32_t>(i), node, self.contact.forces()[c], self.contact.dragged(node));
+                const std::int32_t node = self.contact.contact_nodes()[c];
+                sum += self.body.displacement(static_cast<std::int32_t>(i), node, self.contact.forces()[c],
+                                              self.contact.tangential_force(node));
               }
               return sum;
             });
@@ -291,10 +291,10 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             double hold, double slide) {
+             double mu_static, double mu_dynamic) {
             new (self) BodyCore<Compliance>(
-                at, normals, areas, compliance, {hold, slide},
-                [&](const palpate::deformable::SurfaceNodes& nodes) { return Compliance(nodes, compliance.data(), hold > 0.0); });
+                at, normals, areas, compliance, {mu_static, mu_dynamic},
+                [&](const palpate::deformable::SurfaceNodes& nodes) { return Compliance(nodes, compliance.data(), mu_static > 0.0); });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_kind<Modal>(m, "ModalBody")
@@ -302,12 +302,14 @@ void bind_body(nb::module_& m) {
           "__init__",
           [](BodyCore<Modal>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep,
-             double hold, double slide) {
+             double mu_static, double mu_dynamic) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of a body's modes do not fit each other");
-            new (self) BodyCore<Modal>(at, normals, areas, compliance, {hold, slide}, [&](const palpate::deformable::SurfaceNodes& nodes) {
-              return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta, instant, creep, hold > 0.0);
-            });
+            new (self) BodyCore<Modal>(at, normals, areas, compliance, {mu_static, mu_dynamic},
+                                       [&](const palpate::deformable::SurfaceNodes& nodes) {
+                                         return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta,
+                                                      instant, creep, mu_static > 0.0);
+                                       });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
           "instant"_a = 1.0, "creep"_a = 1.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
@@ -315,10 +317,10 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<StandardLinearSolid>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             double instant, double creep, double period, double hold, double slide) {
+             double instant, double creep, double period, double mu_static, double mu_dynamic) {
             new (self) BodyCore<StandardLinearSolid>(
-                at, normals, areas, compliance, {hold, slide}, [&](const palpate::deformable::SurfaceNodes& nodes) {
-                  return StandardLinearSolid(Compliance(nodes, compliance.data(), hold > 0.0), instant, creep, period);
+                at, normals, areas, compliance, {mu_static, mu_dynamic}, [&](const palpate::deformable::SurfaceNodes& nodes) {
+                  return StandardLinearSolid(Compliance(nodes, compliance.data(), mu_static > 0.0), instant, creep, period);
                 });
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a, "static_friction"_a = 0.0,

@@ -41,7 +41,7 @@ void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* refe
   const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
   std::optional<SlowThread> slow;
   auto* body = servo.object().template get_if<palpate::object::BodyInstance>();
-  if (paced && body != nullptr && body->body().slow()) slow.emplace([body] { body->body().slow_step(); });
+  if (paced && body != nullptr && body->body().is_multirate()) slow.emplace([body] { body->body().update_model(); });
   const Time::time_point first = Time::now();
   for (int k = 0; k < ticks; ++k) {
     if (paced)

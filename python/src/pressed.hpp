@@ -7,11 +7,11 @@ namespace palpate::solid {
 
 /// What a slow step did.
 struct PressedStep {
-  double unrest = 0.0;           ///< what the contact's forces differ by from the inner ones, or from those before, over them
-  double residual = 0.0;         ///< load less inner forces before it, N
-  int newton_steps = 0;          ///< of conjugate gradients
-  int compliance_steps = 0;      ///< of conjugate gradients
-  double compliance_left = 0.0;  ///< how far the worst column of the compliance was from itself, in the energy's norm, about
+  double relative_residual = 0.0;  ///< what the contact's forces differ by from the inner ones, or from those before, over them
+  double residual = 0.0;           ///< load less inner forces before it, N
+  int newton_steps = 0;            ///< of conjugate gradients
+  int compliance_steps = 0;        ///< of conjugate gradients
+  double compliance_left = 0.0;    ///< how far the worst column of the compliance was from itself, in the energy's norm, about
 };
 
 /// A pressed solid of one of the materials, compiled for one width of vector registers.
@@ -28,11 +28,11 @@ class AnyPressed {
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
   /// The same at rest, with a state of its own.
-  [[nodiscard]] virtual std::unique_ptr<AnyPressed> fresh() const = 0;
+  [[nodiscard]] virtual std::unique_ptr<AnyPressed> clone_at_rest() const = 0;
 };
 
 template <int lanes>
 std::unique_ptr<AnyPressed> press(bool corotational, const deformable::TetMesh& mesh, const deformable::TetSurface& surface,
-                                  const deformable::SolverOptions& effort);
+                                  const deformable::SolverOptions& options);
 
 }  // namespace palpate::solid

@@ -16,11 +16,11 @@ class AnySolid {
 
   /// Energy [J] at a displacement [m]; the inner forces [N] into `forces`.
   virtual double evaluate(const double* displacement, double* forces) = 0;
-  /// Change of the inner forces [N] along `way` [m], at the displacement of the last evaluate(), in single precision.
-  virtual void tangent(const double* way, double* forces) = 0;
-  /// Newton's steps from where it is until the residual is below `tolerance` of the load; returns how many, or -1 if `most` were not
+  /// Change of the inner forces [N] along `motion` [m], at the displacement of the last evaluate(), in single precision.
+  virtual void tangent(const double* motion, double* forces) = 0;
+  /// Newton's steps from where it is until the residual is below `tolerance` of the load; returns how many, or -1 if `max_steps` were not
   /// enough.
-  virtual int relax(const double* load, double tolerance, int most) = 0;
+  virtual int relax(const double* load, double tolerance, int max_steps) = 0;
   virtual void displacement(double* to) const = 0;
   virtual void reset() = 0;
 };

@@ -18,14 +18,14 @@ class SolidOf final : public AnySolid {
 
   double evaluate(const double* displacement, double* forces) override {
     gather(displacement, at_);
-    solid_.move_to(at_.data());
+    solid_.set_displacement(at_.data());
     scatter(solid_.gradient(), free_, forces);
     return solid_.energy();
   }
 
-  void tangent(const double* way, double* forces) override {
+  void tangent(const double* motion, double* forces) override {
     std::vector<double> free(solid_.unknowns());
-    gather(way, free);
+    gather(motion, free);
     const std::vector<float> x(free.begin(), free.end());
     std::vector<float> y(x.size());
     float along = 0.0F;
@@ -34,15 +34,15 @@ class SolidOf final : public AnySolid {
     scatter(free.data(), free_, forces);
   }
 
-  int relax(const double* load, double tolerance, int most) override {
+  int relax(const double* load, double tolerance, int max_steps) override {
     gather(load, load_);
     double size = 0.0;
     for (const double f : load_) size += f * f;
-    for (int k = 0; k <= most; ++k) {
+    for (int k = 0; k <= max_steps; ++k) {
       double left = 0.0;
       for (std::size_t i = 0; i < load_.size(); ++i) left += (load_[i] - solid_.gradient()[i]) * (load_[i] - solid_.gradient()[i]);
       if (left <= tolerance * tolerance * size) return k;
-      if (k < most) solid_.step(load_.data(), 1e-4F, 300);
+      if (k < max_steps) solid_.step(load_.data(), 1e-4F, 300);
     }
     return -1;
   }
@@ -74,18 +74,19 @@ class PressedOf final : public AnyPressed {
   PressedOf(const PressedOf& other) : AnyPressed(), pressed_(other.pressed_) {}
   PressedOf& operator=(const PressedOf&) = delete;
   ~PressedOf() override = default;
-  PressedOf(const deformable::TetMesh& mesh, const deformable::TetSurface& surface, const deformable::SolverOptions& effort)
-      : pressed_(mesh, surface, effort) {}
+  PressedOf(const deformable::TetMesh& mesh, const deformable::TetSurface& surface, const deformable::SolverOptions& options)
+      : pressed_(mesh, surface, options) {}
 
   PressedStep step(const deformable::TipPair& tips, deformable::LocalModel& to) override {
     const auto report = pressed_.step(tips, to);
-    return {report.unrest, report.newton.residual, report.newton.solver_steps, report.compliance.steps, report.compliance.left};
+    return {report.relative_residual, report.newton.residual, report.newton.solver_steps, report.compliance.steps,
+            report.compliance.max_error};
   }
 
   void displacement(double* to) const override { pressed_.displacement(to); }
-  [[nodiscard]] double energy() override { return pressed_.solid().energy(); }
+  [[nodiscard]] double energy() override { return pressed_.model().energy(); }
   void reset() override { pressed_.reset(); }
-  [[nodiscard]] std::unique_ptr<AnyPressed> fresh() const override {
+  [[nodiscard]] std::unique_ptr<AnyPressed> clone_at_rest() const override {
     auto same = std::make_unique<PressedOf>(*this);
     same->reset();
     return same;
@@ -105,9 +106,9 @@ std::unique_ptr<AnySolid> make<PALPATE_LANES>(bool corotational, const deformabl
 
 template <>
 std::unique_ptr<AnyPressed> press<PALPATE_LANES>(bool corotational, const deformable::TetMesh& mesh, const deformable::TetSurface& surface,
-                                                 const deformable::SolverOptions& effort) {
-  if (corotational) return std::make_unique<PressedOf<deformable::Corotational>>(mesh, surface, effort);
-  return std::make_unique<PressedOf<deformable::NeoHookean>>(mesh, surface, effort);
+                                                 const deformable::SolverOptions& options) {
+  if (corotational) return std::make_unique<PressedOf<deformable::Corotational>>(mesh, surface, options);
+  return std::make_unique<PressedOf<deformable::NeoHookean>>(mesh, surface, options);
 }
 
 }  // namespace palpate::solid

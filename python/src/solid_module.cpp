@@ -63,8 +63,8 @@ palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, c
   }
   mesh.shear.assign(shear.data(), shear.data() + m);
   mesh.lame.assign(lame.data(), lame.data() + m);
-  mesh.held.assign(held.data(), held.data() + n);
-  if (std::find(mesh.held.begin(), mesh.held.end(), false) == mesh.held.end()) throw nb::value_error("all points are held");
+  mesh.fixed.assign(held.data(), held.data() + n);
+  if (std::find(mesh.fixed.begin(), mesh.fixed.end(), false) == mesh.fixed.end()) throw nb::value_error("all points are held");
   return mesh;
 }
 
@@ -87,9 +87,9 @@ palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& p
   palpate::deformable::TetSurface surface;
   surface.point.assign(point.data(), point.data() + n);
   surface.area.assign(areas.data(), areas.data() + n);
-  surface.begin.assign(begin.data(), begin.data() + n + 1);
-  surface.shared.assign(shared.data(), shared.data() + shares);
-  surface.weight.assign(weights.data(), weights.data() + shares);
+  surface.patch_begin.assign(begin.data(), begin.data() + n + 1);
+  surface.patch_point.assign(shared.data(), shared.data() + shares);
+  surface.patch_weight.assign(weights.data(), weights.data() + shares);
   for (std::size_t t = 0; t < triangles.shape(0); ++t)
     surface.triangles.push_back({triangles.data()[3 * t], triangles.data()[3 * t + 1], triangles.data()[3 * t + 2]});
   return surface;
@@ -97,9 +97,9 @@ palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& p
 
 std::unique_ptr<AnyPressed> pressed_of(const palpate::deformable::TetMesh& mesh, bool corotational,
                                        const palpate::deformable::TetSurface& surface, int near) {
-  palpate::deformable::SolverOptions effort;
-  effort.near = near;
-  return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, effort); });
+  palpate::deformable::SolverOptions options;
+  options.nodes_per_tip = near;
+  return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, options); });
 }
 
 struct PressedCore {
@@ -113,7 +113,7 @@ class Ways {
   Ways(const Paths& centres, const Paths& outward, const Numbers& radii, bool flat)
       : centres_(centres.data()), outward_(outward.data()), ticks_(centres.shape(0)) {
     const std::size_t count = centres.shape(1);
-    if (count == 0 || count > palpate::deformable::TipPair::most) throw nb::value_error("one or two tips press a solid");
+    if (count == 0 || count > palpate::deformable::TipPair::max_tips) throw nb::value_error("one or two tips press a solid");
     if (outward.shape(0) != ticks_ || outward.shape(1) != count || radii.shape(0) != count)
       throw nb::value_error("as many directions as places, and a radius for each tip are needed");
     tips_.count = static_cast<int>(count);
@@ -127,7 +127,7 @@ class Ways {
   const palpate::deformable::TipPair& at(std::size_t tick) {
     const auto count = static_cast<std::size_t>(tips_.count);
     for (std::size_t t = 0; t < count; ++t) {
-      tips_.tip[t].centre = Eigen::Map<const palpate::math::Vector3<>>(centres_ + 3 * (tick * count + t));
+      tips_.tip[t].center = Eigen::Map<const palpate::math::Vector3<>>(centres_ + 3 * (tick * count + t));
       tips_.tip[t].outward = Eigen::Map<const palpate::math::Vector3<>>(outward_ + 3 * (tick * count + t));
     }
     return tips_;
@@ -143,11 +143,11 @@ class Ways {
       row[8] = a.touching ? 1.0 : 0.0;
       row[9] = servo.last().solved ? 1.0 : 0.0;
     }
-    const auto& account = servo.account();
-    row[0] = account.potential;
-    row[1] = account.saved;
-    row[2] = account.share;
-    row[3] = account.waits ? 1.0 : 0.0;
+    const auto& tank = servo.tank();
+    row[0] = tank.potential;
+    row[1] = tank.level;
+    row[2] = tank.blend;
+    row[3] = tank.empty ? 1.0 : 0.0;
   }
 
  private:
@@ -170,9 +170,9 @@ void bind_pressed(nb::module_& m) {
   nb::class_<PressedCore>(m, "PressedSolid")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near) {
+          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
+             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
+             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near) {
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
             new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
@@ -187,10 +187,10 @@ void bind_pressed(nb::module_& m) {
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
-              if (k % static_cast<std::size_t>(every) == 0 && self.pressing.steps() > 0) self.pressing.hand_over();
+              if (k % static_cast<std::size_t>(every) == 0 && self.pressing.update_count() > 0) self.pressing.publish_model();
               self.pressing.tick(ways.at(k));
-              if (k % static_cast<std::size_t>(every) == 0) self.pressing.compute();
-              ways.write(self.pressing.servo(), row);
+              if (k % static_cast<std::size_t>(every) == 0) self.pressing.compute_model();
+              ways.write(self.pressing.model_switch(), row);
             }
             return rows;
           },
@@ -205,7 +205,7 @@ void bind_pressed(nb::module_& m) {
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns() + 1) {
               row[ways.columns()] = self.pressing.settle(ways.at(k), steps) ? 1.0 : 0.0;
-              ways.write(self.pressing.servo(), row);
+              ways.write(self.pressing.model_switch(), row);
             }
             return rows;
           },
@@ -224,19 +224,19 @@ void bind_pressed(nb::module_& m) {
               std::unique_ptr<SlowThread> other;
               if (thread && ways.ticks() > 0) {
                 self.pressing.tick(ways.at(0));
-                other = std::make_unique<SlowThread>([&self] { self.pressing.slow_step(); });
+                other = std::make_unique<SlowThread>([&self] { self.pressing.update_model(); });
               }
               const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
                 const palpate::deformable::TipPair& tips = ways.at(k);
-                const auto due =
-                    begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
+                const auto due = begin + std::chrono::duration_cast<Clock::duration>(
+                                             std::chrono::duration<double>(period * static_cast<double>(k)));
                 std::this_thread::sleep_until(due);
                 const auto woken = Clock::now();
                 self.pressing.tick(tips);
                 t[1] = std::chrono::duration<double>(Clock::now() - woken).count();
                 t[0] = std::chrono::duration<double>(woken - due).count();
-                ways.write(self.pressing.servo(), row);
+                ways.write(self.pressing.model_switch(), row);
               }
               if (other) slow = other->join();
             }
@@ -248,19 +248,19 @@ void bind_pressed(nb::module_& m) {
           "One tick each period of wall-clock time, with slow steps in a thread of their own or none. Rows as of follow; lateness and "
           "length of each tick, s; length of each slow step, s.")
       .def(
-          "step", [](const PressedCore& self) { return step_row(self.pressing.last()); },
+          "step", [](const PressedCore& self) { return step_row(self.pressing.last_report()); },
           "Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.")
       .def("displacement",
            [](PressedCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});
-             self.pressing.slow().displacement(data);
+             self.pressing.solver().displacement(data);
              return out;
            })
-      .def("energy", [](PressedCore& self) { return self.pressing.slow().energy(); })
+      .def("energy", [](PressedCore& self) { return self.pressing.solver().energy(); })
       .def(
           "snapshot",
           [](PressedCore& self) {
-            const palpate::deformable::LocalModel& s = self.pressing.newest();
+            const palpate::deformable::LocalModel& s = self.pressing.current_model();
             const auto n = static_cast<std::size_t>(s.nodes.size());
             auto [names, i] = new_array<double>({n, 1});
             auto [compliance, c] = new_array<double>({n, n});
@@ -268,8 +268,8 @@ void bind_pressed(nb::module_& m) {
             auto [inner, e] = new_array<double>({n, 1});
             for (std::size_t a = 0; a < n; ++a) {
               e[a] = s.inner[a] ? 1.0 : 0.0;
-              i[a] = s.name[a];
-              for (std::size_t b = 0; b < n; ++b) c[a * n + b] = s.between(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
+              i[a] = s.node_ids[a];
+              for (std::size_t b = 0; b < n; ++b) c[a * n + b] = s.compliance(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
               for (std::size_t b = 0; b < 3; ++b) o[3 * a + b] = s.nodes.normal(static_cast<std::int32_t>(a))[static_cast<int>(b)];
             }
             return nb::make_tuple(names, normals, compliance, inner);
@@ -283,19 +283,19 @@ void bind_pressed(nb::module_& m) {
 struct NonlinearCore : BodyInLoop {
   std::size_t points;
   palpate::object::HyperelasticObject<AnyPressed> body;
-  bool begun = false;
+  bool initialized = false;
 
   NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every, palpate::deformable::LocalModelSlip slip)
       : points(count), body(std::move(solid), every, std::move(slip)) {}
 
-  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.fresh(); }
+  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.clone_at_rest(); }
 
   const palpate::deformable::ContactResult& tick(palpate::deformable::Tip tip) {
     if (tip.kind == palpate::deformable::Tip::Kind::sphere) tip.outward = body.outward(tip);
-    if (!begun) body.begin(tip);
-    begun = true;
+    if (!initialized) body.initialize(tip);
+    initialized = true;
     const palpate::deformable::ContactResult& answer = body.step(tip);
-    body.in_turn();
+    body.step_synchronously();
     return answer;
   }
 };
@@ -315,16 +315,17 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double hold,
-             double slide) {
+          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
+             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
+             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway,
+             double mu_static, double mu_dynamic) {
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
-            new (self) NonlinearCore(points.shape(0), std::move(solid), every,
-                                     hold > 0.0 ? palpate::deformable::LocalModelSlip({hold, slide}, ratio, sway, point.shape(0))
-                                                : palpate::deformable::LocalModelSlip());
+            new (self)
+                NonlinearCore(points.shape(0), std::move(solid), every,
+                              mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, ratio, sway, point.shape(0))
+                                              : palpate::deformable::LocalModelSlip());
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
           "weights"_a, "triangles"_a, "near"_a, "every"_a, "ratio"_a = 1.0, "sway"_a = 0.0, "static_friction"_a = 0.0,
@@ -341,7 +342,7 @@ void bind_nonlinear(nb::module_& m) {
               const palpate::math::Vector3<> out =
                   faces ? palpate::math::Vector3<>::UnitZ()
                         : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              write_row(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
+              write_result(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
             }
             return rows;
           },
@@ -358,9 +359,9 @@ void bind_nonlinear(nb::module_& m) {
             for (std::size_t i = 0; i < n; ++i, row += answer_width + 1) {
               const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
                                                           Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              self.begun = true;
+              self.initialized = true;
               row[answer_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
-              write_row(self.body.last(), row);
+              write_result(self.body.last(), row);
             }
             return rows;
           },
@@ -373,13 +374,13 @@ void bind_nonlinear(nb::module_& m) {
           "displacement",
           [](const NonlinearCore& self) {
             auto [out, data] = new_array<double>({self.points, 3});
-            self.body.rates().slow().displacement(data);
+            self.body.coupling().solver().displacement(data);
             return out;
           },
           "Of all points at the last slow step, m.")
       .def("reset", [](NonlinearCore& self) {
         self.body.reset();
-        self.begun = false;
+        self.initialized = false;
       });
 }
 

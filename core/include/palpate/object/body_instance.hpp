@@ -33,11 +33,11 @@ class BodyInstance {
   static constexpr int columns = 7;  ///< deflection (3), stored energy, contact nodes, solved, energy of the tank
 
   /// @param placement  its body must not be null
-  explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->fresh()) {
+  explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->clone_at_rest()) {
     tip_.kind = placement_.tip;
     tip_.radius = placement_.radius;
     tip_.outward = placement_.axis;
-    body_->watch(placement_.deformation_frames.get());
+    body_->set_observer(placement_.deformation_frames.get());
   }
   BodyInstance(const BodyInstance& o) : BodyInstance(o.placement_) {}
   BodyInstance& operator=(const BodyInstance& o) { return *this = BodyInstance(o); }
@@ -48,7 +48,7 @@ class BodyInstance {
   /// Prepare the first tick with the tip's center at `tip` [m].
   void start(const Vector3<>& tip) {
     move_tip(tip);
-    body_->begin(tip_);
+    body_->initialize(tip_);
   }
 
   const ContactResult& step(const TipState& tip) noexcept {
@@ -67,14 +67,14 @@ class BodyInstance {
 
   /// Return to rest. Allocates.
   void reset() noexcept {
-    body_ = placement_.body->fresh();
-    body_->watch(placement_.deformation_frames.get());
+    body_ = placement_.body->clone_at_rest();
+    body_->set_observer(placement_.deformation_frames.get());
     result_ = {};
     tick_ = 0;
   }
 
   /// Update the body's slow model in virtual time, after each tick.
-  void update() { body_->in_turn(); }
+  void update() { body_->step_synchronously(); }
 
   [[nodiscard]] int record_width() const noexcept { return columns; }
   void record(double* row) const noexcept {
@@ -83,7 +83,7 @@ class BodyInstance {
     row[3] = contact.energy;
     row[4] = contact.nodes;
     row[5] = contact.solved ? 1.0 : 0.0;
-    row[6] = contact.saved;
+    row[6] = contact.tank_energy;
   }
 
   [[nodiscard]] const DeformableObject& body() const noexcept { return *body_; }
@@ -92,7 +92,7 @@ class BodyInstance {
 
  private:
   void move_tip(const Vector3<>& position) noexcept {
-    tip_.centre = placement_.rotation.transpose() * (position - placement_.origin);
+    tip_.center = placement_.rotation.transpose() * (position - placement_.origin);
     if (tip_.kind == deformable::Tip::Kind::sphere) tip_.outward = body_->outward(tip_);
   }
 
@@ -100,8 +100,8 @@ class BodyInstance {
     ContactFrame& next = placement_.contact_frames->write_slot();
     next.tick = tick_++;
     next.count = std::min(count, ContactFrame::capacity);
-    std::copy_n(body_->pressed(), next.count, next.node.begin());
-    for (int k = 0; k < next.count; ++k) next.force[static_cast<std::size_t>(k)] = body_->load(k);
+    std::copy_n(body_->contact_nodes(), next.count, next.node.begin());
+    for (int k = 0; k < next.count; ++k) next.force[static_cast<std::size_t>(k)] = body_->node_force(k);
     placement_.contact_frames->publish();
   }
 

@@ -15,17 +15,17 @@
 
 namespace palpate::object {
 
-/// Where a slow step left a body, for whoever draws it.
+/// Displacement of a body after a model update, for visualization.
 struct DeformationFrame {
-  std::int64_t step = 0;             ///< how many there have been; 0: none yet
-  std::int64_t tick = -1;            ///< of the servo, whose tip the step saw, from 0 on
-  std::vector<double> displacement;  ///< of all points, 3 x point + axis, body's frame, m; as long as that from the beginning
+  std::int64_t step = 0;             ///< number of model updates so far; 0: none yet
+  std::int64_t tick = -1;            ///< servo tick, from 0 on, whose tip the update used
+  std::vector<double> displacement;  ///< of all points, 3 x point + axis, body frame, m; allocated beforehand
 };
 
-/// A body of any kind as a servo loop meets it: stepped once a period by one tip, in the body's own frame.
+/// A deformable body as a servo loop uses it: stepped once per period by one tip, in the body's own frame.
 ///
-/// A body whose state takes longer than a tick has slow steps besides, outside of the tick: `in_turn` with it in virtual time, always with
-/// the same result, or `slow_step` over and over in a thread of its own.
+/// A body whose model takes longer than a tick updates it outside the tick: synchronously in virtual time (`step_synchronously`,
+/// reproducible), or by calling `update_model` repeatedly in another thread.
 class DeformableObject {
  public:
   DeformableObject() = default;
@@ -35,72 +35,73 @@ class DeformableObject {
   DeformableObject& operator=(DeformableObject&&) = delete;
   virtual ~DeformableObject() = default;
 
-  /// Goes on by one period; takes no memory, no lock, throws nothing.
+  /// Advance by one period. Does not allocate, lock or throw.
   virtual const deformable::ContactResult& step(const deformable::Tip& tip) noexcept = 0;
 
   [[nodiscard]] virtual const deformable::ContactResult& last() const noexcept = 0;
 
-  /// The pressed nodes of the last step, last().nodes of them.
-  [[nodiscard]] virtual const std::int32_t* pressed() const noexcept = 0;
+  /// Contact nodes of the last step, last().nodes entries.
+  [[nodiscard]] virtual const std::int32_t* contact_nodes() const noexcept = 0;
 
-  /// Force of the tip on the k-th of them, N.
-  [[nodiscard]] virtual Vector3<> load(int k) const noexcept = 0;
+  /// Force of the tip on the k-th contact node, N.
+  [[nodiscard]] virtual Vector3<> node_force(int k) const noexcept = 0;
 
-  /// Out of the body, unit: as in the last step, until that is more than 45 degrees off where the tip is pushed; while the tip is free, as
-  /// the nearest node faces, or the tip if none is near.
+  /// Outward unit normal of the contact: that of the last step, turned only as far as needed to stay within 45 degrees of the contact
+  /// force. Free tip: normal of the nearest node, or `tip.outward` if none is near.
   [[nodiscard]] virtual Vector3<> outward(const deformable::Tip& tip) const noexcept = 0;
 
-  /// The same body at rest, with a state of its own: every loop steps its own.
-  [[nodiscard]] virtual std::unique_ptr<DeformableObject> fresh() const = 0;
+  /// Return a copy at rest with its own state; every loop steps its own copy.
+  [[nodiscard]] virtual std::unique_ptr<DeformableObject> clone_at_rest() const = 0;
 
-  /// Before the first tick, with the tip where it is.
-  virtual void begin(const deformable::Tip& /*tip*/) {}
+  /// Prepare for the first tick, with the tip at its start position.
+  virtual void initialize(const deformable::Tip& /*tip*/) {}
 
-  /// After each tick, in virtual time.
-  virtual void in_turn() {}
+  /// Call after each tick in virtual time.
+  virtual void step_synchronously() {}
 
-  /// Whether there are slow steps, and one of them.
-  [[nodiscard]] virtual bool slow() const noexcept { return false; }
-  virtual void slow_step() {}
+  /// Whether the model is updated outside the tick; update_model() performs one update.
+  [[nodiscard]] virtual bool is_multirate() const noexcept { return false; }
+  virtual void update_model() {}
 
-  /// Tells `drawn`, of one loop at a time, after each of them; null: no more.
-  virtual void watch(LatestValue<DeformationFrame>* /*drawn*/) noexcept {}
+  /// Set the buffer that receives the deformation after each model update; null to stop. One loop at a time.
+  virtual void set_observer(LatestValue<DeformationFrame>* /*observer*/) noexcept {}
 };
 
-/// A body of one kind in a loop. The nodes outlive it; the kind is its own.
-template <class Kind>
+/// A linear body model in a loop. `nodes` must outlive it; the model is copied.
+template <class Model>
 class LinearBodyObject final : public DeformableObject {
  public:
-  LinearBodyObject(const deformable::SurfaceNodes& nodes, const Kind& kind, deformable::DryFriction friction = {})
-      : nodes_(&nodes), kind_(kind), contact_(nodes, kind_, friction) {
+  LinearBodyObject(const deformable::SurfaceNodes& nodes, const Model& model, deformable::DryFriction friction = {})
+      : nodes_(&nodes), model_(model), contact_(nodes, model_, friction) {
     contact_.reset();
   }
+  LinearBodyObject(const deformable::SurfaceNodes&& nodes, const Model& model, deformable::DryFriction friction = {}) = delete;
 
   const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override { return contact_.step(tip); }
   [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return contact_.last(); }
-  [[nodiscard]] const std::int32_t* pressed() const noexcept override { return contact_.pressed(); }
-  [[nodiscard]] Vector3<> load(int k) const noexcept override {
-    const std::int32_t node = contact_.pressed()[k];
-    return contact_.dragged(node) - contact_.forces()[k] * nodes_->normal(node);
+  [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_.contact_nodes(); }
+  [[nodiscard]] Vector3<> node_force(int k) const noexcept override {
+    const std::int32_t node = contact_.contact_nodes()[k];
+    return contact_.tangential_force(node) - contact_.forces()[k] * nodes_->normal(node);
   }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override { return contact_.outward(tip); }
-  [[nodiscard]] std::unique_ptr<DeformableObject> fresh() const override {
-    return std::make_unique<LinearBodyObject>(*nodes_, kind_, contact_.friction());
+  [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
+    return std::make_unique<LinearBodyObject>(*nodes_, model_, contact_.friction());
   }
 
  private:
   const deformable::SurfaceNodes* nodes_;
-  Kind kind_;
-  deformable::TipContact<Kind> contact_;
+  Model model_;
+  deformable::TipContact<Model> contact_;
 };
 
-/// What a tick pressed, for whoever draws the body: see BodyTouch.
+/// Contact nodes of a tick, for visualization.
 struct ContactFrame {
   static constexpr int capacity = deformable::ContactLcp::capacity;
-  std::int64_t tick = -1;  ///< which, from 0 on
+  std::int64_t tick = -1;  ///< from 0 on
   int count = 0;
   std::array<std::int32_t, capacity> node{};
-  std::array<Vector3<>, capacity> force{};  ///< of the tip on it, body's frame, N
+  std::array<Vector3<>, capacity> force{};  ///< of the tip on each node, body frame, N
 };
 
 }  // namespace palpate::object

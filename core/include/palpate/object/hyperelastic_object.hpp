@@ -14,156 +14,157 @@
 
 namespace palpate::object {
 
-/// A solid under large displacements in a servo loop, with friction if it has any. In virtual time a slow step lasts `every` ticks: it sees
-/// the tip where it is at its first tick, and the servo gets its snapshot after the last.
+/// Hyperelastic body in a servo loop, optionally with friction. In virtual time a model update lasts `update_interval` ticks: it uses the
+/// tip position of the first tick and is published after the last.
 ///
-/// `Slow` is that of TwoRates, and
-///   std::unique_ptr<Slow> fresh() const   the same at rest, with a state of its own
-///   void displacement(double* to) const   of all points, 3 x point + axis, m
-template <class Slow>
+/// `Solver` is that of MultirateCoupling, and provides
+///   std::unique_ptr<Solver> clone_at_rest() const   copy at rest with its own state
+///   void displacement(double* to) const             of all points, 3 x point + axis, m
+template <class Solver>
 class HyperelasticObject final : public DeformableObject {
  public:
-  HyperelasticObject(std::unique_ptr<Slow> slow, int every, deformable::LocalModelSlip slip = {})
-      : rates_(std::move(slow)), every_(every), slip_(std::move(slip)) {
+  HyperelasticObject(std::unique_ptr<Solver> solver, int update_interval, deformable::LocalModelSlip slip = {})
+      : coupling_(std::move(solver)), update_interval_(update_interval), slip_(std::move(slip)) {
     tips_.count = 1;
   }
 
   const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override {
     tips_.tip[0] = tip;
-    const deformable::MultiTipResult& answer = rates_.tick(tips_);
-    answer_ = answer.tip[0];
-    answer_.solved = answer.solved;
-    answer_.energy = rates_.servo().account().potential;
-    answer_.saved = rates_.servo().account().saved;
-    answer_.nodes = 0;
-    rates_.servo().each_pressed(rates_.box(), [this](std::int32_t name, double force, const Vector3<>& push) {
-      const auto k = static_cast<std::size_t>(answer_.nodes++);
-      pressed_[k] = name;
+    const deformable::MultiTipResult& result = coupling_.tick(tips_);
+    result_ = result.tip[0];
+    result_.solved = result.solved;
+    result_.energy = coupling_.model_switch().tank().potential;
+    result_.tank_energy = coupling_.model_switch().tank().level;
+    result_.nodes = 0;
+    coupling_.model_switch().for_each_contact_node(coupling_.models(), [this](std::int32_t node, double force, const Vector3<>& push) {
+      const auto k = static_cast<std::size_t>(result_.nodes++);
+      contact_nodes_[k] = node;
       forces_[k] = force;
-      load_[k] = push;
+      node_forces_[k] = push;
     });
-    face(tip);
-    if (slip_.on()) drag(tip);
-    return answer_;
+    update_outward(tip);
+    if (slip_.enabled()) update_friction(tip);
+    return result_;
   }
 
-  [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return answer_; }
-  [[nodiscard]] const std::int32_t* pressed() const noexcept override { return pressed_.data(); }
+  [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return result_; }
+  [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_nodes_.data(); }
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }  ///< along the inward normals, N
-  [[nodiscard]] Vector3<> load(int k) const noexcept override { return load_[static_cast<std::size_t>(k)]; }
+  [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return node_forces_[static_cast<std::size_t>(k)]; }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override {
-    return answer_.nodes > 0 ? outward_
-                             : deformable::outward_of(rates_.newest().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
+    return result_.nodes > 0
+               ? outward_
+               : deformable::estimate_outward(coupling_.current_model().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
   }
-  [[nodiscard]] std::unique_ptr<DeformableObject> fresh() const override {
-    return std::make_unique<HyperelasticObject>(rates_.slow().fresh(), every_, at_rest());
+  [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
+    return std::make_unique<HyperelasticObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
   }
 
-  /// The servo has a snapshot from the beginning: that of the body at rest, near the tip.
-  void begin(const deformable::Tip& tip) override {
+  /// Provide the first local model: the body at rest near the tip.
+  void initialize(const deformable::Tip& tip) override {
     tips_.tip[0] = tip;
-    rates_.place(tips_);
-    slow_step();
+    coupling_.set_tips(tips_);
+    update_model();
   }
 
-  void in_turn() override {
-    if (tick_ % every_ == 0) {
-      rates_.compute();
-      show();
+  void step_synchronously() override {
+    if (tick_ % update_interval_ == 0) {
+      coupling_.compute_model();
+      publish();
     }
-    if (++tick_ % every_ == 0) rates_.hand_over();
+    if (++tick_ % update_interval_ == 0) coupling_.publish_model();
   }
 
-  [[nodiscard]] bool slow() const noexcept override { return true; }
-  void slow_step() override {
-    rates_.slow_step();
-    show();
+  [[nodiscard]] bool is_multirate() const noexcept override { return true; }
+  void update_model() override {
+    coupling_.update_model();
+    publish();
   }
 
-  void watch(LatestValue<DeformationFrame>* drawn) noexcept override { drawn_ = drawn; }
+  void set_observer(LatestValue<DeformationFrame>* observer) noexcept override { observer_ = observer; }
 
-  [[nodiscard]] const deformable::MultirateCoupling<Slow>& rates() const noexcept { return rates_; }
+  [[nodiscard]] const deformable::MultirateCoupling<Solver>& coupling() const noexcept { return coupling_; }
 
-  /// Lets the body come to rest under a tip that is held, in at most so many slow steps, and steps there. Whether it did.
-  bool settle(const deformable::Tip& tip, int most) {
+  /// Bring the body to equilibrium under a fixed tip in at most `max_steps` model updates and step there. Return false if not reached.
+  bool settle(const deformable::Tip& tip, int max_steps) {
     tips_.tip[0] = tip;
     tick_ = 0;
-    const bool rests = rates_.settle(tips_, most);
+    const bool rests = coupling_.settle(tips_, max_steps);
     step(tip);
     return rests;
   }
 
   void reset() {
-    rates_.reset();
-    answer_ = {};
+    coupling_.reset();
+    result_ = {};
     tick_ = 0;
     slip_.reset();
-    placed_ = false;
+    has_last_center_ = false;
   }
 
  private:
-  [[nodiscard]] deformable::LocalModelSlip at_rest() const {
+  [[nodiscard]] deformable::LocalModelSlip slip_at_rest() const {
     deformable::LocalModelSlip slip = slip_;
     slip.reset();
     return slip;
   }
 
-  /// Tells whoever draws the body where the last slow step left it.
-  void show() noexcept {
-    if (drawn_ == nullptr) return;
-    DeformationFrame& next = drawn_->write_slot();
-    next.step = rates_.steps();
-    next.tick = rates_.seen();
-    rates_.slow().displacement(next.displacement.data());
-    drawn_->publish();
+  /// Publish the deformation after a model update to the observer.
+  void publish() noexcept {
+    if (observer_ == nullptr) return;
+    DeformationFrame& next = observer_->write_slot();
+    next.step = coupling_.update_count();
+    next.tick = coupling_.last_seen_tick();
+    coupling_.solver().displacement(next.displacement.data());
+    observer_->publish();
   }
 
-  /// As the pressed nodes face.
-  void face(const deformable::Tip& tip) noexcept {
+  /// Update the outward normal from the contact forces.
+  void update_outward(const deformable::Tip& tip) noexcept {
     Vector3<> sum = Vector3<>::Zero();
-    for (int k = 0; k < answer_.nodes; ++k) sum -= load(k);
+    for (int k = 0; k < result_.nodes; ++k) sum -= node_force(k);
     const double length = sum.norm();
     outward_ = length > 0.0 ? Vector3<>(sum / length) : tip.outward;
   }
 
-  /// The tip has moved over the surface, and drags it along.
-  void drag(const deformable::Tip& tip) noexcept {
-    const Vector3<> way = placed_ ? Vector3<>(tip.centre - centre_) : Vector3<>::Zero();
-    centre_ = tip.centre;
-    placed_ = centre_.allFinite();
-    slip_.step(rates_.newest(), tip.kind == deformable::Tip::Kind::flat ? tip.outward : outward_, pressed_.data(), forces_.data(),
-               answer_.nodes, way);
+  /// Apply friction for the tip motion since the last step.
+  void update_friction(const deformable::Tip& tip) noexcept {
+    const Vector3<> tip_motion = has_last_center_ ? Vector3<>(tip.center - last_center_) : Vector3<>::Zero();
+    last_center_ = tip.center;
+    has_last_center_ = last_center_.allFinite();
+    slip_.step(coupling_.current_model(), tip.kind == deformable::Tip::Kind::flat ? tip.outward : outward_, contact_nodes_.data(),
+               forces_.data(), result_.nodes, tip_motion);
     double total = 0.0;
     Vector3<> along = Vector3<>::Zero();
-    for (int k = 0; k < answer_.nodes; ++k) {
+    for (int k = 0; k < result_.nodes; ++k) {
       const auto i = static_cast<std::size_t>(k);
-      const Vector3<> force = slip_.force(pressed_[i]), moved = slip_.moved(pressed_[i]);
-      along += forces_[i] * moved;
+      const Vector3<> force = slip_.force(contact_nodes_[i]), displacement = slip_.displacement(contact_nodes_[i]);
+      along += forces_[i] * displacement;
       total += forces_[i];
-      answer_.friction -= force;
-      answer_.energy += 0.5 * force.dot(moved);
-      load_[i] += force;
+      result_.friction -= force;
+      result_.energy += 0.5 * force.dot(displacement);
+      node_forces_[i] += force;
     }
-    if (total > 0.0) answer_.deflection += along / total;
-    answer_.force += answer_.friction;
-    answer_.sliding = slip_.sliding();
+    if (total > 0.0) result_.deflection += along / total;
+    result_.force += result_.friction;
+    result_.sliding = slip_.sliding();
   }
 
-  static constexpr std::size_t most = 2 * deformable::LocalModel::capacity;  // nodes pressed on two snapshots that are blended
+  static constexpr std::size_t max_nodes = 2 * deformable::LocalModel::capacity;  // contact nodes of the two models being blended
 
-  deformable::MultirateCoupling<Slow> rates_;
-  int every_;
+  deformable::MultirateCoupling<Solver> coupling_;
+  int update_interval_;
   std::int64_t tick_ = 0;
-  LatestValue<DeformationFrame>* drawn_ = nullptr;
+  LatestValue<DeformationFrame>* observer_ = nullptr;
   deformable::TipPair tips_;
-  deformable::ContactResult answer_;
+  deformable::ContactResult result_;
   deformable::LocalModelSlip slip_;
-  Vector3<> outward_ = Vector3<>::UnitZ();  // as the pressed nodes face
-  bool placed_ = false;                     // the tip has been somewhere before
-  Vector3<> centre_ = Vector3<>::Zero();    // where it was, m
-  std::array<std::int32_t, most> pressed_{};
-  std::array<double, most> forces_{};   // N
-  std::array<Vector3<>, most> load_{};  // N
+  Vector3<> outward_ = Vector3<>::UnitZ();     // mean normal of the contact forces
+  bool has_last_center_ = false;               // false before the first step
+  Vector3<> last_center_ = Vector3<>::Zero();  // tip center of the last step, m
+  std::array<std::int32_t, max_nodes> contact_nodes_{};
+  std::array<double, max_nodes> forces_{};          // N
+  std::array<Vector3<>, max_nodes> node_forces_{};  // N
 };
 
 }  // namespace palpate::object

@@ -8,165 +8,172 @@
 
 namespace palpate::deformable {
 
-/// One-sided contact of up to `capacity` places on a linear body: forces f with
+/// Unilateral contact on a linear body as a linear complementarity problem (LCP) of up to `capacity` rows. Find the forces f [N] with
 ///   f >= 0,  C f >= g,  f (C f - g) = 0
-/// for the symmetric positive definite compliance C [m/N] and the depths g [m] that a tip asks for. Places that were pressed in the
-/// last step are tried first; the Cholesky factor of the pressed ones is kept and edited as they come and go.
+/// for the symmetric positive definite compliance C [m/N] and the penetration depths g [m]. A row is basic (active) if its force may be
+/// positive. The basis of the previous step is the initial guess. The Cholesky factor of the basic rows is kept and updated as rows enter
+/// and leave the basis.
 ///
-/// Block principal pivoting (Judice & Pires 1994): all wrong places change sides at once, and if that does not lessen them, one at a time,
-/// by the highest index (Murty 1974), which ends.
+/// Method: block principal pivoting (Judice & Pires 1994). All infeasible rows are exchanged at once. If that does not reduce their number,
+/// only the infeasible row with the highest index is exchanged, which terminates (Murty 1974).
 class ContactLcp {
  public:
   static constexpr int capacity = 128;
 
   ContactLcp()
-      : compliance_(capacity, capacity), factor_(capacity, capacity), depth_(capacity), force_(capacity), work_(capacity), all_(capacity) {
+      : compliance_(capacity, capacity),
+        factor_(capacity, capacity),
+        depth_(capacity),
+        basis_force_(capacity),
+        violation_(capacity),
+        force_(capacity) {
     compliance_.setZero();
     factor_.setZero();
-    force_.setZero();
+    basis_force_.setZero();
   }
 
-  /// C between places a and b; give all of those in use, both triangles, before solve(). A place's own may change at any step.
+  /// Compliance between rows a and b [m/N]. Set all entries in use, both triangles, before solve(). A diagonal entry may change at any
+  /// step.
   double& compliance(int a, int b) noexcept { return compliance_(a, b); }
   double& depth(int a) noexcept { return depth_[a]; }
-  [[nodiscard]] double force(int a) const noexcept { return all_[a]; }  ///< N, of solve()
+  [[nodiscard]] double force(int a) const noexcept { return force_[a]; }  ///< N, result of solve()
 
-  /// Forgets the factor: every place may have changed. `pressed(a)` tells which ones to try first.
-  template <class Pressed>
-  void start(int places, Pressed pressed) noexcept {
-    places_ = places;
-    active_ = edits_ = 0;
-    for (int a = 0; a < places; ++a) {
-      where_[static_cast<std::size_t>(a)] = -1;
-      if (pressed(a)) press(a);
+  /// Discard the factor and resize to `size` rows. `active(a)` selects the initial basis.
+  template <class Active>
+  void reset(int size, Active active) noexcept {
+    size_ = size;
+    basis_size_ = edits_ = 0;
+    for (int a = 0; a < size; ++a) {
+      row_of_[static_cast<std::size_t>(a)] = -1;
+      if (active(a)) add_to_basis(a);
     }
   }
 
-  /// Takes place `a` out; those after it move up. All else stays as it was solved.
+  /// Remove row `a`; the rows after it move up by one. The rest of the basis is kept.
   void remove(int a) noexcept {
-    if (where_[static_cast<std::size_t>(a)] >= 0) release(a);
-    for (int b = 0; b < places_; ++b) {
+    if (row_of_[static_cast<std::size_t>(a)] >= 0) remove_from_basis(a);
+    for (int b = 0; b < size_; ++b) {
       if (b == a) continue;
       const int to = b < a ? b : b - 1;
-      for (int c = a; c + 1 < places_; ++c) compliance_(b, c) = compliance_(b, c + 1);
-      if (to != b) compliance_.row(to).head(places_ - 1) = compliance_.row(b).head(places_ - 1);
+      for (int c = a; c + 1 < size_; ++c) compliance_(b, c) = compliance_(b, c + 1);
+      if (to != b) compliance_.row(to).head(size_ - 1) = compliance_.row(b).head(size_ - 1);
     }
-    std::copy(where_.begin() + a + 1, where_.begin() + places_, where_.begin() + a);
-    for (int p = 0; p < active_; ++p)
-      if (order_[static_cast<std::size_t>(p)] > a) --order_[static_cast<std::size_t>(p)];
-    --places_;
-    edited();
+    std::copy(row_of_.begin() + a + 1, row_of_.begin() + size_, row_of_.begin() + a);
+    for (int p = 0; p < basis_size_; ++p)
+      if (basis_[static_cast<std::size_t>(p)] > a) --basis_[static_cast<std::size_t>(p)];
+    --size_;
+    note_edit();
   }
 
-  /// Makes room for a free place `a`; those from there on move down. Give its compliance, both ways, before solve().
+  /// Insert a nonbasic row at index `a`; the rows from there on move down by one. Set its compliance, both triangles, before solve().
   void insert(int a) noexcept {
-    for (int b = places_ - 1; b >= 0; --b) {
-      for (int c = places_; c > a; --c) compliance_(b, c) = compliance_(b, c - 1);
-      if (b >= a) compliance_.row(b + 1).head(places_ + 1) = compliance_.row(b).head(places_ + 1);
+    for (int b = size_ - 1; b >= 0; --b) {
+      for (int c = size_; c > a; --c) compliance_(b, c) = compliance_(b, c - 1);
+      if (b >= a) compliance_.row(b + 1).head(size_ + 1) = compliance_.row(b).head(size_ + 1);
     }
-    std::copy_backward(where_.begin() + a, where_.begin() + places_, where_.begin() + places_ + 1);
-    where_[static_cast<std::size_t>(a)] = -1;
-    for (int p = 0; p < active_; ++p)
-      if (order_[static_cast<std::size_t>(p)] >= a) ++order_[static_cast<std::size_t>(p)];
-    ++places_;
-    edited();
+    std::copy_backward(row_of_.begin() + a, row_of_.begin() + size_, row_of_.begin() + size_ + 1);
+    row_of_[static_cast<std::size_t>(a)] = -1;
+    for (int p = 0; p < basis_size_; ++p)
+      if (basis_[static_cast<std::size_t>(p)] >= a) ++basis_[static_cast<std::size_t>(p)];
+    ++size_;
+    note_edit();
   }
 
-  /// Sets what a place gives way by itself [m/N].
-  void own(int a, double compliance) noexcept {
+  /// Set the diagonal entry of row `a` [m/N].
+  void set_diagonal(int a, double compliance) noexcept {
     if (compliance_(a, a) == compliance) return;
     compliance_(a, a) = compliance;
-    stale_ = stale_ || where_[static_cast<std::size_t>(a)] >= 0;
+    stale_ = stale_ || row_of_[static_cast<std::size_t>(a)] >= 0;
   }
 
-  /// Presses place `a` before solve() looks, as one of those to try first.
-  void attempt(int a) noexcept {
-    if (where_[static_cast<std::size_t>(a)] == -1) press(a);
+  /// Add row `a` to the initial basis of the next solve().
+  void suggest_active(int a) noexcept {
+    if (row_of_[static_cast<std::size_t>(a)] == -1) add_to_basis(a);
   }
 
-  [[nodiscard]] bool any_pressed() const noexcept { return active_ > 0; }
+  [[nodiscard]] bool any_active() const noexcept { return basis_size_ > 0; }
 
-  /// How many sets of places the last solve() looked at: one if those of the step before were right.
-  [[nodiscard]] int looks() const noexcept { return looks_; }
+  /// Number of bases examined by the last solve(): one if the previous basis was still feasible.
+  [[nodiscard]] int iterations() const noexcept { return iterations_; }
 
-  /// Solves for all places of the last start(). False if the bound on moves was reached: the forces are then those of a smaller or larger
-  /// set of places, with none of them pulling.
+  /// Solve for all rows. Return false if the iteration limit was reached: the forces then belong to an infeasible basis, with negative
+  /// forces clamped to zero.
   bool solve() noexcept {
-    if (stale_ || edits_ > most_edits) anew();
-    int fewest = places_ + 1, patience = 3;
+    if (stale_ || edits_ > max_edits) refactor();
+    int fewest_infeasible = size_ + 1, trials_left = 3;
     bool found = false;
-    for (looks_ = 0; looks_ < 10 * capacity && !found; ++looks_) {
-      solve_active();
-      const int wrong = look();
-      if (wrong == 0) {
+    for (iterations_ = 0; iterations_ < 10 * capacity && !found; ++iterations_) {
+      solve_basis();
+      const int infeasible = mark_infeasible();
+      if (infeasible == 0) {
         found = true;
-      } else if (wrong < fewest) {
-        fewest = wrong;
-        patience = 3;
-        change_all();
-      } else if (patience > 0) {
-        --patience;
-        change_all();
+      } else if (infeasible < fewest_infeasible) {
+        fewest_infeasible = infeasible;
+        trials_left = 3;
+        exchange_all();
+      } else if (trials_left > 0) {
+        --trials_left;
+        exchange_all();
       } else {
-        change_last();
+        exchange_last();
       }
     }
-    all_.head(places_).setZero();
-    for (int p = 0; p < active_; ++p) all_[order_[static_cast<std::size_t>(p)]] = std::max(force_[p], 0.0);
+    force_.head(size_).setZero();
+    for (int p = 0; p < basis_size_; ++p) force_[basis_[static_cast<std::size_t>(p)]] = std::max(basis_force_[p], 0.0);
     return found;
   }
 
  private:
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  static constexpr int most_edits = 64;  // of the factor, by places that come and go: its rounding does not add up
+  static constexpr int max_edits = 64;  // factor updates before a refactorization, to bound the accumulated round-off
 
-  /// Factorises once more, with the same places.
-  void anew() noexcept {
-    std::array<bool, capacity> pressed{};
-    for (int a = 0; a < places_; ++a) pressed[static_cast<std::size_t>(a)] = where_[static_cast<std::size_t>(a)] >= 0;
-    start(places_, [&pressed](int a) { return pressed[static_cast<std::size_t>(a)]; });
+  /// Recompute the factor for the present basis.
+  void refactor() noexcept {
+    std::array<bool, capacity> active{};
+    for (int a = 0; a < size_; ++a) active[static_cast<std::size_t>(a)] = row_of_[static_cast<std::size_t>(a)] >= 0;
+    reset(size_, [&active](int a) { return active[static_cast<std::size_t>(a)]; });
     stale_ = false;
   }
 
-  /// Another place may be independent now of those that it was not.
-  void edited() noexcept {
+  /// Count an edit of the rows. Rows that were linearly dependent may be independent now.
+  void note_edit() noexcept {
     ++edits_;
-    for (int a = 0; a < places_; ++a)
-      if (where_[static_cast<std::size_t>(a)] == -2) where_[static_cast<std::size_t>(a)] = -1;
+    for (int a = 0; a < size_; ++a)
+      if (row_of_[static_cast<std::size_t>(a)] == -2) row_of_[static_cast<std::size_t>(a)] = -1;
   }
 
-  /// Adds place `a` at the end: one row of the factor. A place that is not independent of the others to rounding stays out.
-  void press(int a) noexcept {
-    const int k = active_;
-    double square = compliance_(a, a);
+  /// Append row `a` to the basis, and one row to the factor. A row that is linearly dependent to round-off stays nonbasic.
+  void add_to_basis(int a) noexcept {
+    const int k = basis_size_;
+    double pivot = compliance_(a, a);
     for (int p = 0; p < k; ++p) {
-      const double sum = compliance_(a, order_[static_cast<std::size_t>(p)]) - factor_.row(k).head(p).dot(factor_.row(p).head(p));
+      const double sum = compliance_(a, basis_[static_cast<std::size_t>(p)]) - factor_.row(k).head(p).dot(factor_.row(p).head(p));
       factor_(k, p) = sum / factor_(p, p);
-      square -= factor_(k, p) * factor_(k, p);
+      pivot -= factor_(k, p) * factor_(k, p);
     }
-    if (!(square > 1e-7 * compliance_(a, a))) {
-      where_[static_cast<std::size_t>(a)] = -2;
+    if (!(pivot > 1e-7 * compliance_(a, a))) {
+      row_of_[static_cast<std::size_t>(a)] = -2;
       return;
     }
-    factor_(k, k) = std::sqrt(square);
-    order_[static_cast<std::size_t>(k)] = a;
-    where_[static_cast<std::size_t>(a)] = k;
-    ++active_;
+    factor_(k, k) = std::sqrt(pivot);
+    basis_[static_cast<std::size_t>(k)] = a;
+    row_of_[static_cast<std::size_t>(a)] = k;
+    ++basis_size_;
   }
 
-  /// Takes place `a` out: its row goes, and rotations of the columns make the rows after it triangular again.
-  void release(int a) noexcept {
-    const int at = where_[static_cast<std::size_t>(a)];
-    for (int r = at; r + 1 < active_; ++r) {
+  /// Remove row `a` from the basis. Givens rotations of the columns restore the triangular form of the rows below.
+  void remove_from_basis(int a) noexcept {
+    const int at = row_of_[static_cast<std::size_t>(a)];
+    for (int r = at; r + 1 < basis_size_; ++r) {
       factor_.row(r).head(r + 2) = factor_.row(r + 1).head(r + 2);
-      order_[static_cast<std::size_t>(r)] = order_[static_cast<std::size_t>(r) + 1];
-      where_[static_cast<std::size_t>(order_[static_cast<std::size_t>(r)])] = r;
+      basis_[static_cast<std::size_t>(r)] = basis_[static_cast<std::size_t>(r) + 1];
+      row_of_[static_cast<std::size_t>(basis_[static_cast<std::size_t>(r)])] = r;
     }
-    --active_;
-    where_[static_cast<std::size_t>(a)] = -1;
-    for (int c = at; c < active_; ++c) {
+    --basis_size_;
+    row_of_[static_cast<std::size_t>(a)] = -1;
+    for (int c = at; c < basis_size_; ++c) {
       const double x = factor_(c, c), y = factor_(c, c + 1), length = std::hypot(x, y), cosine = x / length, sine = y / length;
-      for (int r = c; r < active_; ++r) {
+      for (int r = c; r < basis_size_; ++r) {
         const double u = factor_(r, c), v = factor_(r, c + 1);
         factor_(r, c) = cosine * u + sine * v;
         factor_(r, c + 1) = cosine * v - sine * u;
@@ -174,79 +181,80 @@ class ContactLcp {
     }
   }
 
-  /// Forces of the pressed places, as if they stuck.
-  void solve_active() noexcept {
-    for (int p = 0; p < active_; ++p)
-      force_[p] = (depth_[order_[static_cast<std::size_t>(p)]] - factor_.row(p).head(p).dot(force_.head(p).transpose())) / factor_(p, p);
-    for (int p = active_ - 1; p >= 0; --p) {
-      force_[p] /= factor_(p, p);
-      force_.head(p) -= force_[p] * factor_.row(p).head(p).transpose();
+  /// Solve C f = g on the basis, without the sign constraint.
+  void solve_basis() noexcept {
+    for (int p = 0; p < basis_size_; ++p)
+      basis_force_[p] =
+          (depth_[basis_[static_cast<std::size_t>(p)]] - factor_.row(p).head(p).dot(basis_force_.head(p).transpose())) / factor_(p, p);
+    for (int p = basis_size_ - 1; p >= 0; --p) {
+      basis_force_[p] /= factor_(p, p);
+      basis_force_.head(p) -= basis_force_[p] * factor_.row(p).head(p).transpose();
     }
   }
 
-  /// Marks places that pull, or that the tip is still in although they are free; returns how many.
-  int look() noexcept {
-    int wrong = 0;
-    const double most = active_ > 0 ? force_.head(active_).cwiseAbs().maxCoeff() : 0.0;
-    work_.head(places_) = depth_.head(places_);
-    const double deepest = places_ > 0 ? depth_.head(places_).maxCoeff() : 0.0;
-    for (int p = 0; p < active_; ++p)
-      work_.head(places_) -= force_[p] * compliance_.row(order_[static_cast<std::size_t>(p)]).head(places_).transpose();
-    for (int a = 0; a < places_; ++a) {
-      const int p = where_[static_cast<std::size_t>(a)];
-      const bool bad = p >= 0 ? force_[p] < -1e-12 * most : (p == -1 && work_[a] > 1e-9 * deepest);
-      wrong_[static_cast<std::size_t>(a)] = bad;
-      wrong += bad ? 1 : 0;
+  /// Mark basic rows with negative force and nonbasic rows with remaining penetration. Return the number of marked rows.
+  int mark_infeasible() noexcept {
+    int infeasible = 0;
+    const double max_force = basis_size_ > 0 ? basis_force_.head(basis_size_).cwiseAbs().maxCoeff() : 0.0;
+    violation_.head(size_) = depth_.head(size_);
+    const double max_depth = size_ > 0 ? depth_.head(size_).maxCoeff() : 0.0;
+    for (int p = 0; p < basis_size_; ++p)
+      violation_.head(size_) -= basis_force_[p] * compliance_.row(basis_[static_cast<std::size_t>(p)]).head(size_).transpose();
+    for (int a = 0; a < size_; ++a) {
+      const int p = row_of_[static_cast<std::size_t>(a)];
+      const bool violated = p >= 0 ? basis_force_[p] < -1e-12 * max_force : (p == -1 && violation_[a] > 1e-9 * max_depth);
+      infeasible_[static_cast<std::size_t>(a)] = violated;
+      infeasible += violated ? 1 : 0;
     }
-    return wrong;
+    return infeasible;
   }
 
-  void change(int a) noexcept {
-    if (where_[static_cast<std::size_t>(a)] >= 0)
-      release(a);
+  void exchange(int a) noexcept {
+    if (row_of_[static_cast<std::size_t>(a)] >= 0)
+      remove_from_basis(a);
     else
-      press(a);
+      add_to_basis(a);
   }
 
-  void change_all() noexcept {
+  void exchange_all() noexcept {
     int out = 0;
-    for (int a = 0; a < places_; ++a) out += wrong_[static_cast<std::size_t>(a)] && where_[static_cast<std::size_t>(a)] >= 0 ? 1 : 0;
-    if (2 * out > active_) {  // cheaper anew
+    for (int a = 0; a < size_; ++a) out += infeasible_[static_cast<std::size_t>(a)] && row_of_[static_cast<std::size_t>(a)] >= 0 ? 1 : 0;
+    if (2 * out > basis_size_) {  // refactoring is cheaper
       std::array<bool, capacity> next{};
-      for (int a = 0; a < places_; ++a)
-        next[static_cast<std::size_t>(a)] = (where_[static_cast<std::size_t>(a)] >= 0) != wrong_[static_cast<std::size_t>(a)];
-      start(places_, [&next](int a) { return next[static_cast<std::size_t>(a)]; });
+      for (int a = 0; a < size_; ++a)
+        next[static_cast<std::size_t>(a)] = (row_of_[static_cast<std::size_t>(a)] >= 0) != infeasible_[static_cast<std::size_t>(a)];
+      reset(size_, [&next](int a) { return next[static_cast<std::size_t>(a)]; });
       return;
     }
-    for (int a = 0; a < places_; ++a) {
-      bool& wrong = wrong_[static_cast<std::size_t>(a)];
-      if (!wrong || where_[static_cast<std::size_t>(a)] < 0) continue;
-      release(a);
-      wrong = false;  // and is not pressed again below
+    for (int a = 0; a < size_; ++a) {
+      bool& infeasible = infeasible_[static_cast<std::size_t>(a)];
+      if (!infeasible || row_of_[static_cast<std::size_t>(a)] < 0) continue;
+      remove_from_basis(a);
+      infeasible = false;  // do not add it again below
     }
-    for (int a = 0; a < places_; ++a)
-      if (wrong_[static_cast<std::size_t>(a)] && where_[static_cast<std::size_t>(a)] == -1) press(a);
+    for (int a = 0; a < size_; ++a)
+      if (infeasible_[static_cast<std::size_t>(a)] && row_of_[static_cast<std::size_t>(a)] == -1) add_to_basis(a);
   }
 
-  void change_last() noexcept {
-    for (int a = places_ - 1; a >= 0; --a)
-      if (wrong_[static_cast<std::size_t>(a)]) return change(a);
+  void exchange_last() noexcept {
+    for (int a = size_ - 1; a >= 0; --a)
+      if (infeasible_[static_cast<std::size_t>(a)]) return exchange(a);
   }
 
-  int places_ = 0;
-  int active_ = 0;
-  int looks_ = 0;
-  int edits_ = 0;                               // since the factor was made
-  bool stale_ = false;                          // the factor is of another compliance
-  std::array<std::int32_t, capacity> order_{};  // place at each row of the factor
-  std::array<std::int32_t, capacity> where_{};  // row of each place; -1 free; -2 free because not independent
-  std::array<bool, capacity> wrong_{};
-  RowMajor compliance_;    // places x places, m/N
-  RowMajor factor_;        // lower, of the pressed ones
-  Eigen::VectorXd depth_;  // by place, m
-  Eigen::VectorXd force_;  // by row of the factor, N
-  Eigen::VectorXd work_;   // by place
-  Eigen::VectorXd all_;    // by place, N
+  int size_ = 0;
+  int basis_size_ = 0;
+  int iterations_ = 0;
+  int edits_ = 0;                                // since the last factorization
+  bool stale_ = false;                           // the factor belongs to another compliance
+  std::array<std::int32_t, capacity> basis_{};   // LCP row of each factor row
+  std::array<std::int32_t, capacity> row_of_{};  // factor row of each LCP row; -1: nonbasic; -2: nonbasic because linearly dependent
+  std::array<bool, capacity> infeasible_{};
+  RowMajor compliance_;          // size x size, m/N
+  RowMajor factor_;              // lower Cholesky factor of the basis
+  Eigen::VectorXd depth_;        // g by LCP row, m
+  Eigen::VectorXd basis_force_;  // by factor row, N
+  Eigen::VectorXd violation_;    // g - C f by LCP row, m
+  Eigen::VectorXd force_;        // by LCP row, N
 };
 
 }  // namespace palpate::deformable

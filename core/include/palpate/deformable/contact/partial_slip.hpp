@@ -14,279 +14,287 @@
 
 namespace palpate::deformable {
 
-/// Coefficients of dry friction between a tip and a body. Without either the tip is smooth.
+/// Coulomb friction coefficients between a tip and a body. Zero disables friction.
 struct DryFriction {
-  double hold = 0.0;   ///< until the whole patch slides
-  double slide = 0.0;  ///< from then on, until all of it holds again; at most `hold`
+  double mu_static = 0.0;   ///< while at least part of the contact sticks
+  double mu_dynamic = 0.0;  ///< from full sliding until the whole contact sticks again; at most `mu_static`
 
-  [[nodiscard]] explicit operator bool() const noexcept { return hold > 0.0; }
+  [[nodiscard]] explicit operator bool() const noexcept { return mu_static > 0.0; }
 };
 
-/// Dry friction of a rigid tip on an elastic surface, node by node: the tip drags each pressed node along, with a force q in the node's
-/// tangent plane of at most mu times what presses it, and where that does not do it slips under the node:
-///   |q_i| <= mu f_i,   slip_i = (tip's way)_i - (T q)_i's way,   slip_i = 0 inside the cone and along q_i on it,
-/// with the tangential compliance T [m/N]. On a half-space that is Cattaneo's (1938) and Mindlin's (1949) contact: it sticks in the
-/// middle and slips around. The forces are those that Kalker's (1990) TANG seeks for the step: of all inside their cones, those of least
-/// q T q / 2 - q.way; projected Gauss-Seidel, from the last tick's forces on. A node that no longer slips keeps what the sweeps left over
-/// for the next tick. As forces and slip never point against each other, friction takes energy and gives none. On a body with a memory
-/// nodes move by themselves: where a new one was at the tick's beginning is not known, so friction holds it from the next tick on.
+/// Coulomb friction of a rigid tip on an elastic surface with partial slip. Each contact node carries a tangential force q_i in its tangent
+/// plane, bounded by the friction cone; where the bound is reached, the node slips relative to the tip:
+///   |q_i| <= mu f_i,   slip_i = (tip motion)_i - (T dq)_i,   slip_i = 0 inside the cone and parallel to q_i on it,
+/// with the tangential compliance T [m/N]. On a half-space this is the contact of Cattaneo (1938) and Mindlin (1949): an inner stick zone
+/// surrounded by a slip annulus.
+///
+/// The forces minimize q.T q / 2 - q.(tip motion) over the cones (TANG of Kalker 1990). The solver is projected Gauss-Seidel, started from
+/// the forces of the previous tick. The residual lag of a sticking node is carried over to the next tick. Forces and slip never oppose
+/// each other, so friction only dissipates.
+///
+/// On a model with memory, nodes move without force. The position of a new node at the start of the tick is unknown, so friction acts on
+/// it from the next tick on.
 class PartialSlip {
  public:
-  static constexpr int capacity = 256;  ///< nodes: those pressed now, and those that were in the last tick
+  static constexpr int capacity = 256;  ///< slots: nodes in contact now or in the previous tick
 
   PartialSlip() = default;
 
-  /// For a body of `nodes` nodes; at most `sweeps` in one tick.
-  PartialSlip(DryFriction friction, std::int32_t nodes, int sweeps = 12)
-      : friction_(friction), sweeps_(sweeps), place_(static_cast<std::size_t>(nodes), -1), compliance_(2 * capacity + 8, 2 * capacity) {
+  /// Allocate for a body of `node_count` surface nodes; at most `max_sweeps` Gauss-Seidel sweeps per tick.
+  PartialSlip(DryFriction friction, std::int32_t node_count, int max_sweeps = 12)
+      : friction_(friction),
+        max_sweeps_(max_sweeps),
+        slot_of_(static_cast<std::size_t>(node_count), -1),
+        compliance_(2 * capacity + 8, 2 * capacity) {
     compliance_.setZero();
   }
 
-  [[nodiscard]] bool on() const noexcept { return static_cast<bool>(friction_); }
+  [[nodiscard]] bool enabled() const noexcept { return static_cast<bool>(friction_); }
 
   [[nodiscard]] const DryFriction& friction() const noexcept { return friction_; }
 
-  /// Goes on by one period: the tip has moved by `way` [m] and presses `count` nodes with `forces` [N]; `covers` are the parts of their
-  /// patches under a flat end.
-  template <class Nodes, class Kind>
-  void step(const Nodes& nodes, const Kind& kind, const std::int32_t* pressed, const double* forces, const double* covers, int count,
-            const Vector3<>& way) noexcept {
+  /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes with `forces` [N]. `coverages` are the covered
+  /// fractions of the nodes' patches.
+  template <class Surface, class Model>
+  void step(const Surface& surface, const Model& model, const std::int32_t* pressed, const double* forces, const double* coverages,
+            int count, const Vector3<>& tip_motion) noexcept {
     if (count == 0) return reset();
-    const double coefficient = sliding_ ? friction_.slide : friction_.hold;
+    const double mu = sliding_ ? friction_.mu_dynamic : friction_.mu_static;
     const int before = count_;
-    std::fill_n(radius_.begin(), count_, 0.0);
-    if constexpr (creeps<Kind>) creep_ = kind.creep();
-    if constexpr (remembers<Kind>)
-      for (int s = 0; s < count_; ++s) relax(kind, s);
+    std::fill_n(cone_radius_.begin(), count_, 0.0);
+    if constexpr (has_creep<Model>) creep_ = model.creep();
+    if constexpr (has_memory<Model>)
+      for (int s = 0; s < count_; ++s) advance_memory(model, s);
     for (int c = 0; c < count; ++c) {
-      const int s = place(kind, pressed[c]);
+      const int s = slot_for(model, pressed[c]);
       if (s < 0) continue;
-      cover(s, covers[c]);
-      radius_[at(s)] = coefficient * forces[c];
+      set_coverage(s, coverages[c]);
+      cone_radius_[at(s)] = mu * forces[c];
     }
-    if constexpr (remembers<Kind>)
-      for (int s = before; s < count_; ++s) radius_[at(s)] = 0.0;
+    if constexpr (has_memory<Model>)
+      for (int s = before; s < count_; ++s) cone_radius_[at(s)] = 0.0;
     for (int s = 0; s < count_; ++s) {
-      behind(s) += nodes.across(node_[at(s)]).transpose() * way;
-      target_.segment<2>(2 * s) = moved_.segment<2>(2 * s) + behind(s);
+      lag(s) += surface.tangent_basis(node_[at(s)]).transpose() * tip_motion;
+      target_.segment<2>(2 * s) = displacement_.segment<2>(2 * s) + lag(s);
     }
-    for (int s = 0; s < sweeps_ && !settled(); ++s) {
+    for (int s = 0; s < max_sweeps_ && !sweep(); ++s) {
     }
-    moved_.head(2 * count_) = target_.head(2 * count_) - behind_.head(2 * count_);
-    slip(remembers<Kind> ? before : count_);
+    displacement_.head(2 * count_) = target_.head(2 * count_) - lag_.head(2 * count_);
+    update_slip_state(has_memory<Model> ? before : count_);
   }
 
   void reset() noexcept {
-    for (int s = 0; s < count_; ++s) place_[static_cast<std::size_t>(node_[at(s)])] = -1;
+    for (int s = 0; s < count_; ++s) slot_of_[static_cast<std::size_t>(node_[at(s)])] = -1;
     count_ = 0;
     sliding_ = false;
   }
 
-  /// The body yields otherwise from now on: the forces stay, or become smaller, so that they store no more than before.
-  template <class Kind>
-  void renew(const Kind& kind) noexcept {
+  /// Adopt a changed compliance. The forces are kept, or scaled down so that they store no more energy than before.
+  template <class Model>
+  void update_compliance(const Model& model) noexcept {
     const Eigen::Index size = 2 * count_;
-    const double before = force_.head(size).dot(moved_.head(size));
+    const double before = force_.head(size).dot(displacement_.head(size));
     for (int s = 0; s < count_; ++s) {
       for (int t = 0; t <= s; ++t) {
-        const Eigen::Matrix2d block = kind.tangential(node_[at(s)], node_[at(t)]);
+        const Eigen::Matrix2d block = model.tangential(node_[at(s)], node_[at(t)]);
         compliance_.block<2, 2>(2 * s, 2 * t) = block;
         compliance_.block<2, 2>(2 * t, 2 * s) = block.transpose();
       }
-      own_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
-      compliance_.block<2, 2>(2 * s, 2 * s) /= cover_[at(s)];
-      soften(s);
+      self_compliance_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
+      compliance_.block<2, 2>(2 * s, 2 * s) /= coverage_[at(s)];
+      update_max_compliance(s);
     }
-    for (int s = 0; s < count_; ++s) moved_.segment<2>(2 * s) = pushed(s, count_);
-    const double after = force_.head(size).dot(moved_.head(size));
+    for (int s = 0; s < count_; ++s) displacement_.segment<2>(2 * s) = elastic_displacement(s, count_);
+    const double after = force_.head(size).dot(displacement_.head(size));
     if (!(after > before)) return;
     const double less = std::sqrt(std::max(before, 0.0) / after);
     force_.head(size) *= less;
-    moved_.head(size) *= less;
+    displacement_.head(size) *= less;
   }
 
-  /// Whether the whole patch slid in the last tick and has not come to rest since.
+  /// Whether the whole contact slides: true from full sliding until every node sticks again.
   [[nodiscard]] bool sliding() const noexcept { return sliding_; }
 
-  /// Force [N] on a node of the last step, and how far it has been moved [m], in its tangent plane (BodyNodes::across).
+  /// Tangential force [N] on a node and its displacement [m] in the last step, in the basis SurfaceNodes::tangent_basis.
   [[nodiscard]] Eigen::Vector2d force(std::int32_t node) const noexcept {
-    const int s = place_[static_cast<std::size_t>(node)];
+    const int s = slot_of_[static_cast<std::size_t>(node)];
     return s < 0 ? Eigen::Vector2d::Zero() : Eigen::Vector2d(force_.segment<2>(2 * s));
   }
-  [[nodiscard]] Eigen::Vector2d moved(std::int32_t node) const noexcept {
-    const int s = place_[static_cast<std::size_t>(node)];
-    return s < 0 ? Eigen::Vector2d::Zero() : Eigen::Vector2d(moved_.segment<2>(2 * s));
+  [[nodiscard]] Eigen::Vector2d displacement(std::int32_t node) const noexcept {
+    const int s = slot_of_[static_cast<std::size_t>(node)];
+    return s < 0 ? Eigen::Vector2d::Zero() : Eigen::Vector2d(displacement_.segment<2>(2 * s));
   }
 
-  /// q.T q of the last step, with the body's compliance T within a period [N m].
-  [[nodiscard]] double yielded() const noexcept {
+  /// q.T q of the last step [N m], with the compliance T of the fully covered patches within a period.
+  [[nodiscard]] double compliance_work() const noexcept {
     const Eigen::Index size = 2 * count_;
-    double sum = force_.head(size).dot(moved_.head(size) - rest_.head(size));
-    for (int s = 0; s < count_; ++s) sum -= (1.0 / cover_[at(s)] - 1.0) * own(s, force_.segment<2>(2 * s));
+    double sum = force_.head(size).dot(displacement_.head(size) - memory_displacement_.head(size));
+    for (int s = 0; s < count_; ++s) sum -= (1.0 / coverage_[at(s)] - 1.0) * self_work(s, force_.segment<2>(2 * s));
     return sum;
   }
 
-  /// Energy [J] after the last step in what patches give way more that lie under the tip in part.
-  [[nodiscard]] double in_parts() const noexcept {
+  /// Energy [J] stored in the extra compliance of partially covered patches after the last step.
+  [[nodiscard]] double partial_coverage_energy() const noexcept {
     double sum = 0.0;
     for (int s = 0; s < count_; ++s) {
-      const Eigen::Vector2d q = force_.segment<2>(2 * s), next = creep_.stays * crept_[at(s)] + creep_.gains * q;
-      sum += (1.0 / cover_[at(s)] - 1.0) * creep_.energy(own(s, q), own(s, next)) / creep_.share;
+      const Eigen::Vector2d q = force_.segment<2>(2 * s), next = creep_.decay * creep_state_[at(s)] + creep_.gain * q;
+      sum += (1.0 / coverage_[at(s)] - 1.0) * creep_.energy(self_work(s, q), self_work(s, next)) / creep_.period_ratio;
     }
     return sum;
   }
 
-  /// Energy [J] that changes per covered part of a node's patch at constant place: what a flat end feels that leaves it.
-  [[nodiscard]] double by_cover(std::int32_t node) const noexcept {
-    const int s = place_[static_cast<std::size_t>(node)];
+  /// Derivative of the stored energy by the coverage of a node's patch at fixed displacement [J].
+  [[nodiscard]] double coverage_derivative(std::int32_t node) const noexcept {
+    const int s = slot_of_[static_cast<std::size_t>(node)];
     if (s < 0) return 0.0;
     const Eigen::Vector2d q = force_.segment<2>(2 * s);
-    const Eigen::Vector2d &crept = crept_[at(s)], whole = own_[at(s)] * crept / creep_.share;
-    return (0.5 * q.dot(own_[at(s)] * q) + creep_.stays * q.dot(whole) - creep_.stored(crept.dot(whole))) / (cover_[at(s)] * cover_[at(s)]);
+    const Eigen::Vector2d &creep_state = creep_state_[at(s)], whole = self_compliance_[at(s)] * creep_state / creep_.period_ratio;
+    return (0.5 * q.dot(self_compliance_[at(s)] * q) + creep_.decay * q.dot(whole) - creep_.delayed_energy(creep_state.dot(whole))) /
+           (coverage_[at(s)] * coverage_[at(s)]);
   }
 
  private:
-  using ByPlace = Eigen::Matrix<double, 2 * capacity, 1>;
+  using SlotVector = Eigen::Matrix<double, 2 * capacity, 1>;
 
-  template <class Kind>
-  static constexpr bool remembers = requires(const Kind& kind) { kind.tangential_at_rest(0); };
+  template <class Model>
+  static constexpr bool has_memory = requires(const Model& model) { model.free_tangential_displacement(0); };
 
-  template <class Kind>
-  static constexpr bool creeps = requires(const Kind& kind) { kind.creep(); };
+  template <class Model>
+  static constexpr bool has_creep = requires(const Model& model) { model.creep(); };
 
-  static constexpr double accuracy = 1e-3;  // of forces, by the largest
-  static constexpr double rounding = 1e-14;
-  static constexpr double edge = 1e-9;  // of a cone, and of the displacement its force makes: slip is not chosen by the last bits
+  static constexpr double tolerance = 1e-3;  // convergence: largest force change relative to the largest force
+  static constexpr double round_off = 1e-14;
+  static constexpr double cone_tolerance = 1e-9;  // relative; keeps the slip state independent of the last bits
 
   static std::size_t at(int s) noexcept { return static_cast<std::size_t>(s); }
-  Eigen::VectorBlock<ByPlace, 2> behind(int s) noexcept { return behind_.segment<2>(2 * s); }
+  Eigen::VectorBlock<SlotVector, 2> lag(int s) noexcept { return lag_.segment<2>(2 * s); }
 
-  /// q.T q with the compliance of a whole patch by itself, N m.
-  [[nodiscard]] double own(int s, const Eigen::Vector2d& q) const noexcept { return q.dot(own_[at(s)] * q); }
+  /// q.C q [N m] with the self-compliance C of a fully covered patch.
+  [[nodiscard]] double self_work(int s, const Eigen::Vector2d& q) const noexcept { return q.dot(self_compliance_[at(s)] * q); }
 
-  /// How far the forces on the first places move one, m.
-  [[nodiscard]] Eigen::Vector2d pushed(int s, int places) const noexcept {
-    const auto forces = force_.head(2 * places);
-    return {compliance_.col(2 * s).head(2 * places).dot(forces), compliance_.col(2 * s + 1).head(2 * places).dot(forces)};
+  /// Displacement [m] of slot s by the forces on the first `slots` slots.
+  [[nodiscard]] Eigen::Vector2d elastic_displacement(int s, int slots) const noexcept {
+    const auto forces = force_.head(2 * slots);
+    return {compliance_.col(2 * s).head(2 * slots).dot(forces), compliance_.col(2 * s + 1).head(2 * slots).dot(forces)};
   }
 
-  /// The place of a node; a new one is where the others' forces hold it, without a force of its own. -1 if there is no room.
-  template <class Kind>
-  int place(const Kind& kind, std::int32_t node) noexcept {
-    int s = place_[static_cast<std::size_t>(node)];
+  /// Return the slot of a node. A new slot starts with zero force at the displacement caused by the other forces. -1 if all are in use.
+  template <class Model>
+  int slot_for(const Model& model, std::int32_t node) noexcept {
+    int s = slot_of_[static_cast<std::size_t>(node)];
     if (s >= 0 || count_ == capacity) return s;
     s = count_++;
-    place_[static_cast<std::size_t>(node)] = static_cast<std::int16_t>(s);
+    slot_of_[static_cast<std::size_t>(node)] = static_cast<std::int16_t>(s);
     node_[at(s)] = node;
     for (int t = 0; t <= s; ++t) {
-      const Eigen::Matrix2d block = kind.tangential(node, node_[at(t)]);
+      const Eigen::Matrix2d block = model.tangential(node, node_[at(t)]);
       compliance_.block<2, 2>(2 * s, 2 * t) = block;
       compliance_.block<2, 2>(2 * t, 2 * s) = block.transpose();
     }
-    own_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
-    cover_[at(s)] = 1.0;
-    crept_[at(s)].setZero();
-    soften(s);
+    self_compliance_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
+    coverage_[at(s)] = 1.0;
+    creep_state_[at(s)].setZero();
+    update_max_compliance(s);
     force_.segment<2>(2 * s).setZero();
-    behind(s).setZero();
-    rest_.segment<2>(2 * s).setZero();
-    if constexpr (remembers<Kind>) rest_.segment<2>(2 * s) = kind.tangential_at_rest(node);
-    moved_.segment<2>(2 * s) = pushed(s, s) + rest_.segment<2>(2 * s);
+    lag(s).setZero();
+    memory_displacement_.segment<2>(2 * s).setZero();
+    if constexpr (has_memory<Model>) memory_displacement_.segment<2>(2 * s) = model.free_tangential_displacement(node);
+    displacement_.segment<2>(2 * s) = elastic_displacement(s, s) + memory_displacement_.segment<2>(2 * s);
     return s;
   }
 
-  /// A body that remembers has moved the node under the forces of the last tick; what it has not gone with the tip is behind.
-  template <class Kind>
-  void relax(const Kind& kind, int s) noexcept {
-    crept_[at(s)] = creep_.stays * crept_[at(s)] + creep_.gains * force_.segment<2>(2 * s);
-    rest_.segment<2>(2 * s) = kind.tangential_at_rest(node_[at(s)]) + besides(s, cover_[at(s)]);
-    const Eigen::Vector2d now = rest_.segment<2>(2 * s) + pushed(s, count_);
-    behind(s) += moved_.segment<2>(2 * s) - now;
-    moved_.segment<2>(2 * s) = now;
+  /// Advance the creep state. The motion of the node under the forces of earlier ticks adds to its lag behind the tip.
+  template <class Model>
+  void advance_memory(const Model& model, int s) noexcept {
+    creep_state_[at(s)] = creep_.decay * creep_state_[at(s)] + creep_.gain * force_.segment<2>(2 * s);
+    memory_displacement_.segment<2>(2 * s) = model.free_tangential_displacement(node_[at(s)]) + partial_coverage_creep(s, coverage_[at(s)]);
+    const Eigen::Vector2d now = memory_displacement_.segment<2>(2 * s) + elastic_displacement(s, count_);
+    lag(s) += displacement_.segment<2>(2 * s) - now;
+    displacement_.segment<2>(2 * s) = now;
   }
 
-  /// A smaller part of the patch yields more.
-  void cover(int s, double part) noexcept {
-    if (part == cover_[at(s)]) return;
-    const Eigen::Vector2d crept = besides(s, part) - besides(s, cover_[at(s)]);
-    cover_[at(s)] = part;
-    rest_.segment<2>(2 * s) += crept;
-    const Eigen::Matrix2d block = own_[at(s)] / part;
-    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + crept;
-    behind(s) -= more;
-    moved_.segment<2>(2 * s) += more;
+  /// Set the covered fraction of a patch: the self-compliance is that of the full patch divided by the coverage.
+  void set_coverage(int s, double coverage) noexcept {
+    if (coverage == coverage_[at(s)]) return;
+    const Eigen::Vector2d creep_state = partial_coverage_creep(s, coverage) - partial_coverage_creep(s, coverage_[at(s)]);
+    coverage_[at(s)] = coverage;
+    memory_displacement_.segment<2>(2 * s) += creep_state;
+    const Eigen::Matrix2d block = self_compliance_[at(s)] / coverage;
+    const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + creep_state;
+    lag(s) -= more;
+    displacement_.segment<2>(2 * s) += more;
     compliance_.block<2, 2>(2 * s, 2 * s) = block;
-    soften(s);
+    update_max_compliance(s);
   }
 
-  /// How far a node has crept farther than a whole patch, because a part of it only is under the tip, m (BodyContact::creep).
-  [[nodiscard]] Eigen::Vector2d besides(int s, double part) const noexcept {
-    return ((1.0 / part - 1.0) * creep_.stays / creep_.share) * (own_[at(s)] * crept_[at(s)]);
+  /// Extra creep displacement [m] of a partially covered patch (see TipContact::advance_creep).
+  [[nodiscard]] Eigen::Vector2d partial_coverage_creep(int s, double coverage) const noexcept {
+    return ((1.0 / coverage - 1.0) * creep_.decay / creep_.period_ratio) * (self_compliance_[at(s)] * creep_state_[at(s)]);
   }
 
-  /// The larger eigenvalue of a node's own compliance, m/N.
-  void soften(int s) noexcept {
+  /// Update the larger eigenvalue of a slot's self-compliance [m/N].
+  void update_max_compliance(int s) noexcept {
     const double a = compliance_(2 * s, 2 * s), b = compliance_(2 * s, 2 * s + 1), d = compliance_(2 * s + 1, 2 * s + 1);
-    softest_[at(s)] = 0.5 * (a + d) + std::hypot(0.5 * (a - d), b);
+    max_compliance_[at(s)] = 0.5 * (a + d) + std::hypot(0.5 * (a - d), b);
   }
 
-  /// One sweep over all nodes; whether hardly any force has changed.
-  bool settled() noexcept {
-    double most = 0.0, largest = 0.0;  // squares
+  /// Perform one Gauss-Seidel sweep over all slots. Return true if it converged.
+  bool sweep() noexcept {
+    double max_change = 0.0, max_force = 0.0;  // squared norms
     const Eigen::Index size = 2 * count_;
     for (int s = 0; s < count_; ++s) {
       const Eigen::Vector2d old = force_.segment<2>(2 * s);
-      Eigen::Vector2d next = old + behind(s) / softest_[at(s)];
-      const double square = next.squaredNorm(), radius = radius_[at(s)];
+      Eigen::Vector2d next = old + lag(s) / max_compliance_[at(s)];
+      const double square = next.squaredNorm(), radius = cone_radius_[at(s)];
       if (square > radius * radius) next *= radius / std::sqrt(square);
       const Eigen::Vector2d change = next - old;
       const double length = change.squaredNorm();
-      largest = std::max(largest, next.squaredNorm());
-      if (!(length > rounding * rounding * largest)) continue;
-      most = std::max(most, length);
+      max_force = std::max(max_force, next.squaredNorm());
+      if (!(length > round_off * round_off * max_force)) continue;
+      max_change = std::max(max_change, length);
       force_.segment<2>(2 * s) = next;
-      behind_.head(size) -= change[0] * compliance_.col(2 * s).head(size) + change[1] * compliance_.col(2 * s + 1).head(size);
+      lag_.head(size) -= change[0] * compliance_.col(2 * s).head(size) + change[1] * compliance_.col(2 * s + 1).head(size);
     }
-    return !(most > accuracy * accuracy * largest);
+    return !(max_change > tolerance * tolerance * max_force);
   }
 
-  /// Nodes on their cones have slipped as far as they are behind; nodes that nothing presses leave. Those from `loose` on are not held yet.
-  void slip(int loose) noexcept {
+  /// Reset the lag of slipping nodes and remove slots without normal force. Slots from `first_new` on are not subject to friction yet.
+  void update_slip_state(int first_new) noexcept {
     bool all = true, any = false;
-    for (int s = loose; s < count_; ++s) behind(s).setZero();
-    for (int s = loose - 1; s >= 0; --s) {
-      const double radius = radius_[at(s)];
+    for (int s = first_new; s < count_; ++s) lag(s).setZero();
+    for (int s = first_new - 1; s >= 0; --s) {
+      const double radius = cone_radius_[at(s)];
       if (!(radius > 0.0)) {
-        leave(s);
+        remove_slot(s);
         continue;
       }
       const auto q = force_.segment<2>(2 * s);
-      const double along = q.dot(behind(s));
-      const bool on_cone = q.squaredNorm() >= (1.0 - edge) * radius * radius;
-      const bool slips = on_cone && along > edge * softest_[at(s)] * radius * radius;
+      const double along = q.dot(lag(s));
+      const bool at_limit = q.squaredNorm() >= (1.0 - cone_tolerance) * radius * radius;
+      const bool slips = at_limit && along > cone_tolerance * max_compliance_[at(s)] * radius * radius;
       all = all && slips;
       any = any || slips;
-      if (on_cone && along > 0.0) behind(s).setZero();
+      if (at_limit && along > 0.0) lag(s).setZero();
     }
     sliding_ = any && (all || sliding_);
   }
 
-  /// Takes out a node without force; the last one takes its place.
-  void leave(int s) noexcept {
-    place_[static_cast<std::size_t>(node_[at(s)])] = -1;
+  /// Remove a slot without force; the last slot takes its place.
+  void remove_slot(int s) noexcept {
+    slot_of_[static_cast<std::size_t>(node_[at(s)])] = -1;
     const int last = --count_;
     if (s == last) return;
     node_[at(s)] = node_[at(last)];
-    place_[static_cast<std::size_t>(node_[at(s)])] = static_cast<std::int16_t>(s);
-    radius_[at(s)] = radius_[at(last)];
-    softest_[at(s)] = softest_[at(last)];
-    cover_[at(s)] = cover_[at(last)];
-    own_[at(s)] = own_[at(last)];
-    crept_[at(s)] = crept_[at(last)];
+    slot_of_[static_cast<std::size_t>(node_[at(s)])] = static_cast<std::int16_t>(s);
+    cone_radius_[at(s)] = cone_radius_[at(last)];
+    max_compliance_[at(s)] = max_compliance_[at(last)];
+    coverage_[at(s)] = coverage_[at(last)];
+    self_compliance_[at(s)] = self_compliance_[at(last)];
+    creep_state_[at(s)] = creep_state_[at(last)];
     force_.segment<2>(2 * s) = force_.segment<2>(2 * last);
-    behind_.segment<2>(2 * s) = behind_.segment<2>(2 * last);
-    moved_.segment<2>(2 * s) = moved_.segment<2>(2 * last);
-    rest_.segment<2>(2 * s) = rest_.segment<2>(2 * last);
+    lag_.segment<2>(2 * s) = lag_.segment<2>(2 * last);
+    displacement_.segment<2>(2 * s) = displacement_.segment<2>(2 * last);
+    memory_displacement_.segment<2>(2 * s) = memory_displacement_.segment<2>(2 * last);
     const Eigen::Index size = 2 * last;
     compliance_.block(2 * s, 0, 2, size) = compliance_.block(2 * last, 0, 2, size);
     compliance_.block(0, 2 * s, size, 2) = compliance_.block(0, 2 * last, size, 2);
@@ -294,23 +302,23 @@ class PartialSlip {
   }
 
   DryFriction friction_;
-  int sweeps_ = 0;
+  int max_sweeps_ = 0;
   bool sliding_ = false;
-  int count_ = 0;                    // places in use
-  std::vector<std::int16_t> place_;  // of each node of the body, or -1
-  Eigen::MatrixXd compliance_;       // m/N, by place, in tangent planes; eight rows more, so that columns do not share cache lines
+  int count_ = 0;                      // slots in use
+  std::vector<std::int16_t> slot_of_;  // by surface node, or -1
+  Eigen::MatrixXd compliance_;         // m/N, by slot, in tangent planes; eight padding rows avoid cache-line conflicts between columns
   std::array<std::int32_t, capacity> node_{};
-  std::array<double, capacity> radius_{};   // of the cones, N
-  std::array<double, capacity> softest_{};  // m/N
-  std::array<double, capacity> cover_{};
-  std::array<Eigen::Matrix2d, capacity> own_{};    // compliance of a whole patch by itself, m/N
-  std::array<Eigen::Vector2d, capacity> crept_{};  // as the body's memory, of each patch, N
+  std::array<double, capacity> cone_radius_{};     // mu f, N
+  std::array<double, capacity> max_compliance_{};  // m/N
+  std::array<double, capacity> coverage_{};
+  std::array<Eigen::Matrix2d, capacity> self_compliance_{};  // of fully covered patches, m/N
+  std::array<Eigen::Vector2d, capacity> creep_state_{};      // delayed force of each patch (see Creep), N
   Creep creep_;
-  ByPlace force_ = ByPlace::Zero();   // q, N
-  ByPlace behind_ = ByPlace::Zero();  // how far the node is behind the tip, m
-  ByPlace moved_ = ByPlace::Zero();   // how far the node has moved, m
-  ByPlace rest_ = ByPlace::Zero();    // the part of it that forces of earlier ticks did, m
-  ByPlace target_ = ByPlace::Zero();  // where it would have gone with the tip, m
+  SlotVector force_ = SlotVector::Zero();                // q, N
+  SlotVector lag_ = SlotVector::Zero();                  // lag of the node behind the tip, m
+  SlotVector displacement_ = SlotVector::Zero();         // of the node, m
+  SlotVector memory_displacement_ = SlotVector::Zero();  // part of it caused by forces of earlier ticks, m
+  SlotVector target_ = SlotVector::Zero();               // displacement without slip, m
 };
 
 }  // namespace palpate::deformable

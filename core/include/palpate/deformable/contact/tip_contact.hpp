@@ -8,400 +8,371 @@
 #include <vector>
 
 #include "palpate/deformable/contact/contact_lcp.hpp"
+#include "palpate/deformable/contact/contact_model.hpp"
+#include "palpate/deformable/contact/contact_result.hpp"
 #include "palpate/deformable/contact/partial_slip.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// What a body answers to a tip.
-struct ContactResult {
-  bool touching = false;
-  Vector3<> force = Vector3<>::Zero();       ///< of the body on the tip, N
-  Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the pressed patch, weighted by its forces, m
-  Vector3<> friction = Vector3<>::Zero();    ///< the part of `force` that drags along the surface, N
-  double energy = 0.0;                       ///< in the body at the end of the tick, kinetic and of its springs, J
-  double saved = 0.0;                        ///< put in besides, and kept for what snapshots to come ask for (BlendedContact), J
-  int nodes = 0;                             ///< pressed
-  bool sliding = false;                      ///< the whole patch slides: dynamic friction
-  bool solved = true;                        ///< false: the bound on moves was reached, or more nodes lie under the tip than are looked at
-};
-
-/// Which way nodes face that are pressed or near: BodyContact::outward.
-template <class Load>
-[[nodiscard]] Vector3<> outward_of(const SurfaceNodes& nodes, const Tip& tip, int pressed, Load load) noexcept {
-  Vector3<> outward = Vector3<>::Zero();
-  for (int k = 0; k < pressed; ++k) outward += load(k);
-  const double length = outward.norm();
-  if (length > 0.0) return outward / length;
-  const std::int32_t node = nodes.nearest(tip.centre, 2.0 * tip.radius);
-  return node >= 0 ? nodes.normal(node) : tip.outward;
-}
-
-/// A body that can be dragged along its surface: it has a tangential compliance.
-template <class Kind>
-concept HasTangentialCompliance = requires(const Kind& kind) { kind.tangential(0, 0); };
-
-/// A rigid tip on a linear body: which nodes lie under it, and the forces that keep them out of it.
+/// Contact of a rigid tip with a body that is linear over one period (concept ContactModel): finds the nodes under the tip and the normal
+/// forces that prevent penetration.
 ///
-/// `Kind` is any body that is linear over one servo period:
-///   double compliance(i, j)   how far node i has moved along its inward normal at the end of the period, by a unit force along node j's
-///                             that is held from its beginning, m/N; symmetric
-///   double at_rest(i)         where node i will be then without any force, m
-///   void advance(nodes, forces, count)   one period with these forces
-///   void reset()
-/// A kind with a state tells what it holds: double energy(), or double energy(yielded), J, after advance(), where `yielded` is f.C f with
-/// the compliance of the period [N m]. One without holds half of that. A kind may tell nodes that need not be asked: bool surely_above(i,
-/// place), at_rest(i) >= place [m], and bool surely_above_all(group, place), the same of all nodes of a group (BodyNodes::group). For
-/// friction also
-///   Matrix2d tangential(i, j)   the same in the nodes' tangent planes (BodyNodes::across), m/N
-/// and if there is memory in them, Vector2d tangential_at_rest(i) and advance(nodes, forces, tangential_forces, count).
-/// A kind that creeps tells how what yields besides does: Creep creep().
-/// A tip may go as deep as it likes, step by step: nodes that it has passed still lie under it. Displacements are small: nodes move along
-/// their normals at rest. So the force is the slope of the stored energy by the tip's place, and no closed path of the tip gives work,
-/// whatever the mesh. Friction takes from it (PartialSlip); what the normal forces move sideways and the tangential ones inwards is left
-/// out of both.
-template <class Kind>
+/// The tip may penetrate to any depth in small steps: nodes behind it stay in contact. Displacements are assumed small, i.e. nodes move
+/// along their undeformed normals. The force is therefore the negative gradient of the stored energy by the tip position, and no closed
+/// path of the tip gains work, on any mesh. Friction only dissipates (PartialSlip). Both neglect the coupling between normal and tangential
+/// forces and displacements.
+template <ContactModel Model>
 class TipContact {
  public:
   static constexpr int capacity = ContactLcp::capacity;
 
-  /// The nodes and the body outlive the contact. A kind that cannot be dragged has no friction.
-  TipContact(const SurfaceNodes& nodes, Kind& kind, DryFriction friction = {}) : nodes_(&nodes), kind_(&kind) {
-    if (HasTangentialCompliance<Kind> && friction) slip_ = PartialSlip(friction, nodes.size());
-    raises_.assign(static_cast<std::size_t>(nodes.size()), 0.0);
+  /// `nodes` and `model` must outlive the contact. A model without tangential compliance has no friction.
+  TipContact(const SurfaceNodes& nodes, Model& model, DryFriction friction = {}) : nodes_(&nodes), model_(&model) {
+    if (HasTangentialCompliance<Model> && friction) slip_ = PartialSlip(friction, nodes.size());
+    max_cross_uplift_.assign(static_cast<std::size_t>(nodes.size()), 0.0);
     for (std::int32_t i = 0; i < nodes.size(); ++i)
       for (std::int32_t j = 0; j < i; ++j)
         for (const std::int32_t k : {i, j})
-          raises_[static_cast<std::size_t>(k)] = std::max(raises_[static_cast<std::size_t>(k)], -kind.compliance(i, j));
+          max_cross_uplift_[static_cast<std::size_t>(k)] =
+              std::max(max_cross_uplift_[static_cast<std::size_t>(k)], -model.compliance(i, j));
   }
 
-  /// Goes on by one period with the tip where it is.
+  TipContact(const SurfaceNodes&& nodes, Model& model, DryFriction friction = {}) = delete;
+
+  /// Advance by one period with the tip at its present position.
   const ContactResult& step(const Tip& tip) noexcept {
-    faced_ = tip.outward;
-    find(tip);
-    do solve();
-    while (left_out(tip));
-    answer();
-    if constexpr (HasTangentialCompliance<Kind>)
-      if (slip_.on()) drag(tip);
-    advance();
-    store();
-    return answer_;
+    last_normal_ = tip.outward;
+    find_candidates(tip);
+    do solve_lcp();
+    while (add_violated_nodes(tip));
+    update_contact_force();
+    if constexpr (HasTangentialCompliance<Model>)
+      if (slip_.enabled()) update_friction(tip);
+    advance_model();
+    update_energy();
+    return result_;
   }
 
   void reset() noexcept {
-    count_ = 0;
-    deepest_ = deep_ = 0.0;
-    solver_.start(0, [](int) { return false; });
-    answer_ = {};
+    row_count_ = 0;
+    max_depth_ = max_rest_depth_ = 0.0;
+    lcp_.reset(0, [](int) { return false; });
+    result_ = {};
     slip_.reset();
-    placed_ = false;
-    kind_->reset();
+    has_last_center_ = false;
+    model_->reset();
   }
 
-  [[nodiscard]] const ContactResult& last() const noexcept { return answer_; }
+  [[nodiscard]] const ContactResult& last() const noexcept { return result_; }
 
-  /// Out of the body, unit: while the tip is free, as the nearest node faces, or as the tip does if none is near; while it presses, as it
-  /// did before, and never more than 45 degrees off the way that it is pushed out. What it presses depends on this, so a path on which the
-  /// direction turned with every change of the force could get work out of the body.
+  /// Unit normal of the contact, out of the body. Free tip: normal of the nearest node, or `tip.outward` if none is near. In contact: the
+  /// normal of the last step, turned only as far as needed to stay within 45 degrees of the resultant contact force. The contact set
+  /// depends on this normal; if it followed every change of the force, a closed path could gain work.
   [[nodiscard]] Vector3<> outward(const Tip& tip) const noexcept {
-    Vector3<> pushed = outward_of(*nodes_, tip, answer_.nodes, [this](int k) {
+    Vector3<> contact_normal = estimate_outward(*nodes_, tip, result_.nodes, [this](int k) {
       const auto c = static_cast<std::size_t>(k);
-      return Vector3<>(forces_[c] * nodes_->normal(pressed_[c]));
+      return Vector3<>(forces_[c] * nodes_->normal(contact_nodes_[c]));
     });
-    const double along = faced_.dot(pushed);
-    if (answer_.nodes == 0) return pushed;
-    if (along >= std::sqrt(0.5)) return faced_;
-    const Vector3<> aside = faced_ - along * pushed;
-    return aside.norm() > 1e-9 ? Vector3<>((pushed + aside.normalized()).normalized()) : pushed;
+    const double cosine = last_normal_.dot(contact_normal);
+    if (result_.nodes == 0) return contact_normal;
+    if (cosine >= std::sqrt(0.5)) return last_normal_;
+    const Vector3<> aside = last_normal_ - cosine * contact_normal;
+    return aside.norm() > 1e-9 ? Vector3<>((contact_normal + aside.normalized()).normalized()) : contact_normal;
   }
 
-  /// The pressed nodes of the last step and the forces on them along their inward normals [N], answer.nodes of each.
-  [[nodiscard]] const std::int32_t* pressed() const noexcept { return pressed_.data(); }
+  /// Contact nodes of the last step and the forces on them along their inward normals [N]; last().nodes entries each.
+  [[nodiscard]] const std::int32_t* contact_nodes() const noexcept { return contact_nodes_.data(); }
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }
 
   [[nodiscard]] const DryFriction& friction() const noexcept { return slip_.friction(); }
 
-  /// What the tip drags a pressed node of the last step with, N.
-  [[nodiscard]] Vector3<> dragged(std::int32_t node) const noexcept {
-    return slip_.on() ? Vector3<>(nodes_->across(node) * slip_.force(node)) : Vector3<>::Zero();
+  /// Friction force of the tip on a contact node of the last step, N.
+  [[nodiscard]] Vector3<> tangential_force(std::int32_t node) const noexcept {
+    return slip_.enabled() ? Vector3<>(nodes_->tangent_basis(node) * slip_.force(node)) : Vector3<>::Zero();
   }
 
  private:
-  using Near = SurfaceNodes::Near;
-  struct Seen {
+  using NodeContact = SurfaceNodes::NodeContact;
+  struct Candidate {
     std::int32_t node;
     double depth;
   };
-  static constexpr int capacity_seen = 1024;
+  static constexpr int max_candidates = 1024;
 
-  /// The nodes that the tip is in, or nearly: those whose depth is above minus a quarter of the deepest one's. `left_out` finds whoever
-  /// is needed besides.
-  void find(const Tip& tip) noexcept {
-    answer_ = {};
-    if constexpr (creeps) creep();
-    deep_before_ = deep_;
-    double expected = 1.1 * deepest_;  // the last tick's, and some more: seldom is a second look needed
-    int found = look(tip, 0.25 * expected);
-    while (deepest_ > expected) {
-      expected = 1.1 * deepest_;
-      found = look(tip, 0.25 * expected);
+  /// Select the rows of the LCP: nodes whose depth exceeds minus a quarter of the largest depth. add_violated_nodes() adds others if
+  /// needed.
+  void find_candidates(const Tip& tip) noexcept {
+    result_ = {};
+    if constexpr (has_creep) advance_creep();
+    last_max_rest_depth_ = max_rest_depth_;
+    double expected = 1.1 * max_depth_;  // margin over the last tick: a second query is rare
+    int found = collect_candidates(tip, 0.25 * expected);
+    while (max_depth_ > expected) {
+      expected = 1.1 * max_depth_;
+      found = collect_candidates(tip, 0.25 * expected);
     }
-    above_ = 0.25 * deepest_;
-    found = deepest_ > 0.0 ? keep(found, [this](const Seen& s) { return s.depth > -above_; }) : 0;
-    if (found > capacity) {  // the deepest stay
-      std::nth_element(seen_.begin(), seen_.begin() + capacity, seen_.begin() + found,
-                       [](const Seen& a, const Seen& b) { return a.depth > b.depth; });
-      above_ = -seen_[capacity].depth;
-      if (above_ < 0.0) answer_.solved = false;
+    candidate_clearance_ = 0.25 * max_depth_;
+    found = max_depth_ > 0.0 ? filter_candidates(found, [this](const Candidate& s) { return s.depth > -candidate_clearance_; }) : 0;
+    if (found > capacity) {  // keep the deepest
+      std::nth_element(candidates_.begin(), candidates_.begin() + capacity, candidates_.begin() + found,
+                       [](const Candidate& a, const Candidate& b) { return a.depth > b.depth; });
+      candidate_clearance_ = -candidates_[capacity].depth;
+      if (candidate_clearance_ < 0.0) result_.solved = false;
       found = capacity;
     }
-    place(tip, found);
+    assemble_lcp(tip, found);
   }
 
-  /// Puts the first `found` nodes that were seen into the solver.
-  void place(const Tip& tip, int found) noexcept {
-    std::sort(seen_.begin(), seen_.begin() + found, [](const Seen& a, const Seen& b) { return a.node < b.node; });
-    match(found);
-    for (int a = 0; a < count_; ++a) {
-      Near& near = near_[static_cast<std::size_t>(a)];
-      near = nodes_->reached(tip, node_[static_cast<std::size_t>(a)]);
-      inward_[static_cast<std::size_t>(a)] = near.depth;
-      near.depth = seen_[static_cast<std::size_t>(a)].depth;
-      if constexpr (creeps) near.depth -= (1.0 / near.cover - 1.0) * crept(a);
-      solver_.depth(a) = near.depth;
-      solver_.own(a, own_[static_cast<std::size_t>(a)] / near.cover);
+  /// Set up the LCP for the first `found` candidates.
+  void assemble_lcp(const Tip& tip, int found) noexcept {
+    std::sort(candidates_.begin(), candidates_.begin() + found, [](const Candidate& a, const Candidate& b) { return a.node < b.node; });
+    synchronize_rows(found);
+    for (int a = 0; a < row_count_; ++a) {
+      NodeContact& contact = node_contacts_[static_cast<std::size_t>(a)];
+      contact = nodes_->contact_at(tip, row_node_[static_cast<std::size_t>(a)]);
+      rest_depth_[static_cast<std::size_t>(a)] = contact.depth;
+      contact.depth = candidates_[static_cast<std::size_t>(a)].depth;
+      if constexpr (has_creep) contact.depth -= (1.0 / contact.coverage - 1.0) * creep_displacement(a);
+      lcp_.depth(a) = contact.depth;
+      lcp_.set_diagonal(a, self_compliance_[static_cast<std::size_t>(a)] / contact.coverage);
     }
   }
 
-  /// Whether the forces raise nodes into the tip that are not in the solver, as they may at an edge or on a slender body. They are in from
-  /// now on. No node rises by more than the sum of what each force raises where it raises most.
-  bool left_out(const Tip& tip) noexcept {
-    double raised = 0.0;
-    for (int a = 0; a < count_; ++a) raised += solver_.force(a) * raises_[static_cast<std::size_t>(node_[static_cast<std::size_t>(a)])];
-    if (!(raised > above_)) return false;
-    const int known = count_, found = keep(look(tip, raised), [this, known](const Seen& s) {
-                                const auto end = node_.begin() + known, at = std::lower_bound(node_.begin(), end, s.node);
-                                if (at != end && *at == s.node) return true;
-                                double moved = 0.0;
-                                for (int a = 0; a < known; ++a)
-                                  if (solver_.force(a) > 0.0)
-                                    moved += solver_.force(a) * kind_->compliance(s.node, node_[static_cast<std::size_t>(a)]);
-                                return moved < s.depth - 1e-9 * deepest_;
-                              });
-    if (found <= known) return false;
+  /// Add nodes that the current forces push into the tip (edges, slender bodies). Return true if any were added. The uplift of any node is
+  /// bounded by the sum over the forces of each one's largest negative cross compliance.
+  bool add_violated_nodes(const Tip& tip) noexcept {
+    double max_uplift = 0.0;
+    for (int a = 0; a < row_count_; ++a)
+      max_uplift += lcp_.force(a) * max_cross_uplift_[static_cast<std::size_t>(row_node_[static_cast<std::size_t>(a)])];
+    if (!(max_uplift > candidate_clearance_)) return false;
+    const int known_count = row_count_,
+              found = filter_candidates(collect_candidates(tip, max_uplift), [this, known_count](const Candidate& s) {
+                const auto end = row_node_.begin() + known_count, at = std::lower_bound(row_node_.begin(), end, s.node);
+                if (at != end && *at == s.node) return true;
+                double uplift = 0.0;
+                for (int a = 0; a < known_count; ++a)
+                  if (lcp_.force(a) > 0.0) uplift += lcp_.force(a) * model_->compliance(s.node, row_node_[static_cast<std::size_t>(a)]);
+                return uplift < s.depth - 1e-9 * max_depth_;
+              });
+    if (found <= known_count) return false;
     if (found > capacity) {
-      answer_.solved = false;
+      result_.solved = false;
       return false;
     }
-    place(tip, found);
+    assemble_lcp(tip, found);
     return true;
   }
 
-  /// Lists the nodes whose depth is more than minus `above` [m], and finds the deepest one's; returns how many.
-  int look(const Tip& tip, double above) noexcept {
+  /// Collect the nodes with depth > -`clearance` [m] and update the largest depth. Return their number.
+  int collect_candidates(const Tip& tip, double clearance) noexcept {
     int found = 0;
-    deepest_ = deep_ = 0.0;
-    nodes_->under(
-        tip, deep_before_,
+    max_depth_ = max_rest_depth_ = 0.0;
+    nodes_->query_tip(
+        tip, last_max_rest_depth_,
         [&](std::size_t group, double depth) {
           if (depth > 0.0) return false;
-          if constexpr (requires { kind_->surely_above_all(group, depth); }) return kind_->surely_above_all(group, depth + above);
+          if constexpr (requires { model_->group_free_displacement_at_least(group, depth); })
+            return model_->group_free_displacement_at_least(group, depth + clearance);
           return false;
         },
         [&](std::int32_t node, double depth) {
-          deep_ = std::max(deep_, depth);
-          if constexpr (requires { kind_->surely_above(node, depth); })
-            if (kind_->surely_above(node, depth + above)) return;
-          depth -= kind_->at_rest(node);
-          deepest_ = std::max(deepest_, depth);
-          if (!(depth > -above)) return;
-          if (found == capacity_seen) found = keep(found, [this](const Seen& s) { return s.depth > -0.25 * deepest_; });
-          if (found < capacity_seen)
-            seen_[static_cast<std::size_t>(found++)] = {node, depth};
+          max_rest_depth_ = std::max(max_rest_depth_, depth);
+          if constexpr (requires { model_->free_displacement_at_least(node, depth); })
+            if (model_->free_displacement_at_least(node, depth + clearance)) return;
+          depth -= model_->free_displacement(node);
+          max_depth_ = std::max(max_depth_, depth);
+          if (!(depth > -clearance)) return;
+          if (found == max_candidates)
+            found = filter_candidates(found, [this](const Candidate& s) { return s.depth > -0.25 * max_depth_; });
+          if (found < max_candidates)
+            candidates_[static_cast<std::size_t>(found++)] = {node, depth};
           else
-            answer_.solved = false;
+            result_.solved = false;
         });
     return found;
   }
 
-  static constexpr bool creeps = requires(const Kind& kind) { kind.creep(); };
+  static constexpr bool has_creep = requires(const Model& model) { model.creep(); };
 
-  /// A body that creeps remembers by node what its whole patch has crept; what a patch gives way more because the tip covers a part of it
-  /// only is remembered here, by place, as long as the tip presses it.
-  void creep() noexcept {
-    const Creep creep = kind_->creep();
-    for (int a = 0; a < count_; ++a) {
-      double& q = crept_[static_cast<std::size_t>(a)];
-      q = solver_.force(a) > 0.0 ? creep.stays * q + creep.gains * solver_.force(a) : 0.0;
+  /// Advance the creep of partially covered patches. The model stores the creep of whole patches by node. The additional creep of a partly
+  /// covered patch is stored here by row, as long as the node is in contact.
+  void advance_creep() noexcept {
+    const Creep creep = model_->creep();
+    for (int a = 0; a < row_count_; ++a) {
+      double& q = creep_state_[static_cast<std::size_t>(a)];
+      q = lcp_.force(a) > 0.0 ? creep.decay * q + creep.gain * lcp_.force(a) : 0.0;
     }
   }
 
-  /// How far a whole patch would have crept by its own force, m.
-  [[nodiscard]] double crept(int a) const noexcept {
-    const Creep creep = kind_->creep();
-    return own_[static_cast<std::size_t>(a)] / creep.share * creep.stays * crept_[static_cast<std::size_t>(a)];
+  /// Creep displacement of the whole patch of row `a` by its own force, m.
+  [[nodiscard]] double creep_displacement(int a) const noexcept {
+    const Creep creep = model_->creep();
+    return self_compliance_[static_cast<std::size_t>(a)] / creep.period_ratio * creep.decay * creep_state_[static_cast<std::size_t>(a)];
   }
 
-  /// Energy that a pressed place holds by one over the covered part, J: of its spring, and of what it remembers.
-  [[nodiscard]] double by_cover(int a, double force) const noexcept {
-    const double own = own_[static_cast<std::size_t>(a)];
-    double energy = 0.5 * force * force * own;
-    if constexpr (creeps) {
-      const Creep creep = kind_->creep();
-      const double q = crept_[static_cast<std::size_t>(a)];
-      energy += force * crept(a) - own / creep.share * creep.stored(q * q);
+  /// Energy of a contact row per inverse coverage, J: elastic and creep part.
+  [[nodiscard]] double coverage_energy(int a, double force) const noexcept {
+    const double self = self_compliance_[static_cast<std::size_t>(a)];
+    double energy = 0.5 * force * force * self;
+    if constexpr (has_creep) {
+      const Creep creep = model_->creep();
+      const double q = creep_state_[static_cast<std::size_t>(a)];
+      energy += force * creep_displacement(a) - self / creep.period_ratio * creep.delayed_energy(q * q);
     }
     return energy;
   }
 
-  /// Drops of the nodes seen those that shall not `stay`; returns how many do.
-  template <class Stay>
-  int keep(int found, Stay stay) noexcept {
-    const auto end = std::remove_if(seen_.begin(), seen_.begin() + found, [&stay](const Seen& s) { return !stay(s); });
-    return static_cast<int>(end - seen_.begin());
+  /// Keep the candidates that satisfy `keep_if`. Return their number.
+  template <class Keep>
+  int filter_candidates(int found, Keep keep_if) noexcept {
+    const auto end =
+        std::remove_if(candidates_.begin(), candidates_.begin() + found, [&keep_if](const Candidate& s) { return !keep_if(s); });
+    return static_cast<int>(end - candidates_.begin());
   }
 
-  /// Lets places go whose nodes are not among the first `found` that were seen, and makes places for new ones, in the nodes' order. What
-  /// stays keeps its compliance and its part of the factor: a tick in which nodes come and go fetches no more than those.
-  void match(int found) noexcept {
-    for (int a = count_ - 1, s = found - 1; a >= 0; --a) {
+  /// Synchronize the LCP rows with the first `found` candidates: remove rows of nodes no longer present, insert rows for new ones, in node
+  /// order. Remaining rows keep their compliance and their part of the factor, so a tick evaluates the compliance of new nodes only.
+  void synchronize_rows(int found) noexcept {
+    for (int a = row_count_ - 1, s = found - 1; a >= 0; --a) {
       const auto at = static_cast<std::size_t>(a);
-      while (s >= 0 && seen_[static_cast<std::size_t>(s)].node > node_[at]) --s;
-      if (s >= 0 && seen_[static_cast<std::size_t>(s)].node == node_[at]) continue;
-      solver_.remove(a);
-      std::copy(node_.begin() + a + 1, node_.begin() + count_, node_.begin() + a);
-      std::copy(own_.begin() + a + 1, own_.begin() + count_, own_.begin() + a);
-      std::copy(crept_.begin() + a + 1, crept_.begin() + count_, crept_.begin() + a);
-      --count_;
+      while (s >= 0 && candidates_[static_cast<std::size_t>(s)].node > row_node_[at]) --s;
+      if (s >= 0 && candidates_[static_cast<std::size_t>(s)].node == row_node_[at]) continue;
+      lcp_.remove(a);
+      std::copy(row_node_.begin() + a + 1, row_node_.begin() + row_count_, row_node_.begin() + a);
+      std::copy(self_compliance_.begin() + a + 1, self_compliance_.begin() + row_count_, self_compliance_.begin() + a);
+      std::copy(creep_state_.begin() + a + 1, creep_state_.begin() + row_count_, creep_state_.begin() + a);
+      --row_count_;
     }
     for (int a = 0; a < found; ++a) {
       const auto at = static_cast<std::size_t>(a);
-      const std::int32_t node = seen_[at].node;
-      if (a < count_ && node_[at] == node) continue;
-      solver_.insert(a);
-      std::copy_backward(node_.begin() + a, node_.begin() + count_, node_.begin() + count_ + 1);
-      std::copy_backward(own_.begin() + a, own_.begin() + count_, own_.begin() + count_ + 1);
-      std::copy_backward(crept_.begin() + a, crept_.begin() + count_, crept_.begin() + count_ + 1);
-      ++count_;
-      node_[at] = node;
-      crept_[at] = 0.0;
-      own_[at] = solver_.compliance(a, a) = kind_->compliance(node, node);
-      for (int b = 0; b < count_; ++b)
-        if (b != a) solver_.compliance(a, b) = solver_.compliance(b, a) = kind_->compliance(node, node_[static_cast<std::size_t>(b)]);
+      const std::int32_t node = candidates_[at].node;
+      if (a < row_count_ && row_node_[at] == node) continue;
+      lcp_.insert(a);
+      std::copy_backward(row_node_.begin() + a, row_node_.begin() + row_count_, row_node_.begin() + row_count_ + 1);
+      std::copy_backward(self_compliance_.begin() + a, self_compliance_.begin() + row_count_, self_compliance_.begin() + row_count_ + 1);
+      std::copy_backward(creep_state_.begin() + a, creep_state_.begin() + row_count_, creep_state_.begin() + row_count_ + 1);
+      ++row_count_;
+      row_node_[at] = node;
+      creep_state_[at] = 0.0;
+      self_compliance_[at] = lcp_.compliance(a, a) = model_->compliance(node, node);
+      for (int b = 0; b < row_count_; ++b)
+        if (b != a) lcp_.compliance(a, b) = lcp_.compliance(b, a) = model_->compliance(node, row_node_[static_cast<std::size_t>(b)]);
     }
   }
 
-  void solve() noexcept {
-    // The nodes of the last step that were pressed are tried first; without any, those that Hertz would press: deeper than half.
-    if (!solver_.any_pressed())
-      for (int a = 0; a < count_; ++a)
-        if (near_[static_cast<std::size_t>(a)].depth > 0.5 * deepest_) solver_.attempt(a);
-    answer_.solved = solver_.solve() && answer_.solved;
+  void solve_lcp() noexcept {
+    // Warm start with the basis of the last step. Without one, start with the nodes that Hertz contact presses: deeper than half.
+    if (!lcp_.any_active())
+      for (int a = 0; a < row_count_; ++a)
+        if (node_contacts_[static_cast<std::size_t>(a)].depth > 0.5 * max_depth_) lcp_.suggest_active(a);
+    result_.solved = lcp_.solve() && result_.solved;
   }
 
-  void answer() noexcept {
+  void update_contact_force() noexcept {
     double total = 0.0;
-    for (int a = 0; a < count_; ++a) {
-      const double f = solver_.force(a);
+    for (int a = 0; a < row_count_; ++a) {
+      const double f = lcp_.force(a);
       if (f <= 0.0) continue;
-      const Near& near = near_[static_cast<std::size_t>(a)];
-      pressed_[static_cast<std::size_t>(answer_.nodes)] = near.node;
-      held_[static_cast<std::size_t>(answer_.nodes)] = a;
-      forces_[static_cast<std::size_t>(answer_.nodes++)] = f;
-      // Minus the slope of the stored energy, max f.(g - C f/2), by the tip's place.
-      answer_.force -= f * near.slope;
-      if (near.cover < 1.0) answer_.force -= (by_cover(a, f) / (near.cover * near.cover)) * near.cover_slope;
-      answer_.deflection -= (f * inward_[static_cast<std::size_t>(a)]) * nodes_->normal(near.node);
+      const NodeContact& contact = node_contacts_[static_cast<std::size_t>(a)];
+      contact_nodes_[static_cast<std::size_t>(result_.nodes)] = contact.node;
+      contact_rows_[static_cast<std::size_t>(result_.nodes)] = a;
+      forces_[static_cast<std::size_t>(result_.nodes++)] = f;
+      // Negative gradient of the stored energy, max over f of f.(g - C f/2), by the tip center.
+      result_.force -= f * contact.depth_gradient;
+      if (contact.coverage < 1.0)
+        result_.force -= (coverage_energy(a, f) / (contact.coverage * contact.coverage)) * contact.coverage_gradient;
+      result_.deflection -= (f * rest_depth_[static_cast<std::size_t>(a)]) * nodes_->normal(contact.node);
       total += f;
     }
-    answer_.touching = answer_.nodes > 0;
-    if (answer_.touching) answer_.deflection /= total;
+    result_.touching = result_.nodes > 0;
+    if (result_.touching) result_.deflection /= total;
   }
 
-  /// The tip has moved over the surface, and drags it along.
-  void drag(const Tip& tip) noexcept {
-    const Vector3<> way = placed_ ? Vector3<>(tip.centre - centre_) : Vector3<>::Zero();
-    centre_ = tip.centre;
-    placed_ = centre_.allFinite();
-    for (int c = 0; c < answer_.nodes; ++c) covers_[static_cast<std::size_t>(c)] = near(c).cover;
-    slip_.step(*nodes_, *kind_, pressed_.data(), forces_.data(), covers_.data(), answer_.nodes, way);
+  /// Apply friction for the tip motion since the last step.
+  void update_friction(const Tip& tip) noexcept {
+    const Vector3<> tip_motion = has_last_center_ ? Vector3<>(tip.center - last_center_) : Vector3<>::Zero();
+    last_center_ = tip.center;
+    has_last_center_ = last_center_.allFinite();
+    for (int c = 0; c < result_.nodes; ++c) coverages_[static_cast<std::size_t>(c)] = contact_of(c).coverage;
+    slip_.step(*nodes_, *model_, contact_nodes_.data(), forces_.data(), coverages_.data(), result_.nodes, tip_motion);
     double total = 0.0;
-    Vector3<> along = Vector3<>::Zero();
-    for (int c = 0; c < answer_.nodes; ++c) {
-      const std::int32_t node = near(c).node;
-      const Eigen::Vector2d force = slip_.force(node), moved = slip_.moved(node);
-      along += forces_[static_cast<std::size_t>(c)] * (nodes_->across(node) * moved);
+    Vector3<> weighted = Vector3<>::Zero();
+    for (int c = 0; c < result_.nodes; ++c) {
+      const std::int32_t node = contact_of(c).node;
+      const Eigen::Vector2d force = slip_.force(node), displacement = slip_.displacement(node);
+      weighted += forces_[static_cast<std::size_t>(c)] * (nodes_->tangent_basis(node) * displacement);
       total += forces_[static_cast<std::size_t>(c)];
-      answer_.friction -= nodes_->across(node) * force;
-      if (near(c).cover < 1.0) answer_.friction -= slip_.by_cover(node) * near(c).cover_slope;
+      result_.friction -= nodes_->tangent_basis(node) * force;
+      if (contact_of(c).coverage < 1.0) result_.friction -= slip_.coverage_derivative(node) * contact_of(c).coverage_gradient;
       tangential_[static_cast<std::size_t>(c)] = force;
     }
-    if (total > 0.0) answer_.deflection += along / total;
-    answer_.force += answer_.friction;
-    answer_.sliding = slip_.sliding();
+    if (total > 0.0) result_.deflection += weighted / total;
+    result_.force += result_.friction;
+    result_.sliding = slip_.sliding();
   }
 
-  void advance() noexcept {
-    if constexpr (requires { kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), 0); })
-      if (slip_.on()) return kind_->advance(pressed_.data(), forces_.data(), tangential_.data(), answer_.nodes);
-    kind_->advance(pressed_.data(), forces_.data(), answer_.nodes);
+  void advance_model() noexcept {
+    if constexpr (requires { model_->advance(contact_nodes_.data(), forces_.data(), tangential_.data(), 0); })
+      if (slip_.enabled()) return model_->advance(contact_nodes_.data(), forces_.data(), tangential_.data(), result_.nodes);
+    model_->advance(contact_nodes_.data(), forces_.data(), result_.nodes);
   }
 
-  /// The body's energy at the end of the period, and that of what patches give way more that lie under the tip in part.
-  void store() noexcept {
-    double yielded = 0.0, besides = 0.0;
-    for (int c = 0; c < answer_.nodes; ++c) {
-      const auto a = static_cast<std::size_t>(held_[static_cast<std::size_t>(c)]);
-      const double f = forces_[static_cast<std::size_t>(c)], more = (1.0 / near_[a].cover - 1.0) * own_[a];
-      yielded += f * (near_[a].depth - more * f);
+  /// Update the energy at the end of the period, including the extra compliance of partially covered patches.
+  void update_energy() noexcept {
+    double compliance_work = 0.0, partial_coverage_energy = 0.0;
+    for (int c = 0; c < result_.nodes; ++c) {
+      const auto a = static_cast<std::size_t>(contact_rows_[static_cast<std::size_t>(c)]);
+      const double f = forces_[static_cast<std::size_t>(c)],
+                   extra_compliance = (1.0 / node_contacts_[a].coverage - 1.0) * self_compliance_[a];
+      compliance_work += f * (node_contacts_[a].depth - extra_compliance * f);
       Creep creep;
-      if constexpr (creeps) creep = kind_->creep();
-      const double next = creep.stays * crept_[a] + creep.gains * f;
-      besides += more * creep.energy(f * f, next * next) / creep.share;
+      if constexpr (has_creep) creep = model_->creep();
+      const double next = creep.decay * creep_state_[a] + creep.gain * f;
+      partial_coverage_energy += extra_compliance * creep.energy(f * f, next * next) / creep.period_ratio;
     }
-    if (slip_.on()) {
-      yielded += slip_.yielded();
-      besides += slip_.in_parts();
+    if (slip_.enabled()) {
+      compliance_work += slip_.compliance_work();
+      partial_coverage_energy += slip_.partial_coverage_energy();
     }
-    if constexpr (requires { kind_->energy(yielded); })
-      answer_.energy = kind_->energy(yielded) + besides;
-    else if constexpr (requires { kind_->energy(); })
-      answer_.energy = kind_->energy() + besides;
+    if constexpr (requires { model_->energy(compliance_work); })
+      result_.energy = model_->energy(compliance_work) + partial_coverage_energy;
+    else if constexpr (requires { model_->energy(); })
+      result_.energy = model_->energy() + partial_coverage_energy;
     else
-      answer_.energy = 0.5 * yielded + besides;
+      result_.energy = 0.5 * compliance_work + partial_coverage_energy;
   }
 
-  [[nodiscard]] const Near& near(int pressed) const noexcept {
-    return near_[static_cast<std::size_t>(held_[static_cast<std::size_t>(pressed)])];
+  [[nodiscard]] const NodeContact& contact_of(int contact_nodes) const noexcept {
+    return node_contacts_[static_cast<std::size_t>(contact_rows_[static_cast<std::size_t>(contact_nodes)])];
   }
 
   const SurfaceNodes* nodes_;
-  Kind* kind_;
-  ContactLcp solver_;
-  ContactResult answer_;
-  int count_ = 0;               // places in the solver
-  double deepest_ = 0.0;        // m
-  double deep_ = 0.0;           // how deep the tip was in the last step against places at rest, m
-  double deep_before_ = 0.0;    // the same, of the step before
-  double above_ = 0.0;          // nodes higher than this are not in the solver at first, m
-  std::vector<double> raises_;  // by node: the most that a unit force on it raises another, m/N
-  std::array<Seen, capacity_seen> seen_{};
-  std::array<Near, capacity> near_{};
-  std::array<std::int32_t, capacity> node_{};  // by place
-  std::array<double, capacity> own_{};         // compliance of a place by itself, m/N
-  std::array<double, capacity> crept_{};       // by place, N
-  std::array<double, capacity> inward_{};      // how far a place goes in if it is pressed, from where it is at rest, m
-  std::array<std::int32_t, capacity> pressed_{};
+  Model* model_;
+  ContactLcp lcp_;
+  ContactResult result_;
+  int row_count_ = 0;                     // rows of the LCP
+  double max_depth_ = 0.0;                // m
+  double max_rest_depth_ = 0.0;           // largest depth against the undeformed surface in the last step, m
+  double last_max_rest_depth_ = 0.0;      // same, of the step before
+  double candidate_clearance_ = 0.0;      // nodes farther above the tip surface are not LCP rows at first, m
+  std::vector<double> max_cross_uplift_;  // by node: largest uplift of another node per unit force on it, m/N
+  std::array<Candidate, max_candidates> candidates_{};
+  std::array<NodeContact, capacity> node_contacts_{};
+  std::array<std::int32_t, capacity> row_node_{};   // by row
+  std::array<double, capacity> self_compliance_{};  // by row, m/N
+  std::array<double, capacity> creep_state_{};      // by row, N
+  std::array<double, capacity> rest_depth_{};       // depth against the undeformed surface, by row, m
+  std::array<std::int32_t, capacity> contact_nodes_{};
   std::array<double, capacity> forces_{};
-  std::array<int, capacity> held_{};      // places of the pressed
-  Vector3<> faced_ = Vector3<>::UnitZ();  // the tip's outward in the last step
+  std::array<int, capacity> contact_rows_{};    // row of each contact node
+  Vector3<> last_normal_ = Vector3<>::UnitZ();  // tip.outward of the last step
   PartialSlip slip_;
-  bool placed_ = false;                                 // the tip has been somewhere before
-  Vector3<> centre_ = Vector3<>::Zero();                // where it was, m
-  std::array<double, capacity> covers_{};               // of the pressed
-  std::array<Eigen::Vector2d, capacity> tangential_{};  // on the pressed, N
+  bool has_last_center_ = false;                        // false before the first step
+  Vector3<> last_center_ = Vector3<>::Zero();           // tip center of the last step, m
+  std::array<double, capacity> coverages_{};            // by contact node
+  std::array<Eigen::Vector2d, capacity> tangential_{};  // by contact node, N
 };
 
 }  // namespace palpate::deformable

@@ -13,13 +13,13 @@
 
 namespace palpate::deformable {
 
-/// Unit forces B, each on some of the unknowns.
+/// Unit load vectors B, each with a few nonzero entries.
 struct UnitForces {
   struct Entry {
     std::size_t unknown = 0;
-    float share = 0.0F;
+    float weight = 0.0F;
   };
-  std::vector<std::size_t> begin{0};  ///< of each in entries, and the end
+  std::vector<std::size_t> begin{0};  ///< first entry of each load vector, and the end
   std::vector<Entry> entries;
 
   [[nodiscard]] std::size_t size() const noexcept { return begin.size() - 1; }
@@ -27,187 +27,194 @@ struct UnitForces {
     begin.assign(1, 0);
     entries.clear();
   }
-  /// Calls take(unknown, share) for the entries of force i.
-  template <class Take>
-  void each(std::size_t i, Take take) const {
-    for (std::size_t e = begin[i]; e < begin[i + 1]; ++e) take(entries[e].unknown, entries[e].share);
+  /// Call visit(unknown, weight) for each entry of load vector i.
+  template <class Visit>
+  void for_each(std::size_t i, Visit visit) const {
+    for (std::size_t e = begin[i]; e < begin[i + 1]; ++e) visit(entries[e].unknown, entries[e].weight);
   }
 };
 
-/// Columns Z near K^-1 B of a stiffness K that changes little by little: kept from step to step, and those that are worst bettered by
-/// conjugate gradients, sixteen side by side.
+/// Approximate compliance columns Z ~ K^-1 B of a slowly changing stiffness K. Columns are kept from step to step; each update refines the
+/// least accurate ones by conjugate gradients, sixteen side by side.
 ///
-/// The compliance is that of a body which can only move as the columns do together (Ritz), B'Z (Z'K Z)^-1 Z'B: symmetric, wrong by the
-/// square of what the columns lack only, and never too soft.
+/// The projected compliance uses the columns as a Ritz basis, B'Z (Z'K Z)^-1 Z'B. It is symmetric, its error is quadratic in that of the
+/// columns, and it never exceeds the exact compliance.
 class ComplianceColumnCache {
  public:
-  /// How much work a step is. Distances are in the energy's norm, about.
-  struct SolverOptions {
-    float enough = 0.05F;  ///< how far from itself a column may stay
-    float rough = 0.3F;    ///< the same, of those that are not among the sixteen that are worst
-    int steps = 6;         ///< of conjugate gradients, at most: new columns take a few times
+  /// Effort of a step. Errors are relative, in the energy norm (approximate).
+  struct RefineOptions {
+    float tolerance = 0.05F;       ///< columns below this error are not refined
+    float batch_tolerance = 0.3F;  ///< columns above this error are refined even beyond the sixteen worst
+    int max_steps = 6;             ///< of conjugate gradients per refinement; a new column takes several
   };
   struct Report {
-    int steps = 0;      ///< of conjugate gradients, over all sixteens
-    double left = 0.0;  ///< how far the worst column was from itself, about; 1 if it was new
+    int steps = 0;           ///< of conjugate gradients, summed over the batches of sixteen
+    double max_error = 0.0;  ///< of the worst column before refinement; 1 if it was new
   };
 
   ComplianceColumnCache() = default;
-  /// For up to `most` columns at a time.
-  ComplianceColumnCache(std::size_t unknowns, std::size_t most)
-      : name_((most + width - 1) / width * width, -1),
-        own_(name_.size()),
-        ahead_(name_.size()),
-        product_(name_.size() * name_.size()),
-        column_(name_.size() / width, std::vector<Columns>(unknowns)),
-        rest_(column_),
-        more_(unknowns),
-        less_(unknowns),
+  /// For up to `max_columns` columns at a time.
+  ComplianceColumnCache(std::size_t unknowns, std::size_t max_columns)
+      : slot_node_((max_columns + batch_size - 1) / batch_size * batch_size, -1),
+        self_compliance_(slot_node_.size()),
+        column_motions_(slot_node_.size()),
+        residual_product_(slot_node_.size() * slot_node_.size()),
+        column_(slot_node_.size() / batch_size, std::vector<Columns>(unknowns)),
+        residual_(column_),
+        correction_(unknowns),
+        batch_residual_(unknowns),
         solver_(unknowns) {}
 
-  [[nodiscard]] bool has(std::int32_t name) const noexcept { return std::find(name_.begin(), name_.end(), name) != name_.end(); }
-
-  /// to += times * the column of that name, which is there.
-  void add(std::int32_t name, float times, float* to) const noexcept {
-    const std::size_t slot = slot_of(name);
-    const std::vector<Columns>& column = column_[slot / width];
-    for (std::size_t k = 0; k < column.size(); ++k) to[k] += times * column[k][slot % width];
+  [[nodiscard]] bool has(std::int32_t node) const noexcept {
+    return std::find(slot_node_.begin(), slot_node_.end(), node) != slot_node_.end();
   }
 
-  /// From now on the columns of these names, rising: new ones begin at zero.
-  void keep(const std::vector<std::int32_t>& names) {
-    for (std::int32_t& name : name_)
-      if (!std::binary_search(names.begin(), names.end(), name)) name = -1;
-    slot_.clear();
-    groups_ = 0;
-    for (const std::int32_t name : names) {
-      if (!has(name)) {
+  /// Add `factor` times the column of a node to `to`. The column must exist.
+  void add(std::int32_t node, float factor, float* to) const noexcept {
+    const std::size_t slot = slot_of(node);
+    const std::vector<Columns>& column = column_[slot / batch_size];
+    for (std::size_t k = 0; k < column.size(); ++k) to[k] += factor * column[k][slot % batch_size];
+  }
+
+  /// Keep the columns of these nodes (ascending). New columns start at zero, all others are dropped.
+  void select(const std::vector<std::int32_t>& nodes) {
+    for (std::int32_t& node : slot_node_)
+      if (!std::binary_search(nodes.begin(), nodes.end(), node)) node = -1;
+    slots_.clear();
+    batch_count_ = 0;
+    for (const std::int32_t node : nodes) {
+      if (!has(node)) {
         const std::size_t slot = slot_of(-1);
-        name_[slot] = name;
-        own_[slot] = 0.0F;
-        for (Columns& c : column_[slot / width]) c[slot % width] = 0.0F;
+        slot_node_[slot] = node;
+        self_compliance_[slot] = 0.0F;
+        for (Columns& c : column_[slot / batch_size]) c[slot % batch_size] = 0.0F;
       }
-      slot_.push_back(slot_of(name));
-      groups_ = std::max(groups_, slot_.back() / width + 1);
+      slots_.push_back(slot_of(node));
+      batch_count_ = std::max(batch_count_, slots_.back() / batch_size + 1);
     }
   }
 
-  /// Conjugate gradients on the columns that are worst: sixteen, or all that are rough. `own` tells
-  /// which of the forces is that of each name, in turn.
-  Report better(const BlockMatrix& stiffness, TwoLevelPreconditioner& precondition, const UnitForces& forces,
-                const std::vector<std::size_t>& own, const SolverOptions& effort) {
+  /// Refine the least accurate columns: sixteen, or all above `batch_tolerance`. `column_force[j]` is the index of the load vector that
+  /// belongs to column j.
+  Report refine(const BlockMatrix& stiffness, TwoLevelPreconditioner& preconditioner, const UnitForces& forces,
+                const std::vector<std::size_t>& column_force, const RefineOptions& options) {
     Columns unused;
-    for (std::size_t g = 0; g < groups_; ++g) stiffness.multiply(column_[g].data(), rest_[g].data(), unused);
-    for (std::size_t j = 0; j < slot_.size(); ++j)
-      forces.each(own[j], [&](std::size_t k, float share) { rest_[slot_[j] / width][k][slot_[j] % width] -= share; });
-    const float enough = effort.enough * effort.enough, rough = effort.rough * effort.rough;
-    worst_.clear();
-    for (std::size_t g = 0; g < groups_; ++g) {
-      Columns left;
-      Columns* rest = rest_[g].data();
-      precondition.measure(rest, left, [rest](std::size_t k) { rest[k] = -rest[k]; });
-      for (std::size_t slot = g * width; slot < (g + 1) * width; ++slot) {
-        if (name_[slot] < 0) continue;
-        const float far = own_[slot] > 0.0F ? std::min(left[slot % width] / own_[slot], 1.0F) : 2.0F;
-        if (far > enough) worst_.emplace_back(far, slot);
+    for (std::size_t g = 0; g < batch_count_; ++g) stiffness.multiply(column_[g].data(), residual_[g].data(), unused);
+    for (std::size_t j = 0; j < slots_.size(); ++j)
+      forces.for_each(column_force[j],
+                      [&](std::size_t k, float weight) { residual_[slots_[j] / batch_size][k][slots_[j] % batch_size] -= weight; });
+    const float tolerance = options.tolerance * options.tolerance, batch_tolerance = options.batch_tolerance * options.batch_tolerance;
+    refinement_queue_.clear();
+    for (std::size_t g = 0; g < batch_count_; ++g) {
+      Columns squared_norm;
+      Columns* residual = residual_[g].data();
+      preconditioner.compute_norm(residual, squared_norm, [residual](std::size_t k) { residual[k] = -residual[k]; });
+      for (std::size_t slot = g * batch_size; slot < (g + 1) * batch_size; ++slot) {
+        if (slot_node_[slot] < 0) continue;
+        const float error = self_compliance_[slot] > 0.0F ? std::min(squared_norm[slot % batch_size] / self_compliance_[slot], 1.0F) : 2.0F;
+        if (error > tolerance) refinement_queue_.emplace_back(error, slot);
       }
     }
-    std::sort(worst_.begin(), worst_.end(), std::greater<>());
+    std::sort(refinement_queue_.begin(), refinement_queue_.end(), std::greater<>());
     Report report;
-    report.left = worst_.empty() ? 0.0 : std::min(std::sqrt(static_cast<double>(worst_[0].first)), 1.0);
-    for (std::size_t from = 0; from < worst_.size() && (from == 0 || worst_[from].first > rough); from += width)
-      report.steps += better(stiffness, precondition, from, enough, effort.steps);
+    report.max_error = refinement_queue_.empty() ? 0.0 : std::min(std::sqrt(static_cast<double>(refinement_queue_[0].first)), 1.0);
+    for (std::size_t from = 0; from < refinement_queue_.size() && (from == 0 || refinement_queue_[from].first > batch_tolerance);
+         from += batch_size)
+      report.steps += refine_batch(stiffness, preconditioner, from, tolerance, options.max_steps);
     return report;
   }
 
-  /// The compliance of all forces, those without a column too, into `compliance` [m/N], rows of `stride`; how far each goes ahead under
-  /// `left` [N] into `ahead` [m].
-  void project(const UnitForces& forces, const std::vector<std::size_t>& own, const std::vector<float>& left, double* compliance,
-               std::size_t stride, double* ahead) {
-    products(left);
+  /// Project the compliance onto the Ritz basis: the matrix for all load vectors, including those without a column, into `compliance` [m/N]
+  /// with row length `stride`; the displacements under `residual_force` [N] into `residual_displacement` [m].
+  void project(const UnitForces& forces, const std::vector<std::size_t>& column_force, const std::vector<float>& residual_force,
+               double* compliance, std::size_t stride, double* residual_displacement) {
+    compute_products(residual_force);
     const std::size_t count = forces.size(), row = count + 1;
-    // b_i . z_j, and z_j . left at the end of its row.
-    reach_.resize(slot_.size() * row);
-    for (std::size_t g = 0; g < groups_; ++g)
+    // b_i . z_j, and z_j . residual_force as the last entry of the row
+    ritz_.resize(slots_.size() * row);
+    for (std::size_t g = 0; g < batch_count_; ++g)
       for (std::size_t i = 0; i < count; ++i) {
         Columns sum{};
-        forces.each(i, [&](std::size_t k, float share) { sum += share * column_[g][k]; });
-        for (std::size_t j = 0; j < slot_.size(); ++j)
-          if (slot_[j] / width == g) reach_[j * row + i] = static_cast<double>(sum[slot_[j] % width]);
+        forces.for_each(i, [&](std::size_t k, float weight) { sum += weight * column_[g][k]; });
+        for (std::size_t j = 0; j < slots_.size(); ++j)
+          if (slots_[j] / batch_size == g) ritz_[j * row + i] = static_cast<double>(sum[slots_[j] % batch_size]);
       }
-    for (std::size_t j = 0; j < slot_.size(); ++j) reach_[j * row + count] = static_cast<double>(ahead_[slot_[j]]);
-    orthonormalise(own, row);
+    for (std::size_t j = 0; j < slots_.size(); ++j) ritz_[j * row + count] = static_cast<double>(column_motions_[slots_[j]]);
+    orthonormalize(column_force, row);
     const auto product = [&](std::size_t i, std::size_t j) {
       double sum = 0.0;
-      for (std::size_t k = 0; k < slot_.size(); ++k) sum += reach_[k * row + i] * reach_[k * row + j];
+      for (std::size_t k = 0; k < slots_.size(); ++k) sum += ritz_[k * row + i] * ritz_[k * row + j];
       return sum;
     };
     for (std::size_t i = 0; i < count; ++i) {
       for (std::size_t j = 0; j <= i; ++j) compliance[i * stride + j] = compliance[j * stride + i] = product(i, j);
-      ahead[i] = product(i, count);
+      residual_displacement[i] = product(i, count);
     }
-    for (std::size_t j = 0; j < slot_.size(); ++j) own_[slot_[j]] = static_cast<float>(compliance[own[j] * stride + own[j]]);
+    for (std::size_t j = 0; j < slots_.size(); ++j)
+      self_compliance_[slots_[j]] = static_cast<float>(compliance[column_force[j] * stride + column_force[j]]);
   }
 
  private:
-  static constexpr std::size_t width = sizeof(Columns) / sizeof(float);
+  static constexpr std::size_t batch_size = sizeof(Columns) / sizeof(float);
 
-  [[nodiscard]] std::size_t slot_of(std::int32_t name) const noexcept {
-    return static_cast<std::size_t>(std::find(name_.begin(), name_.end(), name) - name_.begin());
+  [[nodiscard]] std::size_t slot_of(std::int32_t node) const noexcept {
+    return static_cast<std::size_t>(std::find(slot_node_.begin(), slot_node_.end(), node) - slot_node_.begin());
   }
 
-  /// On up to sixteen of the worst columns, side by side.
-  int better(const BlockMatrix& stiffness, TwoLevelPreconditioner& precondition, std::size_t from, float enough, int most) {
-    const std::size_t count = std::min(worst_.size() - from, width);
-    std::array<Columns*, width> column{}, rest{};
-    std::array<std::size_t, width> lane{};
+  /// Refine up to sixteen columns of the queue side by side.
+  int refine_batch(const BlockMatrix& stiffness, TwoLevelPreconditioner& preconditioner, std::size_t from, float tolerance, int max_steps) {
+    const std::size_t count = std::min(refinement_queue_.size() - from, batch_size);
+    std::array<Columns*, batch_size> column{}, residual{};
+    std::array<std::size_t, batch_size> lane{};
     Columns limit{};
     for (std::size_t l = 0; l < count; ++l) {
-      const std::size_t slot = worst_[from + l].second;
-      column[l] = column_[slot / width].data();
-      rest[l] = rest_[slot / width].data();
-      lane[l] = slot % width;
-      limit[l] = enough * own_[slot];
+      const std::size_t slot = refinement_queue_[from + l].second;
+      column[l] = column_[slot / batch_size].data();
+      residual[l] = residual_[slot / batch_size].data();
+      lane[l] = slot % batch_size;
+      limit[l] = tolerance * self_compliance_[slot];
     }
-    for (std::size_t k = 0; k < less_.size(); ++k) {
-      more_[k] = less_[k] = Columns{};
-      for (std::size_t l = 0; l < count; ++l) less_[k][l] = rest[l][k][lane[l]];
+    for (std::size_t k = 0; k < batch_residual_.size(); ++k) {
+      correction_[k] = batch_residual_[k] = Columns{};
+      for (std::size_t l = 0; l < count; ++l) batch_residual_[k][l] = residual[l][k][lane[l]];
     }
-    const auto solved = solver_.solve(stiffness, precondition, more_.data(), less_.data(), limit, most);
-    for (std::size_t k = 0; k < less_.size(); ++k)
+    const auto solved = solver_.solve(stiffness, preconditioner, correction_.data(), batch_residual_.data(), limit, max_steps);
+    for (std::size_t k = 0; k < batch_residual_.size(); ++k)
       for (std::size_t l = 0; l < count; ++l) {
-        column[l][k][lane[l]] += more_[k][l];
-        rest[l][k][lane[l]] = less_[k][l];
+        column[l][k][lane[l]] += correction_[k][l];
+        residual[l][k][lane[l]] = batch_residual_[k][l];
       }
     return solved.steps;
   }
 
-  /// z_i . left of all columns, and z_i . r_j of those whose i is in no later sixteen than j.
-  void products(const std::vector<float>& left) {
-    for (std::size_t g = 0; g < groups_; ++g) {
-      Columns ahead{};
-      for (std::size_t k = 0; k < left.size(); ++k) ahead += left[k] * column_[g][k];
-      for (std::size_t l = 0; l < width; ++l) ahead_[g * width + l] = ahead[l];
-      for (std::size_t h = g; h < groups_; ++h) {
-        std::array<Columns, width> sum{};
-        for (std::size_t k = 0; k < left.size(); ++k)
-          for (std::size_t l = 0; l < width; ++l) sum[l] += rest_[h][k][l] * column_[g][k];
-        for (std::size_t l = 0; l < width; ++l)
-          for (std::size_t m = 0; m < width; ++m) product_[(g * width + m) * name_.size() + h * width + l] = static_cast<double>(sum[l][m]);
+  /// Compute z_i . residual_force of all columns, and z_i . r_j for columns i in no later batch than j.
+  void compute_products(const std::vector<float>& residual_force) {
+    for (std::size_t g = 0; g < batch_count_; ++g) {
+      Columns motion{};
+      for (std::size_t k = 0; k < residual_force.size(); ++k) motion += residual_force[k] * column_[g][k];
+      for (std::size_t l = 0; l < batch_size; ++l) column_motions_[g * batch_size + l] = motion[l];
+      for (std::size_t h = g; h < batch_count_; ++h) {
+        std::array<Columns, batch_size> sum{};
+        for (std::size_t k = 0; k < residual_force.size(); ++k)
+          for (std::size_t l = 0; l < batch_size; ++l) sum[l] += residual_[h][k][l] * column_[g][k];
+        for (std::size_t l = 0; l < batch_size; ++l)
+          for (std::size_t m = 0; m < batch_size; ++m)
+            residual_product_[(g * batch_size + m) * slot_node_.size() + h * batch_size + l] = static_cast<double>(sum[l][m]);
       }
     }
   }
 
-  /// Turns the rows of reach_, one for each column, into those of columns that are orthonormal in the energy, by Cholesky's factor of
-  /// Z'K Z; a column that says nothing new gets zeros.
-  void orthonormalise(const std::vector<std::size_t>& own, std::size_t row) {
-    const std::size_t count = slot_.size();
+  /// Transform the rows of ritz_, one per column, to columns orthonormal in the energy inner product, by the Cholesky factor of Z'K Z. A
+  /// linearly dependent column becomes zero.
+  void orthonormalize(const std::vector<std::size_t>& column_force, std::size_t row) {
+    const std::size_t count = slots_.size();
     lower_.resize(count * count);
     for (std::size_t i = 0; i < count; ++i)
       for (std::size_t j = 0; j <= i; ++j) {  // z_i . K z_j = z_i . b_j - z_i . r_j
-        const std::size_t one = slot_[i], two = slot_[j];
-        lower_[i * count + j] = one / width <= two / width ? reach_[i * row + own[j]] - product_[one * name_.size() + two]
-                                                           : reach_[j * row + own[i]] - product_[two * name_.size() + one];
+        const std::size_t si = slots_[i], sj = slots_[j];
+        lower_[i * count + j] = si / batch_size <= sj / batch_size
+                                    ? ritz_[i * row + column_force[j]] - residual_product_[si * slot_node_.size() + sj]
+                                    : ritz_[j * row + column_force[i]] - residual_product_[sj * slot_node_.size() + si];
       }
     for (std::size_t j = 0; j < count; ++j) {
       const double* const line = &lower_[j * count];
@@ -220,23 +227,23 @@ class ComplianceColumnCache {
         lower_[i * count + j] = inverse * sum;
       }
       for (std::size_t i = 0; i < row; ++i) {
-        double sum = reach_[j * row + i];
-        for (std::size_t k = 0; k < j; ++k) sum -= line[k] * reach_[k * row + i];
-        reach_[j * row + i] = inverse * sum;
+        double sum = ritz_[j * row + i];
+        for (std::size_t k = 0; k < j; ++k) sum -= line[k] * ritz_[k * row + i];
+        ritz_[j * row + i] = inverse * sum;
       }
     }
   }
 
-  std::vector<std::int32_t> name_;                    // that each column belongs to; -1: none
-  std::vector<std::size_t> slot_;                     // of each name that is kept, in turn
-  std::size_t groups_ = 0;                            // of sixteen columns in use
-  std::vector<float> own_;                            // compliance of each by itself, m/N; 0: not known
-  std::vector<float> ahead_;                          // of each, m
-  std::vector<double> product_;                       // z_i . r_j, J
-  std::vector<std::vector<Columns>> column_, rest_;   // Z and R = B - K Z, by sixteen, m and N
-  std::vector<Columns> more_, less_;                  // sixteen at work, and what is left of them, m and N
-  std::vector<std::pair<float, std::size_t>> worst_;  // how far each is from itself, a square; slot
-  std::vector<double> reach_, lower_;
+  std::vector<std::int32_t> slot_node_;                          // node of each slot; -1: unused
+  std::vector<std::size_t> slots_;                               // slot of each column, in node order
+  std::size_t batch_count_ = 0;                                  // batches of sixteen columns in use
+  std::vector<float> self_compliance_;                           // by slot, m/N; 0: unknown
+  std::vector<float> column_motions_;                            // displacement under the residual force, by slot, m
+  std::vector<double> residual_product_;                         // z_i . r_j, J
+  std::vector<std::vector<Columns>> column_, residual_;          // Z [m] and R = B - K Z [N], in batches of sixteen
+  std::vector<Columns> correction_, batch_residual_;             // of the batch being refined, m and N
+  std::vector<std::pair<float, std::size_t>> refinement_queue_;  // squared relative error and slot, worst first
+  std::vector<double> ritz_, lower_;
   ConjugateGradients<Columns> solver_;
 };
 

@@ -8,51 +8,52 @@
 
 namespace palpate::deformable {
 
-/// Preconditioned conjugate gradients on one column (Number = float) or on sixteen side by side (Columns). Holds its work space.
+/// Preconditioned conjugate gradients on one column (Number = float) or on sixteen side by side (Columns). Owns its workspace.
 ///
-/// What is left is measured as r . M r, with the residual r and the preconditioner M that comes near to the inverse: nearly twice the
-/// energy that the error holds. Few passes are made over the vectors, for with sixteen columns these do not stay in the caches.
+/// The error measure is r . M r with the residual r and the preconditioner M, nearly twice the energy of the error. The passes over the
+/// vectors are fused, because sixteen columns do not fit into the caches.
 template <class Number>
 class ConjugateGradients {
  public:
   struct Result {
     int steps = 0;
-    bool negative = false;  ///< the matrix was seen not to be positive definite; what was found before is kept
+    bool indefinite = false;  ///< negative curvature was found; the result so far is kept
   };
 
   ConjugateGradients() = default;
-  explicit ConjugateGradients(std::size_t unknowns) : way_(unknowns), pull_(unknowns) {}
+  explicit ConjugateGradients(std::size_t unknowns) : direction_(unknowns), image_(unknowns) {}
 
-  /// Betters x, with the residual r = b - A x that is kept up, until r . M r of each column is below `limit` or the steps are spent. A
-  /// column along which the matrix is not positive stays as it is.
-  Result solve(const BlockMatrix& matrix, TwoLevelPreconditioner& precondition, Number* x, Number* r, const Number& limit,
-               int most) noexcept {
+  /// Improve x until r . M r of each column is at most `limit`, or for `max_steps` steps. The residual r = b - A x is updated along. A
+  /// column with negative curvature is not changed.
+  Result solve(const BlockMatrix& matrix, TwoLevelPreconditioner& preconditioner, Number* x, Number* r, const Number& limit,
+               int max_steps) noexcept {
     Result result;
     const Number none{};
-    Number product, curvature, next;
-    precondition.measure(r, product);
-    if (below(product, limit)) return result;
-    precondition.each_answer(r, [this](std::size_t k, const Number& near) { way_[k] = near; });
-    while (result.steps < most) {
+    Number norm, curvature, next_norm;
+    preconditioner.compute_norm(r, norm);
+    if (all_below(norm, limit)) return result;
+    preconditioner.for_each_preconditioned(r, [this](std::size_t k, const Number& preconditioned) { direction_[k] = preconditioned; });
+    while (result.steps < max_steps) {
       ++result.steps;
-      matrix.multiply(way_.data(), pull_.data(), curvature);
-      const Number length = curvature > none ? product / curvature : none;
-      result.negative = result.negative || !below(product > none ? none - curvature : none - 1.0F, none);
-      precondition.measure(r, next, [&](std::size_t k) {
-        x[k] += length * way_[k];
-        r[k] -= length * pull_[k];
+      matrix.multiply(direction_.data(), image_.data(), curvature);
+      const Number alpha = curvature > none ? norm / curvature : none;
+      result.indefinite = result.indefinite || !all_below(norm > none ? none - curvature : none - 1.0F, none);
+      preconditioner.compute_norm(r, next_norm, [&](std::size_t k) {
+        x[k] += alpha * direction_[k];
+        r[k] -= alpha * image_[k];
       });
-      if (below(next, limit)) break;
-      const Number keep = product > none ? next / product : none;
-      precondition.each_answer(r, [&](std::size_t k, const Number& near) { way_[k] = near + keep * way_[k]; });
-      product = next;
+      if (all_below(next_norm, limit)) break;
+      const Number beta = norm > none ? next_norm / norm : none;
+      preconditioner.for_each_preconditioned(
+          r, [&](std::size_t k, const Number& preconditioned) { direction_[k] = preconditioned + beta * direction_[k]; });
+      norm = next_norm;
     }
     return result;
   }
 
  private:
   /// Whether a <= b in each column.
-  static bool below(const Number& a, const Number& b) noexcept {
+  static bool all_below(const Number& a, const Number& b) noexcept {
     if constexpr (sizeof(Number) == sizeof(float)) {
       return a <= b;
     } else {
@@ -62,7 +63,7 @@ class ConjugateGradients {
     }
   }
 
-  std::vector<Number> way_, pull_;
+  std::vector<Number> direction_, image_;
 };
 
 }  // namespace palpate::deformable

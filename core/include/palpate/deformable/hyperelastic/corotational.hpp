@@ -9,79 +9,83 @@
 
 namespace palpate::deformable {
 
-/// A co-rotational solid at a deformation F = R S: linear elasticity in the frame that turns along.
+/// Corotational elasticity at a deformation gradient F = R S: linear elasticity in the rotated frame.
 ///   psi = mu |F - R|^2 + lambda/2 (tr S - 3)^2
 /// R is the rotation with the largest tr(R^T F), proper even if F is inverted. s = tr S is the largest root of
 ///   s^4 - 2 |F|^2 s^2 - 8 det(F) s + 2 |F^T F|^2 - |F|^4 = 0,
-/// and R = ds/dF, so no decomposition is needed (Lin, Chen & Wang 2022).
+/// and R = ds/dF, so no matrix decomposition is needed (Lin, Chen & Wang 2022).
 template <class Scalar>
 class Corotational {
  public:
-  /// Shear modulus mu and Lame's lambda, Pa.
+  /// `deformation` is F; shear modulus mu and Lame's lambda, Pa.
   Corotational(const Matrix3<Scalar>& deformation, Scalar shear, Scalar lame) noexcept : shear_(shear), lame_(lame) {
     const Matrix3<Scalar>& f = deformation;
     Matrix3<Scalar> cofactor;
     for (int i = 0; i < 3; ++i) cofactor.col(i) = f.col((i + 1) % 3).cross(f.col((i + 2) % 3));
     const Matrix3<Scalar> square = f.transpose() * f;
-    const Scalar size = f.squaredNorm(), volume = f.col(0).dot(cofactor.col(0));
-    const Scalar last = Scalar(2.0) * square.squaredNorm() - size * size;
+    const Scalar norm2 = f.squaredNorm(), determinant_f = f.col(0).dot(cofactor.col(0));
+    const Scalar constant_term = Scalar(2.0) * square.squaredNorm() - norm2 * norm2;
     using std::sqrt;
-    Scalar s = sqrt(Scalar(3.0) * size) +
-               Scalar(1e-30);  // no less than the root, above which the quartic is convex: Newton goes straight down to it
+    Scalar s = sqrt(Scalar(3.0) * norm2) +
+               Scalar(1e-30);  // start at or above the root, where the quartic is convex: Newton's method descends monotonically
     for (int i = 0; i < 60; ++i) {
-      const Scalar slope = slope_of(s, size, volume);
-      const Scalar step = (((s * s - Scalar(2.0) * size) * s - Scalar(8.0) * volume) * s + last) / slope;
+      const Scalar slope = quartic_slope(s, norm2, determinant_f);
+      const Scalar step = (((s * s - Scalar(2.0) * norm2) * s - Scalar(8.0) * determinant_f) * s + constant_term) / slope;
       const Scalar next = select(step > Scalar(0.0), s - step, s);
       const bool done = !any(s - next > Scalar(1e-15) * s);
       s = next;
       if (done) break;
     }
-    const Scalar slope = slope_of(s, size, volume);
-    rotation_ = ((Scalar(4.0) * (s * s + size)) * f + (Scalar(8.0) * s) * cofactor - Scalar(8.0) * (f * square)) * (Scalar(1.0) / slope);
+    const Scalar slope = quartic_slope(s, norm2, determinant_f);
+    rotation_ = ((Scalar(4.0) * (s * s + norm2)) * f + (Scalar(8.0) * s) * cofactor - Scalar(8.0) * (f * square)) * (Scalar(1.0) / slope);
     strain_ = f - rotation_;
-    dilation_ = s - Scalar(3.0);
-    // dR = R [w]x with (s I - S) w the axial vector of R^T dF - dF^T R: the inverse in the turned frame.
+    volume_strain_ = s - Scalar(3.0);
+    // dR = R [w]x, where (s I - S) w is the axial vector of R^T dF - dF^T R; the inverse is taken in the rotated frame.
     Matrix3<Scalar> stretch = -(f * rotation_.transpose());
     stretch = Matrix3<Scalar>(Scalar(0.5) * (stretch + stretch.transpose()));
     for (int i = 0; i < 3; ++i) stretch(i, i) += s;
-    for (int i = 0; i < 3; ++i) turn_.col(i) = stretch.col((i + 1) % 3).cross(stretch.col((i + 2) % 3));
-    const Scalar determinant = stretch.col(0).dot(turn_.col(0));
-    turn_ = Matrix3<Scalar>(turn_ * ((lame_ * dilation_ - Scalar(2.0) * shear_) / max_of(determinant, least * (s * s) * s)));
+    for (int i = 0; i < 3; ++i) rotation_tangent_.col(i) = stretch.col((i + 1) % 3).cross(stretch.col((i + 2) % 3));
+    const Scalar determinant = stretch.col(0).dot(rotation_tangent_.col(0));
+    rotation_tangent_ = Matrix3<Scalar>(
+        rotation_tangent_ * ((lame_ * volume_strain_ - Scalar(2.0) * shear_) / max_of(determinant, min_relative * (s * s) * s)));
   }
 
-  [[nodiscard]] Scalar energy() const noexcept {  ///< per volume at rest, J/m^3
-    return shear_ * strain_.squaredNorm() + (Scalar(0.5) * lame_) * (dilation_ * dilation_);
+  [[nodiscard]] Scalar energy() const noexcept {  ///< per rest volume, J/m^3
+    return shear_ * strain_.squaredNorm() + (Scalar(0.5) * lame_) * (volume_strain_ * volume_strain_);
   }
 
-  /// First Piola-Kirchhoff, Pa.
-  [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return (Scalar(2.0) * shear_) * strain_ + (lame_ * dilation_) * rotation_; }
+  /// First Piola-Kirchhoff stress, Pa.
+  [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return (Scalar(2.0) * shear_) * strain_ + (lame_ * volume_strain_) * rotation_; }
 
-  /// The share of the geometric part with which the tangent is nowhere negative, up to 1.
-  [[nodiscard]] Scalar safe_share() const noexcept { return shear_ / max_of(shear_, largest_eigenvalue(Matrix3<Scalar>(-turn_))); }
+  /// Largest fraction of the geometric stiffness, up to 1, that keeps the tangent positive semidefinite.
+  [[nodiscard]] Scalar psd_geometric_fraction() const noexcept {
+    return shear_ / max_of(shear_, largest_eigenvalue(Matrix3<Scalar>(-rotation_tangent_)));
+  }
 
-  /// How the stress along slope `a` of one corner changes as the corner with slope `b` moves, Pa/m^2, with `geometric` of its geometric
-  /// part: 1 is exact.
-  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric) const noexcept {
+  /// Tangent block: derivative of the stress along the shape gradient `a` of one corner by the position of the corner with shape gradient
+  /// `b`, Pa/m^2. `geometric_fraction` scales the geometric stiffness; 1 is exact.
+  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric_fraction) const noexcept {
     const Vector3<Scalar> ra = rotation_ * a, rb = rotation_ * b;
-    Matrix3<Scalar> block = ra * (lame_ * rb).transpose() + (geometric * cross_matrix(ra)) * (turn_ * cross_matrix(rb).transpose());
-    const Scalar along = Scalar(2.0) * shear_ * a.dot(b);
-    for (int i = 0; i < 3; ++i) block(i, i) += along;
+    Matrix3<Scalar> block =
+        ra * (lame_ * rb).transpose() + (geometric_fraction * cross_matrix(ra)) * (rotation_tangent_ * cross_matrix(rb).transpose());
+    const Scalar diagonal = Scalar(2.0) * shear_ * a.dot(b);
+    for (int i = 0; i < 3; ++i) block(i, i) += diagonal;
     return block;
   }
 
  private:
-  static constexpr double least = 1e-9;  // where two stretches cancel each other no rotation is the nearest
+  static constexpr double min_relative = 1e-9;  // regularization where two stretches cancel and the nearest rotation is not unique
 
-  static Scalar slope_of(Scalar s, Scalar size, Scalar volume) noexcept {
+  static Scalar quartic_slope(Scalar s, Scalar norm2, Scalar determinant_f) noexcept {
     const Scalar cube = (s * s) * s;
-    return max_of(Scalar(4.0) * (cube - size * s) - Scalar(8.0) * volume, least * cube);
+    return max_of(Scalar(4.0) * (cube - norm2 * s) - Scalar(8.0) * determinant_f, min_relative * cube);
   }
 
   Scalar shear_, lame_;
   Matrix3<Scalar> rotation_;
-  Matrix3<Scalar> strain_;  // F - R
-  Scalar dilation_;         // tr S - 3
-  Matrix3<Scalar> turn_;    // (lambda (tr S - 3) - 2 mu) (s I - S)^-1, turned along, Pa
+  Matrix3<Scalar> strain_;            // F - R
+  Scalar volume_strain_;              // tr S - 3
+  Matrix3<Scalar> rotation_tangent_;  // (lambda (tr S - 3) - 2 mu) (s I - S)^-1 in the rotated frame, Pa
 };
 
 }  // namespace palpate::deformable

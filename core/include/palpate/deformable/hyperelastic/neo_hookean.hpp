@@ -9,50 +9,51 @@
 
 namespace palpate::deformable {
 
-/// A compressible Neo-Hookean solid at a deformation F, which may be inverted (Bonet & Wood; Smith, de Goes & Kim 2018, without the
-/// logarithm). Small strains are those of linear elasticity with the same Lame constants.
+/// Compressible neo-Hookean material at a deformation gradient F, which may be inverted (Bonet & Wood; Smith, de Goes & Kim 2018, without
+/// the logarithm). Linearizes to linear elasticity with the same Lame constants.
 ///   psi = mu/2 (|F|^2 - 3) - mu (J - 1) + (lambda + mu)/2 (J - 1)^2
 template <class Scalar>
 class NeoHookean {
  public:
-  /// Shear modulus mu and Lame's lambda, Pa.
+  /// `deformation` is F; shear modulus mu and Lame's lambda, Pa.
   NeoHookean(const Matrix3<Scalar>& deformation, Scalar shear, Scalar lame) noexcept
       : deformation_(deformation), shear_(shear), stiffness_(lame + shear) {
     for (int i = 0; i < 3; ++i) cofactor_.col(i) = deformation.col((i + 1) % 3).cross(deformation.col((i + 2) % 3));
-    growth_ = deformation.col(0).dot(cofactor_.col(0)) - Scalar(1.0);
-    pressure_ = stiffness_ * growth_ - shear_;
+    volume_change_ = deformation.col(0).dot(cofactor_.col(0)) - Scalar(1.0);
+    pressure_ = stiffness_ * volume_change_ - shear_;
   }
 
-  [[nodiscard]] Scalar energy() const noexcept {  ///< per volume at rest, J/m^3
-    return Scalar(0.5) * (shear_ * (deformation_.squaredNorm() - Scalar(3.0)) + (stiffness_ * growth_) * growth_) - shear_ * growth_;
+  [[nodiscard]] Scalar energy() const noexcept {  ///< per rest volume, J/m^3
+    return Scalar(0.5) * (shear_ * (deformation_.squaredNorm() - Scalar(3.0)) + (stiffness_ * volume_change_) * volume_change_) -
+           shear_ * volume_change_;
   }
 
-  /// First Piola-Kirchhoff, Pa.
+  /// First Piola-Kirchhoff stress, Pa.
   [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return shear_ * deformation_ + pressure_ * cofactor_; }
 
-  /// The share of the geometric part with which no turn and no shear makes the tangent negative, up to 1.
-  [[nodiscard]] Scalar safe_share() const noexcept {
+  /// Fraction of the geometric stiffness, up to 1, for which no rotation and no shear makes the tangent negative.
+  [[nodiscard]] Scalar psd_geometric_fraction() const noexcept {
     using std::abs, std::sqrt;
-    const Scalar most = abs(pressure_) * sqrt(largest_eigenvalue(Matrix3<Scalar>(deformation_.transpose() * deformation_)));
-    return shear_ / max_of(shear_, most);
+    const Scalar max_geometric = abs(pressure_) * sqrt(largest_eigenvalue(Matrix3<Scalar>(deformation_.transpose() * deformation_)));
+    return shear_ / max_of(shear_, max_geometric);
   }
 
-  /// How the stress along slope `a` of one corner changes as the corner with slope `b` moves, Pa/m^2, with `geometric` of its geometric
-  /// part: 1 is exact.
-  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric) const noexcept {
+  /// Tangent block: derivative of the stress along the shape gradient `a` of one corner by the position of the corner with shape gradient
+  /// `b`, Pa/m^2. `geometric_fraction` scales the geometric stiffness; 1 is exact.
+  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric_fraction) const noexcept {
     const Vector3<Scalar> ca = cofactor_ * a, cb = stiffness_ * (cofactor_ * b);
-    const Vector3<Scalar> turn = (geometric * pressure_) * (deformation_ * b.cross(a));
-    Matrix3<Scalar> block = ca * cb.transpose() + cross_matrix(turn);
-    const Scalar along = shear_ * a.dot(b);
-    for (int i = 0; i < 3; ++i) block(i, i) += along;
+    const Vector3<Scalar> axial = (geometric_fraction * pressure_) * (deformation_ * b.cross(a));
+    Matrix3<Scalar> block = ca * cb.transpose() + cross_matrix(axial);
+    const Scalar diagonal = shear_ * a.dot(b);
+    for (int i = 0; i < 3; ++i) block(i, i) += diagonal;
     return block;
   }
 
  private:
   Matrix3<Scalar> deformation_, cofactor_;
   Scalar shear_, stiffness_;
-  Scalar growth_;    // J - 1
-  Scalar pressure_;  // d psi / d J without the shear part, Pa
+  Scalar volume_change_;  // J - 1
+  Scalar pressure_;       // d psi / d J without the deviatoric part, Pa
 };
 
 }  // namespace palpate::deformable

@@ -13,23 +13,23 @@
 
 namespace palpate::deformable {
 
-/// Two levels that together come near to a stiffness's inverse: each node's own block, and a coarse grid of some hundred points around the
-/// body on which displacements are interpolated (linear in each axis, so that all of a body's slow ways to deform are among them).
+/// Two-level preconditioner for stiffness matrices: block Jacobi plus a coarse grid of about a hundred points around the body with
+/// trilinear interpolation, which captures the soft deformation modes.
 class TwoLevelPreconditioner {
  public:
   TwoLevelPreconditioner() = default;
 
-  /// `points` at rest of the nodes [m].
+  /// `points` are the rest positions of the nodes [m].
   explicit TwoLevelPreconditioner(const std::vector<Vector3<>>& points, int coarse_points = 120)
-      : own_(points.size()), near_(points.size()) {
+      : block_inverse_(points.size()), interpolation_(points.size()) {
     if (points.empty()) return;
-    Vector3<> low = points[0], high = points[0];
+    Vector3<> box_min = points[0], box_max = points[0];
     for (const Vector3<>& p : points) {
-      low = low.cwiseMin(p);
-      high = high.cwiseMax(p);
+      box_min = box_min.cwiseMin(p);
+      box_max = box_max.cwiseMax(p);
     }
-    const Vector3<> size = (high - low).cwiseMax(1e-3 * (high - low).maxCoeff());
-    // Cells alike in all axes, as fine as the number of points allows.
+    const Vector3<> size = (box_max - box_min).cwiseMax(1e-3 * (box_max - box_min).maxCoeff());
+    // Cubic cells, as fine as the number of points allows.
     std::array<int, 3> count{2, 2, 2};
     for (int k = 0; k < 200; ++k) {
       const double cell = size.maxCoeff() * std::pow(0.97, k);
@@ -39,63 +39,64 @@ class TwoLevelPreconditioner {
       count = next;
     }
     std::vector<std::int32_t> number(static_cast<std::size_t>(count[0] * count[1] * count[2]), -1);
-    std::vector<double> reached(number.size(), 0.0);
+    std::vector<double> total_weight(number.size(), 0.0);
     for (int pass = 0; pass < 2; ++pass) {
       for (std::size_t i = 0; i < points.size(); ++i) {
         std::array<int, 3> cell{};
-        std::array<double, 3> part{};
+        std::array<double, 3> weight_up{};
         for (std::size_t a = 0; a < 3; ++a) {
-          const double at = (points[i][static_cast<int>(a)] - low[static_cast<int>(a)]) / size[static_cast<int>(a)] * (count[a] - 1);
+          const double at = (points[i][static_cast<int>(a)] - box_min[static_cast<int>(a)]) / size[static_cast<int>(a)] * (count[a] - 1);
           cell[a] = std::clamp(static_cast<int>(at), 0, count[a] - 2);
-          part[a] = at - cell[a];
+          weight_up[a] = at - cell[a];
         }
         for (std::size_t corner = 0; corner < 8; ++corner) {
           double weight = 1.0;
           std::size_t at = 0;
           for (std::size_t a = 0; a < 3; ++a) {
             const int up = static_cast<int>(corner >> a) & 1;
-            weight *= up == 1 ? part[a] : 1.0 - part[a];
+            weight *= up == 1 ? weight_up[a] : 1.0 - weight_up[a];
             at = at * static_cast<std::size_t>(count[a]) + static_cast<std::size_t>(cell[a] + up);
           }
           if (pass == 0)
-            reached[at] += weight;
+            total_weight[at] += weight;
           else
-            near_[i][corner] = {std::max(number[at], 0), number[at] < 0 ? 0.0F : static_cast<float>(weight)};
+            interpolation_[i][corner] = {std::max(number[at], 0), number[at] < 0 ? 0.0F : static_cast<float>(weight)};
         }
       }
-      // A coarse point that hardly any node hangs on would leave the coarse matrix near singular.
+      // A coarse point with hardly any node would make the coarse matrix nearly singular.
       if (pass == 0)
         for (std::size_t k = 0; k < number.size(); ++k)
-          if (reached[k] > 0.3) number[k] = coarse_++;
+          if (total_weight[k] > 0.3) number[k] = coarse_count_++;
     }
-    const auto unknowns = static_cast<std::size_t>(3 * coarse_);
-    inverse_.resize(unknowns * unknowns);
-    sums_.resize(unknowns);
-    sums_of_columns_.resize(unknowns);
-    answers_.resize(unknowns);
-    answers_of_columns_.resize(unknowns);
+    const auto unknowns = static_cast<std::size_t>(3 * coarse_count_);
+    coarse_inverse_.resize(unknowns * unknowns);
+    coarse_residual_.resize(unknowns);
+    coarse_residual_columns_.resize(unknowns);
+    coarse_solution_.resize(unknowns);
+    coarse_solution_columns_.resize(unknowns);
   }
 
-  /// Inverts each node's own block.
+  /// Update the inverses of the diagonal blocks.
   void update(const BlockMatrix& matrix) noexcept {
-    for (std::size_t i = 0; i < own_.size(); ++i) {
-      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(matrix.own(i)).inverse();
-      std::copy(inverse.data(), inverse.data() + 9, own_[i].begin());
+    for (std::size_t i = 0; i < block_inverse_.size(); ++i) {
+      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(matrix.diagonal_block(i)).inverse();
+      std::copy(inverse.data(), inverse.data() + 9, block_inverse_[i].begin());
     }
   }
 
-  /// Inverts the coarse matrix too: ten times as long as update(), for now and then. False, and all as before, if it is not positive.
+  /// Update the inverse of the coarse matrix: ten times the cost of update(), so only now and then. Return false, with no change, if it is
+  /// not positive definite.
   bool update_coarse(const BlockMatrix& matrix) {
-    const Eigen::Index unknowns = 3 * coarse_;
+    const Eigen::Index unknowns = 3 * coarse_count_;
     Eigen::MatrixXd half = Eigen::MatrixXd::Zero(unknowns, unknowns);
-    std::vector<Eigen::Matrix3d> row(static_cast<std::size_t>(coarse_));
+    std::vector<Eigen::Matrix3d> row(static_cast<std::size_t>(coarse_count_));
     std::vector<std::int32_t> touched;
-    for (std::size_t i = 0; i < own_.size(); ++i) {
+    for (std::size_t i = 0; i < block_inverse_.size(); ++i) {
       touched.clear();
-      matrix.row(static_cast<std::int32_t>(i), [&](std::int32_t j, const float* m) {
-        const double share_of_pair = static_cast<std::size_t>(j) == i ? 0.5 : 1.0;
-        const Eigen::Matrix3d block = share_of_pair * Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(m).cast<double>();
-        for (const Share& share : near_[static_cast<std::size_t>(j)]) {
+      matrix.for_each_in_row(static_cast<std::int32_t>(i), [&](std::int32_t j, const float* m) {
+        const double pair_factor = static_cast<std::size_t>(j) == i ? 0.5 : 1.0;
+        const Eigen::Matrix3d block = pair_factor * Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(m).cast<double>();
+        for (const InterpolationWeight& share : interpolation_[static_cast<std::size_t>(j)]) {
           if (share.weight == 0.0F) continue;
           auto& sum = row[static_cast<std::size_t>(share.point)];
           if (std::find(touched.begin(), touched.end(), share.point) == touched.end()) {
@@ -105,7 +106,7 @@ class TwoLevelPreconditioner {
           sum += static_cast<double>(share.weight) * block;
         }
       });
-      for (const Share& share : near_[i])
+      for (const InterpolationWeight& share : interpolation_[i])
         if (share.weight != 0.0F)
           for (const std::int32_t k : touched)
             half.block<3, 3>(3 * share.point, 3 * k) += static_cast<double>(share.weight) * row[static_cast<std::size_t>(k)];
@@ -114,87 +115,87 @@ class TwoLevelPreconditioner {
     const Eigen::LLT<Eigen::MatrixXd> factor(coarse);
     if (factor.info() != Eigen::Success) return false;
     const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
-    for (std::size_t k = 0; k < inverse_.size(); ++k) inverse_[k] = static_cast<float>(inverse.data()[k]);
+    for (std::size_t k = 0; k < coarse_inverse_.size(); ++k) coarse_inverse_[k] = static_cast<float>(inverse.data()[k]);
     return true;
   }
 
-  /// product = r . M r with M, what comes near to the inverse. `before(k)` is called before r[k] is looked at, and may change it.
+  /// Compute product = r . M r with the preconditioner M. `before(k)` is called before r[k] is read, and may change it.
   template <class Number, class Before>
-  void measure(const Number* r, Number& product, Before before) noexcept {
-    Number* sums = space<Number>(sums_, sums_of_columns_).data();
-    Number* answers = space<Number>(answers_, answers_of_columns_).data();
-    const auto unknowns = static_cast<std::size_t>(3 * coarse_);
-    std::fill(sums, sums + unknowns, Number{});
-    Number own{};
-    for (std::size_t i = 0; i < own_.size(); ++i) {
+  void compute_norm(const Number* r, Number& product, Before before) noexcept {
+    Number* coarse_residual = workspace<Number>(coarse_residual_, coarse_residual_columns_).data();
+    Number* coarse_solution = workspace<Number>(coarse_solution_, coarse_solution_columns_).data();
+    const auto unknowns = static_cast<std::size_t>(3 * coarse_count_);
+    std::fill(coarse_residual, coarse_residual + unknowns, Number{});
+    Number sum{};
+    for (std::size_t i = 0; i < block_inverse_.size(); ++i) {
       for (std::size_t a = 0; a < 3; ++a) before(3 * i + a);
       const Number u = r[3 * i], v = r[3 * i + 1], w = r[3 * i + 2];
-      const auto& m = own_[i];
-      own += (((m[0] * u + m[1] * v) + m[2] * w) * u + ((m[3] * u + m[4] * v) + m[5] * w) * v) + ((m[6] * u + m[7] * v) + m[8] * w) * w;
-      for (const Share& share : near_[i]) {
-        Number* to = sums + 3 * static_cast<std::size_t>(share.point);
+      const auto& m = block_inverse_[i];
+      sum += (((m[0] * u + m[1] * v) + m[2] * w) * u + ((m[3] * u + m[4] * v) + m[5] * w) * v) + ((m[6] * u + m[7] * v) + m[8] * w) * w;
+      for (const InterpolationWeight& share : interpolation_[i]) {
+        Number* to = coarse_residual + 3 * static_cast<std::size_t>(share.point);
         to[0] += share.weight * u;
         to[1] += share.weight * v;
         to[2] += share.weight * w;
       }
     }
     for (std::size_t k = 0; k < unknowns; ++k) {
-      const float* row = inverse_.data() + k * unknowns;
-      Number part[4] = {};  // sums side by side
+      const float* row = coarse_inverse_.data() + k * unknowns;
+      Number partial[4] = {};  // partial sums
       std::size_t l = 0;
       for (; l + 4 <= unknowns; l += 4)
-        for (std::size_t p = 0; p < 4; ++p) part[p] += row[l + p] * sums[l + p];
-      for (; l < unknowns; ++l) part[0] += row[l] * sums[l];
-      answers[k] = (part[0] + part[1]) + (part[2] + part[3]);
-      own += sums[k] * answers[k];
+        for (std::size_t p = 0; p < 4; ++p) partial[p] += row[l + p] * coarse_residual[l + p];
+      for (; l < unknowns; ++l) partial[0] += row[l] * coarse_residual[l];
+      coarse_solution[k] = (partial[0] + partial[1]) + (partial[2] + partial[3]);
+      sum += coarse_residual[k] * coarse_solution[k];
     }
-    product = own;
+    product = sum;
   }
   template <class Number>
-  void measure(const Number* r, Number& product) noexcept {
-    measure(r, product, [](std::size_t) {});
+  void compute_norm(const Number* r, Number& product) noexcept {
+    compute_norm(r, product, [](std::size_t) {});
   }
 
-  /// Calls take(k, (M r)[k]) for each k; r as it was measured last.
-  template <class Number, class Take>
-  void each_answer(const Number* r, Take take) noexcept {
-    const Number* answers = space<Number>(answers_, answers_of_columns_).data();
-    for (std::size_t i = 0; i < own_.size(); ++i) {
-      const auto& m = own_[i];
+  /// Call visit(k, (M r)[k]) for each k, with the r of the last compute_norm().
+  template <class Number, class Visit>
+  void for_each_preconditioned(const Number* r, Visit visit) noexcept {
+    const Number* coarse_solution = workspace<Number>(coarse_solution_, coarse_solution_columns_).data();
+    for (std::size_t i = 0; i < block_inverse_.size(); ++i) {
+      const auto& m = block_inverse_[i];
       const Number u = r[3 * i], v = r[3 * i + 1], w = r[3 * i + 2];
       Number a = (m[0] * u + m[1] * v) + m[2] * w, b = (m[3] * u + m[4] * v) + m[5] * w, c = (m[6] * u + m[7] * v) + m[8] * w;
-      for (const Share& share : near_[i]) {
-        const Number* from = answers + 3 * static_cast<std::size_t>(share.point);
+      for (const InterpolationWeight& share : interpolation_[i]) {
+        const Number* from = coarse_solution + 3 * static_cast<std::size_t>(share.point);
         a += share.weight * from[0];
         b += share.weight * from[1];
         c += share.weight * from[2];
       }
-      take(3 * i, a);
-      take(3 * i + 1, b);
-      take(3 * i + 2, c);
+      visit(3 * i, a);
+      visit(3 * i + 1, b);
+      visit(3 * i + 2, c);
     }
   }
 
  private:
-  struct Share {
+  struct InterpolationWeight {
     std::int32_t point = 0;
     float weight = 0.0F;
   };
 
   template <class Number>
-  static std::vector<Number>& space(std::vector<float>& one, std::vector<Columns>& many) noexcept {
+  static std::vector<Number>& workspace(std::vector<float>& single, std::vector<Columns>& columns) noexcept {
     if constexpr (sizeof(Number) == sizeof(float))
-      return one;
+      return single;
     else
-      return many;
+      return columns;
   }
 
-  std::int32_t coarse_ = 0;                 // points
-  std::vector<std::array<float, 9>> own_;   // inverse of each node's own block, m/N
-  std::vector<std::array<Share, 8>> near_;  // coarse points that a node hangs on
-  std::vector<float> inverse_;              // of the coarse matrix, m/N
-  std::vector<float> sums_, answers_;
-  std::vector<Columns> sums_of_columns_, answers_of_columns_;
+  std::int32_t coarse_count_ = 0;                                  // coarse points
+  std::vector<std::array<float, 9>> block_inverse_;                // by node, m/N
+  std::vector<std::array<InterpolationWeight, 8>> interpolation_;  // coarse points of each node
+  std::vector<float> coarse_inverse_;                              // m/N
+  std::vector<float> coarse_residual_, coarse_solution_;
+  std::vector<Columns> coarse_residual_columns_, coarse_solution_columns_;
 };
 
 }  // namespace palpate::deformable

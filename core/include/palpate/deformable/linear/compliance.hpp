@@ -10,15 +10,15 @@
 
 namespace palpate::deformable {
 
-/// A body without inertia: its surface's compliance, condensed from finite elements (James & Pai 1999), along the nodes' inward normals.
+/// Massless linear elastic body: surface compliance condensed from finite elements (James & Pai 1999), along the inward normals.
 class Compliance {
  public:
   Compliance() = default;
 
-  /// `full` is (3n)^2 [m/N], row 3 x node + axis, symmetric. Kept in single precision, along the normals: n^2; if `tangential`, which
-  /// friction needs, 4 n^2 more.
+  /// Project the full compliance onto the normals. `full` is 3n x 3n [m/N], symmetric; row 3 x node + axis. Stores n^2 values in single
+  /// precision, and 4 n^2 more if `tangential` (required by friction).
   Compliance(const SurfaceNodes& nodes, const float* full, bool tangential = false)
-      : count_(static_cast<std::size_t>(nodes.size())), along_(count_ * count_) {
+      : count_(static_cast<std::size_t>(nodes.size())), normal_(count_ * count_) {
     const std::size_t row = 3 * count_;
     for (std::size_t i = 0; i < count_; ++i) {
       const Vector3<>& ni = nodes.normal(static_cast<std::int32_t>(i));
@@ -30,32 +30,32 @@ class Compliance {
           sum += ni[static_cast<int>(a)] *
                  (static_cast<double>(c[0]) * nj[0] + static_cast<double>(c[1]) * nj[1] + static_cast<double>(c[2]) * nj[2]);
         }
-        along_[i * count_ + j] = along_[j * count_ + i] = static_cast<float>(sum);
+        normal_[i * count_ + j] = normal_[j * count_ + i] = static_cast<float>(sum);
       }
     }
-    if (tangential) across_ = TangentialCompliance(nodes, full);
+    if (tangential) tangential_ = TangentialCompliance(nodes, full);
   }
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
-    return static_cast<double>(along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
+    return static_cast<double>(normal_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)]);
   }
-  /// Both ways.
+  /// Set entries (i, j) and (j, i) [m/N].
   void set(std::int32_t i, std::int32_t j, double value) noexcept {
-    along_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)] = static_cast<float>(value);
-    along_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
+    normal_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)] = static_cast<float>(value);
+    normal_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
   }
-  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return across_(i, j); }
-  /// Both ways.
-  void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { across_.set(i, j, block); }
-  [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
-  [[nodiscard]] bool surely_above_all(std::size_t, double place) const noexcept { return place <= 0.0; }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return tangential_(i, j); }
+  /// Set block (i, j) and its transpose (j, i) [m/N].
+  void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { tangential_.set(i, j, block); }
+  [[nodiscard]] double free_displacement(std::int32_t) const noexcept { return 0.0; }
+  [[nodiscard]] bool group_free_displacement_at_least(std::size_t, double value) const noexcept { return value <= 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}
 
  private:
   std::size_t count_ = 0;
-  SharedBuffer<float> along_;  // n x n, m/N
-  TangentialCompliance across_;
+  SharedBuffer<float> normal_;  // n x n, m/N
+  TangentialCompliance tangential_;
 };
 
 }  // namespace palpate::deformable

@@ -2,18 +2,23 @@
 
 namespace palpate::deformable {
 
-/// How a spring of a standard linear solid gives way that has no place in a body's compliance: under forces f, held for a period each, by
-/// `share` f + `stays` q of what it gives an elastic one at last, where `stays` q + `gains` f is the next q.
+/// Discrete creep law of a standard linear solid, for springs outside the body's compliance matrix. With the long-term compliance C, forces
+/// f held over a period and the delayed force q, the displacement at the end of the period is C (`period_ratio` f + `decay` q), and the
+/// next q is `decay` q + `gain` f.
 struct Creep {
-  double share = 1.0, stays = 0.0, gains = 0.0;
-  double late = 0.0;  ///< the part that it gives later on
+  double period_ratio = 1.0, decay = 0.0, gain = 0.0;
+  double delayed_ratio = 0.0;  ///< delayed part of the compliance, 1 - 1 / instantaneous_ratio
 
-  /// Energy in the spring beside its dashpot: q.C q / 2 late, from `crept` = q.C q with its compliance C at last.
-  [[nodiscard]] double stored(double crept) const noexcept { return late > 0.0 ? 0.5 * crept / late : 0.0; }
+  /// Energy of the Kelvin element's spring: q.C q / (2 delayed_ratio), from `state_form` = q.C q.
+  [[nodiscard]] double delayed_energy(double state_form) const noexcept {
+    return delayed_ratio > 0.0 ? 0.5 * state_form / delayed_ratio : 0.0;
+  }
 
-  /// The same and that of the spring in line with both, which gives way at once: (1 - late) f.C f / 2, from `pressed` = f.C f. (Kelvin's
-  /// form of the standard linear solid: the dashpot has no energy.)
-  [[nodiscard]] double energy(double pressed, double crept) const noexcept { return 0.5 * (1.0 - late) * pressed + stored(crept); }
+  /// Energy of both springs: that above and the series spring's, (1 - delayed_ratio) f.C f / 2, from `force_form` = f.C f. (Kelvin form of
+  /// the standard linear solid; the dashpot stores none.)
+  [[nodiscard]] double energy(double force_form, double state_form) const noexcept {
+    return 0.5 * (1.0 - delayed_ratio) * force_form + delayed_energy(state_form);
+  }
 };
 
 }  // namespace palpate::deformable

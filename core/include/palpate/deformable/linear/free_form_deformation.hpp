@@ -12,30 +12,31 @@
 
 namespace palpate::deformable {
 
-/// What yields of a spline, along the normals or along the surface.
+/// Compliances of a free-form deformation in one direction (normal or tangential).
 struct FreeFormData {
-  double control = 0.0;  ///< how far a control point goes by its force, m/N
-  double layer = 0.0;    ///< how far a node goes in its layer by a pressure, m/Pa
+  double control_compliance = 0.0;  ///< displacement of a control point per unit force, m/N
+  double surface_layer = 0.0;       ///< displacement of a node in its surface layer per unit pressure, m/Pa
 };
 
-/// A body that moves as a free-form deformation: cubic B-splines over a uniform grid of control points (Sederberg & Parry 1986), moved by
-/// the least squares of control points that satisfy the contact (Hsu, Hughes & Kaufman 1992). A law of force goes with it: each control
-/// point hangs on a spring, and each node rests on a layer of its own, so much give per pressure. Both store energy, and of all ways to
-/// satisfy the contact the one that stores least is taken. What drags nodes along the surface finds springs and layers of its own. No
-/// inertia, no continuum: beyond four cells of the grid nothing moves.
+/// Free-form deformation (Sederberg & Parry 1986) as a body model: cubic B-splines on a uniform grid of control points, moved by the
+/// least-squares displacement that satisfies the contact (Hsu, Hughes & Kaufman 1992). Forces follow from a spring at each control point
+/// and an elastic surface layer (a Winkler foundation) at each node. Among the displacements that satisfy the contact, the one of least
+/// stored energy is taken. Tangential forces act on separate springs and layers.
+///
+/// No inertia and no continuum: displacements vanish beyond four grid cells.
 class FreeFormDeformation {
  public:
   FreeFormDeformation() = default;
 
-  /// Patches' areas [m^2] by node; the grid's `spacing` [m]; what gives way `along` the normals, and `across` them, which friction needs.
-  FreeFormDeformation(const SurfaceNodes& nodes, const std::vector<double>& areas, double spacing, FreeFormData along,
-                      FreeFormData across = {})
-      : along_(along), across_(across) {
+  /// `areas` of the patches [m^2] by node; grid `spacing` [m]; compliances in normal and tangential direction (the latter for friction).
+  FreeFormDeformation(const SurfaceNodes& nodes, const std::vector<double>& areas, double spacing, FreeFormData normal,
+                      FreeFormData tangential = {})
+      : normal_(normal), tangential_(tangential) {
     for (std::int32_t i = 0; i < nodes.size(); ++i) {
       Node node;
       node.inward = -nodes.normal(i);
-      node.across = nodes.across(i);
-      node.inverse = 1.0 / areas[static_cast<std::size_t>(i)];
+      node.tangent_basis = nodes.tangent_basis(i);
+      node.inverse_area = 1.0 / areas[static_cast<std::size_t>(i)];
       for (int a = 0; a < 3; ++a) {
         const double at = nodes.point(i)[a] / spacing, cell = std::floor(at), t = at - cell, s = 1.0 - t;
         node.cell[static_cast<std::size_t>(a)] = static_cast<std::int32_t>(cell);
@@ -48,50 +49,53 @@ class FreeFormDeformation {
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
     const Node &a = nodes_[static_cast<std::size_t>(i)], &b = nodes_[static_cast<std::size_t>(j)];
-    return along_.control * shared(a, b) * a.inward.dot(b.inward) + (i == j ? along_.layer * a.inverse : 0.0);
+    return normal_.control_compliance * weight_overlap(a, b) * a.inward.dot(b.inward) +
+           (i == j ? normal_.surface_layer * a.inverse_area : 0.0);
   }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
     const Node &a = nodes_[static_cast<std::size_t>(i)], &b = nodes_[static_cast<std::size_t>(j)];
-    Eigen::Matrix2d block = (across_.control * shared(a, b)) * a.across.transpose() * b.across;
-    if (i == j) block.diagonal().array() += across_.layer * a.inverse;
+    Eigen::Matrix2d block = (tangential_.control_compliance * weight_overlap(a, b)) * a.tangent_basis.transpose() * b.tangent_basis;
+    if (i == j) block.diagonal().array() += tangential_.surface_layer * a.inverse_area;
     return block;
   }
-  [[nodiscard]] double at_rest(std::int32_t) const noexcept { return 0.0; }
-  [[nodiscard]] bool surely_above_all(std::size_t, double place) const noexcept { return place <= 0.0; }
+  [[nodiscard]] double free_displacement(std::int32_t) const noexcept { return 0.0; }
+  [[nodiscard]] bool group_free_displacement_at_least(std::size_t, double value) const noexcept { return value <= 0.0; }
   void advance(const std::int32_t*, const double*, int) noexcept {}
   void reset() noexcept {}
 
-  /// How far node i goes [m] by a force on node j that presses it with `force` [N] and drags it with `drag` [N].
-  [[nodiscard]] Vector3<> displacement(std::int32_t i, std::int32_t j, double force, const Vector3<>& drag) const noexcept {
+  /// Displacement [m] of node i by a force on node j: `normal_force` along the inward normal and `tangential_force` [N].
+  [[nodiscard]] Vector3<> displacement(std::int32_t i, std::int32_t j, double normal_force,
+                                       const Vector3<>& tangential_force) const noexcept {
     const Node &a = nodes_[static_cast<std::size_t>(i)], &b = nodes_[static_cast<std::size_t>(j)];
-    const double between = shared(a, b), own = i == j ? a.inverse : 0.0;
-    return (force * (along_.control * between + along_.layer * own)) * b.inward + (across_.control * between + across_.layer * own) * drag;
+    const double overlap = weight_overlap(a, b), self = i == j ? a.inverse_area : 0.0;
+    return (normal_force * (normal_.control_compliance * overlap + normal_.surface_layer * self)) * b.inward +
+           (tangential_.control_compliance * overlap + tangential_.surface_layer * self) * tangential_force;
   }
 
  private:
   struct Node {
     Vector3<> inward = Vector3<>::Zero();
-    Eigen::Matrix<double, 3, 2> across = Eigen::Matrix<double, 3, 2>::Zero();
-    double inverse = 0.0;                           // of its patch's area, 1/m^2
-    std::array<std::int32_t, 3> cell{};             // first of its four control points, by axis
-    std::array<std::array<double, 4>, 3> weight{};  // of the four, by axis
+    Eigen::Matrix<double, 3, 2> tangent_basis = Eigen::Matrix<double, 3, 2>::Zero();
+    double inverse_area = 0.0;                      // of the patch area, 1/m^2
+    std::array<std::int32_t, 3> cell{};             // first of the four control points, by axis
+    std::array<std::array<double, 4>, 3> weight{};  // of the four control points, by axis
   };
 
-  /// How much of one node hangs on the control points of another: the sum of the products of their weights, axis by axis.
-  [[nodiscard]] static double shared(const Node& a, const Node& b) noexcept {
+  /// Overlap of two nodes' B-spline weights: product over the axes of the sums of weight products.
+  [[nodiscard]] static double weight_overlap(const Node& a, const Node& b) noexcept {
     double product = 1.0;
     for (std::size_t x = 0; x < 3; ++x) {
-      const std::int32_t apart = b.cell[x] - a.cell[x];
-      if (apart > 3 || apart < -3) return 0.0;
+      const std::int32_t offset = b.cell[x] - a.cell[x];
+      if (offset > 3 || offset < -3) return 0.0;
       double sum = 0.0;
-      for (std::int32_t k = std::max(apart, 0); k < std::min(apart + 4, 4); ++k)
-        sum += a.weight[x][static_cast<std::size_t>(k)] * b.weight[x][static_cast<std::size_t>(k - apart)];
+      for (std::int32_t k = std::max(offset, 0); k < std::min(offset + 4, 4); ++k)
+        sum += a.weight[x][static_cast<std::size_t>(k)] * b.weight[x][static_cast<std::size_t>(k - offset)];
       product *= sum;
     }
     return product;
   }
 
-  FreeFormData along_, across_;
+  FreeFormData normal_, tangential_;
   std::vector<Node> nodes_;
 };
 

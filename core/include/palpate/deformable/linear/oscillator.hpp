@@ -5,52 +5,53 @@
 
 namespace palpate::deformable {
 
-/// One damped oscillator of unit mass, exact over a period with a held force: place, speed, and the place of the dashpot in its spring.
-///   q'' + (alpha + beta w^2) q' + w^2 (q + (instant - 1) (q - z)) = f,   (creep / instant) z' = q - z
-/// The spring is a standard linear solid, `instant` times as stiff at once as at last; at 1 it is elastic and z does nothing.
+/// Damped oscillator of unit mass, exact over a period with constant force. State: displacement q, velocity q', dashpot displacement z.
+///   q'' + (alpha + beta omega^2) q' + omega^2 (q + (r - 1) (q - z)) = f,   (retardation_time / r) z' = q - z
+/// The spring is a standard linear solid with the ratio r of instantaneous to long-term modulus; r = 1 is elastic and z has no effect.
 struct Oscillator {
-  Eigen::Matrix3d by_state = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d by_force = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d transition = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d input = Eigen::Vector3d::Zero();
 
   Oscillator() = default;
 
-  /// `frequency` w [rad/s] at last, `period` [s], Rayleigh damping `alpha` [1/s] and `beta` [s], `creep` [s].
-  Oscillator(double frequency, double period, double alpha, double beta, double instant, double creep) {
-    if (instant > 1.0)
-      relax(frequency, period, alpha + beta * frequency * frequency, instant, creep);
+  /// Long-term frequency `omega` [rad/s], `period` [s], Rayleigh damping `alpha` [1/s] and `beta` [s], `retardation_time` [s].
+  Oscillator(double omega, double period, double alpha, double beta, double instantaneous_ratio, double retardation_time) {
+    if (instantaneous_ratio > 1.0)
+      discretize_viscoelastic(omega, period, alpha + beta * omega * omega, instantaneous_ratio, retardation_time);
     else
-      ring(frequency * frequency, period, 0.5 * (alpha + beta * frequency * frequency));
+      discretize_elastic(omega * omega, period, 0.5 * (alpha + beta * omega * omega));
   }
 
  private:
-  /// Elastic, in closed form; `c` is the decay, 1/s.
-  void ring(double square, double period, double c) {
-    const double d = square - c * c;
+  /// Closed form for the elastic oscillator; `c` is the decay rate, 1/s.
+  void discretize_elastic(double omega2, double period, double c) {
+    const double d = omega2 - c * c;
     const double decay = std::exp(-c * period);
-    double even, test_bit;  // e^-ct cos(nt), e^-ct sin(nt)/n, or their hyperbolic kin
-    if (d > 1e-12 * square) {
+    double cos_term, sin_term;  // e^-ct cos(nt) and e^-ct sin(nt)/n, or their hyperbolic counterparts
+    if (d > 1e-12 * omega2) {
       const double n = std::sqrt(d);
-      even = decay * std::cos(n * period);
-      test_bit = decay * std::sin(n * period) / n;
-    } else if (d < -1e-12 * square) {
-      const double n = std::sqrt(-d);  // the exponents -c + n and -c - n are negative: no overflow for stiff, damped modes
+      cos_term = decay * std::cos(n * period);
+      sin_term = decay * std::sin(n * period) / n;
+    } else if (d < -1e-12 * omega2) {
+      const double n = std::sqrt(-d);  // both exponents -c +- n are negative: no overflow for stiff, damped modes
       const double slow = std::exp((n - c) * period), fast = std::exp(-(n + c) * period);
-      even = 0.5 * (slow + fast);
-      test_bit = 0.5 * (slow - fast) / n;
+      cos_term = 0.5 * (slow + fast);
+      sin_term = 0.5 * (slow - fast) / n;
     } else {
-      even = decay;
-      test_bit = decay * period;
+      cos_term = decay;
+      sin_term = decay * period;
     }
-    by_state.topLeftCorner<2, 2>() << even + c * test_bit, test_bit, -square * test_bit, even - c * test_bit;
-    by_force << (1.0 - by_state(0, 0)) / square, test_bit, 0.0;
+    transition.topLeftCorner<2, 2>() << cos_term + c * sin_term, sin_term, -omega2 * sin_term, cos_term - c * sin_term;
+    input << (1.0 - transition(0, 0)) / omega2, sin_term, 0.0;
   }
 
-  /// By the exponential of the system with its force (Van Loan 1978), places times w: Taylor's series of a part of the period, squared.
-  void relax(double w, double period, double damping, double instant, double creep) {
+  /// Matrix exponential of the system augmented by its force (Van Loan 1978), displacements times omega: scaling and squaring of a Taylor
+  /// series.
+  void discretize_viscoelastic(double omega, double period, double damping, double instantaneous_ratio, double retardation_time) {
     Eigen::Matrix4d a = Eigen::Matrix4d::Zero();
-    a.row(0) << 0.0, w, 0.0, 0.0;
-    a.row(1) << -w * instant, -damping, w * (instant - 1.0), 1.0;
-    a.row(2) << instant / creep, 0.0, -instant / creep, 0.0;
+    a.row(0) << 0.0, omega, 0.0, 0.0;
+    a.row(1) << -omega * instantaneous_ratio, -damping, omega * (instantaneous_ratio - 1.0), 1.0;
+    a.row(2) << instantaneous_ratio / retardation_time, 0.0, -instantaneous_ratio / retardation_time, 0.0;
     a *= period;
     const double size = a.cwiseAbs().rowwise().sum().maxCoeff();
     const int halvings = size > 0.25 ? static_cast<int>(std::ceil(std::log2(size / 0.25))) : 0;
@@ -61,9 +62,9 @@ struct Oscillator {
       sum += term;
     }
     for (int k = 0; k < halvings; ++k) sum = (sum * sum).eval();
-    const Eigen::Vector3d scale(1.0 / w, 1.0, 1.0 / w);
-    by_state = scale.asDiagonal() * sum.topLeftCorner<3, 3>() * scale.cwiseInverse().asDiagonal();
-    by_force = scale.asDiagonal() * sum.topRightCorner<3, 1>();
+    const Eigen::Vector3d scale(1.0 / omega, 1.0, 1.0 / omega);
+    transition = scale.asDiagonal() * sum.topLeftCorner<3, 3>() * scale.cwiseInverse().asDiagonal();
+    input = scale.asDiagonal() * sum.topRightCorner<3, 1>();
   }
 };
 

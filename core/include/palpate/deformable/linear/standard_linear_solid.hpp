@@ -12,50 +12,54 @@
 
 namespace palpate::deformable {
 
-/// A body of one standard linear solid, without inertia: pressed in a step it is `instant` times as stiff as at last, and goes there with
-/// the time `creep` [s] under a constant force. Poisson's ratio stays, so displacements are the elastic ones of (Lee 1955)
-///   f / instant + q,   creep q' = (1 - 1 / instant) f - q,
-/// exact over one period with the forces held. Nodes remember their q until it is a millionth of the largest.
-/// With the elastic compliance C that is a spring of C / instant in line with one of (1 - 1 / instant) C that has a dashpot beside it
-/// (Kelvin's form): springs hold f.C f / 2 instant + q.C q / 2 (1 - 1 / instant), dashpots take the rest.
+/// Massless body of a uniform standard linear solid. Under a force step the instantaneous modulus is `instantaneous_ratio` times the
+/// long-term modulus; under constant force the displacement approaches its limit with the `retardation_time` [s]. Poisson's ratio is
+/// constant, so displacements are the elastic ones (correspondence principle, Lee 1955) under the force
+///   f / r + q,   retardation_time q' = (1 - 1 / r) f - q,   r = instantaneous_ratio,
+/// exact over one period with constant forces. The delayed force q of a node is dropped below 1e-6 of the largest.
+///
+/// In Kelvin form, with the long-term compliance C: a spring of compliance C / r in series with a Kelvin element of (1 - 1 / r) C. The
+/// springs store f.C f / (2 r) + q.C q / (2 (1 - 1 / r)).
 class StandardLinearSolid {
  public:
-  static constexpr std::size_t capacity = 512;  ///< nodes that are remembered; beyond it the least are forgotten
+  static constexpr std::size_t capacity = 512;  ///< nodes with a delayed force; beyond it the smallest are dropped
 
   StandardLinearSolid() = default;
-  StandardLinearSolid(Compliance elastic, double instant, double creep, double period)
+  StandardLinearSolid(Compliance elastic, double instantaneous_ratio, double retardation_time, double period)
       : elastic_(std::move(elastic)),
-        stays_(std::exp(-period / creep)),
-        gains_((1.0 - stays_) * (1.0 - 1.0 / instant)),
-        share_(1.0 / instant + gains_),
-        late_(1.0 - 1.0 / instant) {}
+        decay_(std::exp(-period / retardation_time)),
+        gain_((1.0 - decay_) * (1.0 - 1.0 / instantaneous_ratio)),
+        period_ratio_(1.0 / instantaneous_ratio + gain_),
+        delayed_ratio_(1.0 - 1.0 / instantaneous_ratio) {}
 
-  /// Of what yields besides: patches that lie under a tip in part.
-  [[nodiscard]] Creep creep() const noexcept { return {share_, stays_, gains_, late_}; }
+  /// Creep law for the extra compliance of partially covered patches.
+  [[nodiscard]] Creep creep() const noexcept { return {period_ratio_, decay_, gain_, delayed_ratio_}; }
 
-  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return share_ * elastic_.compliance(i, j); }
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return period_ratio_ * elastic_.compliance(i, j); }
 
-  [[nodiscard]] double at_rest(std::int32_t i) const noexcept {
+  [[nodiscard]] double free_displacement(std::int32_t i) const noexcept {
     double sum = 0.0;
-    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.compliance(i, node_[k]) * crept_[k];
-    return stays_ * sum;
+    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.compliance(i, node_[k]) * creep_state_[k];
+    return decay_ * sum;
   }
 
-  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return share_ * elastic_.tangential(i, j); }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
+    return period_ratio_ * elastic_.tangential(i, j);
+  }
 
-  [[nodiscard]] Eigen::Vector2d tangential_at_rest(std::int32_t i) const noexcept {
+  [[nodiscard]] Eigen::Vector2d free_tangential_displacement(std::int32_t i) const noexcept {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.tangential(i, node_[k]) * across_[k];
-    return stays_ * sum;
+    for (std::size_t k = 0; k < count_; ++k) sum += elastic_.tangential(i, node_[k]) * tangential_state_[k];
+    return decay_ * sum;
   }
 
-  /// `nodes` rise; `across` are forces in their tangent planes, or none.
-  void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* across, int count) noexcept {
+  /// `nodes` in ascending order; `tangential` are forces in their tangent planes, or null.
+  void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* tangential, int count) noexcept {
     for (std::size_t k = 0; k < count_; ++k) {
-      crept_[k] *= stays_;
-      across_[k] *= stays_;
-      pressed_[k] = 0.0;
-      dragged_[k].setZero();
+      creep_state_[k] *= decay_;
+      tangential_state_[k] *= decay_;
+      period_force_[k] = 0.0;
+      period_tangential_[k].setZero();
     }
     for (int c = 0; c < count; ++c) {
       const auto end = node_.begin() + static_cast<std::ptrdiff_t>(count_);
@@ -63,66 +67,69 @@ class StandardLinearSolid {
       auto k = static_cast<std::size_t>(at - node_.begin());
       if (at == end) {
         if (count_ == capacity)
-          k = static_cast<std::size_t>(std::min_element(crept_.begin(), crept_.end()) - crept_.begin());
+          k = static_cast<std::size_t>(std::min_element(creep_state_.begin(), creep_state_.end()) - creep_state_.begin());
         else
           ++count_;
         node_[k] = nodes[c];
-        crept_[k] = 0.0;
-        across_[k].setZero();
-        dragged_[k].setZero();
+        creep_state_[k] = 0.0;
+        tangential_state_[k].setZero();
+        period_tangential_[k].setZero();
       }
-      pressed_[k] = forces[c];
-      if (across != nullptr) dragged_[k] = across[c];
+      period_force_[k] = forces[c];
+      if (tangential != nullptr) period_tangential_[k] = tangential[c];
     }
-    // From q = stays q + gains f: q.C q = stays^2 q.C q + gains f.C (2 stays q + gains f).
-    remembered_ *= stays_ * stays_;
+    // With q' = decay q + gain f: q'.C q' = decay^2 q.C q + gain f.C (2 decay q + gain f).
+    state_form_ *= decay_ * decay_;
     for (int c = 0; c < count; ++c) {
       double sum = 0.0;
       Eigen::Vector2d along = Eigen::Vector2d::Zero();
       for (std::size_t k = 0; k < count_; ++k) {
-        sum += elastic_.compliance(nodes[c], node_[k]) * (2.0 * crept_[k] + gains_ * pressed_[k]);
-        if (across != nullptr) along += elastic_.tangential(nodes[c], node_[k]) * (2.0 * across_[k] + gains_ * dragged_[k]);
+        sum += elastic_.compliance(nodes[c], node_[k]) * (2.0 * creep_state_[k] + gain_ * period_force_[k]);
+        if (tangential != nullptr)
+          along += elastic_.tangential(nodes[c], node_[k]) * (2.0 * tangential_state_[k] + gain_ * period_tangential_[k]);
       }
-      remembered_ += gains_ * forces[c] * sum;
-      if (across != nullptr) remembered_ += gains_ * across[c].dot(along);
+      state_form_ += gain_ * forces[c] * sum;
+      if (tangential != nullptr) state_form_ += gain_ * tangential[c].dot(along);
     }
-    double most = 0.0;
+    double max_state = 0.0;
     for (std::size_t k = 0; k < count_; ++k) {
-      most = std::max(most, crept_[k] += gains_ * pressed_[k]);
-      across_[k] += gains_ * dragged_[k];
+      max_state = std::max(max_state, creep_state_[k] += gain_ * period_force_[k]);
+      tangential_state_[k] += gain_ * period_tangential_[k];
     }
     std::size_t kept = 0;
     for (std::size_t k = 0; k < count_; ++k) {
-      if (!(crept_[k] > 1e-6 * most) || !(crept_[k] > least)) continue;
+      if (!(creep_state_[k] > 1e-6 * max_state) || !(creep_state_[k] > min_state)) continue;
       node_[kept] = node_[k];
-      across_[kept] = across_[k];
-      crept_[kept++] = crept_[k];
+      tangential_state_[kept] = tangential_state_[k];
+      creep_state_[kept++] = creep_state_[k];
     }
     count_ = kept;
-    remembered_ = count_ > 0 ? std::max(remembered_, 0.0) : 0.0;
+    state_form_ = count_ > 0 ? std::max(state_form_, 0.0) : 0.0;
   }
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
 
   void reset() noexcept {
     count_ = 0;
-    remembered_ = 0.0;
+    state_form_ = 0.0;
   }
 
-  /// Energy in its springs at the end of the last period, J; `yielded` is f.C f with the compliance C within the period [N m].
-  [[nodiscard]] double energy(double yielded) const noexcept { return creep().energy(yielded / share_, remembered_); }
+  /// Elastic energy at the end of the last period, J; `compliance_work` is f.C f with the compliance C within the period [N m].
+  [[nodiscard]] double energy(double compliance_work) const noexcept {
+    return creep().energy(compliance_work / period_ratio_, state_form_);
+  }
 
  private:
-  static constexpr double least = 1e-12;  // N: far below anything that is felt
+  static constexpr double min_state = 1e-12;  // N; far below perceptible forces
 
   Compliance elastic_;
-  double stays_ = 0.0, gains_ = 0.0, share_ = 1.0, late_ = 0.0;
+  double decay_ = 0.0, gain_ = 0.0, period_ratio_ = 1.0, delayed_ratio_ = 0.0;
   std::size_t count_ = 0;
   std::array<std::int32_t, capacity> node_{};
-  std::array<double, capacity> crept_{};            // N
-  std::array<Eigen::Vector2d, capacity> across_{};  // the same in the tangent plane, N
-  double remembered_ = 0.0;                         // q.C q of all that was crept, in the tangent planes too, N m
-  std::array<double, capacity> pressed_{};          // forces of the period on the nodes that are remembered, N
-  std::array<Eigen::Vector2d, capacity> dragged_{};
+  std::array<double, capacity> creep_state_{};                // q, N
+  std::array<Eigen::Vector2d, capacity> tangential_state_{};  // same in the tangent planes, N
+  double state_form_ = 0.0;                                   // q.C q, normal and tangential, N m
+  std::array<double, capacity> period_force_{};               // forces of this period on the nodes with state, N
+  std::array<Eigen::Vector2d, capacity> period_tangential_{};
 };
 
 }  // namespace palpate::deformable

@@ -10,99 +10,99 @@
 
 namespace palpate::deformable {
 
-/// A body that goes on by slow steps, what a servo feels of it between them, and the hand-over of both ways: tips to the slow steps,
-/// snapshots to the servo. The slow steps are taken in turn with the ticks, or by one thread of their own.
+/// Couples a slow body solver with the servo's contact on local models: tip positions go to the solver, local models to the servo. Model
+/// updates run synchronously with the ticks or in one other thread.
 ///
-/// `Slow` has
-///   Report step(const BodyTips& tips, Snapshot& to)   one slow step; may take memory
-///   void reset()                                      back to rest
-template <class Slow>
+/// `Solver` provides
+///   Report step(const TipPair& tips, LocalModel& to)   one model update; may allocate
+///   void reset()                                       return to rest
+template <class Solver>
 class MultirateCoupling {
  public:
-  using Report = decltype(std::declval<Slow&>().step(std::declval<const TipPair&>(), std::declval<LocalModel&>()));
+  using Report = decltype(std::declval<Solver&>().step(std::declval<const TipPair&>(), std::declval<LocalModel&>()));
 
-  explicit MultirateCoupling(std::unique_ptr<Slow> slow) : slow_(std::move(slow)) {}
+  explicit MultirateCoupling(std::unique_ptr<Solver> solver) : solver_(std::move(solver)) {}
 
-  [[nodiscard]] Slow& slow() noexcept { return *slow_; }
-  [[nodiscard]] const Slow& slow() const noexcept { return *slow_; }
-  [[nodiscard]] PassiveModelSwitch& servo() noexcept { return *servo_; }
-  [[nodiscard]] PassiveModelSwitch::ModelBuffer& box() noexcept { return *box_; }
+  [[nodiscard]] Solver& solver() noexcept { return *solver_; }
+  [[nodiscard]] const Solver& solver() const noexcept { return *solver_; }
+  [[nodiscard]] PassiveModelSwitch& model_switch() noexcept { return *model_switch_; }
+  [[nodiscard]] PassiveModelSwitch::ModelBuffer& models() noexcept { return *models_; }
 
-  /// Where the tips are, for the next slow step; tick() tells it, too.
-  void place(const TipPair& tips) noexcept {
-    where_->write_slot() = {ticks_, tips};
-    where_->publish();
+  /// Set the tip positions for the next model update; tick() does so too.
+  void set_tips(const TipPair& tips) noexcept {
+    tip_samples_->write_slot() = {tick_, tips};
+    tip_samples_->publish();
   }
 
-  /// One tick of the servo's, which neither waits nor takes memory.
+  /// One servo tick; does not block or allocate.
   const MultiTipResult& tick(const TipPair& tips) noexcept {
-    ++ticks_;
-    place(tips);
-    return servo_->step(*box_, tips);
+    ++tick_;
+    set_tips(tips);
+    return model_switch_->step(*models_, tips);
   }
 
-  /// One slow step with the tips where the servo said last, and its snapshot to the servo.
-  void slow_step() {
-    compute();
-    hand_over();
+  /// Perform one model update with the latest tip positions and publish the model.
+  void update_model() {
+    compute_model();
+    publish_model();
   }
 
-  /// As slow_step(), but the servo gets the snapshot at the next call of hand_over(), as if the step had taken that long.
-  void compute() {
-    where_->acquire();
-    last_ = slow_->step(where_->value().tips, box_->write_slot());
-    ++steps_;
+  /// Perform one model update without publishing it. publish_model() follows later, as if the update had taken that long.
+  void compute_model() {
+    tip_samples_->acquire();
+    last_report_ = solver_->step(tip_samples_->value().tips, models_->write_slot());
+    ++update_count_;
   }
-  void hand_over() noexcept { box_->publish(); }
+  void publish_model() noexcept { models_->publish(); }
 
-  /// Slow steps with the tips where they are until the body rests under them, at most so many; then the servo begins anew, from there, and
-  /// owes nothing. False: it did not come to rest. Not while a thread takes slow steps; the report tells `unrest`.
-  bool settle(const TipPair& tips, int most) {
-    place(tips);
-    int still = 0;  // steps in turn
-    for (int k = 0; k < most && still < 2; ++k) {
-      compute();
-      still = last_.unrest <= rest ? still + 1 : 0;
+  /// Update the model with fixed tips until equilibrium (at most `max_steps` updates), then restart the servo side there with an empty
+  /// energy tank. Return false if equilibrium was not reached (see Report::relative_residual). Not while another thread updates the model.
+  bool settle(const TipPair& tips, int max_steps) {
+    set_tips(tips);
+    int steps_at_rest = 0;  // consecutive updates at equilibrium
+    for (int k = 0; k < max_steps && steps_at_rest < 2; ++k) {
+      compute_model();
+      steps_at_rest = last_report_.relative_residual <= rest_tolerance ? steps_at_rest + 1 : 0;
     }
-    servo_ = std::make_unique<PassiveModelSwitch>();
-    box_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
-    slow_step();
-    servo_->step(*box_, tips);
-    return still >= 2;
+    model_switch_ = std::make_unique<PassiveModelSwitch>();
+    models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+    update_model();
+    model_switch_->step(*models_, tips);
+    return steps_at_rest >= 2;
   }
 
-  /// What the servo took last; not while it runs.
-  [[nodiscard]] const LocalModel& newest() const noexcept { return servo_->newest(*box_); }
-  [[nodiscard]] const Report& last() const noexcept { return last_; }
-  [[nodiscard]] long steps() const noexcept { return steps_; }
-  /// Tick of the servo, from 0 on, whose tips the last slow step saw; -1: from before the first.
-  [[nodiscard]] std::int64_t seen() const noexcept { return where_->value().tick; }
+  /// Local model in use by the servo; only while it does not run.
+  [[nodiscard]] const LocalModel& current_model() const noexcept { return model_switch_->current_model(*models_); }
+  [[nodiscard]] const Report& last_report() const noexcept { return last_report_; }
+  [[nodiscard]] long update_count() const noexcept { return update_count_; }
+  /// Servo tick, from 0 on, whose tips the last update used; -1: none.
+  [[nodiscard]] std::int64_t last_seen_tick() const noexcept { return tip_samples_->value().tick; }
 
-  /// Everything back to rest; not while a thread takes slow steps.
+  /// Return to rest. Not while another thread updates the model.
   void reset() {
-    slow_->reset();
-    servo_ = std::make_unique<PassiveModelSwitch>();
-    box_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
-    where_ = std::make_unique<LatestValue<Where>>();
-    steps_ = 0;
-    ticks_ = -1;
+    solver_->reset();
+    model_switch_ = std::make_unique<PassiveModelSwitch>();
+    models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+    tip_samples_ = std::make_unique<LatestValue<TipSample>>();
+    update_count_ = 0;
+    tick_ = -1;
   }
 
  private:
-  static constexpr double rest = 1e-4;  // of the load
+  static constexpr double rest_tolerance = 1e-4;  // relative to the load
 
-  struct Where {
+  struct TipSample {
     std::int64_t tick = -1;
     TipPair tips;
   };
 
-  std::unique_ptr<Slow> slow_;
-  std::unique_ptr<PassiveModelSwitch> servo_ = std::make_unique<PassiveModelSwitch>();
-  std::unique_ptr<PassiveModelSwitch::ModelBuffer> box_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
-  std::unique_ptr<LatestValue<Where>> where_ = std::make_unique<LatestValue<Where>>();
-  std::int64_t ticks_ = -1;  // the servo's last one
-  long steps_ = 0;
-  Report last_{};
+  std::unique_ptr<Solver> solver_;
+  std::unique_ptr<PassiveModelSwitch> model_switch_ = std::make_unique<PassiveModelSwitch>();
+  std::unique_ptr<PassiveModelSwitch::ModelBuffer> models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+  std::unique_ptr<LatestValue<TipSample>> tip_samples_ = std::make_unique<LatestValue<TipSample>>();
+  std::int64_t tick_ = -1;  // last servo tick
+  long update_count_ = 0;
+  Report last_report_{};
 };
 
 }  // namespace palpate::deformable

@@ -7,7 +7,7 @@
 #include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <random>
 
-#include "lattice_cube.hpp"
+#include "mass_spring_cube.hpp"
 
 namespace {
 
@@ -44,18 +44,18 @@ TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
 // Forces are the slope of the stored energy at any deformation: central differences along random directions.
 TEST(SpringNetwork, ForceIsTheSlopeOfItsEnergy) {
   const Cube cube(2);
-  palpate::deformable::SpringNetwork network(cube.parts);
+  palpate::deformable::SpringNetwork network(cube.data);
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0.0, 1e-3);
-  std::vector<palpate::math::Vector3<>> x = cube.parts.places, along(x.size()), force(x.size()), other(x.size());
+  std::vector<palpate::math::Vector3<>> x = cube.data.rest_positions, along(x.size()), force(x.size()), other(x.size());
   for (palpate::math::Vector3<>& p : x) p += palpate::math::Vector3<>(normal(random), normal(random), normal(random));
   for (palpate::math::Vector3<>& a : along) a = {normal(random), normal(random), normal(random)};
   const auto energy = [&](double s) {
     std::vector<palpate::math::Vector3<>> there = x;
     for (std::size_t v = 0; v < x.size(); ++v) there[v] += s * along[v];
-    return network.pull(there.data(), other.data());
+    return network.accumulate_forces(there.data(), other.data());
   };
-  network.pull(x.data(), force.data());
+  network.accumulate_forces(x.data(), force.data());
   double expected = 0.0;
   for (std::size_t v = 0; v < x.size(); ++v) expected -= force[v].dot(along[v]);
   EXPECT_NEAR((energy(1e-4) - energy(-1e-4)) / 2e-4, expected, 1e-7 * std::abs(expected));
@@ -64,28 +64,29 @@ TEST(SpringNetwork, ForceIsTheSlopeOfItsEnergy) {
 // The bound is above the springs' stiffness at any deformation, and above the whole near rest: no direction stores more.
 TEST(SpringNetwork, IsNowhereStifferThanItsBound) {
   const Cube cube(2, false);
-  palpate::deformable::SpringNetwork network(cube.parts);
-  const Eigen::MatrixXd bound = network.bound();
+  palpate::deformable::SpringNetwork network(cube.data);
+  const Eigen::MatrixXd bound = network.stiffness_bound();
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  std::vector<palpate::math::Vector3<>> x(cube.parts.places.size()), force(x.size());
+  std::vector<palpate::math::Vector3<>> x(cube.data.rest_positions.size()), force(x.size());
   for (int trial = 0; trial < 200; ++trial) {
     Eigen::MatrixX3d u(static_cast<Eigen::Index>(x.size()), 3);
     for (double& s : u.reshaped()) s = 1e-7 * normal(random);
-    for (std::size_t v = 0; v < x.size(); ++v) x[v] = cube.parts.places[v] + u.row(static_cast<Eigen::Index>(v)).transpose();
-    EXPECT_LT(network.pull(x.data(), force.data()), 0.5 * (u.transpose() * bound * u).trace());
+    for (std::size_t v = 0; v < x.size(); ++v) x[v] = cube.data.rest_positions[v] + u.row(static_cast<Eigen::Index>(v)).transpose();
+    EXPECT_LT(network.accumulate_forces(x.data(), force.data()), 0.5 * (u.transpose() * bound * u).trace());
   }
 }
 
 // With no part held, nothing stops it: dampers act between vertices only.
 TEST(MassSpringModel, FliesOnStraight) {
   const Cube cube(1, false);
-  auto lattice = cube.lattice(1e-3, 0.0, 5e-3);
+  auto mass_spring = cube.model(1e-3, 0.0, 5e-3);
   const palpate::math::Vector3<> speed(0.3, -0.2, 0.5);
-  const std::vector<palpate::math::Vector3<>> speeds(cube.parts.places.size(), speed);
-  lattice.set(cube.parts.places.data(), speeds.data());
-  for (int k = 0; k < 1000; ++k) lattice.advance(nullptr, nullptr, 0);
-  for (std::size_t v = 0; v < speeds.size(); ++v) EXPECT_LT((lattice.places()[v] - cube.parts.places[v] - speed).norm(), 1e-9);
+  const std::vector<palpate::math::Vector3<>> speeds(cube.data.rest_positions.size(), speed);
+  mass_spring.set_state(cube.data.rest_positions.data(), speeds.data());
+  for (int k = 0; k < 1000; ++k) mass_spring.advance(nullptr, nullptr, 0);
+  for (std::size_t v = 0; v < speeds.size(); ++v)
+    EXPECT_LT((mass_spring.positions()[v] - cube.data.rest_positions[v] - speed).norm(), 1e-9);
 }
 
 // Left alone after a kick it comes to rest, and at no tick has it more energy; whatever the period, the stiffness and the kick.
@@ -96,16 +97,16 @@ TEST(MassSpringModel, OnlyLosesEnergyWhenLeftAlone) {
     for (const double stiffness : {1.0, 1e4})
       for (const double kick : {0.1, 30.0}) {
         const Cube cube(2, true, 5e-3, stiffness);
-        auto lattice = cube.lattice(period);
-        std::vector<palpate::math::Vector3<>> speeds(cube.parts.places.size());
+        auto mass_spring = cube.model(period);
+        std::vector<palpate::math::Vector3<>> speeds(cube.data.rest_positions.size());
         for (palpate::math::Vector3<>& s : speeds) s = kick * palpate::math::Vector3<>(normal(random), normal(random), normal(random));
-        lattice.set(cube.parts.places.data(), speeds.data());
-        double had = lattice.energy();
+        mass_spring.set_state(cube.data.rest_positions.data(), speeds.data());
+        double had = mass_spring.energy();
         const double first = had;
         for (int k = 0; k < 500; ++k) {
-          lattice.advance(nullptr, nullptr, 0);
-          ASSERT_LE(lattice.energy(), had * (1.0 + 1e-12)) << period << ' ' << stiffness << ' ' << kick << ' ' << k;
-          had = lattice.energy();
+          mass_spring.advance(nullptr, nullptr, 0);
+          ASSERT_LE(mass_spring.energy(), had * (1.0 + 1e-12)) << period << ' ' << stiffness << ' ' << kick << ' ' << k;
+          had = mass_spring.energy();
         }
         EXPECT_LT(had, 0.9 * first);
       }

@@ -5,17 +5,17 @@
 #include <utility>
 
 /// A block of cubes cut into six tetrahedra each, its bottom held, its top to be touched.
-struct SolidBlock {
+struct TetBlock {
   int nx, ny, nz;
   double side = 5e-3;  // of a cube, m
   palpate::deformable::TetMesh mesh;
 
-  SolidBlock(int x, int y, int z, double young, double poisson) : nx(x), ny(y), nz(z) {
+  TetBlock(int x, int y, int z, double young, double poisson) : nx(x), ny(y), nz(z) {
     for (int i = 0; i <= nx; ++i)
       for (int j = 0; j <= ny; ++j)
         for (int k = 0; k <= nz; ++k) {
           mesh.points.emplace_back(i * side, j * side, k * side);
-          mesh.held.push_back(k == 0);
+          mesh.fixed.push_back(k == 0);
         }
     const int ways[6][2] = {{4, 6}, {4, 5}, {2, 6}, {2, 3}, {1, 5}, {1, 3}};
     for (int i = 0; i < nx; ++i)
@@ -39,7 +39,7 @@ struct SolidBlock {
   /// A force on a node of the top goes to its point by half, and to its neighbours.
   [[nodiscard]] palpate::deformable::TetSurface top() const {
     palpate::deformable::TetSurface surface;
-    surface.begin.push_back(0);
+    surface.patch_begin.push_back(0);
     for (int i = 0; i <= nx; ++i)
       for (int j = 0; j <= ny; ++j) {
         surface.point.push_back(number(i, j, nz));
@@ -49,13 +49,13 @@ struct SolidBlock {
         if (i < nx) around.push_back(number(i + 1, j, nz));
         if (j > 0) around.push_back(number(i, j - 1, nz));
         if (j < ny) around.push_back(number(i, j + 1, nz));
-        surface.shared.push_back(number(i, j, nz));
-        surface.weight.push_back(0.5);
+        surface.patch_point.push_back(number(i, j, nz));
+        surface.patch_weight.push_back(0.5);
         for (const std::int32_t p : around) {
-          surface.shared.push_back(p);
-          surface.weight.push_back(0.5 / static_cast<double>(around.size()));
+          surface.patch_point.push_back(p);
+          surface.patch_weight.push_back(0.5 / static_cast<double>(around.size()));
         }
-        surface.begin.push_back(static_cast<std::int32_t>(surface.shared.size()));
+        surface.patch_begin.push_back(static_cast<std::int32_t>(surface.patch_point.size()));
       }
     for (int i = 0; i < nx; ++i)
       for (int j = 0; j < ny; ++j) {

@@ -8,6 +8,8 @@
 #include <random>
 #include <type_traits>
 
+#include "../../docs/how-to/examples/planar_arm.hpp"
+
 namespace {
 
 using palpate::math::Dual;
@@ -18,6 +20,7 @@ using palpate::mechanism::FiveBar;
 using palpate::mechanism::joint_variables;
 using palpate::mechanism::JointMatrix;
 using palpate::mechanism::MechanismDefaults;
+using palpate::mechanism::PlanarArm;
 using palpate::mechanism::Premium;
 using palpate::mechanism::PremiumParameters;
 using palpate::mechanism::Slider;
@@ -88,8 +91,10 @@ struct Sample {
 
 template <class M>
 class MechanismLaw : public testing::Test {};
-using Mechanisms = testing::Types<Premium, PlainPremium, Slider, FiveBar, TipDevice>;
+using Mechanisms = testing::Types<Premium, PlainPremium, Slider, FiveBar, TipDevice, PlanarArm>;
 TYPED_TEST_SUITE(MechanismLaw, Mechanisms);
+
+static_assert(palpate::mechanism::RegisteredMechanism<PlanarArm>);
 
 TYPED_TEST(MechanismLaw, SatisfiesTheConcept) {
   static_assert(palpate::mechanism::Mechanism<TypeParam>);

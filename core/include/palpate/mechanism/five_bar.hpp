@@ -42,6 +42,7 @@ class FiveBar : public MechanismDefaults<FiveBar, 2> {
   using Parameters = FiveBarParameters;
   static constexpr const char* name = "five_bar";
   static constexpr std::array joints = {JointKind::revolute, JointKind::revolute};
+  static constexpr std::array working_pose = {0.7, 2.4415927};  // symmetric
   static constexpr std::array parameters = {
       parameter<&Parameters::base>("geometry.base", "m", ParameterRange::nonnegative, "distance between the motor axes"),
       parameter<&Parameters::proximal_length>("geometry.proximal", "m", ParameterRange::positive, "motor axis to elbow"),

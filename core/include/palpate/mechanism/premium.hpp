@@ -49,6 +49,7 @@ class Premium {
   using Parameters = PremiumParameters;
   static constexpr const char* name = "premium";
   static constexpr std::array joints = {JointKind::revolute, JointKind::revolute, JointKind::revolute};
+  static constexpr std::array working_pose = {0.0, 2.2305, 3.2776};  // torques (0, 0.01, 0.01) N*m balance gravity there
   static constexpr std::array parameters = {
       parameter<&Parameters::l1>("geometry.l1", "m", ParameterRange::positive, "upper arm"),
       parameter<&Parameters::l2>("geometry.l2", "m", ParameterRange::positive, "forearm, elbow to tip"),

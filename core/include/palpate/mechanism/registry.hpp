@@ -12,16 +12,31 @@
 
 namespace palpate::mechanism {
 
-/// A mechanism that device files can name: a mechanism with a name, the kinds of its joints and a table of its parameters.
+/// A mechanism that device files can name: a mechanism with a name, the kinds of its joints, a typical
+/// pose and a table of its parameters.
 template <class M>
 concept RegisteredMechanism = Mechanism<M> && std::constructible_from<M, const typename M::Parameters&> && requires {
   { M::name } -> std::convertible_to<const char*>;
   { M::joints[0] } -> std::convertible_to<JointKind>;
+  { M::working_pose[0] } -> std::convertible_to<double>;
   { M::parameters[0] } -> std::convertible_to<ParameterField<typename M::Parameters>>;
-} && M::joints.size() == static_cast<std::size_t>(M::dof);
+} && M::joints.size() == static_cast<std::size_t>(M::dof) && M::working_pose.size() == M::joints.size();
 
-template <RegisteredMechanism... Mechanisms>
+/// Whether all joints are of one kind, so that device files give them in one unit.
+template <class M>
+[[nodiscard]] constexpr bool has_uniform_joints() {
+  for (const JointKind kind : M::joints)
+    if (kind != M::joints[0]) return false;
+  return true;
+}
+
+template <class... Mechanisms>
 struct MechanismList {
+  static_assert((MechanismCheck<Mechanisms>::passed && ...));
+  static_assert((RegisteredMechanism<Mechanisms> && ...),
+                "a registered mechanism needs `Parameters` with a constructor from them, "
+                "`name`, one entry of `joints` and `working_pose` per joint, and `parameters`");
+  static_assert((has_uniform_joints<Mechanisms>() && ...), "all joints of a registered mechanism must be of one kind");
   static constexpr std::size_t size = sizeof...(Mechanisms);
 
   /// Calls `function.template operator()<M>()` for each mechanism.

@@ -21,6 +21,7 @@ class Slider {
   using Parameters = SliderParameters;
   static constexpr const char* name = "slider";
   static constexpr std::array joints = {JointKind::prismatic};
+  static constexpr std::array working_pose = {0.0};
   static constexpr std::array parameters = {
       parameter<&Parameters::mass>("mass.tip", "kg", ParameterRange::positive, "apparent mass"),
   };

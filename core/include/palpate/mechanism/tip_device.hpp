@@ -22,6 +22,7 @@ class TipDevice : public MechanismDefaults<TipDevice, 3> {
   using Parameters = TipDeviceParameters;
   static constexpr const char* name = "tip_device";
   static constexpr std::array joints = {JointKind::prismatic, JointKind::prismatic, JointKind::prismatic};
+  static constexpr std::array working_pose = {0.0, 0.0, 0.0};
   static constexpr std::array parameters = {
       parameter<&Parameters::mass>("mass.apparent", "kg", ParameterRange::positive, "apparent mass along x, y and z"),
   };

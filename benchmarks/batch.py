@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import _core
-from palpate.simulation.simulator import Experiment, prepare
+from palpate.simulation.simulator import Simulation, build_simulation
 
 from benchmarks.peers import mujoco_rollout
 from benchmarks.section import Effort, Progress, Rows, Section, figures
@@ -32,7 +32,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     work = Workload.standard()
     tell("a tight reference trajectory (DOP853)", 0.0)
     last = work.reference()[-1]
-    prepared = prepare(work.scenario(substeps=1))
+    prepared = build_simulation(work.scenario(substeps=1))
     rows, missing = [], []
     widest = _core.most_lanes()
     for number, (lanes, name) in enumerate(LANES.items()):
@@ -57,7 +57,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                 tell(f"{lanes} lanes, {what}", 0.35 + 0.2 * number)
 
                 def burdened(
-                    ready: Experiment = prepared,
+                    ready: Simulation = prepared,
                     count: int = cells,
                     columns: dict[str, Array] = columns,
                     lanes: int = lanes,
@@ -68,7 +68,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                     found = _core.run_cells(ready.setup, ready.reference, ready.operator, own, count, 1, lanes)
                     return np.asarray(found)[0, -6:-3]
 
-                fine = burdened(prepare(work.scenario(substeps=64)), 1)
+                fine = burdened(build_simulation(work.scenario(substeps=64)), 1)
                 rows.append(_row(f"palpate: {lanes} lanes, {what}", burdened, cells, effort.runs(15), fine, None))
     tell("MuJoCo: rollout", 0.9)
     try:

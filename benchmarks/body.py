@@ -38,18 +38,18 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     for made, step in ((body, CELLS), (_made(FINE), FINE[0])):
         rows += [_row("compliance", made, step, pressed, ticks, ASKED[pressed]) for pressed in ASKED]
     same = rows[1]["median_us"]
-    rough = body.rough(0.5, 0.4)
+    rough = body.with_friction(0.5, 0.4)
     rows += [_row("compliance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
-    creeping = body.relaxing(PERIOD, instant=2.0, creep="0.1 s")
-    rows.append(_row("relaxing", creeping, CELLS, 10, ticks, None))
+    creeping = body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time="0.1 s")
+    rows.append(_row("viscoelastic", creeping, CELLS, 10, ticks, None))
     tell("300 modes", 0.6)
-    rows.append(_row("modal, 300 modes", body.modal(PERIOD, by_stiffness=1e-4), CELLS, 10, ticks, ASKED_MODAL))
-    rough = body.modal(PERIOD, by_stiffness=1e-4, static_friction=0.5, dynamic_friction=0.4)
+    rows.append(_row("modal, 300 modes", body.modal(PERIOD, rayleigh_beta=1e-4), CELLS, 10, ticks, ASKED_MODAL))
+    rough = body.modal(PERIOD, rayleigh_beta=1e-4, static_friction=0.5, dynamic_friction=0.4)
     rows.append(_row("modal, 300 modes, friction", rough, CELLS, 10, ticks, None))
     tell("a spline, and a lattice of 1,183 vertices", 0.7)
-    rows.append(_row("spline", body.spline(), CELLS, 10, ticks, None))
+    rows.append(_row("free_form", body.free_form(), CELLS, 10, ticks, None))
     small = build(block(SMALL, CELLS), young=20e3, fixed="z <= 0 mm", touch="z >= 30 mm", order=1)
-    lattice = small.lattice(PERIOD, by_stiffness=2e-3)
+    lattice = small.mass_spring(PERIOD, rayleigh_beta=2e-3)
     rows.append(_row("lattice of 1,183 vertices", lattice, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
     seconds = body.record["seconds"]
     times = f"{built - seconds['modes']:.2g} s, and its 300 modes {seconds['modes']:.2g} s"
@@ -85,7 +85,7 @@ def _row(
     turn = np.linspace(0.0, 2.0 * np.pi, ticks)
     around = 2.3 * step * np.stack([np.cos(turn), np.sin(turn), np.zeros(ticks)], axis=1)
     path = around + np.array([size[0] / 2, size[1] / 2, size[2] + radius - depth])
-    nodes = body.follow(path, radius, outward=[0, 0, 1]).nodes
+    nodes = body.simulate_path(path, radius, outward=[0, 0, 1]).nodes
     axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
     times = []
     assert not isinstance(body.core, _core.NonlinearBody)  # whose ticks are not all of its work

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate.simulation.simulator import prepare, simulate
+from palpate.simulation.simulator import build_simulation, simulate
 
 from benchmarks.peers import mujoco_loop, python_control_loop
 from benchmarks.section import Effort, Progress, Rows, Section, figures
@@ -29,7 +29,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     work = Workload.standard()
     tell("a tight reference trajectory (DOP853)", 0.0)
     reference = work.reference()
-    prepared = prepare(work.scenario(substeps=1))
+    prepared = build_simulation(work.scenario(substeps=1))
 
     def core() -> Array:
         return np.asarray(prepared.run()[0])[:, :3]

@@ -36,7 +36,7 @@ def time_steps(mesh: Mesh, path: Array, radius: float = 0.0, passes: int = 3) ->
     for i in range(passes):
         times[i] = 1e6 * np.asarray(Proxy(mesh, surface, radius).core.time(path))
     proxy = Proxy(mesh, surface, radius)
-    contacts = proxy.follow(path)
+    contacts = proxy.simulate_path(path)
     best = times.min(axis=0)
     return {
         "median": float(np.median(best)),

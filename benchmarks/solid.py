@@ -18,16 +18,16 @@ PERIOD = 1e-3
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
     """Return slow steps a second and the servo's ticks, by "law" and "motion", the thread on and off."""
-    from palpate.fem import Material, PressedSolid, Solid, block
-    from palpate.fem.selectors import beyond
+    from palpate.fem import HyperelasticModel, Material, QuasiStaticSolver, block
+    from palpate.fem.selectors import half_space
 
     volume = block(SIZE, CELL)
-    bottom, top = beyond("z", "<", 1e-9), beyond("z", ">", SIZE[2] - 1e-9)
+    bottom, top = half_space("z", "<", 1e-9), half_space("z", ">", SIZE[2] - 1e-9)
     t = np.arange(0.0, SECONDS / (10 if effort.quick else 1), PERIOD)
     rows: list[dict[str, Any]] = []
     motions = {"pressed at up to 30 mm/s": (0.0, True), "sliding at up to 50 mm/s": (20e-3, False)}
     for number, law in enumerate(("neo-hookean", "corotational")):
-        body = PressedSolid(Solid(volume, Material(YOUNG, POISSON), bottom, top, law=law))  # type: ignore[arg-type]
+        body = QuasiStaticSolver(HyperelasticModel(volume, Material(YOUNG, POISSON), bottom, top, law=law))  # type: ignore[arg-type]
         for motion, (way, pumps) in motions.items():
             tell(f"{len(volume.points):,} nodes, {law}, {motion}", number / 2)
             depth = DEPTH * (0.5 - 0.5 * np.cos(5.0 * t) if pumps else np.minimum(t / 0.4, 1.0))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate.linear import Tip
-from palpate.stability import boundary, critical_stiffness, spectral_radius, workspace
+from palpate.linear import LinearDevice
+from palpate.stability import critical_stiffness, stability_boundary, wall_spectral_radius, workspace
 
 from benchmarks.section import TIMED, Effort, Progress, Rows, Section, timed, timed_cells
 
@@ -17,7 +17,7 @@ POSES = 500
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    tip = Tip.of_mass(0.06, 0.05)
+    tip = LinearDevice.of_mass(0.06, 0.05)
     damping, stiffness = np.meshgrid(np.linspace(0, 60, SIDE), np.linspace(0, 5e4, SIDE))
     tell("exact boundaries", 0.0)
     rows = [
@@ -26,11 +26,11 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
             effort.runs(50),
         ),
         timed(
-            "boundary, 1000 points", lambda: boundary(tip, period=PERIOD, points=1000),
+            "boundary, 1000 points", lambda: stability_boundary(tip, period=PERIOD, points=1000),
             effort.runs(50), 10e-3,
         ),
         timed(
-            "boundary, 1000 points, delay of 2", lambda: boundary(tip, period=PERIOD, delay=2, points=1000),
+            "boundary, 1000 points, delay of 2", lambda: stability_boundary(tip, period=PERIOD, delay=2, points=1000),
             effort.runs(50), 10e-3,
         ),
     ]  # fmt: skip
@@ -38,7 +38,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     rows.append(
         timed(
             f"spectral radius, {SIDE} × {SIDE} walls",
-            lambda: spectral_radius(tip, period=PERIOD, stiffness=stiffness, virtual_damping=damping),
+            lambda: wall_spectral_radius(tip, period=PERIOD, stiffness=stiffness, virtual_damping=damping),
             effort.runs(3),
             10.0,
         )

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import _core
-from palpate.scenario.operators import STIFFNESS, loose_grip
-from palpate.simulation.simulator import Experiment, prepare
+from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
+from palpate.simulation.simulator import Simulation, build_simulation
 
 from benchmarks.ball import ball
 from benchmarks.section import Effort, Progress, Row, Rows, Section, figures
@@ -23,19 +23,19 @@ PASSES = 3
 ASKED = 25.0  # us
 
 
-def _experiment(duration: float, law: str) -> Experiment:
+def _experiment(duration: float, law: str) -> Simulation:
     """Return a loop without an object: the tip is led to and fro over the organ's top to be, pressed with 1.3 N."""
     table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
     for i in range(round(2.0 * (duration - 0.5))):  # 3 cm each half second
-        way = STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)
+        way = OPERATOR_STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)
         table.append([f"{0.5 + (i + 1) / 2.0:g} s", f"{way:g} N", f"{way / 3:g} N", "0 N"])
-    return prepare(
+    return build_simulation(
         {
             "device": {"name": "phantom-premium-1.5a", "saturation": True, "encoder": True},
             "start": {"pose": list(POSE)},
             "servo": {"period": "1 ms"},
             "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", "-1.3 N"]},
-            "operator": loose_grip(table),
+            "operator": default_operator(table),
             "object": {"kind": "none"},
             "controller": dict(LAWS[law] or {}),
             "run": {"duration": f"{duration:g} s"},
@@ -103,7 +103,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     return Rows(rows)
 
 
-def _time(experiment: Experiment, paced: bool) -> NDArray[np.float64]:
+def _time(experiment: Simulation, paced: bool) -> NDArray[np.float64]:
     return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, paced))
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import devices
 from palpate.devices import Device
 from palpate.errors import PalpateError
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Scenario
 from scipy.integrate import solve_ivp
 
@@ -45,7 +45,7 @@ class ForceLaw:
         pose = np.array(POSE)
         self._anchor = device.forward(pose)
         self._before = np.zeros(3)
-        self._hold = hold_force(device.jacobian(pose), device.gravity(pose))
+        self._hold = static_tip_force(device.jacobian(pose), device.gravity(pose))
 
     def torque(self, tick: int, q: Array) -> Array:
         """Return the torques to hold from sample `tick` on."""

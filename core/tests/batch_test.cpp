@@ -24,10 +24,10 @@ SimulationSetup<Slider> cell(int i) {
   s.mechanism = Slider(0.06);
   s.friction.viscous[0] = 0.05;
   s.friction.coulomb[0] = s.friction.breakaway[0] = 1e-3;
-  s.anchor.kind = palpate::object::SpringWallKind::point;
-  s.anchor.point = Vector3<>(1e-3, 0.0, 0.0);
-  s.stiffness = Vector3<>(i % 3 == 1 ? 5e4 + 1e3 * i : 20.0 + i, 0.0, 0.0);
-  s.damping = Vector3<>(0.01, 0.0, 0.0);
+  s.object = palpate::object::SpringWall({.kind = palpate::object::SpringWallKind::point,
+                                          .point = {1e-3, 0.0, 0.0},
+                                          .stiffness = {i % 3 == 1 ? 5e4 + 1e3 * i : 20.0 + i, 0.0, 0.0},
+                                          .damping = {0.01, 0.0, 0.0}});
   s.delay = i % 4;
   s.limits.continuous_force = i % 3 == 1 ? 1e300 : 0.01 + 1e-3 * i;
   s.limits.thermal_time = 0.05;

@@ -5,7 +5,7 @@
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/compliance.hpp>
 #include <palpate/mechanism/premium.hpp>
-#include <palpate/object/deformable_object.hpp>
+#include <palpate/object/body_instance.hpp>
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/servo/servo.hpp>
 
@@ -68,21 +68,23 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
 TEST(BodyNoAllocation, InAServoTickOnABody) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const Square square;
-  const palpate::object::LinearBodyObject<palpate::deformable::Compliance> body(square.nodes, square.body);
+  const auto body = std::make_shared<palpate::object::LinearBodyObject<palpate::deformable::Compliance>>(square.nodes, square.body);
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
   for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
     palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
     setup.start = pose;
-    setup.body.body = &body;
-    setup.body.tip = kind;
-    setup.body.radius = 4e-3;
-    setup.body.turn = Eigen::AngleAxisd(0.1, Vector3<>::UnitX()).toRotationMatrix();
+    palpate::object::BodyPlacement placement;
+    placement.body = body;
+    placement.tip = kind;
+    placement.radius = 4e-3;
+    placement.rotation = Eigen::AngleAxisd(0.1, Vector3<>::UnitX()).toRotationMatrix();
     const double top = kind == palpate::deformable::Tip::Kind::sphere ? 4e-3 : 0.0;
-    setup.body.origin = arm.forward(pose) - setup.body.turn * Vector3<>(0.0, 0.0, top - 1e-3);
-    palpate::math::LatestValue<palpate::object::ContactFrame> pressed;
-    setup.body.watched = &pressed;
-    palpate::servo::Servo<Premium> servo(setup);
+    placement.origin = arm.forward(pose) - placement.rotation * Vector3<>(0.0, 0.0, top - 1e-3);
+    const auto frames = std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
+    auto& pressed = *frames;
+    placement.contact_frames = frames;
+    palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     int touching = 0;
     const long before = allocations;
     for (int k = 0; k < 3000; ++k) {
@@ -92,9 +94,9 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(touching, 500);
     EXPECT_LT(touching, 2800);
-    ASSERT_TRUE(pressed.fetch());
+    ASSERT_TRUE(pressed.acquire());
     EXPECT_EQ(pressed.value().tick, 2999);
-    EXPECT_EQ(pressed.value().count, servo.body()->answer().nodes);
+    EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
   }
 }
 

@@ -1,4 +1,5 @@
-// The latest value handed from thread to thread: whole, never older than one seen before, and the last one arrives.
+// Exchange of the latest value between threads: complete, never older than the previous one, and
+// the last one arrives.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -13,30 +14,30 @@ struct Numbers {
   std::int64_t last = 0;
 };
 
-TEST(LatestValue, IsWholeAndNeverOlder) {
+TEST(LatestValue, IsCompleteAndNeverOlder) {
   const std::int64_t count = 200'000;
   palpate::math::LatestValue<Numbers> latest;
-  EXPECT_FALSE(latest.fetch());
+  EXPECT_FALSE(latest.acquire());
   std::thread writer([&latest] {
     for (std::int64_t i = 1; i <= count; ++i) {
-      Numbers& next = latest.next();
+      Numbers& next = latest.write_slot();
       next.first = i;
       for (std::int64_t& m : next.more) m = i;
       next.last = i;
       latest.publish();
     }
   });
-  std::int64_t seen = 0;
-  while (seen < count) {
-    if (!latest.fetch()) continue;
+  std::int64_t previous = 0;
+  while (previous < count) {
+    if (!latest.acquire()) continue;
     const Numbers& value = latest.value();
-    ASSERT_GT(value.first, seen);
+    ASSERT_GT(value.first, previous);
     ASSERT_EQ(value.first, value.last);
     for (const std::int64_t m : value.more) ASSERT_EQ(m, value.first);
-    seen = value.first;
+    previous = value.first;
   }
   writer.join();
-  EXPECT_FALSE(latest.fetch());
+  EXPECT_FALSE(latest.acquire());
   EXPECT_EQ(latest.value().first, count);
 }
 

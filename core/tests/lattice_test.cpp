@@ -28,7 +28,7 @@ TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
     }
   }
   palpate::math::SupernodalCholesky factor(matrix);
-  ASSERT_TRUE(factor.definite());
+  ASSERT_TRUE(factor.positive_definite());
   Eigen::MatrixX3d sides(size, 3);
   for (double& s : sides.reshaped()) s = normal(random);
   std::vector<palpate::math::Vector3<>> x;
@@ -38,7 +38,7 @@ TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
   const Eigen::MatrixX3d expected = Eigen::MatrixXd(matrix).llt().solve(sides);
   for (int i = 0; i < size; ++i) EXPECT_LT((x[static_cast<std::size_t>(i)] - expected.row(i).transpose()).norm(), 1e-12);
   matrix.coeffRef(3, 3) = -1.0;
-  EXPECT_FALSE(palpate::math::SupernodalCholesky(matrix).definite());
+  EXPECT_FALSE(palpate::math::SupernodalCholesky(matrix).positive_definite());
 }
 
 // Forces are the slope of the stored energy at any deformation: central differences along random directions.

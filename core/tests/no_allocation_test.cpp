@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "allocations.hpp"
+#include "mesh_shapes.hpp"
 #include "states.hpp"
-#include "touch_shapes.hpp"
 
 namespace {
 
@@ -15,22 +15,22 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
   palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = palpate::object::SpringWall::Kind::point;
-  setup.anchor.point = arm.forward(pose);
-  setup.stiffness.setConstant(500.0);
-  setup.damping.setConstant(1.0);
-  setup.difference = palpate::control::VirtualCoupling::Difference::bilinear;
+  const palpate::object::SpringWall spring({.kind = palpate::object::SpringWall::Kind::point,
+                                            .point = arm.forward(pose),
+                                            .stiffness = Vector3<>::Constant(500.0),
+                                            .damping = Vector3<>::Constant(1.0),
+                                            .difference = palpate::object::CouplingDifference::bilinear});
   const int order = 15;
-  setup.controller = palpate::control::StateSpace(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
-                                                  0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6),
-                                                  0.1 * Eigen::MatrixXd::Ones(order, 3));
+  const palpate::control::StateSpace controller(0.5 * Eigen::MatrixXd::Identity(order, order), 0.01 * Eigen::MatrixXd::Ones(order, 6),
+                                                0.01 * Eigen::MatrixXd::Ones(3, order), 0.1 * Eigen::MatrixXd::Ones(3, 6),
+                                                0.1 * Eigen::MatrixXd::Ones(order, 3));
   setup.limits.peak_force = 8.5;
   setup.limits.continuous_force = 1.4;
   setup.encoder.step = Joints<3>::Constant(1e-4);
-  setup.hold = Vector3<>(0.1, 0.1, 0.1);
+  setup.gravity_compensation = Vector3<>(0.1, 0.1, 0.1);
   setup.delay = 2;
   setup.start = pose;
-  palpate::servo::Servo<Premium> servo(setup);
+  palpate::servo::Servo<Premium, palpate::object::AnyObject, palpate::control::AnyController> servo(setup, spring, controller);
   palpate::plant::JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
   friction.coulomb = friction.breakaway = Joints<3>::Constant(0.01);
   palpate::plant::HumanArm hand;
@@ -64,12 +64,11 @@ TEST(NoAllocation, InATickOnAMesh) {
   for (Vector3<>& v : ball.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.05);
   surface.stiffness.assign(ball.triangles.size(), 1000.0);
   for (std::size_t i = 0; i < surface.stiffness.size(); i += 3) surface.stiffness[i] = 300.0;
-  const shapes::World world(ball, surface);
+  const auto model = palpate::object::MeshModel::make({ball.vertices, ball.triangles, false}, surface);
   for (const double radius : {0.0, 2e-3}) {
     palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
-    setup.touched = {&world.mesh, &world.tree, &world.field, radius};
     setup.start = pose;
-    palpate::servo::Servo<Premium> servo(setup);
+    palpate::servo::Servo<Premium, palpate::object::AnyObject> servo(setup, palpate::object::MeshObject(model, radius));
     int touching = 0;
     const long before = allocations;
     for (int k = 0; k < 2000; ++k) {

@@ -11,7 +11,7 @@ using palpate::mechanism::PremiumInverse;
 // Advancing a cache by a small or a large displacement gives the cache at the sum.
 TEST(Premium, AdvancedCacheEqualsTheCacheAtTheSum) {
   States states;
-  for (const double size : {1e-9, 1e-3, palpate::math::small_turn, 1.0}) {
+  for (const double size : {1e-9, 1e-3, palpate::math::max_small_rotation, 1.0}) {
     for (int n = 0; n < 200; ++n) {
       const Joints<3> q = states.draw(4.0);
       const Joints<3> dq = states.draw(size);

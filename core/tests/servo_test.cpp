@@ -1,15 +1,34 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <palpate/control/any_controller.hpp>
+#include <palpate/object/any_object.hpp>
+#include <palpate/object/mesh_object.hpp>
+#include <palpate/object/moving_frame.hpp>
+#include <palpate/object/scene.hpp>
+#include <vector>
+
+#include "mesh_shapes.hpp"
 #include "states.hpp"
-#include "touch_shapes.hpp"
 
 namespace {
 
+using palpate::control::AnyController;
+using palpate::control::TickInput;
+using palpate::mechanism::TipKinematics;
 using palpate::math::Joints;
 using palpate::math::Vector3;
 using palpate::mechanism::Premium;
-using palpate::mechanism::TipKinematics;
+using palpate::object::AnyObject;
+using palpate::object::ContactResult;
+using palpate::object::MeshModel;
+using palpate::object::MeshObject;
+using palpate::object::MovingFrame;
+using palpate::object::Pose;
+using palpate::object::Scene;
 using palpate::object::SpringWall;
+using palpate::object::TipState;
 using palpate::servo::Servo;
 using palpate::servo::ServoSetup;
 
@@ -18,15 +37,14 @@ const Joints<3> pose(0.0, 2.2305, 3.2776);
 // Law: torque and tip force do the same work: tau = J^T (F_ref - F_object).
 TEST(Servo, TurnsTipForceIntoTorqueByTheTransposedJacobian) {
   ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = SpringWall::Kind::point;
-  setup.anchor.point = arm.forward(pose);
-  setup.stiffness.setConstant(500.0);
   setup.start = pose;
-  Servo<Premium> servo(setup);
+  const Vector3<> point = arm.forward(pose);
+  Servo<Premium, SpringWall> servo(setup,
+                                   SpringWall({.kind = SpringWall::Kind::point, .point = point, .stiffness = Vector3<>::Constant(500.0)}));
   const Joints<3> q = pose + Joints<3>(0.01, -0.02, 0.03);
   const Vector3<> reference(1.0, -2.0, 0.5);
   const auto& tick = servo.tick(q, reference);
-  const Vector3<> force = 500.0 * (arm.forward(q) - setup.anchor.point);
+  const Vector3<> force = 500.0 * (arm.forward(q) - point);
   EXPECT_LT((tick.object_force - force).norm(), 1e-12);
   EXPECT_LT((tick.torque - arm.jacobian(q).transpose() * (reference - force)).norm(), 1e-13);
   EXPECT_TRUE(tick.touching);
@@ -52,17 +70,15 @@ TEST(Servo, FrozenKinematicsAreTheTangent) {
 // Law: a wall never pulls, whatever its damper says on the way out.
 TEST(Servo, AWallNeverPulls) {
   ServoSetup<Premium> setup{.mechanism = arm};
-  setup.anchor.kind = SpringWall::Kind::half_space;
-  setup.anchor.point = arm.forward(pose);
-  setup.anchor.normal = Vector3<>::UnitZ();
-  setup.stiffness.setConstant(100.0);
-  setup.damping.setConstant(50.0);
   setup.start = pose;
-  Servo<Premium> servo(setup);
+  Servo<Premium, SpringWall> servo(setup, SpringWall({.kind = SpringWall::Kind::half_space,
+                                                      .point = arm.forward(pose),
+                                                      .stiffness = Vector3<>::Constant(100.0),
+                                                      .damping = Vector3<>::Constant(50.0)}));
   for (int k = 0; k < 400; ++k) {
     const Joints<3> q = pose + Joints<3>(0.0, 0.05 * std::sin(0.1 * k), 0.05 * std::cos(0.07 * k));
     const auto& tick = servo.tick(q, Vector3<>::Zero());
-    EXPECT_LE(setup.anchor.normal.dot(tick.object_force), 0.0);
+    EXPECT_LE(tick.object_force.z(), 0.0);
     EXPECT_TRUE(tick.touching || tick.object_force.isZero(0.0));
   }
 }
@@ -71,13 +87,13 @@ TEST(Servo, AWallNeverPulls) {
 TEST(Servo, MotorLimitsScaleTheCommandAndTheTorqueAlike) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
-  setup.hold = Vector3<>(0.0, 0.1, 0.0);
+  setup.gravity_compensation = Vector3<>(0.0, 0.1, 0.0);
   setup.limits.peak_torque = Joints<3>(0.05, 0.05, 0.05);
-  Servo<Premium> servo(setup);
+  Servo<Premium, SpringWall> servo(setup);
   const auto& tick = servo.tick(pose, Vector3<>(3.0, -2.0, 1.0));
   EXPECT_TRUE(tick.saturated);
   EXPECT_NEAR(tick.torque.cwiseAbs().maxCoeff(), 0.05, 1e-15);
-  EXPECT_LT((tick.torque - arm.jacobian(pose).transpose() * (tick.command + setup.hold)).norm(), 1e-15);
+  EXPECT_LT((tick.torque - arm.jacobian(pose).transpose() * (tick.command + setup.gravity_compensation)).norm(), 1e-15);
 }
 
 // Law: a torque leaves the servo `delay` periods after it was computed; before that the device is held at rest.
@@ -85,9 +101,9 @@ TEST(Servo, DelayHoldsTheTorqueBack) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
   setup.delay = 2;
-  setup.hold = Vector3<>(0.0, 0.1, 0.0);
-  Servo<Premium> servo(setup);
-  const Joints<3> rest = arm.jacobian(pose).transpose() * setup.hold;
+  setup.gravity_compensation = Vector3<>(0.0, 0.1, 0.0);
+  Servo<Premium, SpringWall> servo(setup);
+  const Joints<3> rest = arm.jacobian(pose).transpose() * setup.gravity_compensation;
   const Vector3<> push(1.0, 0.0, 0.0);
   EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
   EXPECT_LT((servo.tick(pose, push).torque - rest).norm(), 1e-15);
@@ -102,17 +118,11 @@ TEST(Servo, AFlatMeshIsAWall) {
   surface.tangential = 0.0;
   shapes::Shape box = shapes::box(Vector3<>(0.1, 0.1, 0.1), 4);
   for (Vector3<>& v : box.vertices) v += arm.forward(pose) - Vector3<>(0.0, 0.0, 0.1);
-  const shapes::World world(box, surface);
-  ServoSetup<Premium> wall{.mechanism = arm};
-  wall.anchor.kind = SpringWall::Kind::half_space;
-  wall.anchor.point = arm.forward(pose);
-  wall.stiffness.setConstant(700.0);
-  wall.start = pose;
-  ServoSetup<Premium> mesh = wall;
-  mesh.touched = {&world.mesh, &world.tree, &world.field, 0.0};
-  Servo<Premium> on_wall(wall), on_mesh(mesh);
-  EXPECT_EQ(on_wall.contact(), nullptr);
-  ASSERT_NE(on_mesh.contact(), nullptr);
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  Servo<Premium, SpringWall> on_wall(
+      setup, SpringWall({.kind = SpringWall::Kind::half_space, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(700.0)}));
+  Servo<Premium, MeshObject> on_mesh(setup, MeshObject(MeshModel::make({box.vertices, box.triangles, false}, surface)));
   int pressed = 0;
   for (int k = 0; k < 400; ++k) {
     const Joints<3> q = pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
@@ -121,12 +131,168 @@ TEST(Servo, AFlatMeshIsAWall) {
     EXPECT_EQ(a.touching, b.touching);
     EXPECT_LT((a.object_force - b.object_force).norm(), 1e-9);
     EXPECT_LT((a.torque - b.torque).norm(), 1e-9);
-    EXPECT_EQ(b.object_force, Vector3<>(-on_mesh.contact()->force));
+    EXPECT_EQ(b.object_force, Vector3<>(-on_mesh.object().proxy().contact().force));
     EXPECT_LE(b.object_force.z(), 0.0);
     pressed += b.touching ? 1 : 0;
   }
   EXPECT_GT(pressed, 100);
   EXPECT_LT(pressed, 300);
+}
+
+/// Wall with a quadratic force law: an object that the library does not know.
+struct HertzWall {
+  using Scalar = double;
+  double stiffness = 1e6;  // N/m^2
+  double height = 0.0;     // m
+  ContactResult result;
+
+  const ContactResult& step(const TipState& tip) noexcept {
+    const double depth = std::max(0.0, height - tip.position.z());
+    result.touching = depth > 0.0;
+    result.depth = depth;
+    result.force = Vector3<>(0.0, 0.0, -stiffness * depth * depth);
+    return result;
+  }
+};
+
+/// Proportional-derivative position controller: a controller that the library does not know.
+struct PositionControl {
+  using Scalar = double;
+  Vector3<> target = Vector3<>::Zero();
+  double proportional = 0.0, derivative = 0.0;
+  int told = 0;
+  Vector3<> command(const TickInput& in) noexcept { return proportional * (target - in.tip) - derivative * in.velocity(); }
+  void applied(const Vector3<>& /*force*/) noexcept { ++told; }
+};
+
+SpringWall wall_at(double z, double stiffness, double damping = 0.0) {
+  return SpringWall({.kind = SpringWall::Kind::half_space,
+                     .point = {0.0, 0.0, z},
+                     .stiffness = Vector3<>::Constant(stiffness),
+                     .damping = Vector3<>::Constant(damping)});
+}
+
+Joints<3> swing(int k) {
+  return pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+}
+
+// Law: an object chosen at run time gives the same bits as the same object chosen at compile time, inline or behind a virtual call.
+TEST(Servo, AnyObjectIsTheObject) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  const double z = arm.forward(pose).z();
+  Servo<Premium, SpringWall> wall(setup, wall_at(z, 700.0, 2.0));
+  Servo<Premium, AnyObject, AnyController> any_wall(setup, wall_at(z, 700.0, 2.0));
+  Servo<Premium, HertzWall> hertz(setup, HertzWall{.height = z});
+  Servo<Premium, AnyObject> any_hertz(setup, AnyObject(HertzWall{.height = z}));
+  for (int k = 0; k < 300; ++k) {
+    const Vector3<> reference(0.0, 0.0, -1.0);
+    EXPECT_EQ(wall.tick(swing(k), reference).torque, any_wall.tick(swing(k), reference).torque);
+    EXPECT_EQ(hertz.tick(swing(k), reference).torque, any_hertz.tick(swing(k), reference).torque);
+  }
+  EXPECT_NE(any_wall.object().get_if<SpringWall>(), nullptr);
+  EXPECT_EQ(any_wall.object().get_if<HertzWall>(), nullptr);
+  EXPECT_NE(any_hertz.object().get_if<HertzWall>(), nullptr);
+}
+
+// Law: a user's controller sees tip, velocity and forces of its tick, and hears of every applied force.
+TEST(Servo, RunsAUsersController) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  const PositionControl control{.target = arm.forward(pose), .proportional = 300.0, .derivative = 2.0};
+  Servo<Premium, SpringWall, PositionControl> servo(setup, {}, control);
+  Servo<Premium, AnyObject, AnyController> any(setup, {}, control);
+  Vector3<> before = arm.forward(pose);
+  for (int k = 0; k < 100; ++k) {
+    const Vector3<> tip = arm.forward(swing(k));
+    const auto& tick = servo.tick(swing(k), Vector3<>::Zero());
+    EXPECT_LT((tick.command - (300.0 * (arm.forward(pose) - tip) - 2.0 * (tip - before) / 1e-3)).norm(), 1e-9);
+    EXPECT_EQ(tick.torque, any.tick(swing(k), Vector3<>::Zero()).torque);
+    before = tip;
+  }
+  EXPECT_EQ(servo.controller().told, 100);
+}
+
+// Law: forces of a scene's objects add; a scene of one object is that object.
+TEST(Servo, ASceneAddsForces) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  const double z = arm.forward(pose).z();
+  Scene two;
+  two.add(wall_at(z, 300.0));
+  two.add(wall_at(z, 400.0));
+  Servo<Premium, Scene> scene(setup, two);
+  Servo<Premium, SpringWall> sum(setup, wall_at(z, 700.0)), one(setup, wall_at(z, 300.0));
+  Servo<Premium, Scene> alone(setup, Scene({AnyObject(wall_at(z, 300.0))}));
+  for (int k = 0; k < 300; ++k) {
+    EXPECT_LT((scene.tick(swing(k), Vector3<>::Zero()).object_force - sum.tick(swing(k), Vector3<>::Zero()).object_force).norm(), 1e-12);
+    EXPECT_EQ(alone.tick(swing(k), Vector3<>::Zero()).torque, one.tick(swing(k), Vector3<>::Zero()).torque);
+  }
+}
+
+// Law: an object in a rotated and shifted frame answers as the rotated and shifted object; torque about the frame's origin is r x F.
+TEST(Servo, AMovingFrameCarriesItsObject) {
+  const Pose frame{{0.01, -0.02, 0.03}, Eigen::AngleAxisd(0.7, Vector3<>(1.0, 2.0, 0.5).normalized()).toRotationMatrix()};
+  MovingFrame<SpringWall> moved(wall_at(0.0, 500.0, 1.0));
+  SpringWall still({.kind = SpringWall::Kind::half_space,
+                    .point = frame.origin,
+                    .normal = frame.rotation * Vector3<>::UnitZ(),
+                    .stiffness = Vector3<>::Constant(500.0),
+                    .damping = Vector3<>::Constant(1.0)});
+  moved.set_pose(frame);
+  for (int k = 0; k < 200; ++k) {
+    const TipState tip{Vector3<>(0.01 * std::sin(0.1 * k), 0.01 * std::cos(0.07 * k), 0.02 * std::sin(0.03 * k)), 1000.0};
+    const ContactResult a = moved.step(tip), b = still.step(tip);
+    EXPECT_EQ(a.touching, b.touching);
+    EXPECT_LT((a.force - b.force).norm(), 1e-9);
+    EXPECT_LT((moved.torque() - (tip.position - frame.origin).cross(b.force)).norm(), 1e-10);
+  }
+}
+
+// Law: after reset() a loop repeats itself bit for bit.
+TEST(Servo, ResetForgetsEverything) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  setup.delay = 3;
+  setup.limits.peak_force = 5.0;
+  setup.limits.continuous_force = 1.0;
+  setup.limits.thermal_time = 0.05;
+  setup.gravity_compensation = Vector3<>(0.0, 0.1, 0.0);
+  const palpate::control::StateSpace integrator(Eigen::Matrix3d::Identity(), Eigen::MatrixXd::Constant(3, 6, 0.1),
+                                                Eigen::Matrix3d::Identity(), Eigen::MatrixXd::Zero(3, 6), Eigen::Matrix3d::Zero());
+  Servo<Premium, AnyObject, AnyController> servo(setup, wall_at(arm.forward(pose).z(), 700.0, 2.0), integrator);
+  std::vector<Joints<3>> first;
+  for (int run = 0; run < 2; ++run) {
+    for (int k = 0; k < 200; ++k) {
+      const Joints<3> torque = servo.tick(swing(k), Vector3<>(1.0, -2.0, 0.5)).torque;
+      if (run == 0) first.push_back(torque);
+      EXPECT_EQ(torque, first[static_cast<std::size_t>(k)]);
+    }
+    servo.reset(pose);
+  }
+}
+
+// Law: with the true time since the last tick, a damper's force does not depend on when ticks come.
+TEST(Servo, ALateTickDampsWithTheTrueVelocity) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  const SpringWall damper({.kind = SpringWall::Kind::point, .damping = Vector3<>::Constant(2.0)});
+  Servo<Premium, SpringWall> servo(setup, damper);
+  servo.tick(pose, Vector3<>::Zero());
+  const Joints<3> later = pose + Joints<3>(0.01, 0.0, 0.0);
+  const Vector3<> velocity = (arm.forward(later) - arm.forward(pose)) / 15e-3;
+  EXPECT_LT((servo.tick(later, Vector3<>::Zero(), 15e-3).object_force - 2.0 * velocity).norm(), 1e-9);
+}
+
+// Law: what cannot be is named.
+TEST(Servo, ASetupNamesItsFault) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  EXPECT_EQ(setup.fault(), nullptr);
+  setup.period = 0.0;
+  EXPECT_NE(setup.fault(), nullptr);
+  setup.period = 1e-3;
+  setup.delay = 65;
+  EXPECT_NE(setup.fault(), nullptr);
 }
 
 }  // namespace

@@ -17,9 +17,7 @@ SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double vi
   SimulationSetup<Slider> s;
   s.mechanism = Slider(0.06);
   s.friction.viscous[0] = viscous;
-  s.anchor.kind = SpringWall::Kind::point;
-  s.stiffness = Vector3<>(stiffness, 0.0, 0.0);
-  s.damping = Vector3<>(damping, 0.0, 0.0);
+  s.object = SpringWall({.kind = SpringWall::Kind::point, .stiffness = {stiffness, 0.0, 0.0}, .damping = {damping, 0.0, 0.0}});
   s.delay = delay;
   s.controller = palpate::control::StateSpace();
   s.start[0] = 1e-3;

@@ -7,6 +7,7 @@
 #include <palpate/deformable/hyperelastic/neo_hookean.hpp>
 #include <palpate/deformable/multirate/passive_model_switch.hpp>
 #include <palpate/mechanism/premium.hpp>
+#include <palpate/object/body_instance.hpp>
 #include <palpate/object/hyperelastic_object.hpp>
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/servo/servo.hpp>
@@ -28,7 +29,7 @@ TEST(SolidNoAllocation, InATickOfTwoTips) {
     for (std::size_t t = 0; t < 2; ++t)
       tips.tip[t].centre = {0.012 + 0.016 * static_cast<double>(t) + 4e-3 * std::sin(0.01 * k), 0.015, 0.019 + 3e-3 * std::cos(0.02 * k)};
     if (k % 20 == 0) {
-      slow.step(tips, box->writing());
+      slow.step(tips, box->write_slot());
       box->publish();
     }
     const long before = allocations;
@@ -51,7 +52,7 @@ struct Slow {
 TEST(SolidNoAllocation, InAServoTickOnASolid) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const SolidBlock block(8, 6, 3, 8e3, 0.4);
-  const palpate::object::HyperelasticObject<Slow> body(
+  const auto body = std::make_shared<palpate::object::HyperelasticObject<Slow>>(
       std::make_unique<Slow>(Slow{{block.mesh, block.top(), {}}}), 20,
       palpate::deformable::LocalModelSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
   const Premium arm(palpate::plant::phantom_premium_1_5a());
@@ -59,17 +60,20 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
   for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
     palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
     setup.start = pose;
-    setup.body.body = &body;
-    setup.body.tip = kind;
-    setup.body.radius = 6e-3;
+    palpate::object::BodyPlacement placement;
+    placement.body = body;
+    placement.tip = kind;
+    placement.radius = 6e-3;
     const double top = kind == palpate::deformable::Tip::Kind::sphere ? 6e-3 : 0.0;
-    setup.body.origin = arm.forward(pose) - Vector3<>(0.02, 0.015, 0.015 + top - 1e-3);
-    palpate::math::LatestValue<palpate::object::ContactFrame> pressed;
-    setup.body.watched = &pressed;
-    palpate::math::LatestValue<palpate::object::DeformationFrame> drawn;
-    for (palpate::object::DeformationFrame& place : drawn.places()) place.displacement.resize(3 * block.mesh.points.size());
-    setup.body.drawn = &drawn;
-    palpate::servo::Servo<Premium> servo(setup);
+    placement.origin = arm.forward(pose) - Vector3<>(0.02, 0.015, 0.015 + top - 1e-3);
+    const auto contact_frames = std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
+    auto& pressed = *contact_frames;
+    placement.contact_frames = contact_frames;
+    const auto deformation_frames = std::make_shared<palpate::math::LatestValue<palpate::object::DeformationFrame>>();
+    auto& drawn = *deformation_frames;
+    for (palpate::object::DeformationFrame& place : drawn.slots()) place.displacement.resize(3 * block.mesh.points.size());
+    placement.deformation_frames = deformation_frames;
+    palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     const auto swing = [](int k) { return Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k)); };
     EXPECT_TRUE(servo.tick(pose, Vector3<>::Zero()).touching);  // from the first tick on
     int touching = 0;
@@ -79,18 +83,18 @@ TEST(SolidNoAllocation, InAServoTickOnASolid) {
       const long before = allocations;
       touching += servo.tick(pose + 0.02 * swing(k), Vector3<>::Zero()).touching ? 1 : 0;
       counted += allocations - before;
-      dragged += servo.body()->answer().friction.norm();
-      servo.in_turn();
-      if (drawn.fetch())
+      dragged += servo.object().body().last().friction.norm();
+      servo.update();
+      if (drawn.acquire())
         for (const double d : drawn.value().displacement) deepest = std::max(deepest, std::abs(d));
     }
     EXPECT_EQ(counted, 0);
     EXPECT_GT(dragged, 0.0);
     EXPECT_GT(touching, 200);
     EXPECT_LT(touching, 950);
-    ASSERT_TRUE(pressed.fetch());
-    EXPECT_EQ(pressed.value().count, servo.body()->answer().nodes);
-    EXPECT_TRUE(servo.body()->body().slow());
+    ASSERT_TRUE(pressed.acquire());
+    EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
+    EXPECT_TRUE(servo.object().body().slow());
     EXPECT_EQ(drawn.value().step, 51);   // one from before the first tick
     EXPECT_EQ(drawn.value().tick, 981);  // ticks 0 to 1000, a slow step after 1, 21, ... 981 of them
     EXPECT_GT(deepest, 5e-4);

@@ -61,7 +61,7 @@ TEST(Solids, TipsGetOutNoMoreThanTheyPutIn) {
       tip.centre = place[t] + 6.0 * way[t] + palpate::math::Vector3<>(0, 0, 0.02 + tip.radius - 1.5e-3 + 4e-3 * std::cos(2e-3 * k));
     }
     if (k % 80 == 0) {
-      slow.step(tips, box->writing());
+      slow.step(tips, box->write_slot());
       box->publish();
       const palpate::deformable::LocalModel& state = slow.state();
       for (std::int32_t i = 0; i < state.nodes.size(); ++i) {

@@ -1,13 +1,13 @@
 #include <gtest/gtest.h>
 
 #include <palpate/control/state_space.hpp>
-#include <palpate/control/virtual_coupling.hpp>
+#include <palpate/object/virtual_coupling.hpp>
 
 namespace {
 
 using palpate::control::StateSpace;
-using palpate::control::VirtualCoupling;
 using palpate::math::Vector3;
+using palpate::object::VirtualCoupling;
 
 TEST(StateSpace, WithoutStatesIsAGain) {
   Eigen::MatrixXd d(3, 6);
@@ -26,7 +26,7 @@ TEST(StateSpace, AntiwindupHoldsAnIntegrator) {
   for (int k = 0; k < 1000; ++k) {
     for (StateSpace* c : {&wound, &held}) {
       const Vector3<> u = c->output({1.0, 0.0, 0.0}, Vector3<>::Zero());
-      c->advance(u.cwiseMin(2.0));
+      c->applied(u.cwiseMin(2.0));
     }
   }
   EXPECT_NEAR(wound.state()[0], 100.0, 1e-9);
@@ -34,9 +34,9 @@ TEST(StateSpace, AntiwindupHoldsAnIntegrator) {
 }
 
 TEST(VirtualCoupling, SpringAndBackwardDifference) {
-  VirtualCoupling c({100.0, 200.0, 300.0}, {1.0, 0.0, 2.0}, VirtualCoupling::Difference::backward, 1e-3);
-  EXPECT_TRUE(c.force({0.0, 0.0, 0.0}).isZero());
-  const Vector3<> f = c.force({1e-3, 1e-3, 1e-3});
+  VirtualCoupling c({100.0, 200.0, 300.0}, {1.0, 0.0, 2.0}, VirtualCoupling::Difference::backward);
+  EXPECT_TRUE(c.force({0.0, 0.0, 0.0}, 1000.0).isZero());
+  const Vector3<> f = c.force({1e-3, 1e-3, 1e-3}, 1000.0);
   EXPECT_NEAR(f[0], 0.1 + 1.0, 1e-12);
   EXPECT_NEAR(f[1], 0.2, 1e-12);
   EXPECT_NEAR(f[2], 0.3 + 2.0, 1e-12);
@@ -44,11 +44,11 @@ TEST(VirtualCoupling, SpringAndBackwardDifference) {
 
 // Law: the bilinear rule integrates exactly by trapezia: T (v_k + v_{k-1}) / 2 adds up to the displacement.
 TEST(VirtualCoupling, BilinearRateAddsUpToTheDisplacement) {
-  VirtualCoupling c(Vector3<>::Zero(), Vector3<>::Ones(), VirtualCoupling::Difference::bilinear, 1e-3);
+  VirtualCoupling c(Vector3<>::Zero(), Vector3<>::Ones(), VirtualCoupling::Difference::bilinear);
   double sum = 0.0, before = 0.0, x = 0.0;
   for (int k = 0; k < 200; ++k) {
     x = std::sin(0.05 * k);
-    const double v = c.force({x, 0.0, 0.0})[0];
+    const double v = c.force({x, 0.0, 0.0}, 1000.0)[0];
     sum += 0.5e-3 * (v + before);
     before = v;
   }

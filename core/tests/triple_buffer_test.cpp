@@ -1,4 +1,5 @@
-// Snapshots from a slow thread to the servo's: whole, newest first, without a lock; under the thread sanitizer where sanitizers are on.
+// Exchange between a slow writer and a reader: values are complete and arrive newest first, without
+// locks. Runs under the thread sanitizer if sanitizers are enabled.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -14,44 +15,45 @@ struct Page {
   std::array<long, 200> copies{};
 };
 
-// Each page is whole, none comes twice or out of turn, and what the reader holds stays as it is, however long it looks.
-TEST(TripleBuffer, PagesAreWholeAndInTurn) {
-  palpate::math::TripleBuffer<Page, 3> box;
+// Property: each page is complete, pages arrive in order without repetition, and slots owned by the
+// reader do not change.
+TEST(TripleBuffer, ValuesAreCompleteAndOrdered) {
+  palpate::math::TripleBuffer<Page, 3> buffer;
   std::atomic<bool> done{false};
   const long last = 50000;
   std::thread writer([&] {
     for (long n = 1; n <= last; ++n) {
-      Page& page = box.writing();
+      Page& page = buffer.write_slot();
       page.number = n;
       page.copies.fill(n);
-      box.publish();
+      buffer.publish();
     }
     done = true;
   });
   std::array<int, 3> held{0, 1, 2};
   std::array<long, 3> number{};
-  long newest = 0, taken = 0;
-  long wrong = 0;
-  while (newest < last && wrong == 0) {
-    if (!box.fresh()) {
+  long newest = 0, acquired = 0;
+  long errors = 0;
+  while (newest < last && errors == 0) {
+    if (!buffer.has_new()) {
       if (!done) std::this_thread::yield();
       continue;
     }
-    const auto k = static_cast<std::size_t>(taken++ % 3);
-    held[k] = box.take(held[k]);
-    number[k] = box.at(held[k]).number;
-    wrong += number[k] > newest ? 0 : 1;
+    const auto k = static_cast<std::size_t>(acquired++ % 3);
+    held[k] = buffer.acquire(held[k]);
+    number[k] = buffer.read_slot(held[k]).number;
+    errors += number[k] > newest ? 0 : 1;
     newest = number[k];
     for (std::size_t i = 0; i < 3; ++i) {
-      const Page& page = box.at(held[i]);
-      wrong += page.number == number[i] ? 0 : 1;
-      for (const long copy : page.copies) wrong += copy == number[i] ? 0 : 1;
+      const Page& page = buffer.read_slot(held[i]);
+      errors += page.number == number[i] ? 0 : 1;
+      for (const long copy : page.copies) errors += copy == number[i] ? 0 : 1;
     }
   }
   writer.join();
-  EXPECT_EQ(wrong, 0);
-  EXPECT_GT(taken, 1);
-  EXPECT_FALSE(box.fresh());
+  EXPECT_EQ(errors, 0);
+  EXPECT_GT(acquired, 1);
+  EXPECT_FALSE(buffer.has_new());
 }
 
 }  // namespace

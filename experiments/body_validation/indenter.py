@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.fem.elements import Elements
 from palpate.fem.factor import Factor
 from palpate.fem.material import Material
-from palpate.fem.selectors import Place, beyond
+from palpate.fem.selectors import Selector, half_space
 from palpate.fem.volume import Volume, grid
 
 __all__ = ["HEIGHT", "POISSON", "SIDE", "YOUNG", "extrapolate", "stiffness"]
@@ -27,8 +27,8 @@ _CORE = 0.4  # half side of the square in the middle of the end, over the end's 
 def stiffness(radius: float, cells: int) -> float:
     """Return force over depth, N/m, for `cells` rings of cells under the end; it falls towards the limit."""
     volume, edge = _quarter(radius, cells)
-    end = Place("end", lambda x: (x[:, 2] > HEIGHT - 1e-9) & (np.hypot(x[:, 0], x[:, 1]) < edge * (1 + 1e-6)))
-    elements = Elements(volume, Material(YOUNG, POISSON), [beyond("z", "<", 1e-9)], end)
+    end = Selector("end", lambda x: (x[:, 2] > HEIGHT - 1e-9) & (np.hypot(x[:, 0], x[:, 1]) < edge * (1 + 1e-6)))
+    elements = Elements(volume, Material(YOUNG, POISSON), [half_space("z", "<", 1e-9)], end)
     x = elements.nodes
     under = np.flatnonzero(np.diff(elements.load.tocsr().indptr))  # the nodes of all triangles of the end
     moved = 3 * under + 2

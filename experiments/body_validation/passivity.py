@@ -67,7 +67,7 @@ def _lost(body: Body, number: int, ticks: int, held: bool) -> float:
     path = _loop(np.random.default_rng(number), ticks)
     path[:, 2] += _RADIUS if tip == "sphere" else 0.0
     body.core.reset()
-    force: Any = body.follow(path, _RADIUS, outward=[0, 0, 1], tip=tip).force
+    force: Any = body.simulate_path(path, _RADIUS, outward=[0, 0, 1], tip=tip).force
     acting = force[1:] if held else 0.5 * (force[1:] + force[:-1])
     work = -(acting * np.diff(path, axis=0)).sum(axis=1)
     exchanged = np.abs(work).sum()

@@ -15,7 +15,7 @@ from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.checks import whole
 from palpate.fem.free_form import weights
-from palpate.fem.selectors import beyond, box
+from palpate.fem.selectors import box, half_space
 from palpate.fem.volume import block, grid
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -28,7 +28,7 @@ __all__ = ["Answers", "flat_end", "hertz", "lattice_near_rest", "other_kinds", "
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 Row = dict[str, Any]
-_BOTTOM: Final = beyond("z", "<", 1e-9)
+_BOTTOM: Final = half_space("z", "<", 1e-9)
 _SPACINGS: Final = (punch.SIDE / 20, punch.SIDE / 24, punch.SIDE / 30)  # even numbers: a node is in the middle
 _HIGH: Final = 0.03  # m, of the block of `other_kinds`
 _REFINED: Final = (4, 6, 9)  # cells under the end of the reference, each 1.5 times finer
@@ -44,7 +44,7 @@ def flat_end(spacing: float, aside: float = 0.0, radius: float = 10e-3) -> float
     planes = np.linspace(0.0, punch.SIDE, round(punch.SIDE / spacing) + 1)
     volume = grid([planes, planes, top - _graded(spacing, 2 * spacing, top)[::-1]], "block")
     body = build(volume, young=punch.YOUNG, poisson=punch.POISSON, fixed=_BOTTOM, touch=patch, memory="16 GB")
-    felt = body.press([middle + aside, middle + 0.6 * aside, top], radius, 1e-3, tip="flat")
+    felt = body.indent([middle + aside, middle + 0.6 * aside, top], radius, 1e-3, tip="flat")
     return float(felt.force[2] / 1e-3)
 
 
@@ -56,7 +56,7 @@ def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> floa
     volume = grid([planes, planes, side - _graded(spacing, 5e-3, side)[::-1]], "deep block")
     patch = box((side / 2 - 8e-3, side / 2 - 8e-3, side - 1e-6), (side / 2 + 8e-3, side / 2 + 8e-3, side + 1e-6))
     body = build(volume, young=young, poisson=poisson, fixed=_BOTTOM, touch=patch, memory="16 GB")
-    felt = body.press([side / 2, side / 2, side], radius, depth)
+    felt = body.indent([side / 2, side / 2, side], radius, depth)
     return float(felt.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
@@ -83,7 +83,7 @@ class Answers(NamedTuple):
     surface: float  # displacement of the top under that end: largest difference, by 1 mm
 
 
-_ALLOWED: Final = {"lattice": Answers(0.05, 0.05, 0.15, 0.1), "spline": Answers(0.15, 0.55, 0.4, 0.3)}
+_ALLOWED: Final = {"mass_spring": Answers(0.05, 0.05, 0.15, 0.1), "free_form": Answers(0.15, 0.55, 0.4, 0.3)}
 
 
 def lattice_near_rest(body: Body) -> Body:
@@ -92,13 +92,13 @@ def lattice_near_rest(body: Body) -> Body:
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
     free = np.flatnonzero(np.repeat(~body.contents.held, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
-    found = full @ splu(body.network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
+    found = full @ splu(body.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
     return Body(replace(body.contents, compliance=found.astype(np.float32)))
 
 
 def spline_in_full(body: Body) -> Body:
     """Return a body with the compliance of its spline: along the normals and along the surface, nothing between."""
-    law, n = body.spline_law, len(body.nodes)
+    law, n = body.free_form_law, len(body.nodes)
     b = weights(body.nodes, law.spacing)
     shared, layer = (b @ b.T).toarray(), np.diag(1.0 / body.contents.areas)
     normal = np.einsum("ia,jb->iajb", body.normals, body.normals)
@@ -119,9 +119,9 @@ def other_kinds(ratios: Sequence[float] = (0.0, 0.3, 0.45, 0.49), *, progress: T
     for poisson in ratios:
         if progress is not None:
             progress(f"lattice and spline, Poisson's ratio {poisson:g}", 0.62)
-        top = beyond("z", ">", _HIGH - 1e-9)
+        top = half_space("z", ">", _HIGH - 1e-9)
         solid = build(block((0.06, 0.06, _HIGH), 5e-3), young=5e3, poisson=poisson, fixed=_BOTTOM, touch=top)
-        for kind, other in (("lattice", lattice_near_rest(solid)), ("spline", spline_in_full(solid))):
+        for kind, other in (("mass_spring", lattice_near_rest(solid)), ("free_form", spline_in_full(solid))):
             for (what, off), asked in zip(_answers(other, solid)._asdict().items(), _ALLOWED[kind], strict=True):
                 rows.append(_row(f"{kind}, Poisson's ratio {poisson:g}, {what}: over quadratic elements", off, asked))
     return rows
@@ -133,7 +133,7 @@ def _answers(other: Body, solid: Body) -> Answers:
     for body in (other, solid):
         whole = body.compliance.reshape(len(share), 3, len(share), 3).astype(float)
         mean = np.einsum("i,iajb,j->ab", share, whole, share)
-        felt = body.press([0.03, 0.03, _HIGH], 10e-3, 1e-3, tip="flat")
+        felt = body.indent([0.03, 0.03, _HIGH], 10e-3, 1e-3, tip="flat")
         means.append(mean)
         pressed.append((felt.force[2], felt.displacement))
     (one, moved), (two, expected) = pressed
@@ -176,7 +176,9 @@ def _closed_paths(tell: Tell, paths: int) -> list[Row]:
     kinds: dict[str, Callable[[float], Any]] = {
         "compliance": lambda _period: body,
         "modal": body.modal,
-        "a standard linear solid": lambda period: body.relaxing(period, instant=2.5, creep="0.1 s"),
+        "a standard linear solid": lambda period: body.viscoelastic(
+            period, instantaneous_ratio=2.5, retardation_time="0.1 s"
+        ),
     }
     for i, (name, kind) in enumerate(kinds.items()):
         text, begin = f"{paths} random closed paths on {name}", 0.65 + 0.115 * i

@@ -28,7 +28,7 @@ from palpate.control import Controller, critical_gain, gain_interval, lead_lag, 
 from palpate.devices import Device, load
 from palpate.errors import DesignError
 from palpate.linear import discretize, linearize
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 
 from experiments.hosseini2004.experimental import PERIOD, experimental_model
 
@@ -177,7 +177,7 @@ def case_plant(
     k = np.broadcast_to(np.asarray(stiffness, dtype=float), (3,))
     angles = angle_plant(CASES[case].model, device=arm, pose=pose)
     jacobian = arm.jacobian(pose)
-    held = hold_force(jacobian, arm.gravity(pose))
+    held = static_tip_force(jacobian, arm.gravity(pose))
     turning = np.einsum("k,kij->ij", held, arm.tip_hessian(pose))
     return control.StateSpace(
         angles.A + angles.B @ turning @ angles.C,

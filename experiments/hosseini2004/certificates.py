@@ -117,7 +117,7 @@ def _cells(row: Row, c: Certificate) -> tuple[Any, ...]:
 
 def _verdict(row: Row, c: Certificate) -> Check:
     said = "stable" if row.stable else "unstable"
-    holds = c.verdict == said and len(set(c.roads.values())) == 1
+    holds = c.verdict == said and len(set(c.criteria.values())) == 1
     return statement(
         row.id, f"certificate: {row.where}, {KINDS[row.kind]}, {row.stiffness:g} N/mm", said, c.verdict,
         holds=holds, where=row.where, note=c.claim,

@@ -13,7 +13,7 @@ from palpate.identification.friction import friction_by_matching
 from palpate.identification.parameters import estimate_parameters, summary_rows
 from palpate.identification.recording import Recording
 from palpate.identification.residuals import whiteness
-from palpate.identification.simulated_experiment import experiment
+from palpate.identification.simulated_experiment import simulate_experiment
 from palpate.report import Page
 
 from experiments.hosseini2004 import figures
@@ -43,7 +43,7 @@ TOLERANCE: Final = 0.05  # of the catalogue's value
 def arx_models(page: Page, device: Device) -> list[Check]:
     """Fit the thesis's ARX structure and the arm's own to a simulated experiment; free run on data not used."""
     swing = multisine([0.06, 0.02, 0.02], (0.3, 4.0), lines=25, seed=1, logarithmic=True)
-    whole = experiment(device, swing, duration=30.0, seed=5).decimate(15)
+    whole = simulate_experiment(device, swing, duration=30.0, seed=5).decimate(15)
     used, unused = whole.split(0.7)
     models = {"structure of (3.24)": arx(used, *THESIS), "structure of the arm": arx(used, *ARM)}
     fits = {name: model.fit(unused) for name, model in models.items()}
@@ -112,7 +112,7 @@ def _better(fits: dict[str, Fit], models: dict[str, ArxModel]) -> Check:
 
 def friction_factors(page: Page, device: Device) -> list[Check]:
     """Recover the friction factors (3.36) and the inertia combinations from 20 s of quantised, noisy recordings."""
-    recording = experiment(device, duration=20.0, seed=3)
+    recording = simulate_experiment(device, duration=20.0, seed=3)
     fit = estimate_parameters(recording, device)
     rows = summary_rows(fit, true_values(device, fit.parameters))
     entry = printed("eq3.36-k")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate.devices import Device
 from palpate.linear import discretize, linearize
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 from palpate.report import Page
 from scipy.linalg import expm
 
@@ -195,7 +195,7 @@ def case_c(page: Page, device: Device) -> list[Check]:
     """Check A_dl and C_dl of (3.37)."""
     model = experimental_model(integrating=False)
     jacobian = device.jacobian(EQUILIBRIUM)
-    turning = np.einsum("k,kij->ij", hold_force(jacobian, TORQUE), device.tip_hessian(EQUILIBRIUM))
+    turning = np.einsum("k,kij->ij", static_tip_force(jacobian, TORQUE), device.tip_hessian(EQUILIBRIUM))
     a = model.A + model.B @ turning @ model.C
     c = STIFFEST * jacobian @ model.C
     values = {
@@ -241,7 +241,7 @@ def _numerator_h11(reach: float) -> list[Check]:
 
 def case_d(page: Page, device: Device) -> list[Check]:
     """Check every matrix of (3.41) and (3.42)."""
-    force = hold_force(device.jacobian(EQUILIBRIUM), TORQUE)
+    force = static_tip_force(device.jacobian(EQUILIBRIUM), TORQUE)
     model = linearize(device, EQUILIBRIUM, inputs="force", outputs="object_force", force=force, stiffness=STIFFEST)
     sampled = discretize(model, PERIOD, method="tustin")
     values = {

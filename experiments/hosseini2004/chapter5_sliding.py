@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from palpate.control import Controller
-from palpate.metrics.mesh_contact import Slide, slide
+from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.plotting.figures import forces
 from palpate.plotting.mesh_contact import stiffness_and_depth, trajectory
 from palpate.report import Page
@@ -60,9 +60,9 @@ def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     return [*checks, _slope(page)]
 
 
-def _slide(trace: Trace) -> tuple[Slide, bool]:
+def _slide(trace: Trace) -> tuple[SlidingMetrics, bool]:
     """Return what a trace shows, and whether its loop stayed bounded and in contact at the end."""
-    found = slide(trace)
+    found = sliding_metrics(trace)
     if found is None:
         raise RuntimeError("the tip never touched the object")
     return found, trace.stable and found.touching_at_end
@@ -82,7 +82,7 @@ def _pictures(page: Page, lead_lag: Trace, lqg: Trace) -> None:
     page.figure(forces(lead_lag), "Lead–lag: the forces (5.8 and 5.9). The drive gives 8.5 N at most.")
 
 
-def _comparison(page: Page, found: dict[Run, tuple[Slide, bool]]) -> list[Check]:
+def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> list[Check]:
     rows = []
     for ground, name, tangential, field in found:
         if field != "discrete":
@@ -91,11 +91,12 @@ def _comparison(page: Page, found: dict[Run, tuple[Slide, bool]]) -> list[Check]
         row: list[Any] = [ground, name, f"{tangential:g}" if tangential else "none"]
         row += [_n(d.step_at_crossing), _n(c.step_at_crossing), f"{(d.lost_ticks or 0) + (c.lost_ticks or 0)}"]
         row += [_n(d.deflection_error_percent), _n(c.deflection_error_percent)]
-        row += [_n(1e3 * d.energy_generated), _n(1e3 * c.energy_generated), _n(d.buzz), _n(c.buzz)]
+        row += [_n(1e3 * d.energy_generated), _n(1e3 * c.energy_generated), _n(d.ripple_power), _n(c.ripple_power)]
         rows.append([*row, "yes" if d_stays and c_stays else "no"])
     page.table(
         ["object", "controller", "tangential", "step, discrete", "step, continuous", "contact lost", "error, discrete",
-         "error, continuous", "energy, discrete", "energy, continuous", "buzz, discrete", "buzz, continuous", "stays"],
+         "error, continuous", "energy, discrete", "energy, continuous", "ripple, discrete", "ripple, continuous",
+         "stays"],
         rows,
         "The slides: largest force step at a crossing; ticks apart (both fields); deflection at the end against F/K; "
         "energy that the field generated; power of the force between 20 and 500 Hz; whether both runs stayed bounded "

@@ -135,7 +135,7 @@ class Check:
     where: str = ""
     right: float | str | None = field(default=None)
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what results.json holds."""
         entry: dict[str, Any] = {
             "id": self.id,

@@ -72,7 +72,7 @@ def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
     page.lead = f"{LEAD} {_verdict(counts)}"
     _errata(page, checks)
     _all(page, checks)
-    results = [_plain(check.as_dict()) for check in checks]
+    results = [_plain(check.to_dict()) for check in checks]
     report("writing", 0.99)
     _write(Path(out), page, picture, results)
     report("done", 1.0)
@@ -147,7 +147,7 @@ def _write(out: Path, page: Page, picture: Figure, results: list[dict[str, Any]]
         {
             "headline.svg": lambda part: picture.savefig(part, format="svg", facecolor="white"),
             "headline.png": lambda part: picture.savefig(part, format="png", dpi=150, facecolor="white"),
-            "report.html": page.write,
+            "report.html": page.save,
             "results.json": lambda part: part.write_text(text, encoding="utf-8"),
         },
     )

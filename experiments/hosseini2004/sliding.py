@@ -15,8 +15,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from palpate.control import Controller
-from palpate.metrics.mesh_contact import Slide, slide
-from palpate.scenario.operators import STIFFNESS, loose_grip
+from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
+from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
 
@@ -74,7 +74,7 @@ class Ground:
 
 
 _CUBE: Final = {"shape": "box", "edge": "80 mm", "divisions": 16}
-_ORGAN: Final = {"shape": "organ", "size": ["90 mm", "70 mm", "50 mm"], "bump": 0.06, "divisions": 4}
+_ORGAN: Final = {"shape": "bumpy_ellipsoid", "size": ["90 mm", "70 mm", "50 mm"], "bump": 0.06, "divisions": 4}
 GROUNDS: Final = {
     "cube, small steps": Ground(_CUBE, (30.0, 6.0, 0.0), (1.0, 1.2, 1.4), 10.0, (60.0, 12.0), 2.0),
     "cube, large steps": Ground(_CUBE, (30.0, 6.0, 0.0), (0.2, 3.5, 0.5, 2.0), 20.0, (60.0, 12.0), 1.0),
@@ -109,8 +109,8 @@ def slide_scenario(
     answer = friction * ground.press + drag * SPEED * 1e-3
     along_x, along_y = (answer * part / length for part in ground.way)
     still, led = _force(0.0, 0.0, -ground.press), _force(along_x, along_y, -ground.press)
-    lead_x, lead_y = (STIFFNESS * 1e-3 * part for part in ground.way)
-    hand = loose_grip(
+    lead_x, lead_y = (OPERATOR_STIFFNESS * 1e-3 * part for part in ground.way)
+    hand = default_operator(
         [
             [_time(0.0), *_force(0.0, 0.0, 0.0)],
             [_time(LED_FROM), *_force(0.0, 0.0, 0.0)],
@@ -146,7 +146,9 @@ def slide_scenario(
                 "static_friction": friction,
                 **({"viscous": f"{drag:g} N*s/m"} if drag else {}),
                 "field": field,
-                **({"shading": "30 deg"} if field == "continuous" and ground.mesh["shape"] == "organ" else {}),
+                **(
+                    {"shading": "30 deg"} if field == "continuous" and ground.mesh["shape"] == "bumpy_ellipsoid" else {}
+                ),
             },
         },
         "controller": {
@@ -183,14 +185,14 @@ class Pair:
     first: float
     second: float
     stable: bool
-    found: Slide
+    found: SlidingMetrics
 
 
 def pair(first: float, second: float, controller: Controller, *, tangential: float, field: Field) -> Pair:
     """Slide 30 mm with 1 N from a stiffness to another one, N/mm."""
     ground = Ground(_CUBE, (15.0, 0.0, 0.0), (first, second), 40.0, (30.0, 0.0), 1.0)
     trace: Trace = simulate(slide_scenario(ground, tangential=tangential, field=field), controller)
-    found = slide(trace)
+    found = sliding_metrics(trace)
     if found is None:
         raise RuntimeError(f"the slide from {first:g} to {second:g} N/mm never touched")
     there = abs(trace["surface_stiffness"][-1, 0] - 1e3 * second) < 1e-6 * second

@@ -39,15 +39,15 @@ def palpation(
         held = press_all(progress=lambda text, share: tell(text, 0.6 + 0.3 * share))
         tell("drawing", 0.9)
         page = palpation_page(held, sweep)
-        found = {"bodies": [one.as_dict() for one in held], "phantom": sweep.as_dict()}
+        found = {"bodies": [one.to_dict() for one in held], "phantom": sweep.to_dict()}
         text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         paths = write_folder(
-            out, {"report.html": page.write, "palpation.json": lambda path: path.write_text(text, "utf-8")}
+            out, {"report.html": page.save, "palpation.json": lambda path: path.write_text(text, "utf-8")}
         )
     good = sum(one.stable for one in held)
     colour = "green" if good == len(held) else "red"
     output.print(f"[bold {colour}]{good} of {len(held)}[/] loops on bodies of 2 to 100 kPa come to rest in contact")
-    told = "a hand can tell" if sweep.told else "too little for a hand to tell"
+    told = "a hand can tell" if sweep.detectable else "too little for a hand to tell"
     output.print(f"{escape(sweep.title)}: feels {100 * sweep.contrast:.3g} % stiffer, {told}", soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)

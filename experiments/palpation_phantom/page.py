@@ -13,8 +13,8 @@ from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.simulation.bodies import pressed_at
 
-from experiments.palpation_phantom.stiffnesses import LAWS, Held
-from experiments.palpation_phantom.sweep import AWAY, JND, Sweep
+from experiments.palpation_phantom.stiffnesses import LAWS, PressResult
+from experiments.palpation_phantom.sweep import AWAY, JND, PalpationSweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,7 @@ __all__ = ["course_figure", "felt_figure", "margin_figure", "palpation_page"]
 _DASHED: Final = (0, (4, 3))
 
 
-def palpation_page(held: Sequence[Held], sweep: Sweep) -> Page:
+def palpation_page(held: Sequence[PressResult], sweep: PalpationSweep) -> Page:
     """Return the page of runs on bodies of several stiffnesses, and of the sweeps over the phantom."""
     good = sum(one.stable for one in held)
     soft, stiff = (pick(one.young for one in held) / 1e3 for pick in (min, max))
@@ -36,7 +36,7 @@ def palpation_page(held: Sequence[Held], sweep: Sweep) -> Page:
     page.section("Bodies from soft to stiff")
     page.verdict(
         f"{good} of {len(held)} loops, on bodies of {soft:g} to {stiff:g} kPa, stay bounded and come to rest in "
-        "contact, where the linear loop is stable by four roads.",
+        "contact, where the linear loop is stable by four criteria.",
         "good" if good == len(held) else "bad",
     )
     page.paragraph(
@@ -83,25 +83,25 @@ def _unbroken(text: str) -> str:
     return text.replace(" ", "\u00a0").replace("–", "\u2060–\u2060")
 
 
-def _phantom(page: Page, sweep: Sweep) -> None:
+def _phantom(page: Page, sweep: PalpationSweep) -> None:
     page.section("The palpation phantom")
-    told = "a hand can tell" if sweep.told else "too little for a hand to tell"
+    told = "a hand can tell" if sweep.detectable else "too little for a hand to tell"
     page.verdict(
         f"The nodule raises the stiffness felt by {100 * sweep.contrast:.3g} %: {told} "
         f"(the just-noticeable difference is about {100 * JND:g} %).",
-        "good" if sweep.told else "note",
+        "good" if sweep.detectable else "note",
     )
     page.paragraph(
         f"{sweep.title}: 100 x 100 x 50 mm, skin of 2 mm, a nodule of 15 mm. The LQG holds the press while the hand "
         "leads a flat end of 16 mm over the middle at 20 mm/s. The block's edges count, too: along the sweep the "
-        f"middle feels {100 * sweep.lump.contrast:.3g} % stiffer than {1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm beside "
-        f"it, without the nodule {100 * sweep.plain.contrast:.3g} %."
+        f"middle feels {100 * sweep.with_nodule.contrast:.3g} % stiffer than {1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm "
+        f"beside it, without the nodule {100 * sweep.without_nodule.contrast:.3g} %."
     )
     page.facts(
         [
-            ("over the nodule", f"{sweep.lump.over:.4g} N/m"),
-            ("beside it", f"{sweep.lump.beside:.4g} N/m"),
-            ("there without it", f"{sweep.plain.over:.4g} N/m"),
+            ("over the nodule", f"{sweep.with_nodule.over:.4g} N/m"),
+            ("beside it", f"{sweep.with_nodule.beside:.4g} N/m"),
+            ("there without it", f"{sweep.without_nodule.over:.4g} N/m"),
             ("nodule's contrast", f"{100 * sweep.contrast:.3g} %"),
         ]
     )
@@ -118,7 +118,7 @@ def _phantom(page: Page, sweep: Sweep) -> None:
     page.figure(forces(trace), "The forces of the sweep.")
 
 
-def course_figure(held: Sequence[Held]) -> Figure:
+def course_figure(held: Sequence[PressResult]) -> Figure:
     """Return deflection, mm, and force as a part of its largest, against time: a column for each law."""
     laws = list(dict.fromkeys(one.law for one in held))
     figure, rows = new_figure(2, len(laws), height=2.3, sharey=False)
@@ -139,7 +139,7 @@ def course_figure(held: Sequence[Held]) -> Figure:
     return figure
 
 
-def margin_figure(held: Sequence[Held]) -> Figure:
+def margin_figure(held: Sequence[PressResult]) -> Figure:
     """Return the stiffness of each contact and the critical one against Young's modulus."""
     figure, rows = new_figure(1, 1, height=3.0)
     panel = rows[0][0]
@@ -160,11 +160,11 @@ def margin_figure(held: Sequence[Held]) -> Figure:
     return figure
 
 
-def felt_figure(sweep: Sweep) -> Figure:
+def felt_figure(sweep: PalpationSweep) -> Figure:
     """Return the stiffness felt along the sweep, with and without the nodule."""
     figure, rows = new_figure(1, 1, height=3.2)
     panel = rows[0][0]
-    lump, plain = sweep.lump, sweep.plain
+    lump, plain = sweep.with_nodule, sweep.without_nodule
     panel.fill_between(
         1e3 * plain.place, plain.stiffness, (1.0 + JND) * plain.stiffness, color=FAINT, alpha=0.22, linewidth=0
     )

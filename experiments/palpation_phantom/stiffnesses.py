@@ -8,16 +8,16 @@ from math import inf, isfinite
 from typing import Any, Final
 
 from palpate.errors import ScenarioError
-from palpate.metrics.body_contact import Palpation, palpation
+from palpate.metrics.body_contact import PalpationMetrics, palpation_metrics
 from palpate.scenario import Scenario
-from palpate.scenario.operators import STIFFNESS, loose_grip
+from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
 from palpate.stability import ContactStability, contact_stability
-from palpate.units import in_si
+from palpate.units import to_si
 
-__all__ = ["LAWS", "POSE", "YOUNG", "Held", "controller_of", "press_all", "press_scenario"]
+__all__ = ["LAWS", "POSE", "YOUNG", "PressResult", "controller_of", "press_all", "press_scenario"]
 
 YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
 POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
@@ -43,7 +43,7 @@ _BLOCK_YOUNG: Final = 10e3  # Pa
 
 
 @dataclass(frozen=True)
-class Held:
+class PressResult:
     """One body under one law.
 
     Attributes:
@@ -56,15 +56,15 @@ class Held:
     young: float
     law: str
     trace: Trace
-    found: Palpation
+    found: PalpationMetrics
     contact: ContactStability | None
 
     @property
     def stable(self) -> bool:
-        """Whether the run stayed bounded and came to rest in contact, where its linear loop is stable by four roads."""
+        """Whether the run stayed bounded and came to rest in contact, and its linear loop there is stable."""
         return self.trace.stable and self.found.settled and self.contact is not None and self.contact.stable
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds."""
         contact = self.contact
         return {
@@ -74,7 +74,7 @@ class Held:
             "contact_stiffness_N_per_m": None if contact is None else contact.stiffness,
             "critical_stiffness_N_per_m": None if contact is None else plain(contact.critical_stiffness),
             "spectral_radius": None if contact is None else contact.radius,
-            **self.found.as_dict(),
+            **self.found.to_dict(),
         }
 
 
@@ -108,8 +108,8 @@ def press_scenario(
     modulus, expected = _positive(young, "Pa", "young"), _positive(stiffness, "N/m", "stiffness")
     press = min(expected * DEPTH, MOST)
     if shown:  # the hand's own spring is pressed, too
-        press *= 1.0 + STIFFNESS / expected
-    lead = STIFFNESS * SLIDE
+        press *= 1.0 + OPERATOR_STIFFNESS / expected
+    lead = OPERATOR_STIFFNESS * SLIDE
     # time, part of the press, part of the slide
     course = (
         (0.0, 0, 0),
@@ -129,11 +129,11 @@ def press_scenario(
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "impedance_display" if shown else "force_tracking"},
         **({} if shown else {"reference": {"shape": "table", "table": pressed}}),
-        "operator": loose_grip(led),
+        "operator": default_operator(led),
         "object": {
             "kind": "body",
             "position": [f"{SLIDE / 2:g} m", "0 m", "-0.2 mm"],
-            "body": {**(BLOCK if body is None else body), "stiffer": modulus / _BLOCK_YOUNG},
+            "body": {**(BLOCK if body is None else body), "stiffness_scale": modulus / _BLOCK_YOUNG},
         },
         "controller": controller,
         "run": {"duration": "4 s"},
@@ -141,7 +141,7 @@ def press_scenario(
 
 
 def _positive(value: float | str, unit: str, field: str) -> float:
-    found = in_si(value, unit, field)
+    found = to_si(value, unit, field)
     if not 0.0 < found < inf:
         raise ScenarioError(f"{field}: {found:g} {unit} must be positive and finite")
     return found
@@ -157,7 +157,7 @@ def press_all(
     *,
     body: dict[str, Any] | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> list[Held]:
+) -> list[PressResult]:
     """Run every law on a body of every Young's modulus, Pa or text; `progress` is told what, and the share done."""
     moduli = [_positive(modulus, "Pa", "young") for modulus in young]
     tell = progress if progress is not None else (lambda _text, _share: None)
@@ -165,13 +165,13 @@ def press_all(
     ten = scenario_body(Scenario.from_dict(press_scenario(_BLOCK_YOUNG, "shown as it is", 1.0, body)), tell)
     low, high = ten.nodes.min(axis=0), ten.nodes.max(axis=0)
     radius = 8e-3
-    stiffness = float(ten.press((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
+    stiffness = float(ten.indent((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
     runs = []
     for number, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in moduli):
         tell(f"{modulus / 1e3:g} kPa, {law}", number / (len(moduli) * len(laws)))
         trace = simulate(press_scenario(modulus, law, stiffness * modulus / _BLOCK_YOUNG, body))
-        found = palpation(trace)
+        found = palpation_metrics(trace)
         if found is None:
             raise RuntimeError(f"the tip never touched the body of {modulus:g} Pa")
-        runs.append(Held(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
+        runs.append(PressResult(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
     return runs

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from palpate.errors import ScenarioError
 from palpate.metrics.body_contact import JND
 from palpate.scenario import Scenario
-from palpate.scenario.operators import STIFFNESS, loose_grip
+from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
-from palpate.units import in_si, write
+from palpate.units import to_si, write
 
 from experiments.palpation_phantom.stiffnesses import PERIOD, POSE, controller_of
 
-__all__ = ["AWAY", "JND", "Felt", "Sweep", "felt", "sweep_phantom", "sweep_scenario"]
+__all__ = ["AWAY", "JND", "PalpationSweep", "StiffnessProfile", "stiffness_profile", "sweep_phantom", "sweep_scenario"]
 
 Array = NDArray[np.float64]
 LENGTH: Final = 64e-3  # m
@@ -29,7 +29,7 @@ AWAY: Final = (20e-3, 28e-3)  # m from the middle: where the way counts as besid
 
 
 @dataclass(frozen=True)
-class Felt:
+class StiffnessProfile:
     """The stiffness that the tip meets along a sweep, force over deflection.
 
     Attributes:
@@ -50,41 +50,41 @@ class Felt:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PalpationSweep:
     """The same sweep over a phantom with its nodule and without.
 
     Attributes:
         title: which phantom.
         trace: over the nodule.
-        lump, plain: what is felt with and without it.
+        with_nodule, without_nodule: stiffness along the path with the nodule and without.
     """
 
     title: str
     trace: Trace
-    lump: Felt
-    plain: Felt
+    with_nodule: StiffnessProfile
+    without_nodule: StiffnessProfile
 
     @property
     def contrast(self) -> float:
         """How much stiffer the middle feels for the nodule: over the phantom without it at the same place."""
-        return self.lump.over / self.plain.over - 1.0
+        return self.with_nodule.over / self.without_nodule.over - 1.0
 
     @property
-    def told(self) -> bool:
-        """Whether a hand can tell: the contrast exceeds the just-noticeable difference."""
+    def detectable(self) -> bool:
+        """Whether the contrast exceeds the just-noticeable difference."""
         return self.contrast > JND
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds."""
         return {
             "phantom": self.title,
-            "over_nodule_N_per_m": self.lump.over,
-            "beside_nodule_N_per_m": self.lump.beside,
-            "without_nodule_N_per_m": self.plain.over,
+            "over_nodule_N_per_m": self.with_nodule.over,
+            "beside_nodule_N_per_m": self.with_nodule.beside,
+            "without_nodule_N_per_m": self.without_nodule.over,
             "contrast": self.contrast,
-            "contrast_along_sweep": self.lump.contrast,
+            "contrast_along_sweep": self.with_nodule.contrast,
             "just_noticeable": JND,
-            "told": self.told,
+            "detectable": self.detectable,
         }
 
 
@@ -94,7 +94,7 @@ def sweep_phantom(
     depth: float | str = "5 mm",
     spacing: float | str = "5 mm",
     progress: Callable[[str, float], None] | None = None,
-) -> Sweep:
+) -> PalpationSweep:
     """Sweep over the phantom with a nodule `contrast` times as stiff, its top `depth` deep, and over one without.
 
     `depth` and the `spacing` of its cells in m, or text. Both are kept where scenarios keep bodies
@@ -103,16 +103,16 @@ def sweep_phantom(
     Raises:
         ScenarioError: such a phantom cannot be made.
     """
-    deep, stiff = in_si(depth, "m", "depth"), in_si(contrast, "", "contrast")
-    cells = write(in_si(spacing, "m", "spacing"), "m")
+    deep, stiff = to_si(depth, "m", "depth"), to_si(contrast, "", "contrast")
+    cells = write(to_si(spacing, "m", "spacing"), "m")
     body = {"shape": "phantom", "depth": write(deep, "m"), "spacing": cells, "radius": "8 mm", "tip": "flat"}
     traces = []
     for times in (stiff, 1.0):
         scenario = Scenario.from_dict(sweep_scenario({**body, "contrast": times}))
         scenario_body(scenario, progress)
         traces.append(simulate(scenario))
-    lump, plain = (felt(trace) for trace in traces)
-    return Sweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
+    lump, plain = (stiffness_profile(trace) for trace in traces)
+    return PalpationSweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
 
 
 def sweep_scenario(
@@ -129,16 +129,16 @@ def sweep_scenario(
     Raises:
         ScenarioError: the law is unknown, or the press cannot be read.
     """
-    controller, force = controller_of(law), in_si(press, "N", "press")
+    controller, force = controller_of(law), to_si(press, "N", "press")
     end = FROM + LENGTH / SPEED
-    lead = STIFFNESS * LENGTH
+    lead = OPERATOR_STIFFNESS * LENGTH
     return {
         "title": title or "A sweep over the phantom",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "force_tracking"},
         "reference": {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", f"{-force:g} N"]},
-        "operator": loose_grip(
+        "operator": default_operator(
             [
                 ["0 s", "0 N", "0 N", "0 N"],
                 [f"{FROM:g} s", "0 N", "0 N", "0 N"],
@@ -152,13 +152,13 @@ def sweep_scenario(
     }
 
 
-def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
+def stiffness_profile(trace: Trace, nodule: float | str = "7.5 mm") -> StiffnessProfile:
     """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m or text.
 
     Raises:
         ScenarioError: the trace is not that of such a sweep: the tip does not touch both over the nodule and beside it.
     """
-    radius = in_si(nodule, "m", "nodule")
+    radius = to_si(nodule, "m", "nodule")
     moving = (trace.time > FROM + 0.2) & (trace["touching"][:, 0] > 0.0)
     place = trace["tip"][moving, 0] - trace["tip"][0, 0]
     deflection = np.linalg.norm(trace["deflection"][moving], axis=1)
@@ -169,7 +169,7 @@ def felt(trace: Trace, nodule: float | str = "7.5 mm") -> Felt:
             f"the tip touches nothing within {1e3 * radius:g} mm of the middle of the sweep, or "
             f"{1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm beside it: this is no sweep over a phantom"
         )
-    return Felt(
+    return StiffnessProfile(
         place,
         stiffness,
         over=float(stiffness[near].max()),

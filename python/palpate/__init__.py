@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
+    __version__: str
+
     from palpate.contact import Contact, Mesh, Proxy, Surface
     from palpate.control.controller import Controller
     from palpate.devices import Device
@@ -61,6 +63,7 @@ __all__ = [
     "Scenario",
     "Surface",
     "Trace",
+    "__version__",
     "contact",
     "control",
     "devices",
@@ -83,6 +86,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("palpate")
+        except PackageNotFoundError:  # run from a source tree that is not installed
+            return "unknown"
     if name in _LAZY_ATTRIBUTES:
         return getattr(importlib.import_module(_LAZY_ATTRIBUTES[name]), name)
     if name in _SUBPACKAGES:

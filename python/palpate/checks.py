@@ -6,7 +6,7 @@ import math
 
 from palpate.errors import StabilityError
 
-__all__ = ["finite", "not_negative", "positive", "share"]
+__all__ = ["finite", "fraction", "not_negative", "positive"]
 
 
 def positive(value: float, name: str, unit: str) -> float:
@@ -25,7 +25,7 @@ def not_negative(value: float, name: str, unit: str) -> float:
     return number
 
 
-def share(value: float, name: str) -> float:
+def fraction(value: float, name: str) -> float:
     """Return ``value`` as a float, or raise StabilityError unless 0 <= value < 1."""
     number = finite(value, name, "(a pure number)")
     if not 0.0 <= number < 1.0:

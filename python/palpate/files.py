@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from errno import EACCES, EINVAL, EISDIR, ENOTDIR
 from os import strerror
@@ -16,27 +16,36 @@ from typing import Final
 
 from palpate.errors import OutputError, PalpateError
 
-__all__ = ["HDF5_SIGNATURE", "check_readable", "check_writable", "named", "write_folder", "write_json", "write_whole"]
+__all__ = [
+    "HDF5_SIGNATURE",
+    "as_path",
+    "atomic_write",
+    "check_readable",
+    "check_suffix",
+    "check_writable",
+    "write_folder",
+    "write_json",
+]
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 Writer = Callable[[Path], object]
 
 
-def named(path: object, error: type[PalpateError]) -> Path:
+def as_path(path: object, error: type[PalpateError]) -> Path:
     """Return the path that a file's name is, or raise `error` if it is none: None, or a number."""
     if not isinstance(path, str | os.PathLike):
         raise error(f"a file is named by text or a Path, not by {path!r}")
     return Path(path)
 
 
-def write_whole(path: str | os.PathLike[str], write: Writer) -> Path:
+def atomic_write(path: str | os.PathLike[str], write: Writer) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
 
     Raises:
         OutputError: the folder cannot be written, the disk is full, a folder has that name, or `path` is no name.
     """
-    target = named(path, OutputError)
-    with _told(target):
+    target = as_path(path, OutputError)
+    with _translate_os_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
         os.close(handle)
@@ -52,20 +61,33 @@ def write_whole(path: str | os.PathLike[str], write: Writer) -> Path:
     return target
 
 
+def check_suffix(path: object, suffixes: Sequence[str], what: str, error: type[PalpateError] = OutputError) -> Path:
+    """Return the path under which `what` is saved, or raise `error` unless it ends in one of the suffixes."""
+    file = as_path(path, error)
+    if file.suffix.lower() not in suffixes:
+        raise error(f"{file}: {what} is saved as {' or '.join(suffixes)}, not as {file.suffix!r}")
+    return file
+
+
 def write_json(path: str | os.PathLike[str], value: object, indent: int | None = 1) -> Path:
-    """Write `value` as JSON, whole or not at all; raises as `write_whole`, and ValueError if a number is not finite."""
+    """Write `value` as JSON, whole or not at all.
+
+    Raises:
+        OutputError: as `atomic_write`.
+        ValueError: a number is not finite.
+    """
     text = json.dumps(value, indent=indent, allow_nan=False) + "\n"
-    return write_whole(path, lambda part: part.write_text(text, "utf-8"))
+    return atomic_write(path, lambda part: part.write_text(text, "utf-8"))
 
 
 def check_writable(path: str | Path) -> None:
-    """Say before long work that `write_whole` could not put a file there.
+    """Say before long work that `atomic_write` could not put a file there.
 
     Raises:
         OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
     """
-    target = named(path, OutputError)
-    with _told(target):
+    target = as_path(path, OutputError)
+    with _translate_os_errors(target):
         if "\0" in str(target):
             raise OSError(EINVAL, "a name has no null character in it")
         if target.is_dir():
@@ -86,7 +108,7 @@ def check_readable(path: str | os.PathLike[str], error: type[PalpateError], *, k
         kind: of file wanted, for the sentence about a folder: "the mesh's file".
         otherwise: what makes such a file, for the sentence about one that is missing.
     """
-    file = named(path, error)
+    file = as_path(path, error)
     try:
         folder, there = file.is_dir(), file.is_file()
     except OSError as problem:  # a name that is too long
@@ -108,8 +130,8 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
     Raises:
         OutputError: the folder cannot be written, the disk is full, or it is a file.
     """
-    target = named(folder, OutputError)
-    with _told(target):
+    target = as_path(folder, OutputError)
+    with _translate_os_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
         try:
@@ -127,7 +149,7 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
 
 
 @contextmanager
-def _told(target: Path) -> Iterator[None]:
+def _translate_os_errors(target: Path) -> Iterator[None]:
     """Say in a sentence what the operating system refused."""
     try:
         yield

@@ -24,7 +24,7 @@ from palpate.errors import PalpateError, ScenarioError
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-__all__ = ["in_si", "parse", "parse_any", "parse_vector", "quantity", "vector", "write"]
+__all__ = ["parse", "parse_any", "parse_vector", "quantity", "to_si", "vector", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -77,7 +77,7 @@ def quantity(value: object, unit: str, field: str, *, error: type[PalpateError] 
         raise error(f"{field}: {problem}") from None
 
 
-def in_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
+def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
     """Return `value` in the SI unit `unit`: a number as it is, text as `quantity` reads it, which says what raises."""
     if isinstance(value, SupportsFloat) and not isinstance(value, bool):
         with suppress(TypeError):  # an array of several

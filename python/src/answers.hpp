@@ -20,7 +20,7 @@ inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::
 /// Numbers of an answer: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
 constexpr std::size_t answer_width = 14;
 
-inline void set_lane(const palpate::deformable::ContactResult& a, double* row) {
+inline void write_row(const palpate::deformable::ContactResult& a, double* row) {
   Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
   Eigen::Map<palpate::math::Vector3<>>(row + 3) = a.deflection;
   row[6] = a.energy;

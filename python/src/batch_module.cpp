@@ -13,6 +13,7 @@
 
 #include "arrays.hpp"
 #include "batch.hpp"
+#include "loop_setup.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -25,10 +26,10 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 template <class Mechanism>
 struct Columns {
   static constexpr int dof = Mechanism::dof;
-  using Setup = palpate::servo::SimulationSetup<Mechanism>;
+  using Setup = LoopSetup<Mechanism>;
   struct Column {
     int width;
-    std::function<void(Setup&, const double*)> set_lane;
+    std::function<void(Setup&, const double*)> set;
   };
 
   template <class Get>
@@ -46,21 +47,21 @@ struct Columns {
 
   static const std::map<std::string, Column>& all() {
     static const std::map<std::string, Column> columns = {
-        {"stiffness", three([](Setup& s) -> auto& { return s.stiffness; })},
-        {"damping", three([](Setup& s) -> auto& { return s.damping; })},
-        {"anchor", three([](Setup& s) -> auto& { return s.anchor.point; })},
-        {"hold", three([](Setup& s) -> auto& { return s.hold; })},
+        {"stiffness", three([](Setup& s) -> auto& { return s.wall.stiffness; })},
+        {"damping", three([](Setup& s) -> auto& { return s.wall.damping; })},
+        {"anchor", three([](Setup& s) -> auto& { return s.wall.point; })},
+        {"hold", three([](Setup& s) -> auto& { return s.gravity_compensation; })},
         {"start", joints([](Setup& s) -> auto& { return s.start; })},
         {"start_speed", joints([](Setup& s) -> auto& { return s.start_speed; })},
         {"delay", {1, [](Setup& s, const double* x) { s.delay = static_cast<int>(*x); }}},
         {"jitter", one([](Setup& s) -> auto& { return s.jitter; })},
         {"seed", {1, [](Setup& s, const double* x) { s.seed = static_cast<std::uint64_t>(*x); }}},
-        {"hand_mass", one([](Setup& s) -> auto& { return s.hand.mass; })},
-        {"hand_damping", one([](Setup& s) -> auto& { return s.hand.damping; })},
-        {"hand_stiffness", one([](Setup& s) -> auto& { return s.hand.stiffness; })},
-        {"tissue_stiffness", one([](Setup& s) -> auto& { return s.hand.tissue_stiffness; })},
-        {"tissue_damping", one([](Setup& s) -> auto& { return s.hand.tissue_damping; })},
-        {"hand_rest", three([](Setup& s) -> auto& { return s.hand.rest; })},
+        {"hand_mass", one([](Setup& s) -> auto& { return s.human_arm.mass; })},
+        {"hand_damping", one([](Setup& s) -> auto& { return s.human_arm.damping; })},
+        {"hand_stiffness", one([](Setup& s) -> auto& { return s.human_arm.stiffness; })},
+        {"tissue_stiffness", one([](Setup& s) -> auto& { return s.human_arm.tissue_stiffness; })},
+        {"tissue_damping", one([](Setup& s) -> auto& { return s.human_arm.tissue_damping; })},
+        {"hand_rest", three([](Setup& s) -> auto& { return s.human_arm.rest; })},
         {"encoder_step", joints([](Setup& s) -> auto& { return s.encoder.step; })},
         {"viscous", joints([](Setup& s) -> auto& { return s.friction.viscous; })},
         {"coulomb", joints([](Setup& s) -> auto& { return s.friction.coulomb; })},
@@ -71,18 +72,18 @@ struct Columns {
 };
 
 template <class Mechanism>
-nb::object run_cells(const palpate::servo::SimulationSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
+nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
                      const std::map<std::string, Rows>& columns, std::ptrdiff_t count, int threads, int lanes) {
   constexpr int width = palpate::servo::outcome_width<Mechanism::dof>;
-  using Setup = palpate::servo::SimulationSetup<Mechanism>;
+  using Setup = LoopSetup<Mechanism>;
   if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
     throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
-  if (base.held || base.linear || base.touched || base.body)
-    throw nb::value_error("a batch runs the nonlinear device, free to move, at an anchor");
+  if (!palpate::servo::runs_in_lanes(base.complete()))
+    throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear controller");
   struct Own {
     const double* data;
     int width;
-    const std::function<void(Setup&, const double*)>* set_lane;
+    const std::function<void(Setup&, const double*)>* set;
   };
   std::vector<Own> own;
   const auto& known = Columns<Mechanism>::all();
@@ -91,16 +92,17 @@ nb::object run_cells(const palpate::servo::SimulationSetup<Mechanism>& base, con
     if (found == known.end()) throw nb::value_error(("cells have no column " + name).c_str());
     if (rows.shape(0) != static_cast<std::size_t>(count) || rows.shape(1) != static_cast<std::size_t>(found->second.width))
       throw nb::value_error(("column " + name + " must be cells x " + std::to_string(found->second.width)).c_str());
-    own.push_back({rows.data(), found->second.width, &found->second.set_lane});
+    own.push_back({rows.data(), found->second.width, &found->second.set});
   }
   const auto cell = [&own](std::ptrdiff_t i, Setup& setup) {
-    for (const Own& column : own) (*column.set_lane)(setup, column.data + i * column.width);
+    for (const Own& column : own) (*column.set)(setup, column.data + i * column.width);
+    setup.object = palpate::object::SpringWall(setup.wall);
   };
   auto [rows, row] = new_array<double>({static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 0)), static_cast<std::size_t>(width)});
   {
     const nb::gil_scoped_release unlocked;
     const int ticks = static_cast<int>(reference.shape(0)) - 1;
-    palpate::batch::run_cells(base, cell, count, ticks, reference.data(), operator_force.data(), row, threads, lanes);
+    palpate::batch::run_cells<Mechanism>(base, cell, count, ticks, reference.data(), operator_force.data(), row, threads, lanes);
   }
   return nb::cast(rows);
 }
@@ -117,8 +119,8 @@ int palpate::batch::most_lanes() {
 
 void bind_batch(nb::module_& m) {
   m.def("most_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
-  static constexpr const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
-  palpate::mechanism::Registry::for_each([&m]<class Mechanism>() {
+  const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
+  palpate::mechanism::Registry::for_each([&m, doc]<class Mechanism>() {
     m.def("run_cells", &run_cells<Mechanism>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,
           "lanes"_a = 0, doc);
   });

@@ -22,11 +22,10 @@ inline RunLanes lanes_of(int lanes) {
 }
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
-template <class Mechanism, class Cell>
+template <class Mechanism, class Setup, class Cell>
 class JobScheduler {
  public:
-  JobScheduler(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken,
-               double* rows)
+  JobScheduler(const Setup& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken, double* rows)
       : setup_(base), cell_(cell), count_(count), taken_(taken), rows_(rows) {}
 
   /// Loops for lanes to begin with; whether there are any.
@@ -60,7 +59,7 @@ class JobScheduler {
     return &beginning_.emplace(setup_, rows_ + at_ * servo::outcome_width<Mechanism::dof>);
   }
 
-  servo::SimulationSetup<Mechanism> setup_;
+  Setup setup_;
   const Cell& cell_;
   std::ptrdiff_t count_;
   std::atomic<std::ptrdiff_t>& taken_;
@@ -71,9 +70,9 @@ class JobScheduler {
   std::optional<servo::BatchJob<Mechanism>> beginning_;
 };
 
-template <class Mechanism, class Cell>
-void run_cells(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
-               const double* operator_force, double* rows, int threads, int lanes) {
+template <class Mechanism, class Setup, class Cell>
+void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
+               double* rows, int threads, int lanes) {
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
   const RunLanes run = lanes_of(wide);
@@ -81,7 +80,7 @@ void run_cells(const servo::SimulationSetup<Mechanism>& base, const Cell& cell, 
   static_assert(index < mechanism::Registry::size, "batches run the mechanisms of the registry");
   std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
-    JobScheduler<Mechanism, Cell> cells(base, cell, count, taken, rows);
+    JobScheduler<Mechanism, Setup, Cell> cells(base, cell, count, taken, rows);
     while (cells.begin()) {
       const servo::JobQueue<Mechanism> queue = cells.queue();
       run(index, &queue, ticks, reference, operator_force);

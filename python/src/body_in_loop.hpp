@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
-#include <palpate/object/deformable_object.hpp>
+#include <palpate/object/body_instance.hpp>
 
 /// What every kind of body in Python gives a servo loop.
 struct BodyInLoop {
@@ -17,13 +17,14 @@ struct BodyInLoop {
   [[nodiscard]] virtual std::unique_ptr<palpate::object::DeformableObject> in_loop() const = 0;
 };
 
-/// A body at its place, with the tip that meets it; a flat end's axis is the body's own z. The body outlives it.
-struct BodyPlacement {
-  std::unique_ptr<palpate::object::DeformableObject> body;
-  palpate::object::BodyPlacement placed;
+/// A body, its pose and the tip that touches it; a flat end's axis is the body's own z. The Python body outlives it.
+struct PlacedBody {
+  palpate::object::BodyPlacement placement;
 
-  BodyPlacement(const BodyInLoop& kind, const palpate::math::Vector3<>& origin, const Eigen::Matrix3d& turn, double radius, bool flat)
-      : body(kind.in_loop()), placed{body.get(), origin,
-                                     turn,       flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere,
-                                     radius,     palpate::math::Vector3<>::UnitZ()} {}
+  PlacedBody(const BodyInLoop& kind, const palpate::math::Vector3<>& origin, const Eigen::Matrix3d& rotation, double radius, bool flat)
+      : placement{.body = kind.in_loop(),
+                  .origin = origin,
+                  .rotation = rotation,
+                  .tip = flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere,
+                  .radius = radius} {}
 };

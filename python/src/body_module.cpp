@@ -88,7 +88,7 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
               tip.centre = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
               tip.outward = faces ? self.contact.outward(tip)
                                   : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              set_lane(self.contact.step(tip), row);
+              write_row(self.contact.step(tip), row);
             }
             return rows;
           },
@@ -284,7 +284,7 @@ void bind_body(nb::module_& m) {
             return nb::make_tuple(frame.number, frame.tick, rows);
           },
           "The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
-  nb::class_<BodyPlacement>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
+  nb::class_<PlacedBody>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
       .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
            "turn"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
   bind_kind<Compliance>(m, "ElasticBody")

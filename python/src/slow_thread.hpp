@@ -10,15 +10,15 @@
 /// A body's slow steps in a thread of their own, until it is destroyed.
 class SlowThread {
  public:
-  using TickSchedule = std::chrono::steady_clock;
+  using Clock = std::chrono::steady_clock;
 
   /// `step` takes one slow step.
   explicit SlowThread(std::function<void()> step)
       : thread_([this, step = std::move(step)] {
           while (!stop_.load(std::memory_order_relaxed)) {
-            const auto begin = TickSchedule::now();
+            const auto begin = Clock::now();
             step();
-            seconds_.push_back(std::chrono::duration<double>(TickSchedule::now() - begin).count());
+            seconds_.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
             std::this_thread::sleep_until(begin + least_);
           }
         }) {}

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <palpate/math/latest_value.hpp>
 #include <palpate/object/deformable_object.hpp>
 
@@ -8,19 +9,20 @@
 class SolidFrames {
  public:
   explicit SolidFrames(std::size_t points) : points_(points) {
-    for (palpate::object::DeformationFrame& moved : box_.places()) moved.displacement.assign(3 * points, 0.0);
+    for (palpate::object::DeformationFrame& moved : box_->slots()) moved.displacement.assign(3 * points, 0.0);
   }
 
-  [[nodiscard]] palpate::math::LatestValue<palpate::object::DeformationFrame>* box() noexcept { return &box_; }
+  [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::DeformationFrame>> box() const noexcept { return box_; }
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
 
   /// For one thread at a time.
   const palpate::object::DeformationFrame& latest() noexcept {
-    box_.fetch();
-    return box_.value();
+    box_->acquire();
+    return box_->value();
   }
 
  private:
   std::size_t points_;
-  palpate::math::LatestValue<palpate::object::DeformationFrame> box_;
+  std::shared_ptr<palpate::math::LatestValue<palpate::object::DeformationFrame>> box_ =
+      std::make_shared<palpate::math::LatestValue<palpate::object::DeformationFrame>>();
 };

@@ -24,7 +24,7 @@ namespace {
 using palpate::solid::AnyPressed;
 using palpate::solid::AnySolid;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using JobScheduler = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using Cells = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Integers = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
@@ -46,7 +46,7 @@ auto widest(Make make) {
   return make(std::integral_constant<int, 2>());
 }
 
-palpate::deformable::TetMesh mesh_of(const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
+palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
                                      const Flags& held) {
   const std::size_t n = points.shape(0), m = cells.shape(0);
   if (n == 0 || m == 0 || shear.shape(0) != m || lame.shape(0) != m || held.shape(0) != n)
@@ -170,9 +170,9 @@ void bind_pressed(nb::module_& m) {
   nb::class_<PressedCore>(m, "PressedSolid")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
-             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near) {
+          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near) {
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
             new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
@@ -214,7 +214,7 @@ void bind_pressed(nb::module_& m) {
       .def(
           "live",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
-            using TickSchedule = SlowThread::TickSchedule;
+            using Clock = SlowThread::Clock;
             Ways ways(centres, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             auto [times, t] = new_array<double>({ways.ticks(), 2});
@@ -226,15 +226,15 @@ void bind_pressed(nb::module_& m) {
                 self.pressing.tick(ways.at(0));
                 other = std::make_unique<SlowThread>([&self] { self.pressing.slow_step(); });
               }
-              const auto begin = TickSchedule::now();
+              const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
                 const palpate::deformable::TipPair& tips = ways.at(k);
-                const auto due = begin + std::chrono::duration_cast<TickSchedule::duration>(
-                                             std::chrono::duration<double>(period * static_cast<double>(k)));
+                const auto due =
+                    begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
                 std::this_thread::sleep_until(due);
-                const auto woken = TickSchedule::now();
+                const auto woken = Clock::now();
                 self.pressing.tick(tips);
-                t[1] = std::chrono::duration<double>(TickSchedule::now() - woken).count();
+                t[1] = std::chrono::duration<double>(Clock::now() - woken).count();
                 t[0] = std::chrono::duration<double>(woken - due).count();
                 ways.write(self.pressing.servo(), row);
               }
@@ -315,10 +315,10 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
-             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway,
-             double hold, double slide) {
+          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double hold,
+             double slide) {
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
@@ -341,7 +341,7 @@ void bind_nonlinear(nb::module_& m) {
               const palpate::math::Vector3<> out =
                   faces ? palpate::math::Vector3<>::UnitZ()
                         : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              set_lane(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
+              write_row(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
             }
             return rows;
           },
@@ -360,7 +360,7 @@ void bind_nonlinear(nb::module_& m) {
                                                           Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               self.begun = true;
               row[answer_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
-              set_lane(self.body.last(), row);
+              write_row(self.body.last(), row);
             }
             return rows;
           },
@@ -391,7 +391,7 @@ void bind_solid(nb::module_& m) {
   nb::class_<SolidCore>(m, "Solid")
       .def(
           "__init__",
-          [](SolidCore* self, const Points& points, const JobScheduler& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+          [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
              bool corotational) {
             const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, held);
             auto solid = widest([&](auto lanes) { return palpate::solid::make<lanes()>(corotational, mesh); });

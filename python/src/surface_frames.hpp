@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <palpate/math/latest_value.hpp>
 #include <palpate/object/deformable_object.hpp>
@@ -25,7 +26,7 @@ class SurfaceFrames {
       : nodes_(nodes),
         compliance_(compliance),
         every_(std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(1.0 / rate))) {
-    for (Frame& frame : frames_.places()) frame.displacement.assign(3 * nodes_, 0.0);
+    for (Frame& frame : frames_.slots()) frame.displacement.assign(3 * nodes_, 0.0);
     thread_ = std::thread([this] { draw(); });
   }
   SurfaceFrames(const SurfaceFrames&) = delete;
@@ -41,12 +42,12 @@ class SurfaceFrames {
     thread_.join();
   }
 
-  [[nodiscard]] palpate::math::LatestValue<palpate::object::ContactFrame>* pressed() noexcept { return &pressed_; }
+  [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::ContactFrame>> pressed() const noexcept { return pressed_; }
   [[nodiscard]] std::size_t size() const noexcept { return nodes_; }
 
   /// For one thread at a time.
   const Frame& latest() noexcept {
-    frames_.fetch();
+    frames_.acquire();
     return frames_.value();
   }
 
@@ -57,13 +58,13 @@ class SurfaceFrames {
     for (std::int64_t number = 1; !ended_; ++number) {
       next += every_;
       if (end_.wait_until(held, next, [this] { return ended_; })) return;
-      if (pressed_.fetch()) show(number);
+      if (pressed_->acquire()) show(number);
     }
   }
 
   void show(std::int64_t number) noexcept {
-    const palpate::object::ContactFrame& pressed = pressed_.value();
-    Frame& frame = frames_.next();
+    const palpate::object::ContactFrame& pressed = pressed_->value();
+    Frame& frame = frames_.write_slot();
     const std::size_t row = 3 * nodes_;
     for (double& d : frame.displacement) d = 0.0;
     for (int k = 0; k < pressed.count; ++k) {
@@ -82,7 +83,8 @@ class SurfaceFrames {
   std::size_t nodes_;
   const float* compliance_;
   std::chrono::steady_clock::duration every_;
-  palpate::math::LatestValue<palpate::object::ContactFrame> pressed_;
+  std::shared_ptr<palpate::math::LatestValue<palpate::object::ContactFrame>> pressed_ =
+      std::make_shared<palpate::math::LatestValue<palpate::object::ContactFrame>>();
   palpate::math::LatestValue<Frame> frames_;
   std::mutex ending_;
   std::condition_variable end_;

@@ -4,7 +4,7 @@
 #include <memory>
 #include <palpate/mesh/mesh_updater.hpp>
 #include <palpate/mesh/proxy.hpp>
-#include <palpate/servo/servo.hpp>
+#include <palpate/object/mesh_object.hpp>
 #include <utility>
 #include <vector>
 
@@ -20,7 +20,7 @@ struct TouchMesh {
     if (mesh.usable()) tree = palpate::mesh::AabbTree(mesh);
   }
 
-  /// See Deformation::move.
+  /// See MeshUpdater::move.
   std::int32_t move(const std::vector<std::int32_t>& vertices, const std::vector<palpate::math::Vector3<>>& to) {
     if (moves == 0) deformation = palpate::mesh::MeshUpdater(mesh);
     const std::int32_t flat = deformation.move(mesh, tree, vertices.data(), to.data(), vertices.size());
@@ -32,21 +32,21 @@ struct TouchMesh {
 /// A mesh with the surface laid out over it, and the radius of the tip that touches it.
 struct TouchedSurface {
   std::shared_ptr<const TouchMesh> mesh;
-  std::unique_ptr<palpate::mesh::SurfaceField> field;
+  std::shared_ptr<palpate::mesh::SurfaceField> field;
   double radius;  // m
 
   TouchedSurface(std::shared_ptr<const TouchMesh> m, const palpate::mesh::Surface& surface, double r)
-      : mesh(std::move(m)), field(std::make_unique<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
+      : mesh(std::move(m)), field(std::make_shared<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
 
   /// After the mesh has moved from its state `seen` moves ago.
   void refit(std::int64_t seen) noexcept {
     const palpate::mesh::MeshUpdater& d = mesh->deformation;
     if (mesh->moves == seen + 1) {
-      field->refit(mesh->mesh, d.around().begin(), d.around().end());
+      field->refit(mesh->mesh, d.affected_faces().begin(), d.affected_faces().end());
     } else {
       field->refit(mesh->mesh);
     }
   }
 
-  [[nodiscard]] palpate::servo::MeshPlacement touched() const noexcept { return {&mesh->mesh, &mesh->tree, field.get(), radius}; }
+  [[nodiscard]] palpate::object::MeshModel model() const noexcept { return {{mesh, &mesh->mesh}, {mesh, &mesh->tree}, field}; }
 };

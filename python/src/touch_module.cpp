@@ -39,7 +39,7 @@ std::vector<palpate::mesh::Triangle> triangles(const Indices& a) {
 struct TouchProxy {
   std::unique_ptr<TouchedSurface> on;
   palpate::mesh::Proxy proxy;
-  palpate::mesh::Proxy::Grip grip{};
+  palpate::mesh::SurfaceAttachment attachment{};
   std::int64_t seen;  // moves of the mesh
 
   explicit TouchProxy(TouchedSurface&& surface)
@@ -51,13 +51,13 @@ struct TouchProxy {
   void catch_up() noexcept {
     if (seen == on->mesh->moves) return;
     on->refit(seen);
-    proxy.carry(grip);
+    proxy.reattach(attachment);
     seen = on->mesh->moves;
   }
 };
 
 TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::mesh::Surface& surface, double radius) {
-  if (!mesh->mesh.usable() || !palpate::mesh::SurfaceField::fits(surface, mesh->mesh) || !(radius >= 0.0))
+  if (!mesh->mesh.usable() || !palpate::mesh::SurfaceField::is_valid(surface, mesh->mesh) || !(radius >= 0.0))
     throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
   return {std::move(mesh), surface, radius};
 }
@@ -94,17 +94,17 @@ void bind_touch(nb::module_& m) {
            [](const TouchMesh& self) {
              const palpate::mesh::MeshDiagnosis& d = self.mesh.diagnosis();
              nb::dict out;
-             const auto set_lane = [&out](const char* name, const palpate::mesh::MeshDiagnosis::Count& c) {
+             const auto add_count = [&out](const char* name, const palpate::mesh::MeshDiagnosis::Count& c) {
                out[name] = nb::make_tuple(c.count, c.first);
              };
-             set_lane("not_finite", d.not_finite);
-             set_lane("index_out_of_range", d.index_out_of_range);
-             set_lane("degenerate", d.degenerate);
-             set_lane("duplicate", d.duplicate);
-             set_lane("non_manifold", d.non_manifold);
-             set_lane("mixed_winding", d.mixed_winding);
-             set_lane("open", d.open);
-             out["parts"] = d.parts;
+             add_count("not_finite", d.not_finite);
+             add_count("index_out_of_range", d.index_out_of_range);
+             add_count("degenerate", d.degenerate);
+             add_count("duplicate", d.duplicate);
+             add_count("non_manifold", d.non_manifold);
+             add_count("mixed_winding", d.mixed_winding);
+             add_count("open", d.open);
+             out["parts"] = d.components;
              out["volume"] = d.volume;
              return out;
            })
@@ -130,7 +130,7 @@ void bind_touch(nb::module_& m) {
             for (std::size_t i = 0; i < x.shape(0); ++i) {
               const auto near = self.tree.nearest(self.mesh, Eigen::Map<const palpate::math::Vector3<>>(x.data() + 3 * i));
               Eigen::Map<palpate::math::Vector3<>>(p + 3 * i) = near.at.point;
-              f[i] = near.facet;
+              f[i] = near.face;
             }
             return nb::make_tuple(at, facet);
           },
@@ -144,7 +144,7 @@ void bind_touch(nb::module_& m) {
         auto [out, data] = new_array<std::int64_t>({list.size(), 3});
         for (std::size_t f = 0; f < list.size(); ++f)
           for (std::size_t i = 0; i < 3; ++i) data[3 * f + i] = list[f][i];
-        return nb::make_tuple(out, done.dropped_degenerate, done.dropped_duplicate, done.turned);
+        return nb::make_tuple(out, done.dropped_degenerate, done.dropped_duplicate, done.flipped);
       },
       "vertices"_a, "triangles"_a);
 
@@ -179,9 +179,9 @@ void bind_touch(nb::module_& m) {
                 Eigen::Map<palpate::math::Vector3<>>(row + 6) = c.force;
                 row[9] = c.depth;
                 row[10] = c.stiffness;
-                f[i] = c.triangle;
+                f[i] = c.face;
               }
-              self.grip = self.proxy.grip();
+              self.attachment = self.proxy.attach();
             }
             return nb::make_tuple(rows, facet);
           },
@@ -202,7 +202,7 @@ void bind_touch(nb::module_& m) {
           },
           "path"_a, "How long each step took, s, the clock's own time included.")
       .def("reset", [](TouchProxy& self) { self.proxy.reset(); })
-      .def_prop_ro("faults", [](const TouchProxy& self) { return self.proxy.faults(); })
-      .def_prop_ro("unfinished", [](const TouchProxy& self) { return self.proxy.unfinished(); })
+      .def_prop_ro("faults", [](const TouchProxy& self) { return self.proxy.invalid_input_count(); })
+      .def_prop_ro("unfinished", [](const TouchProxy& self) { return self.proxy.iteration_limit_count(); })
       .def_prop_ro("sliding", [](const TouchProxy& self) { return self.proxy.sliding(); });
 }

@@ -1,13 +1,12 @@
 #pragma once
 
-/// Everything of palpate's core: device, touch, body, control, loop.
+/// The whole core. Including only the headers a program uses compiles several times faster.
 #include "palpate/actuation/delay.hpp"
 #include "palpate/actuation/drive_limits.hpp"
 #include "palpate/actuation/encoder.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
+#include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
-#include "palpate/control/virtual_coupling.hpp"
-#include "palpate/deformable/contact/tip_contact.hpp"
 #include "palpate/deformable/hyperelastic/corotational.hpp"
 #include "palpate/deformable/hyperelastic/neo_hookean.hpp"
 #include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
@@ -24,10 +23,17 @@
 #include "palpate/mechanism/mechanism.hpp"
 #include "palpate/mechanism/registry.hpp"
 #include "palpate/mechanism/tip_kinematics.hpp"
+#include "palpate/mesh/mesh_file.hpp"
 #include "palpate/mesh/mesh_repair.hpp"
+#include "palpate/mesh/mesh_updater.hpp"
 #include "palpate/mesh/proxy.hpp"
+#include "palpate/object/any_object.hpp"
+#include "palpate/object/body_instance.hpp"
 #include "palpate/object/deformable_object.hpp"
 #include "palpate/object/hyperelastic_object.hpp"
+#include "palpate/object/mesh_object.hpp"
+#include "palpate/object/moving_frame.hpp"
+#include "palpate/object/scene.hpp"
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/plant/device_catalog.hpp"
 #include "palpate/plant/human_arm.hpp"

@@ -4,9 +4,10 @@
 int main() {
   palpate::servo::ServoSetup<palpate::mechanism::Premium> setup{.mechanism =
                                                                     palpate::mechanism::Premium(palpate::plant::phantom_premium_1_5a())};
-  setup.anchor.kind = palpate::object::SpringWall::Kind::half_space;  // a wall through the origin, facing the operator
-  setup.stiffness.setConstant(800.0);                                 // N/m
-  palpate::servo::Servo<palpate::mechanism::Premium> servo(setup);
+  // A wall of 800 N/m through the origin, facing the operator.
+  const palpate::object::SpringWall wall(
+      {.kind = palpate::object::SpringWall::Kind::half_space, .stiffness = palpate::math::Vector3<>::Constant(800.0)});
+  palpate::servo::Servo<palpate::mechanism::Premium, palpate::object::SpringWall> servo(setup, wall);
 
   const auto inside = setup.mechanism.inverse({0.0, 0.0, -0.001}).q;  // one millimetre
   const auto& tick = servo.tick(inside, palpate::math::Vector3<>::Zero());

@@ -34,13 +34,13 @@ def identify(
     Example: palpate identify --simulate recording.csv, then palpate identify recording.csv
     """
     with progress("reading") as tell:
-        from palpate.identification import experiment, identify_recording
+        from palpate.identification import identify_recording, simulate_experiment
 
         if simulate:
             from palpate.devices import load
 
             tell("20 s of experiment", 0.1)
-            path = experiment(load(device), seed=seed).save(recording)
+            path = simulate_experiment(load(device), seed=seed).save(recording)
         else:
             result = identify_recording(recording, device, out, progress=lambda text: tell(text, 0.5))
     if simulate:

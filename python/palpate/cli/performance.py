@@ -21,23 +21,23 @@ def performance(
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
 ) -> None:
-    """Tell what a hand feels of a loop: impedance, stiffness, rate-hardness, force bandwidth, and whether it buzzes.
+    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth, and ripple.
 
     Writes performance.html and performance.json.
 
     Example: palpate performance scenarios/arm-through-tissue-on-a-wall.toml
     """
     with progress("reading the scenario") as tell:
-        from palpate.metrics import measure
+        from palpate.metrics import measure_performance
         from palpate.report import performance_page
         from palpate.scenario import Scenario
 
         loaded = Scenario.from_file(scenario)
-        found = measure(loaded, progress=tell)
+        found = measure_performance(loaded, progress=tell)
         tell("drawing", 0.9)
         page = performance_page(found)
         folder = out if out is not None else Path("results") / scenario.stem
-        paths = write_folder(folder, {"performance.html": page.write, "performance.json": found.write_json})
+        paths = write_folder(folder, {"performance.html": page.save, "performance.json": found.save})
     output.print(f"[bold]{loaded.title}[/]")
     for one in found.along:
         where = ", ".join(f"{part:.3g}" for part in one.direction)
@@ -49,8 +49,8 @@ def performance(
                 else f"{one.static_stiffness:.4g} N/m felt at rest, "
             )
             + (
-                f"as wished to within 23 % up to {one.transparent_to:.3g} Hz; "
-                if one.transparent_to
+                f"as wished to within 23 % up to {one.transparency_bandwidth:.3g} Hz; "
+                if one.transparency_bandwidth
                 else "nowhere as wished to within 23 %; "
             )
             + ("" if math.isnan(one.rate_hardness) else f"rate-hardness {one.rate_hardness:.4g} N/m; ")

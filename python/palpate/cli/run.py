@@ -51,9 +51,9 @@ def run(
         paths = write_folder(
             folder,
             {
-                "trace.h5": trace.write,
+                "trace.h5": trace.save,
                 "summary.json": lambda path: path.write_text(text, "utf-8"),
-                "report.html": page.write,
+                "report.html": page.save,
             },
         )
     colour = "green" if summary["stable"] else "red"

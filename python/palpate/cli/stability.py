@@ -36,7 +36,7 @@ def certify(
         tell("judging the loop", 0.1)
         certificate = judge(loaded)
         folder = out if out is not None else Path("results") / scenario.stem
-        writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.write}
+        writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.save}
         example = certificate.counter_example
         if example is not None:
             text = example.toml()
@@ -75,7 +75,7 @@ def zwidth(
         tell("drawing", 0.95)
         page = zwidth_page(found)
         folder = out if out is not None else Path("results") / scenario.stem
-        paths = write_folder(folder, {"zwidth.html": page.write, "zwidth.json": found.write_json})
+        paths = write_folder(folder, {"zwidth.html": page.save, "zwidth.json": found.save})
     output.print(f"[bold]{loaded.title}[/]")
     for name, curve in found.curves.items():
         b, k = curve.stiffest
@@ -119,7 +119,7 @@ def workspace(
         tell("drawing", 0.96)
         page = workspace_page(found)
         folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")
-        paths = write_folder(folder, {"workspace.html": page.write, "workspace.json": found.write_json})
+        paths = write_folder(folder, {"workspace.html": page.save, "workspace.json": found.save})
     output.print(f"[bold]{found.title}[/]: {found.loop}", soft_wrap=True)
     output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:

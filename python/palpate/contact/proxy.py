@@ -37,9 +37,9 @@ class Proxy:
         point = _numbers(tip, "a tip is three numbers in m")
         if point.shape != (3,):
             raise PoseError(f"a tip is three numbers in m; this has shape {point.shape}")
-        return self.follow(point[None, :])[0]
+        return self.simulate_path(point[None, :])[0]
 
-    def follow(self, path: ArrayLike) -> Contacts:
+    def simulate_path(self, path: ArrayLike) -> Contacts:
         """Go one tick for each row of `path` (n, 3), m, and return all contacts; the loop is the core's."""
         points = _numbers(path, "a path is (n, 3) numbers in m")
         if points.ndim != 2 or points.shape[1] != 3:

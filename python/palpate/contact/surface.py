@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.contact.mesh import Mesh
 from palpate.errors import PalpateError
-from palpate.units import in_si, quantity
+from palpate.units import quantity, to_si
 
 __all__ = ["SHADED_MOST", "Surface", "SurfaceError"]
 
@@ -79,14 +79,14 @@ class Surface:
 
 def number(value: float | str, name: str, unit: str) -> float:
     """Return `value` in SI: a number as it is, text with its unit. Raises SurfaceError if negative or not finite."""
-    found = in_si(value, unit, name, error=SurfaceError)
+    found = to_si(value, unit, name, error=SurfaceError)
     if not (math.isfinite(found) and found >= 0.0):
         raise SurfaceError(f"{name} must be finite and not negative; it is {found:g} {unit}")
     return found
 
 
 def _angle(value: float | str) -> float:
-    found = in_si(value, "rad", "shading", error=SurfaceError)
+    found = to_si(value, "rad", "shading", error=SurfaceError)
     if not 0.0 <= found <= SHADED_MOST:
         raise SurfaceError(f"shading must be an angle from 0 to 85 deg; it is {math.degrees(found):g} deg")
     return found

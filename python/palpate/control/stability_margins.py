@@ -60,7 +60,7 @@ class Margins:
     peak_frequency: float
     spectral_radius: float
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the margins as a plain dictionary for reports."""
         return asdict(self)
 

@@ -1,44 +1,44 @@
 """Deformable bodies condensed from finite elements, fast enough for the servo."""
 
-from palpate.fem.body import Body, Press, Presses
+from palpate.fem.body import Body, ContactHistory, Indentation
 from palpate.fem.builder import build
 from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.hyperelastic import Law, Solid, Strain
-from palpate.fem.material import Material, Region, Skin
+from palpate.fem.hyperelastic import HyperelasticModel, Law, Strain
+from palpate.fem.material import Material, Region, SurfaceLayer
 from palpate.fem.palpation_phantom import phantom
-from palpate.fem.quasi_static import Live, PressedSolid, Touches
-from palpate.fem.selectors import Place, ball, beyond, box, on_surface, place
+from palpate.fem.quasi_static import MultiTipHistory, QuasiStaticSolver, RealtimeRun
+from palpate.fem.selectors import Selector, box, half_space, on_surface, parse_selector, sphere
 from palpate.fem.volume import Volume, block, fill, grid, read_volume
 
 __all__ = [
     "Body",
     "BodyError",
     "BodyWarning",
+    "ContactHistory",
+    "HyperelasticModel",
+    "Indentation",
     "Law",
-    "Live",
     "Material",
-    "Place",
-    "Press",
-    "PressedSolid",
-    "Presses",
+    "MultiTipHistory",
+    "QuasiStaticSolver",
+    "RealtimeRun",
     "Region",
-    "Skin",
-    "Solid",
+    "Selector",
     "Strain",
-    "Touches",
+    "SurfaceLayer",
     "Volume",
-    "ball",
-    "beyond",
     "block",
     "box",
     "build",
     "fill",
     "grid",
+    "half_space",
     "load",
     "on_surface",
+    "parse_selector",
     "phantom",
-    "place",
     "read_volume",
+    "sphere",
 ]
 
 load = Body.load

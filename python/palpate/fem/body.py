@@ -33,13 +33,13 @@ from palpate.fem.checks import (
     whole,
 )
 from palpate.fem.errors import BodyError, BodyWarning, lost, press_to_rest
-from palpate.fem.free_form import SplineLaw, calibrate
-from palpate.fem.model_spec import PLAIN, Kind
-from palpate.fem.spring_network import Network, network, patches
-from palpate.fem.storage import Contents, read, write
+from palpate.fem.free_form import FreeFormLaw, calibrate
+from palpate.fem.model_spec import PLAIN, ModelSpec
+from palpate.fem.spring_network import SpringNetwork, build_network, patches
+from palpate.fem.storage import BodyData, read, write
 from palpate.fem.volume import Volume
 
-__all__ = ["Body", "Law", "Press", "Presses"]
+__all__ = ["Body", "ContactHistory", "Indentation", "Law"]
 
 Shape = Literal["sphere", "flat"]
 
@@ -56,14 +56,14 @@ Core = (
 )
 
 
-class Press(NamedTuple):
+class Indentation(NamedTuple):
     """What a tip that presses feels, and how the surface moves."""
 
     force: Array  # of the body on the tip (3,), N
     displacement: Array  # of the nodes (n, 3), m
 
 
-class Presses(NamedTuple):
+class ContactHistory(NamedTuple):
     """What a tip feels along a path of m places."""
 
     force: Array  # of the body on the tip (m, 3), N
@@ -76,18 +76,18 @@ class Presses(NamedTuple):
 class Body:
     """The touchable surface of an elastic solid: n nodes, and how far each moves under a force on each."""
 
-    def __init__(self, contents: Contents, kind: Kind = PLAIN) -> None:
+    def __init__(self, contents: BodyData, kind: ModelSpec = PLAIN) -> None:
         self.contents = contents
         self.kind = kind
-        self.settles: float | None = None  # period of a lattice, which `press` lets come to rest, s
-        self.eases = 0.0  # how long it takes for each radius that a tip goes in, s
+        self.settling_period: float | None = None  # period of a lattice, which `indent` lets come to rest, s
+        self.ramp_time = 0.0  # how long it takes for each radius that a tip goes in, s
 
     @classmethod
     def load(cls, path: str | Path) -> Body:
         """Read a body that `palpate body build` wrote; BodyError if it is not one, or not whole."""
         return cls(read(path))
 
-    def write(self, path: str | Path) -> Path:
+    def save(self, path: str | Path) -> Path:
         """Write the body (.h5), whole or not at all; what it is made of, not of which kind it is, nor its friction."""
         return write(self.contents, path)
 
@@ -165,37 +165,39 @@ class Body:
         return sparse.csr_matrix((shares, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
 
     @cached_property
-    def network(self) -> Network:
-        """The masses and springs of `lattice`; a few seconds for thousands of vertices."""
+    def spring_network(self) -> SpringNetwork:
+        """The masses and springs of `mass_spring`; a few seconds for thousands of vertices."""
         density = self._recorded("density_kg_per_m3")
-        return network(self.volume, self.contents.young, self._recorded("poisson"), density)
+        return build_network(self.volume, self.contents.young, self._recorded("poisson"), density)
 
     @cached_property
     def core(self) -> Core:
         """The contact of one tip, in C++."""
         return _core.ElasticBody(*self._arrays(), *self.kind.friction)
 
-    def stiffer(self, factor: float | str) -> Body:
+    def scaled_stiffness(self, factor: float | str) -> Body:
         """Return the same body, of the same kind, of a material `factor` times as stiff everywhere, which is exact.
 
         Raises:
             BodyError: the factor is not between a millionth and a million.
         """
-        times = positive(factor, "", "stiffer")
+        times = positive(factor, "", "stiffness_scale")
         if not 1e-6 <= times <= 1e6:
-            raise BodyError(f"stiffer: {times:g}; a body is a millionth to a million times as stiff as it was built")
+            raise BodyError(
+                f"stiffness_scale: {times:g}; a body is a millionth to a million times as stiff as it was built"
+            )
         return self._alike(
             replace(
                 self.contents,
                 compliance=(self.compliance / np.float32(times)).astype(np.float32),
                 young=self.contents.young * times,
                 frequencies=self.contents.frequencies * np.sqrt(times),
-                record={**self.record, "stiffer": times * self.record.get("stiffer", 1.0)},
+                record={**self.record, "scaled_stiffness": times * self.record.get("scaled_stiffness", 1.0)},
             ),
             self.kind.friction,
         )
 
-    def rough(self, static_friction: float | str, dynamic_friction: float | str | None = None) -> Body:
+    def with_friction(self, static_friction: float | str, dynamic_friction: float | str | None = None) -> Body:
         """Return the same body, of the same kind, with dry friction; `dynamic_friction` is as the static one if None.
 
         A tip drags the surface along and slips under it from the edge of the contact inwards (Cattaneo 1938, Mindlin
@@ -207,11 +209,13 @@ class Body:
         """
         return self._alike(self.contents, friction(static_friction, dynamic_friction))
 
-    def _alike(self, contents: Contents, coefficients: tuple[float, float]) -> Body:
+    def _alike(self, contents: BodyData, coefficients: tuple[float, float]) -> Body:
         """Return a body of the same kind: of other contents, or with other coefficients of friction."""
         plain = Body(contents, PLAIN._replace(friction=coefficients))
         if contents is self.contents:  # what took time to find
-            plain.__dict__ |= {name: self.__dict__[name] for name in ("network", "spline_law") if name in self.__dict__}
+            plain.__dict__ |= {
+                name: self.__dict__[name] for name in ("spring_network", "free_form_law") if name in self.__dict__
+            }
         if self.kind.name == PLAIN.name:
             return plain
         made: Body = getattr(plain, self.kind.name)(**self.kind.options)
@@ -223,29 +227,30 @@ class Body:
         options: Mapping[str, float | str],
         static_friction: float | str | None,
         dynamic_friction: float | str | None,
-    ) -> Kind:
+    ) -> ModelSpec:
         """Return the kind of a body that is made of this one: with its friction where none is given."""
         if static_friction is not None:
-            return Kind(name, options, friction(static_friction, dynamic_friction))
+            return ModelSpec(name, options, friction(static_friction, dynamic_friction))
         mine = self.kind.friction
-        return Kind(name, options, mine if dynamic_friction is None else friction(mine[0], dynamic_friction))
+        return ModelSpec(name, options, mine if dynamic_friction is None else friction(mine[0], dynamic_friction))
 
     def modal(
         self,
         period: float | str,
         *,
-        by_mass: float | str = 0.0,
-        by_stiffness: float | str = 0.0,
-        instant: float | str = 1.0,
-        creep: float | str = 1.0,
+        rayleigh_alpha: float | str = 0.0,
+        rayleigh_beta: float | str = 0.0,
+        instantaneous_ratio: float | str = 1.0,
+        retardation_time: float | str = 1.0,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body with inertia, for ticks of `period`, s or text; exact for forces held over each.
 
-        Rayleigh damping: `by_mass`, 1/s, times the mass and `by_stiffness`, s, times the stiffness; a mode of w rad/s
-        then has the damping ratio (by_mass / w + by_stiffness w) / 2. What the modes leave out has no inertia.
-        With `instant` above 1 it is made of a standard linear solid, as in `relaxing`. Friction is as in `rough`.
+        Rayleigh damping: `rayleigh_alpha`, 1/s, times the mass and `rayleigh_beta`, s, times the stiffness. A mode of
+        w rad/s has the damping ratio (rayleigh_alpha / w + rayleigh_beta w) / 2. The compliance that the modes leave
+        out has no inertia. With `instantaneous_ratio` above 1 the material is a standard linear solid, as in
+        `viscoelastic`. Friction is as in `with_friction`.
 
         Raises:
             BodyError: the body was built without modes, or a number is impossible.
@@ -255,9 +260,19 @@ class Body:
                 "the body was built without modes: build it with modes=100 (palpate body build --modes 100; of a "
                 "scenario's block or phantom, modes = 100)"
             )
-        tick, most, late = tick_period(period), stiffening(instant), positive(creep, "s", "creep")
-        damping = _damping(by_mass, by_stiffness)
-        options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1], "instant": most, "creep": late}
+        tick, most, late = (
+            tick_period(period),
+            stiffening(instantaneous_ratio),
+            positive(retardation_time, "s", "retardation_time"),
+        )
+        damping = _damping(rayleigh_alpha, rayleigh_beta)
+        options = {
+            "period": tick,
+            "rayleigh_alpha": damping[0],
+            "rayleigh_beta": damping[1],
+            "instantaneous_ratio": most,
+            "retardation_time": late,
+        }
         moving = Body(self.contents, self._kind("modal", options, static_friction, dynamic_friction))
         shapes = np.ascontiguousarray(self.contents.shapes)
         moving.core = _core.ModalBody(
@@ -272,57 +287,65 @@ class Body:
         )
         return moving
 
-    def relaxing(
+    def viscoelastic(
         self,
         period: float | str,
         *,
-        instant: float | str,
-        creep: float | str,
+        instantaneous_ratio: float | str,
+        retardation_time: float | str,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body made of a standard linear solid, for ticks of `period`, s or text.
 
-        Pressed in a step it is `instant` times as stiff as at last (at least 1), and it creeps there under a held force
-        with the time `creep`, s or text; at a held depth the force relaxes with `creep / instant`. Poisson's ratio
-        stays. Friction is as in `rough`.
+        Under a step it is `instantaneous_ratio` (at least 1) times as stiff as in the long term. Under a held force it
+        creeps there with the time constant `retardation_time`, s or text; at a held depth the force relaxes with
+        `retardation_time / instantaneous_ratio`. Poisson's ratio stays. Friction is as in `with_friction`.
 
         Raises:
             BodyError: a number is impossible.
         """
-        tick, most, late = tick_period(period), stiffening(instant), positive(creep, "s", "creep")
-        options = {"period": tick, "instant": most, "creep": late}
-        viscous = Body(self.contents, self._kind("relaxing", options, static_friction, dynamic_friction))
+        tick, most, late = (
+            tick_period(period),
+            stiffening(instantaneous_ratio),
+            positive(retardation_time, "s", "retardation_time"),
+        )
+        options = {"period": tick, "instantaneous_ratio": most, "retardation_time": late}
+        viscous = Body(self.contents, self._kind("viscoelastic", options, static_friction, dynamic_friction))
         viscous.core = _core.RelaxingBody(*self._arrays(), most, late, tick, *viscous.kind.friction)
         return viscous
 
-    def lattice(
+    def mass_spring(
         self,
         period: float | str,
         *,
-        by_mass: float | str = 0.0,
-        by_stiffness: float | str = 0.0,
+        rayleigh_alpha: float | str = 0.0,
+        rayleigh_beta: float | str = 0.0,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Body:
         """Return the same body as masses, springs and dampers on its mesh, for ticks of `period`, s or text.
 
         See `palpate.fem.spring_network` for what its springs are and how near they come; right for large turns, and
-        stable at any period. Damping as in `modal`, `by_stiffness` that of shear; half a period's is added to it (see
-        docs/bodies.md). Friction is as in `rough`; here what presses also moves nodes sideways.
+        stable at any period. Damping as in `modal`, `rayleigh_beta` that of shear; half a period's is added to it (see
+        docs/bodies.md). Friction is as in `with_friction`; here what presses also moves nodes sideways.
 
         Raises:
             BodyError: a number is impossible, or the network would take more than 4 GB.
         """
-        tick, damping = tick_period(period), _damping(by_mass, by_stiffness)
-        options = {"period": tick, "by_mass": damping[0], "by_stiffness": damping[1]}
+        tick, damping = tick_period(period), _damping(rayleigh_alpha, rayleigh_beta)
+        options = {"period": tick, "rayleigh_alpha": damping[0], "rayleigh_beta": damping[1]}
         size = 4 * len(self.nodes) * len(self.contents.vertices)
         if size > 4e9:
             raise BodyError(f"the lattice would take {size / 1e9:.3g} GB: take a coarser mesh, or touch less of it")
-        springy = Body(self.contents, self._kind("lattice", options, static_friction, dynamic_friction))
-        springy.network = self.network
-        springy.settles, springy.eases = tick, 0.25
-        net, (nodes, normals, areas, _), (begin, vertices, shares) = self.network, self._arrays(), self._patches()
+        springy = Body(self.contents, self._kind("mass_spring", options, static_friction, dynamic_friction))
+        springy.spring_network = self.spring_network
+        springy.settling_period, springy.ramp_time = tick, 0.25
+        net, (nodes, normals, areas, _), (begin, vertices, shares) = (
+            self.spring_network,
+            self._arrays(),
+            self._patches(),
+        )
         springy.core = _core.LatticeBody(
             nodes,
             normals,
@@ -344,7 +367,7 @@ class Body:
         return springy
 
     @cached_property
-    def along_surface(self) -> tuple[float, float]:
+    def tangential_compliance(self) -> tuple[float, float]:
         """How it yields along its surface: (ratio, sway, m/N), so that T = ratio C + sway, with C along the normals.
 
         Fitted to the compliance of 16 nodes near each of 16, both directions alike, by least squares, neither below 0.
@@ -365,14 +388,14 @@ class Body:
         return float(fit[0]), float(fit[1]) * scale
 
     @cached_property
-    def spline_law(self) -> SplineLaw:
-        """The law of force of `spline`, calibrated on the compliance."""
-        return self._spline_law(None)
+    def free_form_law(self) -> FreeFormLaw:
+        """The law of force of `free_form`, calibrated on the compliance."""
+        return self._free_form_law(None)
 
-    def _spline_law(self, control_spacing: float | None) -> SplineLaw:
+    def _free_form_law(self, control_spacing: float | None) -> FreeFormLaw:
         return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, control_spacing)
 
-    def spline(
+    def free_form(
         self,
         period: float | str | None = None,
         *,
@@ -385,14 +408,14 @@ class Body:
         See `palpate.fem.free_form` for the law, which is calibrated on this body's compliance. There is no state, so
         the `period` means nothing. `control_spacing` of the control points, m or text; that which fits best if None:
         from a quarter of the nodes' distance, below which no two nodes share a control point, to the body's extent.
-        Friction is as in `rough`.
+        Friction is as in `with_friction`.
 
         Raises:
             BodyError: a number is impossible.
         """
         options = {} if period is None else {"period": tick_period(period)}
         if control_spacing is None:
-            law = self.spline_law
+            law = self.free_form_law
         else:
             options["control_spacing"] = wide = positive(control_spacing, "m", "control_spacing")
             least = 0.25 * float(np.sqrt(self.contents.areas.mean()))
@@ -401,13 +424,13 @@ class Body:
                     f"control_spacing: {1e3 * wide:g} mm; it must lie between {1e3 * least:.3g} mm, a quarter of the "
                     f"nodes' distance, and the body's extent of {1e3 * self.extent:.3g} mm"
                 )
-            law = self._spline_law(wide)
-        shaped = Body(self.contents, self._kind("spline", options, static_friction, dynamic_friction))
-        shaped.spline_law = law
+            law = self._free_form_law(wide)
+        shaped = Body(self.contents, self._kind("free_form", options, static_friction, dynamic_friction))
+        shaped.free_form_law = law
         shaped.core = _core.SplineBody(*self._arrays()[:3], *law, *shaped.kind.friction)
         return shaped
 
-    def nonlinear(
+    def hyperelastic(
         self,
         period: float | str,
         *,
@@ -419,10 +442,11 @@ class Body:
     ) -> Body:
         """Return the same body under large displacements, without inertia, for ticks of `period`, s or text.
 
-        Linear tetrahedra on the body's mesh (`palpate.fem.Solid`), pressed as `palpate.fem.PressedSolid`: each
-        `slow_step`, s or text, rounded to whole ticks, one step towards rest, whose snapshot of the `near` nodes
-        around the tip (4 to 64) a tick feels from the next one on. In turn with the ticks, so always the same. Friction
-        is as in `rough`, but in one plane, and the body yields there by `along_surface`.
+        Linear tetrahedra on the body's mesh (`palpate.fem.HyperelasticModel`), solved as by
+        `palpate.fem.QuasiStaticSolver`. Every `slow_step`, s or text, rounded to whole ticks, makes one step towards
+        equilibrium. The ticks from the next one on use its snapshot of the `near` nodes around the tip (4 to 64). Both
+        run in turn, so results are reproducible. Friction is as in `with_friction`, but in one plane, where the body
+        yields by `tangential_compliance`.
 
         Raises:
             BodyError: the law is unknown, a slow step is shorter than a tick, or a number is impossible.
@@ -439,7 +463,7 @@ class Body:
         contents, poisson = self.contents, self._recorded("poisson")
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
-        large = Body(contents, self._kind("nonlinear", options, static_friction, dynamic_friction))
+        large = Body(contents, self._kind("hyperelastic", options, static_friction, dynamic_friction))
         large.core = _core.NonlinearBody(
             np.ascontiguousarray(contents.vertices),
             np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
@@ -455,7 +479,7 @@ class Body:
             np.ascontiguousarray(on_surface[self.triangles[contents.touchable]], dtype=np.int32),
             covered,
             round(slow / tick),
-            *self.along_surface,
+            *self.tangential_compliance,
             *large.kind.friction,
         )
         return large
@@ -480,7 +504,9 @@ class Body:
         nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)
 
-    def press(self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: Shape = "sphere") -> Press:
+    def indent(
+        self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: Shape = "sphere"
+    ) -> Indentation:
         """Press a rigid tip `depth` into the body along the normal at the surface's nearest point to `point`.
 
         Args:
@@ -491,9 +517,9 @@ class Body:
 
         Returns:
             The force on the tip (3,), N, and the displacement of the body's nodes (n, 3), m, both at rest: of `modal`
-            and `relaxing`, those of the body without inertia and creep. A press from rest drags nothing, so there is
-            no friction in it, but in a lattice's, whose nodes move sideways. Displacements are taken as small against
-            the body and the tip. Fewer than four pressed nodes are warned of.
+            and `viscoelastic`, those of the body without inertia and creep. An indentation from rest has no friction,
+            except that of a mass-spring model, whose nodes move sideways. Displacements are taken as small against the
+            body and the tip. Fewer than four pressed nodes cause a warning.
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -503,7 +529,7 @@ class Body:
                 does not come to rest.
         """
         if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
-            return Body(self.contents).press(point, radius, depth, tip=tip)
+            return Body(self.contents).indent(point, radius, depth, tip=tip)
         x = point_of(point)
         size, deep = positive(radius, "m", "radius"), press_depth(depth)
         if deep > 1000 * size:
@@ -523,24 +549,24 @@ class Body:
         self.core.reset()
         radii = deep / size
         if isinstance(self.core, _core.NonlinearBody):
-            felt = self._rest(self.core, centre, normal, deep, size, tip)
-            return self._felt(felt, deep)
-        if self.settles is None:  # a deep press goes in by less than the radius at a time
+            history = self._rest(self.core, centre, normal, deep, size, tip)
+            return self._end_of_press(history, deep)
+        if self.settling_period is None:  # a deep press goes in by less than the radius at a time
             steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
         else:  # from one place of rest to the next
-            steps = int(np.ceil(max(radii, 1.0) * self.eases / self.settles))
+            steps = int(np.ceil(max(radii, 1.0) * self.ramp_time / self.settling_period))
         way = centre + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
-        felt = self.follow(way, size, outward=normal, tip=tip)
-        if self.settles is not None:
-            held = 1e3 * deep * (np.flatnonzero(felt.nodes) + 1) / steps
-            felt = self._settle(centre, size, normal, tip, self.settles)
-            if len(held) > 0 and felt.nodes[-1] == 0:
+        history = self.simulate_path(way, size, outward=normal, tip=tip)
+        if self.settling_period is not None:
+            held = 1e3 * deep * (np.flatnonzero(history.nodes) + 1) / steps
+            history = self._settle(centre, size, normal, tip, self.settling_period)
+            if len(held) > 0 and history.nodes[-1] == 0:
                 raise BodyError(lost(1e3 * deep, held[-1]))
-        return self._felt(felt, deep)
+        return self._end_of_press(history, deep)
 
     def _rest(
         self, core: _core.NonlinearBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
-    ) -> Presses:
+    ) -> ContactHistory:
         """Press from one place of rest to the next, ten of them or four for each radius; refuse what does not rest."""
         parts = max(10, int(np.ceil(4.0 * deep / size)))
         depths = deep * np.arange(1, parts + 1) / parts
@@ -551,38 +577,40 @@ class Body:
 
         return _presses(press_to_rest(depths, settle)[None])
 
-    def _felt(self, felt: Presses, deep: float) -> Press:
+    def _end_of_press(self, history: ContactHistory, deep: float) -> Indentation:
         """Return the end of a press; warn if too few nodes carried it."""
-        if deep > 0 and felt.nodes[-1] == 0:
+        if deep > 0 and history.nodes[-1] == 0:
             warnings.warn(
                 "the tip presses no node: the surface is fixed or not touchable there, the mesh is too coarse, or the "
                 "contact was lost",
                 BodyWarning,
                 stacklevel=3,
             )
-        elif deep > 0 and felt.nodes[-1] < 4:
+        elif deep > 0 and history.nodes[-1] < 4:
             warnings.warn(
-                f"the tip presses {felt.nodes[-1]} of the body's nodes, too few for a force to believe: take a finer "
-                "mesh, a larger tip or a deeper press",
+                f"the tip presses {history.nodes[-1]} of the body's nodes, too few for a force to believe: take a "
+                "finer mesh, a larger tip or a deeper press",
                 BodyWarning,
                 stacklevel=3,
             )
-        return Press(felt.force[-1], self.displacement())
+        return Indentation(history.force[-1], self.displacement())
 
-    def _settle(self, centre: Array, size: float, normal: Array, tip: Shape, period: float) -> Presses:
+    def _settle(self, centre: Array, size: float, normal: Array, tip: Shape, period: float) -> ContactHistory:
         """Hold the tip until the force stays within a thousandth for 50 ms; warn if it does not in 5 s."""
         hold = np.tile(centre, (int(np.ceil(0.05 / period)), 1))
         for _ in range(100):
-            felt = self.follow(hold, size, outward=normal, tip=tip)
-            if np.abs(np.ptp(felt.force, axis=0)).max() <= 1e-3 * np.linalg.norm(felt.force[-1]):
+            history = self.simulate_path(hold, size, outward=normal, tip=tip)
+            if np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1]):
                 break
         else:
             warnings.warn("the body did not come to rest in 5 s: give it damping", BodyWarning, stacklevel=3)
-        return Presses(felt.force[-1:], felt.deflection[-1:], felt.energy[-1:], felt.nodes[-1:], felt.friction[-1:])
+        return ContactHistory(
+            history.force[-1:], history.deflection[-1:], history.energy[-1:], history.nodes[-1:], history.friction[-1:]
+        )
 
-    def follow(
+    def simulate_path(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: Shape = "sphere"
-    ) -> Presses:
+    ) -> ContactHistory:
         """Go one period for each place of the tip's centre in `path` (m, 3), m or text; the loop is the core's.
 
         `outward` (3,) or (m, 3) is the direction out of the body where it is pressed, and the axis of a flat end. If
@@ -605,7 +633,7 @@ class Body:
         return _presses(rows)
 
     def pressure(self) -> Array:
-        """Pressure of the tip on each node's patch (n,), Pa, in the last tick; the `press` of `modal` makes none."""
+        """Pressure of the tip on each node's patch (n,), Pa, in the last tick; the `indent` of `modal` makes none."""
         nodes, forces = self.core.pressed()
         found = np.zeros(len(self.nodes))
         found[nodes] = forces / self.contents.areas[nodes]
@@ -628,12 +656,12 @@ class Body:
         return total.reshape(-1, 3)
 
 
-def _presses(rows: Array) -> Presses:
+def _presses(rows: Array) -> ContactHistory:
     """Return what the core's rows tell; BodyError if one of them was not solved."""
     if not rows[:, 9].all():
         raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
-    return Presses(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
+    return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 7].astype(np.int64), rows[:, 10:13])
 
 
-def _damping(by_mass: float | str, by_stiffness: float | str) -> tuple[float, float]:
-    return not_negative(by_mass, "1/s", "by_mass"), not_negative(by_stiffness, "s", "by_stiffness")
+def _damping(rayleigh_alpha: float | str, rayleigh_beta: float | str) -> tuple[float, float]:
+    return not_negative(rayleigh_alpha, "1/s", "rayleigh_alpha"), not_negative(rayleigh_beta, "s", "rayleigh_beta")

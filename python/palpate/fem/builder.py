@@ -16,9 +16,9 @@ from palpate.fem.checks import positive, unit_of_length, whole
 from palpate.fem.condensation import Condensation, check_memory
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError
-from palpate.fem.material import Material, Region, Skin
-from palpate.fem.selectors import Place, place, places
-from palpate.fem.storage import Contents, check_target, write
+from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.selectors import Selector, parse_selector, parse_selectors
+from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import modes as find_modes
 from palpate.fem.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
 
@@ -29,12 +29,12 @@ def build(
     source: Volume | Mesh | str | Path,
     *,
     young: float | str,
-    fixed: str | Place | Sequence[str | Place],
+    fixed: str | Selector | Sequence[str | Selector],
     poisson: float | str = 0.45,
     density: float | str = 1000.0,
     regions: str | Region | Sequence[str | Region] = (),
-    skin: str | Skin | None = None,
-    touch: str | Place | None = None,
+    skin: str | SurfaceLayer | None = None,
+    touch: str | Selector | None = None,
     unit: str | None = None,
     spacing: float | str | None = None,
     order: int = 2,
@@ -76,12 +76,12 @@ def build(
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, skin)
-    held = places(fixed)
+    held = parse_selectors(fixed)
     if not held:
         raise BodyError(
             'nothing is fixed, so the body would float away: fix a part of it, fixed="z < 1 mm" (--fixed "z < 1 mm")'
         )
-    where = None if touch is None else place(touch)
+    where = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
@@ -185,13 +185,13 @@ def _check_source(source: object, unit: str | None) -> None:
     unit_of_length(unit)
 
 
-def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> Contents:
+def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> BodyData:
     faces = elements.volume.surface
     used, triangles = np.unique(faces, return_inverse=True)
     there = np.ones(len(elements.volume.points), dtype=bool)
     if elements.touch is not None:
         there = elements.touch.inside(elements.volume.points)
-    return Contents(
+    return BodyData(
         points=elements.volume.points[used],
         triangles=triangles.reshape(-1, 3).astype(np.int64),
         touchable=np.asarray(there[faces].all(axis=1)),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import PoseError
 from palpate.fem.errors import BodyError
-from palpate.units import in_si, parse
+from palpate.units import parse, to_si
 
 __all__ = [
     "check_finite",
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 def number(value: float | str, unit: str, field: str) -> float:
     """Return `value` in the SI unit `unit`; BodyError, naming `field`, if it cannot be read or is not finite."""
-    found = in_si(value, unit, field, error=BodyError)
+    found = to_si(value, unit, field, error=BodyError)
     if not isfinite(found):
         raise BodyError(f"{field}: {found} is not a finite number")
     return found
@@ -97,9 +97,11 @@ def whole(value: float | str, field: str, low: int, high: int | None = None) -> 
 
 def stiffening(instant: float | str) -> float:
     """Return how many times as stiff a standard linear solid is at once; BodyError if that is less than once."""
-    found = number(instant, "", "instant")
+    found = number(instant, "", "instantaneous_ratio")
     if found < 1.0:
-        raise BodyError(f"instant: at once, tissue is at least as stiff as at last, so 1 or more, not {found:g}")
+        raise BodyError(
+            f"instantaneous_ratio: at once, tissue is at least as stiff as at last, so 1 or more, not {found:g}"
+        )
     return found
 
 

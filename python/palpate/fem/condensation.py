@@ -15,7 +15,7 @@ from scipy.linalg import blas, lapack
 from palpate.fem.checks import positive
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
-from palpate.fem.multifrontal import Fronts
+from palpate.fem.multifrontal import MultifrontalSolver
 
 __all__ = ["Condensation", "check_memory"]
 
@@ -45,7 +45,7 @@ class Condensation:
     def __init__(self, elements: Elements) -> None:
         free = ~elements.held
         stiffness = elements.stiffness[elements.free][:, elements.free]
-        self._fronts = Fronts(stiffness, elements.load[free], elements.nodes[free])
+        self._fronts = MultifrontalSolver(stiffness, elements.load[free], elements.nodes[free])
         self._vertices = len(elements.touchable)
         self.operations = self._fronts.operations
         checked = 2 * 36.0 * self._vertices**2  # the compliance, and its factor

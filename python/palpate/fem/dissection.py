@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-__all__ = ["Front", "dissect"]
+__all__ = ["Front", "nested_dissection"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -31,7 +31,7 @@ class Front:
     children: tuple[int, ...]
 
 
-def dissect(graph: sparse.csr_matrix, places: Array) -> tuple[Indices, list[Front]]:
+def nested_dissection(graph: sparse.csr_matrix, places: Array) -> tuple[Indices, list[Front]]:
     """Return an order of the nodes (N,), and its fronts, children before parents, the root last.
 
     Args:

@@ -20,8 +20,8 @@ from scipy import sparse
 
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.material import Material, Skin
-from palpate.fem.selectors import Place
+from palpate.fem.material import Material, SurfaceLayer
+from palpate.fem.selectors import Selector
 from palpate.fem.volume import Volume
 
 __all__ = ["Elements", "check_order"]
@@ -53,8 +53,8 @@ class Elements:
 
     volume: Volume
     material: Material
-    fixed: Sequence[Place]
-    touch: Place | None = None
+    fixed: Sequence[Selector]
+    touch: Selector | None = None
     order: int = 2
 
     def __post_init__(self) -> None:
@@ -193,7 +193,7 @@ class Elements:
             self._check_skin(skin, depth)
         return self.material.young_at(points, lambda _: depth).reshape(x.shape[1:])
 
-    def _check_skin(self, skin: Skin, depth: Array) -> None:
+    def _check_skin(self, skin: SurfaceLayer, depth: Array) -> None:
         """Refuse a skin in which no point of integration lies, `depth` (n,) under it; warn of one under half a cell."""
         if not (depth < skin.thickness).any():
             raise BodyError(

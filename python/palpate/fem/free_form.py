@@ -16,13 +16,13 @@ from scipy import sparse
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
-__all__ = ["SplineLaw", "calibrate", "weights"]
+__all__ = ["FreeFormLaw", "calibrate", "weights"]
 
 Array = NDArray[np.float64]
 _PATCHES = 24  # that the calibration looks at
 
 
-class SplineLaw(NamedTuple):
+class FreeFormLaw(NamedTuple):
     """A grid of control points, how far each goes by a force on it, and how far a node's layer gives by a pressure."""
 
     spacing: float  # m
@@ -49,7 +49,7 @@ def weights(points: Array, spacing: float) -> sparse.csr_matrix:
 
 def calibrate(
     points: Array, normals: Array, areas: Array, compliance: NDArray[np.float32], spacing: float | None = None
-) -> SplineLaw:
+) -> FreeFormLaw:
     """Return the law that comes nearest to a compliance (3n, 3n), m/N, of n nodes, areas in m^2.
 
     Give and layer fit, by least squares in patches of forty nodes, what a node does to others and to itself, along the
@@ -71,7 +71,7 @@ def calibrate(
         found, wrong = along.fit(_shared(points, near, wide))
         if wrong < least:
             best, step, least = found, float(wide), wrong
-    return SplineLaw(step, *best, *across.fit(_shared(points, near, step))[0])
+    return FreeFormLaw(step, *best, *across.fit(_shared(points, near, step))[0])
 
 
 class _Part:

@@ -14,10 +14,10 @@ from palpate.fem.checks import positive, whole
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
 from palpate.fem.material import Material
-from palpate.fem.selectors import Place, place, places
+from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.volume import Volume
 
-__all__ = ["Law", "Solid", "Strain"]
+__all__ = ["HyperelasticModel", "Law", "Strain"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -30,7 +30,7 @@ class Strain(NamedTuple):
     forces: Array  # that hold it there, on each free point (N, 3), N; none on points that are held
 
 
-class Solid:
+class HyperelasticModel:
     """N points, some of them held, of a solid under large displacements.
 
     Args:
@@ -51,8 +51,8 @@ class Solid:
         self,
         volume: Volume,
         material: Material,
-        fixed: str | Place | Sequence[str | Place],
-        touch: str | Place | None = None,
+        fixed: str | Selector | Sequence[str | Selector],
+        touch: str | Selector | None = None,
         *,
         law: Law = "neo-hookean",
     ) -> None:
@@ -61,7 +61,9 @@ class Solid:
         if not isinstance(volume, Volume) or not isinstance(material, Material):
             raise BodyError(f"a solid is made of a Volume and a Material, not of {volume!r} and {material!r}")
         self.law: Law = law
-        self.elements = Elements(volume, material, places(fixed), None if touch is None else place(touch), order=1)
+        self.elements = Elements(
+            volume, material, parse_selectors(fixed), None if touch is None else parse_selector(touch), order=1
+        )
         self.core = _core.Solid(*self.arrays())
 
     def __repr__(self) -> str:

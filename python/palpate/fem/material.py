@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from palpate.fem.checks import number, positive
 from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.selectors import Place, place
+from palpate.fem.selectors import Selector, parse_selector
 
-__all__ = ["Material", "Region", "Skin"]
+__all__ = ["Material", "Region", "SurfaceLayer"]
 
 Array = NDArray[np.float64]
 _SOFTEST: Final = 50.0  # Pa, below the softest tissue and above what it has in kPa
@@ -25,25 +25,25 @@ _SOFTEST: Final = 50.0  # Pa, below the softest tissue and above what it has in 
 class Region:
     """A place, or its text, of another Young's modulus, Pa or text: a nodule."""
 
-    where: Place
+    where: Selector
     young: float
 
-    def __init__(self, where: Place | str, young: float | str) -> None:
-        found = place(where)
+    def __init__(self, where: Selector | str, young: float | str) -> None:
+        found = parse_selector(where)
         _set(self, where=found, young=_young(young, f"region {found}"))
 
     def __str__(self) -> str:
         return f"{self.where} = {1e-3 * self.young:g} kPa"
 
     @classmethod
-    def read(cls, text: str) -> Region:
+    def parse(cls, text: str) -> Region:
         """Read "sphere 50 50 40 radius 7.5 mm = 25 kPa"."""
         where, young = _halves(text, "region", "sphere 50 50 40 radius 7.5 mm = 25 kPa")
         return cls(where, young)
 
 
 @dataclass(frozen=True, init=False)
-class Skin:
+class SurfaceLayer:
     """A layer of `thickness`, m or text, under the touchable surface, of another Young's modulus, Pa or text."""
 
     thickness: float
@@ -56,7 +56,7 @@ class Skin:
         return f"{1e3 * self.thickness:g} mm = {1e-3 * self.young:g} kPa"
 
     @classmethod
-    def read(cls, text: str) -> Skin:
+    def parse(cls, text: str) -> SurfaceLayer:
         """Read "2 mm = 50 kPa"."""
         return cls(*_halves(text, "skin", "2 mm = 50 kPa"))
 
@@ -82,7 +82,7 @@ class Material:
     poisson: float
     density: float
     regions: tuple[Region, ...]
-    skin: Skin | None
+    skin: SurfaceLayer | None
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Material:
         poisson: float | str = 0.45,
         density: float | str = 1000.0,
         regions: Region | str | Sequence[Region | str] = (),
-        skin: Skin | str | None = None,
+        skin: SurfaceLayer | str | None = None,
     ) -> None:
         ratio = number(poisson, "", "poisson")
         if not -1.0 < ratio < 0.5:
@@ -100,7 +100,7 @@ class Material:
         heavy = number(density, "kg/m^3", "density")
         if not 1e-3 <= heavy <= 1e6:
             raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {heavy:g}")
-        if skin is not None and not isinstance(skin, Skin | str):
+        if skin is not None and not isinstance(skin, SurfaceLayer | str):
             raise BodyError(f'skin: {skin!r} is none; write "2 mm = 50 kPa", or Skin("2 mm", "50 kPa")')
         each = [regions] if isinstance(regions, Region | str) else list(regions or ())
         for region in each:
@@ -111,8 +111,8 @@ class Material:
             young=_young(young, "young"),
             poisson=ratio,
             density=heavy,
-            regions=tuple(Region.read(region) if isinstance(region, str) else region for region in each),
-            skin=Skin.read(skin) if isinstance(skin, str) else skin,
+            regions=tuple(Region.parse(region) if isinstance(region, str) else region for region in each),
+            skin=SurfaceLayer.parse(skin) if isinstance(skin, str) else skin,
         )
 
     def young_at(self, points: Array, depth: Callable[[Array], Array]) -> Array:

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-__all__ = ["PLAIN", "Kind"]
+__all__ = ["PLAIN", "ModelSpec"]
 
 # option: (unit that it is told in, how many of them an SI unit is)
 _UNITS: Final = {
     "period": ("ms", 1e3),
     "slow_step": ("ms", 1e3),
-    "by_stiffness": ("ms", 1e3),
-    "creep": ("ms", 1e3),
+    "rayleigh_beta": ("ms", 1e3),
+    "retardation_time": ("ms", 1e3),
     "control_spacing": ("mm", 1e3),
-    "by_mass": ("1/s", 1.0),
+    "rayleigh_alpha": ("1/s", 1.0),
 }
 
 
-class Kind(NamedTuple):
+class ModelSpec(NamedTuple):
     """A method of `Body`, what it was given, and the coefficients of friction."""
 
     name: str  # "compliance": none
@@ -26,15 +26,15 @@ class Kind(NamedTuple):
     friction: tuple[float, float] = (0.0, 0.0)  # static, dynamic
 
     def __str__(self) -> str:
-        elastic = self.options.get("instant") == 1.0
-        idle = {"instant", "creep"} if elastic else set()
+        elastic = self.options.get("instantaneous_ratio") == 1.0
+        idle = {"instantaneous_ratio", "retardation_time"} if elastic else set()
         told = ", ".join(_told(o, value) for o, value in self.options.items() if value != 0.0 and o not in idle)
         static, dynamic = self.friction
         rough = f"friction {static:g}{f', {dynamic:g} sliding' if dynamic < static else ''}"
         return f"{self.name}{told and f' ({told})'}, {rough if static > 0.0 else 'no friction'}"
 
 
-PLAIN: Final = Kind("compliance", {})
+PLAIN: Final = ModelSpec("compliance", {})
 
 
 def _told(option: str, value: float | str) -> str:

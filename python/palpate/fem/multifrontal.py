@@ -19,11 +19,11 @@ from scipy import sparse
 
 from palpate import _core
 from palpate.fem import dense
-from palpate.fem.dissection import dissect
+from palpate.fem.dissection import nested_dissection
 from palpate.fem.errors import BodyError
 from palpate.fem.factor import NOT_DEFINITE
 
-__all__ = ["Fronts"]
+__all__ = ["MultifrontalSolver"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -45,7 +45,7 @@ class _Front(NamedTuple):
         return 3 * (self.end - self.begin), 3 * len(self.rest), 3 * len(self.loads)
 
 
-class _Left(NamedTuple):
+class ContributionBlock(NamedTuple):
     """What a front leaves to the one that it hangs on; columns in one piece, of square matrices the lower triangle."""
 
     stiffness: Array  # of the rest (3r, 3r), N/m
@@ -59,7 +59,7 @@ class _StoppedError(Exception):
     """Another thread has failed, or was interrupted."""
 
 
-class Fronts:
+class MultifrontalSolver:
     """A stiffness (3N, 3N), N/m, and loads (N, n) of one axis; node by node, three axes each.
 
     Attributes:
@@ -70,7 +70,7 @@ class Fronts:
     def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, places: Array) -> None:
         graph = stiffness[::3][:, ::3]
         graph.data = np.ones(len(graph.data), dtype=np.int8)
-        self._order, plan = dissect(graph, places)
+        self._order, plan = nested_dissection(graph, places)
         place = np.empty(len(self._order), dtype=np.int64)
         place[self._order] = np.arange(len(self._order))
         self._place, self._stiffness, self._loads = place, stiffness, loads.tocsr()[self._order]
@@ -120,7 +120,7 @@ class Fronts:
             )
         return found.T
 
-    def _below(self, number: int, threads: int) -> list[_Left]:
+    def _below(self, number: int, threads: int) -> list[ContributionBlock]:
         """Eliminate all that hangs on a front; return what its children leave."""
         children = self._fronts[number].children
         if threads == 1 or len(children) != 2:
@@ -133,7 +133,7 @@ class Fronts:
                 self._failures.append(problem)
                 raise
 
-    def _tree(self, number: int, threads: int) -> _Left:
+    def _tree(self, number: int, threads: int) -> ContributionBlock:
         """Eliminate a front and all that hangs on it."""
         below = self._below(number, threads)
         if self._failures:
@@ -154,12 +154,12 @@ class Fronts:
             return max(own, self._most(first, threads - threads // 2) + self._most(second, threads // 2))
         return max([own, *(sum(left[:i]) + self._most(child, threads) for i, child in enumerate(front.children))])
 
-    def _eliminate(self, front: _Front, below: list[_Left]) -> _Left:
+    def _eliminate(self, front: _Front, below: list[ContributionBlock]) -> ContributionBlock:
         """Eliminate a front, given what its children leave, which is let go."""
         s, r, m = front.sizes
         own, beside, trial = (np.zeros(shape, order="F") for shape in ((s, s), (r, s), (_TRIALS, s)))
         across = np.zeros((m, s), dtype=np.float32, order="F")
-        left = _Left(
+        left = ContributionBlock(
             np.zeros((r, r), order="F"),
             np.zeros((m, r), np.float32, order="F"),
             np.zeros((m, m), np.float32, order="F"),

@@ -9,8 +9,8 @@ from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.checks import length, not_negative, positive
 from palpate.fem.errors import BodyError
-from palpate.fem.material import Region, Skin
-from palpate.fem.selectors import ball, beyond
+from palpate.fem.material import Region, SurfaceLayer
+from palpate.fem.selectors import half_space, sphere
 from palpate.fem.volume import block
 
 __all__ = ["phantom"]
@@ -65,15 +65,15 @@ def phantom(
             f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - wide):.4g} mm"
         )
     centre = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - wide / 2)
-    nodule = [] if times == 1.0 else [Region(ball(centre, wide / 2), times * stiffness)]
+    nodule = [] if times == 1.0 else [Region(sphere(centre, wide / 2), times * stiffness)]
     return build(
         block((_SIDE, _SIDE, _HEIGHT), spacing, layers=(layer,) if layer > 0 else ()),
         young=stiffness,
         poisson=poisson,
         regions=nodule,
-        skin=Skin(layer, skin_young) if layer > 0 else None,
-        fixed=beyond("z", "<", 1e-6),
-        touch=beyond("z", ">", _HEIGHT - 1e-6),
+        skin=SurfaceLayer(layer, skin_young) if layer > 0 else None,
+        fixed=half_space("z", "<", 1e-6),
+        touch=half_space("z", ">", _HEIGHT - 1e-6),
         modes=modes,
         output=output,
         progress=progress,

@@ -23,14 +23,14 @@ from palpate.fem.checks import (
     whole,
 )
 from palpate.fem.errors import BodyError, press_to_rest
-from palpate.fem.hyperelastic import Solid
+from palpate.fem.hyperelastic import HyperelasticModel
 
-__all__ = ["Live", "PressedSolid", "Touches"]
+__all__ = ["MultiTipHistory", "QuasiStaticSolver", "RealtimeRun"]
 
 Array = NDArray[np.float64]
 
 
-class Touches(NamedTuple):
+class MultiTipHistory(NamedTuple):
     """What t tips feel along paths of m ticks."""
 
     force: Array  # of the body on each tip (m, t, 3), N
@@ -41,16 +41,16 @@ class Touches(NamedTuple):
     waits: NDArray[np.bool_]  # whether a snapshot waited for energy (m,)
 
 
-class Live(NamedTuple):
+class RealtimeRun(NamedTuple):
     """A run in wall-clock time."""
 
-    touches: Touches
+    touches: MultiTipHistory
     late: Array  # how much after its time each tick began (m,), s
     ticks: Array  # how long each tick took (m,), s
     steps: Array  # how long each slow step took, s
 
 
-class PressedSolid:
+class QuasiStaticSolver:
     """A solid that one or two rigid tips press: slow steps, and between them what the servo feels.
 
     A slow step (tens of ms) goes a Newton step towards rest under the tips' contact, and hands the servo a snapshot:
@@ -66,9 +66,9 @@ class PressedSolid:
         BodyError: an impossible number of nodes.
     """
 
-    def __init__(self, solid: Solid, *, near: float | str = 32) -> None:
-        if not isinstance(solid, Solid):
-            raise BodyError(f"solid: a palpate.fem.Solid is pressed, not {solid!r}")
+    def __init__(self, solid: HyperelasticModel, *, near: float | str = 32) -> None:
+        if not isinstance(solid, HyperelasticModel):
+            raise BodyError(f"solid: a palpate.fem.HyperelasticModel is pressed, not {solid!r}")
         self.solid = solid
         elements = solid.elements
         load = elements.load
@@ -84,7 +84,7 @@ class PressedSolid:
             whole(near, "near", 4, 64),
         )
 
-    def press(
+    def indent(
         self,
         point: ArrayLike,
         radius: float | str,
@@ -121,7 +121,7 @@ class PressedSolid:
 
         return press_to_rest(low[:, 0], settle)[0:3], self.displacement()
 
-    def follow(
+    def simulate_path(
         self,
         path: ArrayLike,
         radius: float | str | Sequence[float | str],
@@ -129,7 +129,7 @@ class PressedSolid:
         outward: ArrayLike,
         tip: Shape = "sphere",
         every: int = 20,
-    ) -> Touches:
+    ) -> MultiTipHistory:
         """Go one tick for each place of the tips' centres, and a slow step for each `every` ticks.
 
         In turn, so always with the same result: a slow step sees the tips where they are at its first tick, and the
@@ -155,8 +155,8 @@ class PressedSolid:
         tip: Shape = "sphere",
         period: float | str = "1 ms",
         thread: bool = True,
-    ) -> Live:
-        """As `follow`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none.
+    ) -> RealtimeRun:
+        """As `simulate_path`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none.
 
         It ends with the path, m periods after it began, and Ctrl-C is heard then. The next call goes on from where this
         one left the body: to stop when you like, give a path in pieces.
@@ -164,7 +164,7 @@ class PressedSolid:
         tick = tick_period(period)
         ways = _ways(path, radius, outward, tip)
         rows, times, steps = self.core.live(*ways, tick, thread)
-        return Live(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
+        return RealtimeRun(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
 
     def displacement(self) -> Array:
         """Of all points at the last slow step (N, 3), m."""
@@ -194,9 +194,9 @@ def _ways(
     return np.ascontiguousarray(centres), axes, radii, tip == "flat"
 
 
-def _touches(rows: Array, tips: int) -> Touches:
+def _touches(rows: Array, tips: int) -> MultiTipHistory:
     if not all(rows[:, 10 * t + 9].all() for t in range(tips)):
         raise BodyError("the contact's forces were not found: take smaller steps")
     each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
     potential, saved, _, waits = rows[:, 10 * tips :].T
-    return Touches(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, saved, waits > 0)
+    return MultiTipHistory(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, saved, waits > 0)

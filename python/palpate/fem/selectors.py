@@ -14,7 +14,7 @@ from palpate.fem.checks import length, lengths, positive
 from palpate.fem.errors import BodyError
 from palpate.units import quantity
 
-__all__ = ["Place", "ball", "beyond", "box", "on_surface", "place", "places"]
+__all__ = ["Selector", "box", "half_space", "on_surface", "parse_selector", "parse_selectors", "sphere"]
 
 Array = NDArray[np.float64]
 _AXES: Final = "xyz"
@@ -29,7 +29,7 @@ _EXAMPLES: Final = (
 
 
 @dataclass(frozen=True)
-class Place:
+class Selector:
     """Which of the points (n, 3), m, are inside (n,); `surface`: only those on the body's surface count."""
 
     text: str
@@ -40,43 +40,43 @@ class Place:
         return self.text
 
 
-def box(low: Sequence[float | str], high: Sequence[float | str]) -> Place:
+def box(low: Sequence[float | str], high: Sequence[float | str]) -> Selector:
     """Return the box between the corners `low` and `high` (3,), m or text."""
     a, b = lengths(low, "box"), lengths(high, "box")
     if a.shape != (3,) or b.shape != (3,) or not (a <= b).all():
         raise BodyError(f"a box goes from its lower to its upper corner (3 numbers each); this from {a} to {b}")
-    return Place(f"box {_row(a)} to {_row(b)} mm", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
+    return Selector(f"box {_row(a)} to {_row(b)} mm", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
 
 
-def ball(centre: Sequence[float | str], radius: float | str) -> Place:
+def sphere(centre: Sequence[float | str], radius: float | str) -> Selector:
     """Return the sphere of `radius`, m or text, around `centre` (3,), m or text."""
     c, r = lengths(centre, "sphere"), positive(radius, "m", "radius")
     if c.shape != (3,) or not np.isfinite(c).all():
         raise BodyError(f"a sphere has a centre of three numbers, not {c}")
-    return Place(f"sphere {_row(c)} radius {1e3 * r:g} mm", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
+    return Selector(f"sphere {_row(c)} radius {1e3 * r:g} mm", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
 
 
-def beyond(axis: str, sign: str, value: float | str) -> Place:
+def half_space(axis: str, sign: str, value: float | str) -> Selector:
     """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<", "<=", ">" or ">="; `value`, m or text."""
     if axis not in tuple(_AXES) or sign not in ("<", "<=", ">", ">="):
         raise BodyError(f"one side of a plane is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
     at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign[0] == ">" else -1.0
     least = -_SLACK if sign[1:] else 0.0
-    return Place(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > least)
+    return Selector(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > least)
 
 
-def on_surface(where: Place | str) -> Place:
+def on_surface(where: Selector | str) -> Selector:
     """Return the part of `where` that lies on the body's surface."""
-    whole = place(where)
-    return Place(f"surface {whole.text}", whole.inside, surface=True)
+    whole = parse_selector(where)
+    return Selector(f"surface {whole.text}", whole.inside, surface=True)
 
 
-def place(text: str | Place) -> Place:
+def parse_selector(text: str | Selector) -> Selector:
     """Read a place from text such as "box 0 0 -1 to 100 100 1 mm"; BodyError says how it is written.
 
     A number without a unit has that of the next one.
     """
-    if isinstance(text, Place):
+    if isinstance(text, Selector):
         return text
     if not isinstance(text, str):
         raise BodyError(f"{text!r} is no place; write {_EXAMPLES}")
@@ -91,20 +91,20 @@ def place(text: str | Place) -> Place:
     if name == "sphere" and "radius" in rest:
         centre, radius = _groups(rest, "radius", text)
         if len(centre) == 3 and len(radius) == 1:
-            return ball(centre, radius[0])
+            return sphere(centre, radius[0])
     if name in tuple(_AXES) and len(words) in (3, 4) and _SIGN.fullmatch(words[1]):
         _, value = _groups(words[2:], "", text)
         if len(value) == 1:
-            return beyond(name, words[1], value[0])
+            return half_space(name, words[1], value[0])
     raise BodyError(f'"{text}" is no place; write {_EXAMPLES}')
 
 
-def places(given: str | Place | Sequence[str | Place]) -> list[Place]:
+def parse_selectors(given: str | Selector | Sequence[str | Selector]) -> list[Selector]:
     """Return one or more places, or texts of them, as a list; raises as `place`."""
     if given is None:
         return []
     each = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    return [place(one) for one in each]
+    return [parse_selector(one) for one in each]
 
 
 def _groups(words: list[str], between: str, text: str) -> tuple[list[float], list[float]]:

@@ -27,7 +27,7 @@ from scipy.sparse.linalg import cg
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import Volume
 
-__all__ = ["Network", "network", "patches"]
+__all__ = ["SpringNetwork", "build_network", "patches"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -36,7 +36,7 @@ _PRIOR = 0.1  # weight of a spring's first guess against one equation of strain:
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class SpringNetwork:
     """Masses, springs and volumes on the N vertices of a mesh."""
 
     places: Array  # at rest (N, 3), m
@@ -65,7 +65,7 @@ class Network:
         return (share @ each).tocsr(), np.asarray(share @ volumes)
 
 
-def network(volume: Volume, young: Array, poisson: float, density: float) -> Network:
+def build_network(volume: Volume, young: Array, poisson: float, density: float) -> SpringNetwork:
     """Return the network for Young's modulus (m,), Pa, of each tetrahedron, Poisson's ratio, and a density, kg/m^3.
 
     Poisson's ratio below 1/4 needs pressures below zero, which hold near rest only.
@@ -82,7 +82,7 @@ def network(volume: Volume, young: Array, poisson: float, density: float) -> Net
     np.add.at(g, cells, slopes * (volumes * shear)[:, None, None])
     stiffness, misfit = _fit(x, springs, around, at_vertex, g)
     pressure = at_vertex * (2 * poisson / (1 - 2 * poisson) - 1)
-    return Network(x, density * around, springs, stiffness, cells, pressure, misfit)
+    return SpringNetwork(x, density * around, springs, stiffness, cells, pressure, misfit)
 
 
 def patches(points: Array, triangles: Indices, nodes: Indices) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import SURFACES, VOLUMES
-from palpate.files import HDF5_SIGNATURE, check_readable, check_writable, named, write_whole
+from palpate.files import HDF5_SIGNATURE, as_path, atomic_write, check_readable, check_writable
 
-__all__ = ["VERSION", "Contents", "check_target", "read", "write"]
+__all__ = ["VERSION", "BodyData", "check_target", "read", "write"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -35,7 +35,7 @@ _UNITS: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
+class BodyData:
     """What a body's file holds; n touchable nodes of s surface points, k triangles."""
 
     points: Array  # of the whole surface (s, 3), m, at rest
@@ -56,13 +56,13 @@ class Contents:
 
 def check_target(path: str | Path) -> None:
     """Raise BodyError or OutputError if a body cannot be written to `path`: before the work of building it."""
-    file = named(path, BodyError)
+    file = as_path(path, BodyError)
     if file.suffix.lower() != ".h5":
         raise BodyError(f"{file}: a body is an HDF5 file, named for example {(file.stem or 'body') + '.h5'}")
     check_writable(file)
 
 
-def write(contents: Contents, path: str | Path) -> Path:
+def write(contents: BodyData, path: str | Path) -> Path:
     """Write a body to `path` (.h5), whole or not at all; raises as `check_target`."""
     check_target(path)
 
@@ -77,10 +77,10 @@ def write(contents: Contents, path: str | Path) -> Path:
                     if field.name in _UNITS:
                         data.attrs["unit"] = _UNITS[field.name]
 
-    return write_whole(path, fill)
+    return atomic_write(path, fill)
 
 
-def read(path: str | Path) -> Contents:
+def read(path: str | Path) -> BodyData:
     """Read a body; BodyError if there is no such file, it is cut short, or it is something else."""
     file = check_readable(path, BodyError, kind="the body's file (.h5)", otherwise="palpate body build makes one")
     _check_signature(file)
@@ -94,13 +94,13 @@ def read(path: str | Path) -> Contents:
                     f"this palpate reads version {VERSION}: build it again"
                 )
             record = json.loads(store.attrs["record"])
-            arrays = {f.name: np.asarray(store[f.name]) for f in fields(Contents) if f.name != "record"}
+            arrays = {f.name: np.asarray(store[f.name]) for f in fields(BodyData) if f.name != "record"}
     except (OSError, KeyError, ValueError) as problem:
         if isinstance(problem, BodyError):
             raise
         missing = "" if isinstance(problem, OSError) else f" ({problem})"
         raise BodyError(f"{file}: not a whole file of a body, perhaps cut short{missing}; build it again") from None
-    contents = Contents(**arrays, record=record)
+    contents = BodyData(**arrays, record=record)
     _check(contents, file)
     return contents
 
@@ -124,7 +124,7 @@ def _check_signature(file: Path) -> None:
     raise BodyError(f"{file}: not a body (.h5); palpate body build makes one from a mesh")
 
 
-def _check(c: Contents, file: Path) -> None:
+def _check(c: BodyData, file: Path) -> None:
     arrays = {field.name: getattr(c, field.name) for field in fields(c) if field.name != "record"}
     broken = [name for name, array in arrays.items() if array.ndim == 0 or array.dtype.kind not in "bifu"]
     if broken or not isinstance(c.record, dict) or "source" not in c.record:

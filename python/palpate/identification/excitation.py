@@ -195,7 +195,7 @@ class Sweep:
 
     def describe(self) -> dict[str, Any]:
         """Return kind, parameters and seed, as JSON can write them."""
-        return {"kind": "sweep", "amplitude": self.amplitude.tolist(), "band_hz": list(self.band), "seed": self.seed}
+        return {"kind": "chirp", "amplitude": self.amplitude.tolist(), "band_hz": list(self.band), "seed": self.seed}
 
 
 def multisine(
@@ -214,6 +214,6 @@ def prbs(amplitude: ArrayLike, clock: float, *, seed: int = 0) -> Prbs:
     return Prbs(_amplitudes(amplitude), float(clock), seed)
 
 
-def sweep(amplitude: ArrayLike, band: tuple[float, float], *, seed: int = 0) -> Sweep:
+def chirp(amplitude: ArrayLike, band: tuple[float, float], *, seed: int = 0) -> Sweep:
     """A logarithmic chirp with peaks `amplitude` (one per channel) through `band` Hz; see `Sweep`."""
     return Sweep(_amplitudes(amplitude), band, seed)

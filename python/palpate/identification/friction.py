@@ -16,7 +16,7 @@ from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.parameters import estimate_parameters
 from palpate.identification.recording import Recording
-from palpate.identification.servo import Servo, respond
+from palpate.identification.servo import JointServo, respond
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def friction_by_matching(
     recording: Recording,
     device: Device,
     *,
-    servo: Servo | None = None,
+    servo: JointServo | None = None,
     start: ArrayLike | None = None,
     seconds: float = 8.0,
     level: float = 0.95,
@@ -80,7 +80,7 @@ def friction_by_matching(
     Raises:
         RecordingError: the recording lacks its excitation or its servo, or no damping brings the responses together.
     """
-    loop = Servo.from_metadata(recording.metadata.get("servo")) if servo is None else servo
+    loop = JointServo.from_metadata(recording.metadata.get("servo")) if servo is None else servo
     if recording.excitation is None or loop is None or len(loop.pose) != device.dof:
         raise RecordingError("matching needs a recording that holds its excitation and its servo; give `servo`")
     n = min(len(recording), round(seconds / recording.period))

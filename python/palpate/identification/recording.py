@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from palpate.errors import OutputError, RecordingError
-from palpate.files import check_readable, named, write_whole
+from palpate.files import as_path, atomic_write, check_readable
 from palpate.identification.csv_file import read_csv, write_csv
 from palpate.identification.hdf5_file import read_hdf5, write_hdf5
 from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_columns, check_samples, uniform_period
@@ -115,12 +115,12 @@ class Recording:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `.csv` or `.h5`, whole or not at all."""
-        file = named(path, OutputError)
+        file = as_path(path, OutputError)
         writers = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}
         if file.suffix.lower() not in writers:
             raise RecordingError(f"{file}: a recording is saved as .csv or .h5, not as '{file.suffix}'")
         columns = Columns(self.time, self.angle, self.torque, self.period, self.metadata, self.excitation, self.units)
-        write_whole(file, lambda part: writers[file.suffix.lower()](columns, part))
+        atomic_write(file, lambda part: writers[file.suffix.lower()](columns, part))
         return file
 
     def split(self, fraction: float = 0.7) -> tuple[Recording, Recording]:

@@ -1,6 +1,6 @@
 """Closed-loop experiments that a drifting device survives: a joint-space servo keeps the pose, the excitation is added.
 
-    torque[k] = hold + kp (pose + sway[k] - angle[k]) - kd velocity[k] + excitation[k],  held for one period
+    torque[k] = bias_torque + kp (pose + sway[k] - angle[k]) - kd velocity[k] + excitation[k],  held for one period
 
 `angle[k]` is the reading (encoder counts, noise), `velocity` its low-passed backward difference, as in a real servo.
 Between samples the core moves the device in continuous time, dry friction and sticking included.
@@ -27,21 +27,21 @@ def home(device: Device) -> Array:
 
 
 @dataclass(frozen=True)
-class Servo:
+class JointServo:
     """A joint-space PD loop.
 
     Attributes:
         pose: (dof,) rad.
         kp: (dof,) N*m/rad.
         kd: (dof,) N*m*s/rad.
-        hold: constant torque (dof,), N*m.
+        bias_torque: constant torque (dof,), N*m.
         cutoff: of the low-pass on the velocity, Hz.
     """
 
     pose: tuple[float, ...]
     kp: tuple[float, ...]
     kd: tuple[float, ...]
-    hold: tuple[float, ...]
+    bias_torque: tuple[float, ...]
     cutoff: float = 50.0
 
     @classmethod
@@ -53,7 +53,7 @@ class Servo:
         frequency: float = 1.5,
         damping: float = 0.5,
         cutoff: float = 50.0,
-    ) -> Servo:
+    ) -> JointServo:
         """Return kp = M_ii w^2, kd = 2 damping M_ii w, w = 2 pi `frequency` (Hz), with the inertia at the pose.
 
         Soft on purpose: a stiff servo answers the excitation instead of the arm. Gravity at the pose is held.
@@ -79,10 +79,10 @@ class Servo:
         return asdict(self)
 
     @classmethod
-    def from_metadata(cls, described: Any) -> Servo | None:
+    def from_metadata(cls, described: Any) -> JointServo | None:
         """Return the servo that `describe` wrote, or None if there is none or it is not whole."""
         try:
-            parts = {key: tuple(map(float, described[key])) for key in ("pose", "kp", "kd", "hold")}
+            parts = {key: tuple(map(float, described[key])) for key in ("pose", "kp", "kd", "bias_torque")}
             return cls(**parts, cutoff=float(described["cutoff"]))
         except (KeyError, TypeError, ValueError):
             return None
@@ -132,7 +132,7 @@ class _Body:
 
 def respond(
     device: Device,
-    servo: Servo,
+    servo: JointServo,
     excitation: Array,
     period: float,
     *,
@@ -155,12 +155,12 @@ def respond(
     for name, values in (("excitation", excitation), ("sway", offset), ("noise", jitter), ("noise", ripple)):
         if values.shape != (n, dof):
             raise RecordingError(f"the {name} must be ({n}, {dof}), not {values.shape}")
-    pose, kp, kd, hold = (np.array(part) for part in (servo.pose, servo.kp, servo.kd, servo.hold))
+    pose, kp, kd, bias = (np.array(part) for part in (servo.pose, servo.kp, servo.kd, servo.bias_torque))
     step = device.encoder_step
     counts = np.where(step > 0, step, 1.0)
     quantised = encoder & (step > 0)
     keep = float(np.exp(-2 * np.pi * servo.cutoff * period))
-    wanted = hold + kp * (pose + offset) + excitation
+    wanted = bias + kp * (pose + offset) + excitation
     body = _Body(device, period)
     q = np.array(pose if start is None else start, dtype=float)
     qd = np.zeros(dof)

@@ -14,7 +14,7 @@ from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.excitation import Excitation, multisine
 from palpate.identification.recording import Recording
-from palpate.identification.servo import Servo, home, respond
+from palpate.identification.servo import JointServo, home, respond
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def default_sway(device: Device, duration: float, seed: int = 0) -> Excitation:
     return multisine(reach, (low, max(0.35, 4 * device.dof * low)), lines=2, seed=seed + 1)
 
 
-def experiment(
+def simulate_experiment(
     device: Device,
     excitation: Excitation | None = None,
     duration: float = 20.0,
@@ -64,7 +64,7 @@ def experiment(
     sway: Excitation | None = None,
     noise: Noise | None = None,
     encoder: bool = True,
-    servo: Servo | None = None,
+    servo: JointServo | None = None,
 ) -> Recording:
     """Run a closed-loop experiment on the nonlinear device, recorded as a real one would be.
 
@@ -87,7 +87,7 @@ def experiment(
         excitation = default_excitation(device)
         sway = default_sway(device, duration) if sway is None else sway
     level = _noise(device) if noise is None else noise
-    loop = Servo.tuned(device) if servo is None else servo
+    loop = JointServo.tuned(device) if servo is None else servo
     push = excitation.sample(duration, period)
     swing = None if sway is None else sway.sample(duration, period)
     for name, values in (("excitation", push), ("sway", swing)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.devices import Device, load
 from palpate.errors import PalpateError, RecordingError
-from palpate.files import write_whole
+from palpate.files import atomic_write
 from palpate.identification.arx_models import arx
 from palpate.identification.base import base_parameters, true_values, with_base_values
 from palpate.identification.order import OrderTable, Structure, select_order
@@ -199,4 +199,4 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
 def _write(result: dict[str, Any], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
-    write_whole(folder / "identification.json", lambda part: part.write_text(text, encoding="utf-8"))
+    atomic_write(folder / "identification.json", lambda part: part.write_text(text, encoding="utf-8"))

@@ -17,16 +17,16 @@ from scipy.linalg import expm
 from palpate.checks import not_negative, positive
 from palpate.devices import Device, load
 from palpate.errors import PoseError, StabilityError
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 
-__all__ = ["Arm", "HeldTip", "Tip", "hold"]
+__all__ = ["HumanArm", "LinearDevice", "SampledDevice", "discretize_zoh"]
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # samples of delay
 
 
 @dataclass(frozen=True)
-class Arm:
+class HumanArm:
     """A human arm at the tip, the same along every axis.
 
     Attributes:
@@ -57,14 +57,14 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Tip:
+class LinearDevice:
     """A linear device along one line.
 
     Attributes:
         inertia: M (n, n), kg m^2 (kg for a slider).
         damping: D (n, n), N m s/rad.
         stiffness: S (n, n), N m/rad.
-        levers: J (axes, n), m/rad: how each axis of the tip moves with each coordinate.
+        jacobian: J (axes, n), m/rad: how each axis of the tip moves with each coordinate.
         along: unit vector (axes,) along which wall and tip meet.
         name: what it is, for verdicts.
     """
@@ -72,12 +72,12 @@ class Tip:
     inertia: Array
     damping: Array
     stiffness: Array
-    levers: Array
+    jacobian: Array
     along: Array
     name: str = "the device"
 
     @classmethod
-    def of_mass(cls, mass: float, damping: float = 0.0, arm: Arm | None = None) -> Tip:
+    def of_mass(cls, mass: float, damping: float = 0.0, arm: HumanArm | None = None) -> LinearDevice:
         """Return a mass (kg) with viscous damping (N s/m) on one axis, held by ``arm`` if given.
 
         Raises:
@@ -87,7 +87,7 @@ class Tip:
         b = not_negative(damping, "damping", "N s/m")
         one = np.ones((1, 1))
         tip = cls(m * one, b * one, 0 * one, one, np.ones(1), f"a mass of {m:g} kg with {b:g} N s/m")
-        return tip if arm is None else tip.held_by(arm)
+        return tip if arm is None else tip.coupled_to(arm)
 
     @classmethod
     def at_pose(
@@ -95,8 +95,8 @@ class Tip:
         device: Device | str | PathLike[str],
         pose: ArrayLike,
         along: ArrayLike = (1.0, 0.0, 0.0),
-        arm: Arm | None = None,
-    ) -> Tip:
+        arm: HumanArm | None = None,
+    ) -> LinearDevice:
         """Return ``device`` linearised at rest in ``pose``, moved along a direction in the base frame.
 
         A constant tip force holds it against gravity; its torque turns with the pose, and is counted as stiffness.
@@ -123,7 +123,7 @@ class Tip:
         torque = np.asarray(device.gravity(q), dtype=float)
         a_q, a_v, _ = device.linearization(q, np.zeros(device.dof), torque)
         inertia, jacobian = device.mass_matrix(q), device.jacobian(q)
-        turning = np.einsum("k,kij->ij", hold_force(jacobian, torque), device.tip_hessian(q))
+        geometric_stiffness = np.einsum("k,kij->ij", static_tip_force(jacobian, torque), device.tip_hessian(q))
         if np.linalg.norm(direction @ jacobian) <= 1e-9 * length * max(float(np.linalg.norm(jacobian)), 1e-300):
             raise PoseError(
                 f"{device.name} cannot be pushed along {direction.tolist()} at {q.tolist()}: choose another direction "
@@ -132,34 +132,36 @@ class Tip:
         tip = cls(
             inertia,
             -inertia @ a_v,
-            -inertia @ a_q - turning,
+            -inertia @ a_q - geometric_stiffness,
             jacobian,
             direction / length,
             f"{device.name} along {np.round(direction / length, 6).tolist()}",
         )
-        return tip if arm is None else tip.held_by(arm)
+        return tip if arm is None else tip.coupled_to(arm)
 
-    def held_by(self, arm: Arm) -> Tip:
+    def coupled_to(self, arm: HumanArm) -> LinearDevice:
         """Return this device in the hand of ``arm``: rigidly, or with one more mass per axis behind the fingertip."""
         grip = (
             "gripped rigidly by"
             if arm.tissue_stiffness is None
             else f"held through fingertip tissue of {arm.tissue_stiffness:g} N/m by"
         )
-        inertia, damping, stiffness, levers = in_hand(self.inertia, self.damping, self.stiffness, self.levers, arm)
+        inertia, damping, stiffness, jacobian = couple_arm(
+            self.inertia, self.damping, self.stiffness, self.jacobian, arm
+        )
         return replace(
             self,
             inertia=inertia,
             damping=damping,
             stiffness=stiffness,
-            levers=levers,
+            jacobian=jacobian,
             name=f"{self.name}, {grip} an arm of {arm.mass:g} kg, {arm.damping:g} N s/m, {arm.stiffness:g} N/m",
         )
 
     @property
     def apparent_mass(self) -> float:
         """Mass felt at the tip along the line by a force that rises at once, kg."""
-        lever = self.along @ self.levers
+        lever = self.along @ self.jacobian
         return float(1 / (lever @ np.linalg.solve(self.inertia, lever)))
 
     @property
@@ -167,7 +169,7 @@ class Tip:
         """The continuous system from force (N) to motion (m) along the line, without the modes it does not excite."""
         root = np.linalg.cholesky(self.inertia)
         inverse = np.linalg.inv(root)
-        lever = inverse @ (self.levers.T @ self.along)
+        lever = inverse @ (self.jacobian.T @ self.along)
         d, s = inverse @ self.damping @ inverse.T, inverse @ self.stiffness @ inverse.T
         basis = _reachable(lever, (d, s))
         n = basis.shape[1]
@@ -181,20 +183,20 @@ class Tip:
         )
 
 
-def in_hand(
-    inertia: Array, damping: Array, stiffness: Array, levers: Array, arm: Arm
+def couple_arm(
+    inertia: Array, damping: Array, stiffness: Array, jacobian: Array, arm: HumanArm
 ) -> tuple[Array, Array, Array, Array]:
     """Return M, D, S (..., n, n) and J (..., axes, n) of a device, or of a stack of them, in the hand of ``arm``.
 
     A rigid grip adds to the device; behind the fingertip the hand is one more mass per axis, after the device's own.
     """
-    turned = np.swapaxes(levers, -1, -2)
+    turned = np.swapaxes(jacobian, -1, -2)
     if arm.tissue_stiffness is None:
-        extra = turned @ levers
-        return inertia + arm.mass * extra, damping + arm.damping * extra, stiffness + arm.stiffness * extra, levers
-    axes, n = levers.shape[-2:]
-    eye = np.broadcast_to(np.eye(axes), (*levers.shape[:-2], axes, axes))
-    stretch = np.concatenate([levers, -eye], axis=-1)  # of the tissue
+        extra = turned @ jacobian
+        return inertia + arm.mass * extra, damping + arm.damping * extra, stiffness + arm.stiffness * extra, jacobian
+    axes, n = jacobian.shape[-2:]
+    eye = np.broadcast_to(np.eye(axes), (*jacobian.shape[:-2], axes, axes))
+    stretch = np.concatenate([jacobian, -eye], axis=-1)  # of the tissue
     between = np.swapaxes(stretch, -1, -2) @ stretch
 
     def join(device: Array, hand: float, tissue: float) -> Array:
@@ -207,7 +209,7 @@ def in_hand(
         join(inertia, arm.mass, 0.0),
         join(damping, arm.damping, arm.tissue_damping),
         join(stiffness, arm.stiffness, arm.tissue_stiffness),
-        np.concatenate([levers, np.zeros_like(eye)], axis=-1),
+        np.concatenate([jacobian, np.zeros_like(eye)], axis=-1),
     )
 
 
@@ -229,7 +231,7 @@ def _reachable(start: Array, maps: tuple[Array, ...], tolerance: float = 1e-10) 
 
 
 @dataclass(frozen=True)
-class HeldTip:
+class SampledDevice:
     """What forces held from sample to sample do to a tip: exact, no approximation of the hold or of the delay.
 
     x_{k+1} = x_k + step x_k + now u_{k-n} + before u_{k-n-1}; tip = out x_k, with n whole samples of delay.
@@ -273,7 +275,7 @@ class HeldTip:
         return np.asarray(moved * np.exp(-1j * self.whole * theta), dtype=complex)
 
 
-def hold(device: Tip | control.StateSpace, period: float, delay: float = 0.0) -> HeldTip:
+def discretize_zoh(device: LinearDevice | control.StateSpace, period: float, delay: float = 0.0) -> SampledDevice:
     """Return ``device`` behind a zero-order hold of ``period`` (s) and ``delay`` (in samples, whole or not).
 
     Args:
@@ -287,11 +289,12 @@ def hold(device: Tip | control.StateSpace, period: float, delay: float = 0.0) ->
     n = not_negative(delay, "delay", "samples (a negative one would look ahead)")
     if n > LONGEST:
         raise StabilityError(f"delay: {n:g} samples; the most is {LONGEST}, and no loop bears as many")
-    system = device.state_space if isinstance(device, Tip) else device
+    system = device.state_space if isinstance(device, LinearDevice) else device
     if not isinstance(system, control.StateSpace):
         raise StabilityError(
-            f"the device must be a Tip or a continuous control.StateSpace, not {type(device).__name__}; of an arm, "
-            "Tip.at_pose(arm, pose, along=(0, 0, 1)) is one"
+            f"the device must be a LinearDevice or a continuous control.StateSpace, not {type(device).__name__}; "
+            "of an arm, "
+            "LinearDevice.at_pose(arm, pose, along=(0, 0, 1)) is one"
         )
     if system.isdtime(strict=True) or (system.ninputs, system.noutputs) != (1, 1):
         raise StabilityError(
@@ -308,7 +311,7 @@ def hold(device: Tip | control.StateSpace, period: float, delay: float = 0.0) ->
         early, first = _held(system.A, system.B[:, 0], part * t)
         before = first + step @ first
         step = early + step + step @ early
-    return HeldTip(step, after, before, np.asarray(system.C[0], float), whole, t)
+    return SampledDevice(step, after, before, np.asarray(system.C[0], float), whole, t)
 
 
 def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:

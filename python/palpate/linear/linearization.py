@@ -73,7 +73,7 @@ def linearize(
         input_names = [f"torque[{i + 1}]" for i in range(n)]
     elif inputs == "force":
         require_regular(jacobian, pose)
-        held = hold_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
+        held = static_tip_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
         gain = jacobian.T
         stiffening = np.einsum("k,kij->ij", held, np.asarray(device.tip_hessian(pose), dtype=float))
         input_names = [f"force[{a}]" for a in AXES]
@@ -108,7 +108,7 @@ def linearize(
     )
 
 
-def hold_force(jacobian: Array, torque: Array) -> Array:
+def static_tip_force(jacobian: Array, torque: Array) -> Array:
     """Return the smallest tip force (3,), N, with J^T force = torque; J is (3, dof) m/rad."""
     return np.asarray(np.linalg.lstsq(jacobian.T, torque, rcond=None)[0], dtype=float)
 

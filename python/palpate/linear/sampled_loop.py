@@ -8,15 +8,15 @@ from scipy.linalg import expm
 
 from palpate.control.controller import Controller
 from palpate.devices import Device
-from palpate.linear.linear_device import Arm, in_hand
+from palpate.linear.linear_device import HumanArm, couple_arm
 
-__all__ = ["assembled", "felt", "held_plants"]
+__all__ = ["assemble_loop", "observable_reduction", "sampled_plants"]
 
 Array = NDArray[np.float64]
 
 
-def held_plants(
-    device: Device, poses: Array, arm: Arm | None, pull: Array, period: float
+def sampled_plants(
+    device: Device, poses: Array, arm: HumanArm | None, pull: Array, period: float
 ) -> tuple[Array, Array, Array]:
     """Return (A, B, C), each (n, ...), of a device at rest in n poses, in a hand: from held torques to joint angles.
 
@@ -32,11 +32,11 @@ def held_plants(
     torque = device.gravity(poses)
     slopes = [device.linearization(q, np.zeros(dof), t)[:2] for q, t in zip(poses, torque, strict=True)]
     a_q, a_v = (np.array([pair[i] for pair in slopes]) for i in range(2))
-    turning = np.einsum("k,nkij->nij", pull, device.tip_hessian(poses))
-    felt = jacobian[:, np.linalg.norm(jacobian, axis=(0, 2)) > 0, :]
-    m, d, s = inertia, -inertia @ a_v, -inertia @ a_q - turning
+    geometric_stiffness = np.einsum("k,nkij->nij", pull, device.tip_hessian(poses))
+    observable_reduction = jacobian[:, np.linalg.norm(jacobian, axis=(0, 2)) > 0, :]
+    m, d, s = inertia, -inertia @ a_v, -inertia @ a_q - geometric_stiffness
     if arm is not None:
-        m, d, s, _ = in_hand(m, d, s, felt, arm)
+        m, d, s, _ = couple_arm(m, d, s, observable_reduction, arm)
     size = m.shape[-1]
     inverse = np.linalg.inv(m)
     block = np.zeros((count, 2 * size + dof, 2 * size + dof))
@@ -49,8 +49,8 @@ def held_plants(
     return held[:, : 2 * size, : 2 * size], held[:, : 2 * size, 2 * size :], out
 
 
-def assembled(
-    plant: tuple[Array, Array, Array], jacobian: Array, turning: Array, law: Controller, late: int
+def assemble_loop(
+    plant: tuple[Array, Array, Array], jacobian: Array, geometric_stiffness: Array, law: Controller, late: int
 ) -> tuple[Array, Array, Array]:
     """Return (A, B, C), each (..., ., .), from the object's force (3, N) to the tip (3, m) of one loop or a stack.
 
@@ -59,7 +59,7 @@ def assembled(
     Args:
         plant: sampled (A, B, C) from torques to joint angles.
         jacobian: (..., 3, dof), m/rad.
-        turning: (..., dof, dof), N m/rad: how the torque of the motors' force turns with the pose.
+        geometric_stiffness: (..., dof, dof), N m/rad: how the torque of the motors' force turns with the pose.
         law: the controller.
         late: delay, samples.
     """
@@ -71,7 +71,7 @@ def assembled(
     a, entry, out = np.zeros((*batch, size, size)), np.zeros((*batch, size, 3)), np.zeros((*batch, 3, size))
     a[..., :n, :n] = pa
     torque_x, torque_w = np.zeros((*batch, dof, size)), turned @ feedback.D
-    torque_x[..., :n] = turning @ pc
+    torque_x[..., :n] = geometric_stiffness @ pc
     torque_x[..., n + late * dof :] = turned @ feedback.C
     if late:
         a[..., :n, n + (late - 1) * dof : n + late * dof] = pb
@@ -89,7 +89,7 @@ def assembled(
     return a, entry, out
 
 
-def felt(a: Array, entry: Array, out: Array, directions: Array) -> tuple[Array, Array, Array]:
+def observable_reduction(a: Array, entry: Array, out: Array, directions: Array) -> tuple[Array, Array, Array]:
     """Return (A, B, C) along some directions, without the modes that force there does not reach or motion does not see.
 
     Args:

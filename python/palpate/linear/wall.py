@@ -13,9 +13,9 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.checks import share
+from palpate.checks import fraction
 from palpate.errors import StabilityError
-from palpate.linear.linear_device import HeldTip, Tip, hold
+from palpate.linear.linear_device import LinearDevice, SampledDevice, discretize_zoh
 
 __all__ = ["WallLoop", "causal_controller", "wall_loop"]
 
@@ -40,7 +40,7 @@ class WallLoop:
     entry: Array
     position: Array
     velocity: Array
-    tip: HeldTip
+    tip: SampledDevice
     velocity_filter: float
     controller: control.StateSpace | None
 
@@ -55,11 +55,11 @@ class WallLoop:
         row = k[..., None] * self.position + b[..., None] * self.velocity
         return np.asarray(self.base + self.entry[:, None] * row[..., None, :], dtype=float)
 
-    def radius(self, stiffness: float, damping: float = 0.0) -> float:
+    def spectral_radius(self, stiffness: float, damping: float = 0.0) -> float:
         """Return the largest modulus of the loop's eigenvalues, per sample."""
         return float(np.abs(np.linalg.eigvals(self.matrix(stiffness, damping))).max())
 
-    def needed(self, angle: Array) -> NDArray[np.complex128]:
+    def required_wall_response(self, angle: Array) -> NDArray[np.complex128]:
         """Return W(theta): the wall's response K + B V that puts a root at e^{j theta}; theta (k,), rad per sample."""
         theta = np.asarray(angle, dtype=float)
         gain = self.tip.response(theta)
@@ -67,7 +67,7 @@ class WallLoop:
             gain = gain * _at(self.controller, np.exp(1j * theta))
         return np.asarray(-1 / gain, dtype=complex)
 
-    def rate(self, angle: Array) -> NDArray[np.complex128]:
+    def velocity_response(self, angle: Array) -> NDArray[np.complex128]:
         """Return V(theta), the servo's velocity per position, 1/s."""
         theta = np.asarray(angle, dtype=float)
         z, a = np.exp(1j * theta), self.velocity_filter
@@ -76,7 +76,7 @@ class WallLoop:
 
 
 def wall_loop(
-    device: Tip | control.StateSpace | HeldTip,
+    device: LinearDevice | control.StateSpace | SampledDevice,
     period: float | None = None,
     delay: float = 0.0,
     velocity_filter: float = 0.0,
@@ -94,13 +94,13 @@ def wall_loop(
     Raises:
         StabilityError: as ``hold`` and ``causal_controller``.
     """
-    alpha = share(velocity_filter, "velocity_filter")
-    if isinstance(device, HeldTip):
+    alpha = fraction(velocity_filter, "velocity_filter")
+    if isinstance(device, SampledDevice):
         tip = device
     else:
         if period is None:
             raise StabilityError("period is missing: the loop's servo period in s")
-        tip = hold(device, period, delay)
+        tip = discretize_zoh(device, period, delay)
     law = None if controller is None else causal_controller(controller, tip.period)
     n = len(tip.step)
     line = tip.whole + (1 if tip.fractional else 0)  # forces on their way

@@ -1,28 +1,28 @@
 """Metrics of a run and of a loop: step response, contact, impedance, rate hardness, bandwidth and ripple."""
 
-from palpate.metrics.body_contact import Palpation, palpation
+from palpate.metrics.body_contact import PalpationMetrics, palpation_metrics
 from palpate.metrics.hardness import rate_hardness
-from palpate.metrics.loop_response import LoopResponse, hand_stiffness, hold_response
-from palpate.metrics.mesh_contact import Slide, slide
-from palpate.metrics.performance import Performance, measure
+from palpate.metrics.loop_response import LoopResponse, arm_stiffness, hold_response
+from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
+from palpate.metrics.performance import Performance, measure_performance
 from palpate.metrics.step import StepResponse, step_response
 from palpate.metrics.summary import summarize
-from palpate.metrics.vibration import Buzz, buzz, vibration_threshold
+from palpate.metrics.vibration import Ripple, ripple, vibration_threshold
 
 __all__ = [
-    "Buzz",
     "LoopResponse",
-    "Palpation",
+    "PalpationMetrics",
     "Performance",
-    "Slide",
+    "Ripple",
+    "SlidingMetrics",
     "StepResponse",
-    "buzz",
-    "hand_stiffness",
+    "arm_stiffness",
     "hold_response",
-    "measure",
-    "palpation",
+    "measure_performance",
+    "palpation_metrics",
     "rate_hardness",
-    "slide",
+    "ripple",
+    "sliding_metrics",
     "step_response",
     "summarize",
     "vibration_threshold",

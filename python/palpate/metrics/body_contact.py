@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from palpate.metrics.mesh_contact import LAST
 from palpate.simulation.trace import Trace
 
-__all__ = ["FEW", "JND", "Palpation", "felt_along", "palpation", "work_so_far"]
+__all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
 
 Array = NDArray[np.float64]
 JND = 0.23  # of stiffness: what a hand just notices (Jones & Hunter 1990)
 SWEEP = 10e-3  # m: a shorter way is a press, not a sweep
 FEW = 4  # nodes under the tip: fewer carry no force to believe
-HOLDING = ("modal", "relaxing", "lattice")  # kinds that hold each force over the tick that ends with its sample
+HOLDING = ("modal", "viscoelastic", "mass_spring")  # kinds that hold each force over the tick that ends with its sample
 
 
 @dataclass(frozen=True)
-class Palpation:
+class PalpationMetrics:
     """A tip's way in and over a body, from its first touch to the end of the run. m, N, J.
 
     Attributes:
@@ -31,7 +31,8 @@ class Palpation:
         stiffness: force over deflection there, N/m.
         nodes: pressed there.
         path: length of the tip's way in contact.
-        felt_median, felt_most: of force over deflection along the way, N/m (`felt_along`); None for a way under 10 mm.
+        path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
+            None for a path under 10 mm.
         work: of the tip on the body (`work_so_far`).
         stored: in the body at the end: its elastic energy, internal springs of a standard linear solid with it, and
             its kinetic energy.
@@ -56,8 +57,8 @@ class Palpation:
     stiffness: float
     nodes: int
     path: float
-    felt_median: float | None
-    felt_most: float | None
+    path_stiffness_median: float | None
+    path_stiffness_max: float | None
     work: float
     stored: float
     saved: float
@@ -75,17 +76,17 @@ class Palpation:
         """Whether the tip rests in the body at the end: in contact, its force steady to 1 % (or 1 mN)."""
         return self.touching_at_end and self.final_swing <= max(1e-3, 0.01 * self.final_force)
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds, each number's unit at the end of its name."""
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
-        units |= dict.fromkeys(("felt_median", "felt_most"), "N_per_m")
+        units |= dict.fromkeys(("path_stiffness_median", "path_stiffness_max"), "N_per_m")
         units |= dict.fromkeys(("deepest_force", "final_force", "final_swing"), "N")
         units |= dict.fromkeys(("work", "stored", "saved", "at_start", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
 
 
-def palpation(trace: Trace) -> Palpation | None:
+def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     """Return what a trace on a body shows; None if there is no body, or it was touched in fewer than two samples."""
     if "pressed_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
@@ -102,17 +103,17 @@ def palpation(trace: Trace) -> Palpation | None:
     kept, spare, begun = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
-    way, felt = felt_along(trace)
+    way, felt = stiffness_along_path(trace)
     swept = len(way) > 0 and way[-1] > SWEEP
-    return Palpation(
+    return PalpationMetrics(
         touches=int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1])),
         deepest=float(deep[at]),
         deepest_force=float(size[at]),
         stiffness=float(size[at] / deep[at]) if deep[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
         path=float(np.sum(np.linalg.norm(move, axis=1)[on[1:] & on[:-1]])),
-        felt_median=float(np.median(felt)) if swept else None,
-        felt_most=float(np.max(felt)) if swept else None,
+        path_stiffness_median=float(np.median(felt)) if swept else None,
+        path_stiffness_max=float(np.max(felt)) if swept else None,
         work=work,
         stored=kept,
         saved=spare,
@@ -131,9 +132,9 @@ def work_so_far(trace: Trace) -> Array:
     """Return the work of the tip on the body until each sample (n,), J.
 
     The force F is taken as linear between samples: the sum of (F_k + F_k-1) . (x_k - x_k-1) / 2. A body with a state
-    (`modal`, `relaxing`, `lattice`) goes through a tick with the force held that its end asks for, so that the tick's
-    work is F_k . (x_k - x_k-1), and F at a sample is that of half a tick before: of samples n ticks apart the later one
-    counts (1 + 1/n) / 2.
+    (`modal`, `viscoelastic`, `mass_spring`) goes through a tick with the force held that its end asks for, so that the
+    tick's work is F_k . (x_k - x_k-1), and F at a sample is that of half a tick before: of samples n ticks apart the
+    later one counts (1 + 1/n) / 2.
     """
     force, tip = trace["object_force"], trace["tip"]
     choice, run = trace.scenario.get("object", {}).get("body") or {}, trace.scenario.get("run", {})
@@ -142,7 +143,7 @@ def work_so_far(trace: Trace) -> Array:
     return np.concatenate([[0.0], np.cumsum(each)])
 
 
-def felt_along(trace: Trace) -> tuple[Array, Array]:
+def stiffness_along_path(trace: Trace) -> tuple[Array, Array]:
     """Return the tip's way across its mean force (n,), m, and force over deflection there (n,), N/m.
 
     Samples in which the tip moves across the force, pressing with at least half of the median force, one for each

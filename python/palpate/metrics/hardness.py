@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import positive
 from palpate.errors import StabilityError
-from palpate.linear.sampled_loop import assembled, held_plants
+from palpate.linear.sampled_loop import assemble_loop, sampled_plants
 from palpate.metrics.loop_response import LoopResponse
 
 __all__ = ["rate_hardness"]
@@ -41,9 +41,9 @@ def rate_hardness(loop: LoopResponse, along: ArrayLike, window: float = 10e-3) -
     n = np.asarray(along, dtype=float) / np.linalg.norm(along)
     device, pose = loop.device, loop.pose
     jacobian = device.jacobian(pose)
-    plant = held_plants(device, pose[None], None, np.zeros(3), loop.period)
+    plant = sampled_plants(device, pose[None], None, np.zeros(3), loop.period)
     plain = (plant[0][0], plant[1][0], plant[2][0])
-    a, entry, out = assembled(plain, jacobian, loop._turning(), loop.law, loop.delay)
+    a, entry, out = assemble_loop(plain, jacobian, loop._geometric_stiffness(), loop.law, loop.delay)
     push = np.linalg.solve(device.mass_matrix(pose), jacobian.T @ n)
     state = np.zeros(len(a))
     state[device.dof : 2 * device.dof] = push / (n @ jacobian @ push)  # 1 m/s along the normal

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.errors import StabilityError
-from palpate.linear.linear_device import Arm
-from palpate.linear.linearization import hold_force
-from palpate.linear.sampled_loop import held_plants
+from palpate.linear.linear_device import HumanArm
+from palpate.linear.linearization import static_tip_force
+from palpate.linear.sampled_loop import sampled_plants
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
 
-__all__ = ["LoopResponse", "hand_stiffness", "hold_response"]
+__all__ = ["LoopResponse", "arm_stiffness", "hold_response"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -37,7 +37,7 @@ def hold_response(frequency: ArrayLike, period: float) -> Complex:
     return np.asarray(np.sinc(turn) * np.exp(-1j * np.pi * turn), dtype=complex)
 
 
-def hand_stiffness(arm: Arm, frequency: ArrayLike) -> Complex:
+def arm_stiffness(arm: HumanArm, frequency: ArrayLike) -> Complex:
     """Return the force per motion of a hand at its grip at each frequency (Hz), (k,), N/m, fingertip included."""
     w = 2 * np.pi * np.asarray(frequency, dtype=float)
     bone = arm.stiffness + 1j * w * arm.damping - w**2 * arm.mass
@@ -59,7 +59,7 @@ class LoopResponse:
         delay: n, samples.
         stiffness: K (3, 3), N/m, of the object; damping: B (3, 3), N s/m.
         coupling: how the damper is sampled, "backward" or "bilinear".
-        gravity_hold: whether a constant force of the motors carries the weight.
+        gravity_compensation: whether a constant force of the motors carries the weight.
     """
 
     device: Device
@@ -70,7 +70,7 @@ class LoopResponse:
     stiffness: Array
     damping: Array
     coupling: str = "backward"
-    gravity_hold: bool = True
+    gravity_compensation: bool = True
 
     @classmethod
     def of(cls, scenario: Scenario) -> LoopResponse:
@@ -96,7 +96,15 @@ class LoopResponse:
             k, b = np.diag(o.stiffness), np.diag(o.damping)
         law = build_controller(scenario, device, pose)
         return cls(
-            device, pose, law, scenario.period, scenario.device.delay, k, b, o.coupling, scenario.servo.gravity_hold
+            device,
+            pose,
+            law,
+            scenario.period,
+            scenario.device.delay,
+            k,
+            b,
+            o.coupling,
+            scenario.servo.gravity_compensation,
         )
 
     def directions(self) -> Array:
@@ -142,7 +150,7 @@ class LoopResponse:
         moved = np.linalg.solve(np.eye(self.device.dof) - late * sampled @ self._law(f, True), driven)
         return np.asarray(self._object(z) @ (jacobian @ moved), dtype=complex)
 
-    def transmitted(self, frequency: ArrayLike, arm: Arm, along: ArrayLike) -> Complex:
+    def transmitted(self, frequency: ArrayLike, arm: HumanArm, along: ArrayLike) -> Complex:
         """Return the force on a hand per commanded tip force, both along one direction, (k,), N/N.
 
         What the device's mass and the hold let through; the object is off.
@@ -154,7 +162,7 @@ class LoopResponse:
         n = np.asarray(along, dtype=float)
         jacobian = self.device.jacobian(self.pose)
         free = jacobian @ self._device(f) @ jacobian.T
-        hand = hand_stiffness(arm, f)[:, None, None] * np.eye(3)
+        hand = arm_stiffness(arm, f)[:, None, None] * np.eye(3)
         felt = hand @ np.linalg.solve(np.eye(3) + free @ hand, free)
         return np.asarray(hold_response(f, self.period) * (n @ felt @ n), dtype=complex)
 
@@ -166,11 +174,11 @@ class LoopResponse:
             )
         return f
 
-    def _turning(self) -> Array:
+    def _geometric_stiffness(self) -> Array:
         """Return how the torque of the motors' hold turns with the pose, (dof, dof), N m/rad."""
-        if not self.gravity_hold:
+        if not self.gravity_compensation:
             return np.zeros((self.device.dof, self.device.dof))
-        force = hold_force(self.device.jacobian(self.pose), self.device.gravity(self.pose))
+        force = static_tip_force(self.device.jacobian(self.pose), self.device.gravity(self.pose))
         return np.asarray(np.einsum("k,kij->ij", force, self.device.tip_hessian(self.pose)), dtype=float)
 
     def _device(self, f: Array) -> Complex:
@@ -181,7 +189,7 @@ class LoopResponse:
 
     def _sampled(self, f: Array) -> Complex:
         """Return R(z), sampled joint motion per held torque (k, dof, dof)."""
-        a, b, c = (m[0] for m in held_plants(self.device, self.pose[None], None, np.zeros(3), self.period))
+        a, b, c = (m[0] for m in sampled_plants(self.device, self.pose[None], None, np.zeros(3), self.period))
         return _response(a, b, c, np.zeros((len(c), b.shape[1])), np.exp(2j * np.pi * f * self.period))
 
     def _object(self, z: Complex) -> Complex:
@@ -192,12 +200,14 @@ class LoopResponse:
     def _law(self, f: Array, object_on: bool) -> Complex:
         """Return Y(z), torque per joint motion (k, dof, dof), before the delay."""
         z = np.exp(2j * np.pi * f * self.period)
-        turning = np.broadcast_to(self._turning().astype(complex), (len(z), self.device.dof, self.device.dof))
+        geometric_stiffness = np.broadcast_to(
+            self._geometric_stiffness().astype(complex), (len(z), self.device.dof, self.device.dof)
+        )
         if not object_on:
-            return turning
+            return geometric_stiffness
         feedback, jacobian = self.law.feedback, self.device.jacobian(self.pose)
         command = _response(feedback.A, feedback.B, feedback.C, feedback.D, z) @ self._object(z)
-        return np.asarray(jacobian.T @ command @ jacobian + turning, dtype=complex)
+        return np.asarray(jacobian.T @ command @ jacobian + geometric_stiffness, dtype=complex)
 
     def _late(self, f: Array) -> Complex:
         return np.asarray(np.exp(-2j * np.pi * f * self.period * self.delay)[:, None, None], dtype=complex)

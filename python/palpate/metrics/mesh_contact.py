@@ -1,4 +1,4 @@
-"""What a slide over a mesh shows: force steps, deflection, lost contact, energy, and the buzz that a hand feels."""
+"""What a slide over a mesh shows: force steps, deflection, lost contact, energy, and ripple."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from scipy.signal import welch
 from palpate.simulation.trace import Trace
 from palpate.units import parse
 
-__all__ = ["BUZZ", "LAST", "Slide", "slide"]
+__all__ = ["LAST", "RIPPLE_BAND", "SlidingMetrics", "sliding_metrics"]
 
 Array = NDArray[np.float64]
-BUZZ = (20.0, 500.0)  # Hz: what a hand feels as buzzing
+RIPPLE_BAND = (20.0, 500.0)  # Hz: vibration that an operator perceives
 LAST = 0.1  # s at the end of a run, over which its state of rest is taken
 
 
 @dataclass(frozen=True)
-class Slide:
+class SlidingMetrics:
     """A tip's way over a mesh, from its first touch to the end of the run. N, m, J, N^2.
 
     Attributes:
@@ -36,7 +36,7 @@ class Slide:
         energy_generated: work of the field on the tip plus what it stores at the end less at the beginning: zero
             for a field that derives from a potential. The force is taken as linear between samples.
         energy_dissipated: what friction took, by the force that joins tip and proxy along the surface.
-        buzz: power of the object force between 20 and 500 Hz, the three axes together (Welch 1967).
+        ripple_power: power of the object force between 20 and 500 Hz, the three axes together (Welch 1967).
         final_force: size of the object force, mean over the last 0.1 s.
         final_swing: peak-to-peak swing of the object force over the last 0.1 s, largest of the axes.
         touching_at_end: whether contact held over the last 0.1 s.
@@ -52,7 +52,7 @@ class Slide:
     deflection_rms_error: float | None
     energy_generated: float
     energy_dissipated: float
-    buzz: float
+    ripple_power: float
     final_force: float
     final_swing: float
     touching_at_end: bool
@@ -62,16 +62,22 @@ class Slide:
         """Whether the tip rests on the surface at the end: in contact, its force steady to 1 % (or 1 mN)."""
         return self.touching_at_end and self.final_swing <= max(1e-3, 0.01 * self.final_force)
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what JSON holds, each number's unit at the end of its name."""
-        units = {"path": "m", "deflection": "m", "expected_deflection": "m", "deflection_rms_error": "m", "buzz": "N2"}
+        units = {
+            "path": "m",
+            "deflection": "m",
+            "expected_deflection": "m",
+            "deflection_rms_error": "m",
+            "ripple_power": "N2",
+        }
         units |= dict.fromkeys(("step_at_crossing", "step_elsewhere", "final_force", "final_swing"), "N")
         units |= dict.fromkeys(("energy_generated", "energy_dissipated"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
 
 
-def slide(trace: Trace, *, tangential: float | None = None) -> Slide | None:
+def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> SlidingMetrics | None:
     """Return what a trace on a mesh shows; None if there is no mesh, or the tip touched it in fewer than two samples.
 
     `tangential` is the stiffness between tip and proxy along the surface, N/m: if not given, as the trace's scenario
@@ -102,7 +108,7 @@ def slide(trace: Trace, *, tangential: float | None = None) -> Slide | None:
         if at_rest.any():
             wanted = float(np.mean(expected[at_rest]))
             error = (deflection / wanted - 1.0) * 100.0 if wanted > 0.0 else None
-    return Slide(
+    return SlidingMetrics(
         path=float(np.sum(np.linalg.norm(np.diff(proxy, axis=0), axis=1)[both])),
         lost_ticks=int(np.count_nonzero(~on)) if every_tick else None,
         step_at_crossing=float(np.max(steps[crossing], initial=0.0)) if every_tick else None,
@@ -113,7 +119,7 @@ def slide(trace: Trace, *, tangential: float | None = None) -> Slide | None:
         deflection_rms_error=rms,
         energy_generated=generated,
         energy_dissipated=dissipated,
-        buzz=_buzz(force, float(time[1] - time[0])),
+        ripple_power=_ripple_power(force, float(time[1] - time[0])),
         final_force=float(np.mean(np.linalg.norm(force[last], axis=1))),
         final_swing=float(np.max(np.ptp(force[last], axis=0))),
         touching_at_end=bool(on[last].all()),
@@ -163,9 +169,9 @@ def _energy(
     )
 
 
-def _buzz(force: Array, period: float) -> float:
+def _ripple_power(force: Array, period: float) -> float:
     """Return the force's power (N^2) in the band of `BUZZ`, or as much of it as lies below half the sampling rate."""
     samples = min(len(force), round(0.25 / period))
     frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="constant")
-    band = (frequency >= BUZZ[0]) & (frequency <= BUZZ[1])
+    band = (frequency >= RIPPLE_BAND[0]) & (frequency <= RIPPLE_BAND[1])
     return float(np.sum(density[band]) * (frequency[1] - frequency[0])) if len(frequency) > 1 else 0.0

@@ -11,37 +11,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.files import write_json
-from palpate.linear.linear_device import Arm
+from palpate.files import check_suffix, write_json
+from palpate.linear.linear_device import HumanArm
 from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse
-from palpate.metrics.vibration import Buzz, buzz
+from palpate.metrics.vibration import Ripple, ripple
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_arm
 from palpate.simulation.simulator import simulate
 
-__all__ = ["Along", "Performance", "measure"]
+__all__ = ["DirectionalPerformance", "Performance", "measure_performance"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 NOTICED = 0.23  # of stiffness, the least difference that a person notices (Jones & Hunter 1990)
 BAND = (0.5, 8.0)  # Hz, what a hand does on purpose
-STRETCH = 0.5  # s, over which a buzz is told
-HAND = Arm(0.15, 4.5, 560.0, 500.0, 0.5)  # where the scenario has none
+STRETCH = 0.5  # s, over which ripple is measured
+HAND = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # where the scenario has none
 
 
 @dataclass(frozen=True)
-class Along:
-    """What is felt along one direction.
+class DirectionalPerformance:
+    """Performance along one direction.
 
     Attributes:
         direction: unit vector (3,).
         frequency: (k,), Hz.
-        felt: force per motion that the hand feels, (k,), N/m, complex; over j w it is the impedance.
-        wished: the same of the object by itself; alone: of the device without object.
+        rendered: force per motion of the loop, (k,), N/m, complex; divided by j w it is the impedance.
+        desired: the same of the object by itself; free: of the device without object.
         static_stiffness: N/m, at rest; inf where an integrator gives way to no force for ever.
-        band_stiffness: (least, largest) Re(felt), N/m, from 0.5 to 8 Hz.
-        transparent_to: Hz, up to which what is felt differs from what is wished by no more than 23 %; 0: nowhere.
+        band_stiffness: (smallest, largest) Re(rendered), N/m, from 0.5 to 8 Hz.
+        transparency_bandwidth: Hz, up to which rendered and desired stiffness differ by at most 23 %; 0: nowhere.
         rate_hardness: N/m, over the first 10 ms of a touch; nan but for an impedance display with a
             damper by backward difference.
         bandwidth: Hz, -3 dB of the force on the hand per command, or of the object's force per reference; inf: none
@@ -50,19 +50,19 @@ class Along:
 
     direction: tuple[float, float, float]
     frequency: Array
-    felt: NDArray[np.complex128]
-    wished: NDArray[np.complex128]
-    alone: NDArray[np.complex128]
+    rendered: NDArray[np.complex128]
+    desired: NDArray[np.complex128]
+    free: NDArray[np.complex128]
     static_stiffness: float
     band_stiffness: tuple[float, float]
-    transparent_to: float
+    transparency_bandwidth: float
     rate_hardness: float
     bandwidth: float
 
     @property
     def impedance(self) -> NDArray[np.complex128]:
         """Return Z(jw), force per speed that the hand feels, (k,), N s/m."""
-        return np.asarray(self.felt / (2j * np.pi * self.frequency), dtype=complex)
+        return np.asarray(self.rendered / (2j * np.pi * self.frequency), dtype=complex)
 
 
 @dataclass(frozen=True)
@@ -73,16 +73,16 @@ class Performance:
         title: the scenario's.
         topology: "impedance_display" or "force_tracking".
         hold_bandwidth: Hz, -3 dB of the hold alone, as on a clamped tip.
-        along: what is felt along each direction of the object.
-        buzz: ripple in the run's quietest half second of contact; None: it diverged, or touches too briefly.
-        remark: on the buzz.
+        along: performance along each direction of the object.
+        ripple: of the tip in the run's quietest half second of contact; None: it diverged, or touches too briefly.
+        remark: on the ripple.
     """
 
     title: str
     topology: str
     hold_bandwidth: float
-    along: tuple[Along, ...]
-    buzz: Buzz | None
+    along: tuple[DirectionalPerformance, ...]
+    ripple: Ripple | None
     remark: str
 
     def to_dict(self) -> dict[str, Any]:
@@ -99,7 +99,7 @@ class Performance:
                     "direction": list(a.direction),
                     "static_stiffness_N_per_m": plain(a.static_stiffness),
                     "stiffness_0.5_to_8_Hz_N_per_m": [plain(k) for k in a.band_stiffness],
-                    "transparent_to_Hz": plain(a.transparent_to),
+                    "transparency_bandwidth_Hz": plain(a.transparency_bandwidth),
                     "rate_hardness_N_per_m": plain(a.rate_hardness),
                     "force_bandwidth_Hz": plain(a.bandwidth),
                     "frequency_Hz": a.frequency.tolist(),
@@ -108,18 +108,28 @@ class Performance:
                 }
                 for a in self.along
             ],
-            "buzz": None
-            if self.buzz is None
-            else {"frequency_Hz": self.buzz.worst, "over_threshold": self.buzz.ratio, "felt": self.buzz.felt},
+            "ripple": None
+            if self.ripple is None
+            else {
+                "frequency_Hz": self.ripple.worst,
+                "over_threshold": self.ripple.ratio,
+                "perceptible": self.ripple.perceptible,
+            },
             "remark": self.remark,
         }
 
-    def write_json(self, path: str | Path) -> None:
-        """Write the numbers, whole or not at all; OutputError if they cannot be."""
-        write_json(path, self.to_dict())
+    def save(self, path: str | Path) -> Path:
+        """Write the numbers as `.json`, whole or not at all; return the path.
+
+        Raises:
+            OutputError: the suffix is another one, or the file cannot be written.
+        """
+        return write_json(check_suffix(path, (".json",), "performance"), self.to_dict())
 
 
-def measure(scenario: Scenario | Mapping[str, Any] | str | Path, *, progress: Progress | None = None) -> Performance:
+def measure_performance(
+    scenario: Scenario | Mapping[str, Any] | str | Path, *, progress: Progress | None = None
+) -> Performance:
     """Return what a hand feels of a scenario's loop at its start, and the ripple of its run's quietest half second.
 
     Raises:
@@ -139,20 +149,20 @@ def measure(scenario: Scenario | Mapping[str, Any] | str | Path, *, progress: Pr
     return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark)
 
 
-def _along(loop: LoopResponse, n: Array, s: Scenario) -> Along:
+def _along(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:
     f = np.geomspace(0.1, 0.499 / loop.period, 400)
-    felt, alone = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
+    rendered, free = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
     k, b = float(n @ loop.stiffness @ n), float(n @ loop.damping @ n)
-    wished = np.array(k + 2j * np.pi * f * b, dtype=complex)
-    off = np.abs(felt / wished - 1) > NOTICED
+    desired = np.array(k + 2j * np.pi * f * b, dtype=complex)
+    off = np.abs(rendered / desired - 1) > NOTICED
     band = np.linspace(*BAND, 60)
     in_band = (1 / (n @ loop.displacement(band) @ n)).real
     display = s.servo.topology == "impedance_display"
     passed = loop.transmitted(f, scenario_arm(s) or HAND, n) if display else n @ loop.reference(f) @ n
     through = np.abs(passed)
     low = np.flatnonzero(through < through[0] / np.sqrt(2))
-    return Along(
-        (float(n[0]), float(n[1]), float(n[2])), f, felt, wished, alone,
+    return DirectionalPerformance(
+        (float(n[0]), float(n[1]), float(n[2])), f, rendered, desired, free,
         _static(loop, n),
         (float(in_band.min()), float(in_band.max())),
         float(f[-1] if not off.any() else 0.0 if off[0] else f[int(np.argmax(off)) - 1]),
@@ -167,7 +177,7 @@ def _static(loop: LoopResponse, n: Array) -> float:
     return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
 
 
-def _ripple(s: Scenario) -> tuple[Buzz | None, str]:
+def _ripple(s: Scenario) -> tuple[Ripple | None, str]:
     trace = simulate(s)
     if not trace.stable:
         return None, f"The run diverges at {trace.unstable_from:g} s: there is no ripple to speak of."
@@ -181,9 +191,7 @@ def _ripple(s: Scenario) -> tuple[Buzz | None, str]:
         if touching[part].all() and (best is None or moved < best[0]):
             best = moved, tip[part]
     if best is None:
-        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to tell a buzz."
-    found = buzz(best[1], period)
-    counts = (
-        "" if s.device.encoder else " Encoder counts, which make most of a buzz, are switched off (device.encoder)."
-    )
+        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to measure the ripple."
+    found = ripple(best[1], period)
+    counts = "" if s.device.encoder else " Encoder counts, the main cause of ripple, are switched off (device.encoder)."
     return found, f"{found}{counts}"

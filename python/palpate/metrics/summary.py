@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
-from palpate.metrics.body_contact import FEW, Palpation, palpation
-from palpate.metrics.mesh_contact import Slide, slide
+from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
+from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.metrics.step import StepResponse, step_response
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
@@ -72,7 +72,7 @@ def summarize(trace: Trace) -> dict[str, Any]:
                 "swing_growth": response.swing_growth if _rests(scenario, trace) else None,
             }
     summary["stable"] = trace.stable and not _growing(summary)
-    if scenario is not None and scenario.operator.kind == "hold":
+    if scenario is not None and scenario.operator.kind == "fixed":
         summary["verdict"] = f"held still for {summary['duration_s']:.4g} s"
     elif trace.stable and not _rests(scenario, trace):
         summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s under a force that changes: no steady state"
@@ -83,8 +83,8 @@ def summarize(trace: Trace) -> dict[str, Any]:
 
 def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     """Return the summary of a run on a mesh: what its slide shows, in place of a step response per axis."""
-    found = slide(trace)
-    summary["sliding"] = None if found is None else found.as_dict()
+    found = sliding_metrics(trace)
+    summary["sliding"] = None if found is None else found.to_dict()
     if found is None or not trace.stable:
         return _without_contact(summary, trace, "mesh")
     depth = step_response(trace.time, trace["depth"][:, 0])
@@ -103,8 +103,8 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
 
 def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
     """Return the summary of a run on a body: what palpating it shows, in place of a step response per axis."""
-    found = palpation(trace)
-    summary["palpation"] = None if found is None else found.as_dict()
+    found = palpation_metrics(trace)
+    summary["palpation"] = None if found is None else found.to_dict()
     if found is None or not trace.stable:
         return _without_contact(summary, trace, "body")
     scenario, size = scenario_of(trace), np.linalg.norm(trace["deflection"], axis=1)
@@ -150,7 +150,7 @@ def _percent(response: StepResponse) -> str:
     return f"{((response.swing_growth or 0.0) - 1.0) * 100.0:.3g} %"
 
 
-def _at_the_end(found: Slide | Palpation) -> str:
+def _at_the_end(found: SlidingMetrics | PalpationMetrics) -> str:
     return "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
 
 

@@ -11,7 +11,7 @@ from scipy.signal.windows import flattop
 from palpate.checks import positive
 from palpate.errors import StabilityError
 
-__all__ = ["Buzz", "buzz", "vibration_threshold"]
+__all__ = ["Ripple", "ripple", "vibration_threshold"]
 
 Array = NDArray[np.float64]
 BEST = 250.0  # Hz, where the skin feels best
@@ -20,14 +20,14 @@ FLAT = 40.0  # Hz, below which the threshold is flat
 
 
 @dataclass(frozen=True)
-class Buzz:
+class Ripple:
     """The tip's ripple.
 
     Attributes:
         frequency: (k,), Hz; amplitude: (k,), m, of a sine at each, all axes together.
         threshold: (k,), m.
         worst: frequency at which amplitude over threshold is largest, Hz.
-        ratio: amplitude over threshold there; above 1 it can be felt.
+        ratio: amplitude over threshold there; above 1 it is perceptible.
     """
 
     frequency: Array
@@ -37,16 +37,16 @@ class Buzz:
     ratio: float
 
     @property
-    def felt(self) -> bool:
+    def perceptible(self) -> bool:
         """Whether a line of the spectrum is above the threshold."""
         return self.ratio > 1.0
 
     def __str__(self) -> str:
         at = int(np.argmax(self.amplitude / self.threshold))
         said = f"{1e6 * self.amplitude[at]:.3g} um at {self.worst:.4g} Hz"
-        if self.felt:
-            return f"It buzzes: {said}, {self.ratio:.3g} times what a fingertip can feel."
-        return f"No buzz: the strongest ripple is {said}, {self.ratio:.2g} of what a fingertip can feel."
+        if self.perceptible:
+            return f"The ripple is perceptible: {said}, {self.ratio:.3g} times the threshold of a fingertip."
+        return f"The ripple is not perceptible: {said}, {self.ratio:.2g} of the threshold of a fingertip."
 
 
 def vibration_threshold(frequency: ArrayLike) -> Array:
@@ -61,13 +61,13 @@ def vibration_threshold(frequency: ArrayLike) -> Array:
     return np.asarray(LEAST * np.maximum(BEST / f, f / BEST) ** 2, dtype=float)
 
 
-def buzz(tip: ArrayLike, period: float, lowest: float = 20.0) -> Buzz:
+def ripple(tip: ArrayLike, period: float, lowest: float = 20.0) -> Ripple:
     """Return the ripple of a tip that is at rest but for it.
 
     Args:
         tip: (n,) or (n, axes), m, one sample a period, of a stretch without deliberate motion; a slope is taken out.
         period: between samples, s.
-        lowest: Hz, below which motion is not called buzz.
+        lowest: Hz, below which motion is not counted as ripple.
 
     Raises:
         StabilityError: too short for ``lowest``, or not finite.
@@ -90,4 +90,4 @@ def buzz(tip: ArrayLike, period: float, lowest: float = 20.0) -> Buzz:
     keep = (f >= lowest) & (f < 0.5 / t)
     f, amplitude, threshold = f[keep], amplitude[keep], vibration_threshold(f[keep])
     at = int(np.argmax(amplitude / threshold))
-    return Buzz(np.asarray(f, float), amplitude, threshold, float(f[at]), float(amplitude[at] / threshold[at]))
+    return Ripple(np.asarray(f, float), amplitude, threshold, float(f[at]), float(amplitude[at] / threshold[at]))

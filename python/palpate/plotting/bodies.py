@@ -26,7 +26,7 @@ def draw_sweep(
     figure, ((left, right),) = new_figure(1, 2, width=10.5, height=4.0, sharex=False)
     left.remove()
     solid: Any = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
-    felt = lump.press([0.05, 0.05, height], radius, depth, tip="flat")
+    felt = lump.indent([0.05, 0.05, height], radius, depth, tip="flat")
     displacement = lump.on_surface(felt.displacement)
     moved, down = (lump.surface.vertices + displacement - [0.0, 0.0, height]) * 1e3, -displacement[:, 2] * 1e3
     triangles = lump.surface.triangles
@@ -42,7 +42,7 @@ def draw_sweep(
     figure.colorbar(scale, ax=solid, shrink=0.55, pad=0.14, label="displacement, down [mm]")
     along = np.linspace(0.015, 0.085, 281)
     way = np.stack([along, np.full_like(along, 0.05), np.full_like(along, height - depth)], axis=1)
-    forces = [body.follow(way, radius, outward=[0, 0, 1], tip="flat").force[:, 2] for body in (lump, plain)]
+    forces = [body.simulate_path(way, radius, outward=[0, 0, 1], tip="flat").force[:, 2] for body in (lump, plain)]
     for force, colour, label in zip(forces, COLOURS, ("with the nodule", "without"), strict=False):
         right.plot(along * 1e3, force, color=colour, label=label)
     right.axvspan(42.5, 57.5, color=FAINT, alpha=0.18, lw=0)
@@ -72,8 +72,8 @@ def draw_kinds(
     """
     kinds = {
         "finite elements": body,
-        "lattice": body.lattice(1e-3, by_mass=20.0, by_stiffness=2e-3),
-        "spline": body.spline(),
+        "mass_spring": body.mass_spring(1e-3, rayleigh_alpha=20.0, rayleigh_beta=2e-3),
+        "free_form": body.free_form(),
     }
     figure, ((left, right),) = new_figure(1, 2, width=10.5, height=4.0, sharex=False)
     middle = width / 2
@@ -85,7 +85,7 @@ def draw_kinds(
     depths = np.linspace(0.0, depth, 13)
     found = {}
     for (name, kind), colour, style in zip(kinds.items(), COLOURS, ("-", "--", ":"), strict=False):
-        presses = [kind.press([middle, middle, height], radius, d) for d in depths]
+        presses = [kind.indent([middle, middle, height], radius, d) for d in depths]
         moved = presses[-1].displacement[row]
         across, up = body.nodes[row, 0] + moved[:, 0] - middle, moved[:, 2]
         left.plot(across * 1e3, up * 1e3, style, color=colour, lw=2, marker=".", ms=7, label=name)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.fem import Body
-from palpate.metrics.body_contact import JND, felt_along, work_so_far
+from palpate.metrics.body_contact import JND, stiffness_along_path, work_so_far
 from palpate.plotting.figures import thin
 from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
 from palpate.plotting.surface import coloured, frame, new_space
@@ -17,7 +17,7 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["body_energy", "deformed", "felt", "force_and_deflection"]
+__all__ = ["body_energy", "deformed", "force_and_deflection", "stiffness_along_path_figure"]
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def deformed(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure
 
     Args:
         body: any kind.
-        displacement: of its nodes (n, 3), m, as `Body.press` and `pressed_at` give it.
+        displacement: of its nodes (n, 3), m, as `Body.indent` and `pressed_at` give it.
         pressure: on each node's patch (n,), Pa, as `Body.pressure`.
     """
     from matplotlib.cm import ScalarMappable
@@ -70,9 +70,9 @@ def force_and_deflection(trace: Trace) -> Figure:
     return figure
 
 
-def felt(trace: Trace) -> Figure:
+def stiffness_along_path_figure(trace: Trace) -> Figure:
     """Return force over deflection along the tip's way, and what a hand just notices above its median."""
-    way, stiffness = felt_along(trace)
+    way, stiffness = stiffness_along_path(trace)
     figure, rows = new_figure(1, 1, height=2.6)
     panel = rows[0][0]
     median = float(np.median(stiffness))

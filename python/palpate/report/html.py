@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from palpate.files import write_whole
+from palpate.files import atomic_write, check_suffix
 from palpate.report.theme import CSS, inline_svg
 
 if TYPE_CHECKING:
@@ -186,10 +186,15 @@ class Page:
             "</body>\n</html>\n"
         )
 
-    def write(self, path: str | Path) -> Path:
-        """Write the page, whole or not at all; return the path."""
+    def save(self, path: str | Path) -> Path:
+        """Write the page as `.html`, whole or not at all; return the path.
+
+        Raises:
+            OutputError: the suffix is another one, or the file cannot be written.
+        """
         text = self.html()
-        return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+        file = check_suffix(path, (".html",), "a page")
+        return atomic_write(file, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from palpate.metrics.body_contact import JND
-from palpate.plotting.body_contact import body_energy, deformed, felt, force_and_deflection
+from palpate.plotting.body_contact import body_energy, deformed, force_and_deflection, stiffness_along_path_figure
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.report.numbers import Number, numbers_table
@@ -48,10 +48,10 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
         "far it has moved, and the pressure of the tip on it." + stretched(picture),
     )
     page.figure(force_and_deflection(trace), "Force of the tip on the body, and how far the pressed patch has moved.")
-    if found["felt_most_N_per_m"] is not None:
-        rise = found["felt_most_N_per_m"] / found["felt_median_N_per_m"] - 1.0
+    if found["path_stiffness_max_N_per_m"] is not None:
+        rise = found["path_stiffness_max_N_per_m"] / found["path_stiffness_median_N_per_m"] - 1.0
         page.figure(
-            felt(trace),
+            stiffness_along_path_figure(trace),
             f"Stiffness felt along the way: at most {100 * rise:.3g} % over its median, "
             f"{'more' if rise > JND else 'less'} than the {100 * JND:g} % (band) that a hand just notices.",
         )

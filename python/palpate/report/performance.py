@@ -7,38 +7,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.metrics.performance import Along, Performance
+from palpate.metrics.performance import DirectionalPerformance, Performance
 from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
 from palpate.report.html import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["buzz_figure", "felt_figure", "performance_page"]
+__all__ = ["performance_page", "ripple_figure", "stiffness_figure"]
 
 
 def performance_page(p: Performance) -> Page:
     """Return the page of a loop's performance."""
     page = Page(f"Performance: {p.title}", "What a hand feels of the loop: exact for the sampled loop, at its start.")
-    good = p.buzz is not None and not p.buzz.felt
+    good = p.ripple is not None and not p.ripple.perceptible
     page.verdict(p.remark, "good" if good else "note")
     first = p.along[0]
     page.facts(
         [
-            ("stiffness felt at rest", _stiffness(first.static_stiffness)),
-            ("as wished to within 23 % up to", _hertz(first.transparent_to)),
+            ("stiffness at rest", _stiffness(first.static_stiffness)),
+            ("as wished to within 23 % up to", _hertz(first.transparency_bandwidth)),
             ("force bandwidth", _hertz(first.bandwidth)),
         ]
     )
     page.figure(
-        felt_figure(p),
+        stiffness_figure(p),
         "Force per motion that the hand feels, |jωZ|: of the loop, of the object as wished (dashed), and of the device "
         "without object (dotted), which is its mass at high frequency.",
         label="magnitude of the stiffness felt over frequency",
     )
-    if p.buzz is not None:
+    if p.ripple is not None:
         page.figure(
-            buzz_figure(p),
+            ripple_figure(p),
             "Ripple of the tip in the quietest half second of contact against the least vibration that a fingertip "
             "feels (Verrillo 1963: flat to 40 Hz, 12 dB an octave to 0.1 µm at 250 Hz).",
             label="spectrum of the tip's ripple and the threshold of touch",
@@ -48,7 +48,8 @@ def performance_page(p: Performance) -> Page:
         ("along", "stiffness at rest", "from 0.5 to 8 Hz", "as wished up to", "rate-hardness", "force bandwidth"),
         [
             (_name(a), _stiffness(a.static_stiffness), f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
-             _hertz(a.transparent_to), None if math.isnan(a.rate_hardness) else a.rate_hardness, _hertz(a.bandwidth))
+             _hertz(a.transparency_bandwidth), None if math.isnan(a.rate_hardness) else a.rate_hardness,
+             _hertz(a.bandwidth))
             for a in p.along
         ],
         f"Along each direction in which the object is felt. Rate-hardness: mean force rate in the first 10 ms of a "
@@ -63,15 +64,15 @@ def performance_page(p: Performance) -> Page:
     return page
 
 
-def felt_figure(p: Performance) -> Figure:
+def stiffness_figure(p: Performance) -> Figure:
     """Return |jwZ| over frequency, a panel for each direction."""
     figure, rows = new_figure(1, len(p.along), width=9.0 if len(p.along) > 1 else 7.0, height=3.4, sharey=True)
     for panel, a in zip(rows[0], p.along, strict=True):
-        panel.loglog(a.frequency, np.abs(a.felt) / 1e3, color=COLOURS[0], label="felt")
+        panel.loglog(a.frequency, np.abs(a.rendered) / 1e3, color=COLOURS[0], label="rendered")
         panel.loglog(
-            a.frequency, np.abs(a.wished) / 1e3, color=INK, linestyle=(0, (4, 3)), linewidth=1.1, label="wished"
+            a.frequency, np.abs(a.desired) / 1e3, color=INK, linestyle=(0, (4, 3)), linewidth=1.1, label="wished"
         )
-        panel.loglog(a.frequency, np.abs(a.alone) / 1e3, color=COLOURS[1], linestyle=":", label="device alone")
+        panel.loglog(a.frequency, np.abs(a.free) / 1e3, color=COLOURS[1], linestyle=":", label="device alone")
         panel.set_title(_name(a), **TITLE)
         panel.set_xlabel("frequency [Hz]")
     rows[0][0].set_ylabel("force per motion [N/mm]")
@@ -80,15 +81,15 @@ def felt_figure(p: Performance) -> Figure:
     return figure
 
 
-def buzz_figure(p: Performance) -> Figure:
+def ripple_figure(p: Performance) -> Figure:
     """Return the ripple's spectrum against the threshold."""
     figure, rows = new_figure(1, 1, width=7.0, height=3.2)
-    panel, b = rows[0][0], p.buzz
+    panel, b = rows[0][0], p.ripple
     assert b is not None
     floor = 1e-5 * float(b.threshold.min())
     panel.loglog(b.frequency, 1e6 * np.maximum(b.amplitude, floor), color=COLOURS[0], label="ripple of the tip")
     panel.loglog(b.frequency, 1e6 * b.threshold, color=INK, linestyle=(0, (4, 3)), label="least that is felt")
-    panel.axvline(b.worst, color=FAINT, linewidth=0.8, label="felt most")
+    panel.axvline(b.worst, color=FAINT, linewidth=0.8, label="most perceptible")
     ticks = [f for f in (20, 50, 100, 200, 500, 1000, 2000, 5000) if f <= b.frequency[-1] * 1.01]
     panel.set_xticks(ticks, labels=[str(f) for f in ticks])
     panel.minorticks_off()
@@ -99,7 +100,7 @@ def buzz_figure(p: Performance) -> Figure:
     return figure
 
 
-def _name(a: Along) -> str:
+def _name(a: DirectionalPerformance) -> str:
     for axis, name in enumerate("xyz"):
         if abs(abs(a.direction[axis]) - 1) < 1e-9:
             return f"along {name}"

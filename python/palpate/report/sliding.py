@@ -24,7 +24,7 @@ _NUMBERS: Final = (
     ("rms distance from F/K on the way", "deflection_rms_error_m", "mm", 1e3),
     ("energy that the field generated", "energy_generated_J", "mJ", 1e3),
     ("energy that friction took", "energy_dissipated_J", "mJ", 1e3),
-    ("force power from 20 to 500 Hz", "buzz_N2", "mN²", 1e6),
+    ("force power from 20 to 500 Hz", "ripple_power_N2", "mN²", 1e6),
 )
 
 

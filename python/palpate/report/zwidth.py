@@ -40,8 +40,8 @@ def zwidth_page(z: ZWidth) -> Page:
     facts = [("stiffest object", f"{k / 1e3:.4g} N/mm"), ("its damping", f"{b:.4g} N·s/m")]
     if z.passive is not None:
         facts.append(("stiffest passive object", f"{z.passive[1].max() / 1e3:.4g} N/mm"))
-    if z.softest > 0.0:
-        facts.append(("softest stable object", f"{z.softest:.3g} N/m"))
+    if z.min_stable_stiffness > 0.0:
+        facts.append(("softest stable object", f"{z.min_stable_stiffness:.3g} N/m"))
     if z.simulated is not None:
         off = z.simulated.distance
         facts.append(

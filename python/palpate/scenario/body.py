@@ -30,17 +30,17 @@ _INSTANT: Final = Option(
 )
 _NEAR: Final = Option("", lambda value: value in range(4, 65), "must be a whole number, from 4 to 64")
 _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
-_DAMPING: Final = {"by_mass": Option("1/s"), "by_stiffness": Option("s")}
-_CREEP: Final = {"instant": _INSTANT, "creep": Option("s", *_POSITIVE)}
+_DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
+_CREEP: Final = {"instantaneous_ratio": _INSTANT, "retardation_time": Option("s", *_POSITIVE)}
 _SLOW: Final = {"slow_step": Option("s", *_POSITIVE), "near": _NEAR, **_FRICTION}
 # A kind of this name is `Body.kind(period, **options)`; a law of large displacements is
-# `Body.nonlinear(period, law=kind, **options)`.
+# `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
     "modal": {**_DAMPING, **_CREEP, **_FRICTION},
-    "lattice": {**_DAMPING, **_FRICTION},
-    "relaxing": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
-    "spline": {"control_spacing": Option("m", *_POSITIVE), **_FRICTION},
+    "mass_spring": {**_DAMPING, **_FRICTION},
+    "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
+    "free_form": {"control_spacing": Option("m", *_POSITIVE), **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
@@ -93,7 +93,7 @@ class BodyChoice(Section):
         origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a
             block or phantom if not given, else its own origin.
         turn: about x, then y, then z of the device, round that point, rad.
-        stiffer: how many times as stiff as the file or the moduli say.
+        stiffness_scale: how many times as stiff as the file or the moduli say.
         tip: "sphere", or "flat": the end of a rod whose axis is the body's own z; radius: of the tip, m.
     """
 
@@ -114,7 +114,7 @@ class BodyChoice(Section):
     turn: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
-    stiffer: Annotated[Number, AfterValidator(_more_than_none)] = 1.0
+    stiffness_scale: Annotated[Number, AfterValidator(_more_than_none)] = 1.0
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -181,7 +181,7 @@ class BodyChoice(Section):
                 raise ValueError(f"{key} is missing; write for example {key} = {example}")
         for key in sorted({key for keys in _SHAPES.values() for key in keys} - set(mine)):
             if getattr(self, key) is not None:
-                hint = "; a spline takes control_spacing" if (key, self.kind) == ("spacing", "spline") else ""
+                hint = "; a spline takes control_spacing" if (key, self.kind) == ("spacing", "free_form") else ""
                 raise ValueError(f'{key} has no meaning for shape = "{self.shape}"{hint}')
         for key, option in KINDS[self.kind].items():
             if option.needed and key not in self.options:

@@ -153,20 +153,20 @@ class Servo(Section):
             "impedance_display" (the operator pushes the tip, the device answers with the object's force).
         jitter: s, less than a period: each tick comes late by a random time up to this, uniformly and by itself; the
             loop does not know. The nonlinear device only.
-        gravity_hold: a constant tip force balances gravity at the start pose.
+        gravity_compensation: a constant tip force balances gravity at the start pose.
     """
 
     period: Duration | None = None
     jitter: Time = 0.0
     topology: Literal["force_tracking", "impedance_display"] = "force_tracking"
-    gravity_hold: Flag = True
+    gravity_compensation: Flag = True
 
 
 class Operator(Signal):
     """[operator]: who holds the device. With force_tracking a hand ("arm") or nobody.
 
     Attributes:
-        kind: "none", "force" (a force in time at the tip), "hold" (the tip is held where it starts) or "arm"
+        kind: "none", "force" (a force in time at the tip), "fixed" (the tip is held where it starts) or "arm"
             (mass, damper and spring to the shoulder; with tissue_stiffness the fingertip lies in between;
             a force in time may act on top).
         mass: kg, stiffness: N/m, damping: N*s/m of the arm.
@@ -174,7 +174,7 @@ class Operator(Signal):
         rest: where the arm's spring is unstretched, from the start tip, m.
     """
 
-    kind: Literal["none", "force", "hold", "arm"] = "none"
+    kind: Literal["none", "force", "fixed", "arm"] = "none"
     mass: OneMass | None = None
     damping: OneDamping | None = None
     stiffness: OneStiffness | None = None
@@ -186,7 +186,7 @@ class Operator(Signal):
     def _complete(self) -> Self:
         given = self.model_fields_set - {"kind"}
         signal = given & set(Signal.model_fields)
-        if self.kind in ("none", "hold") and given:
+        if self.kind in ("none", "fixed") and given:
             raise ValueError(f'{min(given)} has no meaning for kind = "{self.kind}"')
         if self.kind == "force" and given - signal:
             raise ValueError(f'{min(given - signal)} belongs to kind = "arm"')

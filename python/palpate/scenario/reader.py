@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from palpate.errors import ScenarioError
-from palpate.files import HDF5_SIGNATURE, named
+from palpate.files import HDF5_SIGNATURE, as_path
 
 __all__ = ["ScenarioText", "find_line", "read_file", "read_text", "validate"]
 
@@ -38,7 +38,7 @@ def read_file(path: str | Path) -> ScenarioText:
     Raises:
         ScenarioError: it cannot be read, or is no text.
     """
-    file = named(path, ScenarioError)
+    file = as_path(path, ScenarioError)
     try:
         _check_kind(file)
         if file.stat().st_size > _LARGEST:

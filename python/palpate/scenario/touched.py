@@ -32,8 +32,8 @@ class MeshChoice(Section):
     """[object.mesh]: a file, or a shape made by formula; placed by [object] position, its origin there.
 
     Attributes:
-        shape: "file"; "box", a cube whose origin is the middle of its top (+z); or "organ", an ellipsoid with smooth
-            bumps whose origin is its top.
+        shape: "file"; "box", a cube whose origin is the middle of its top (+z); or "bumpy_ellipsoid", an ellipsoid
+            with smooth bumps whose origin is its top.
         file: STL, OBJ, PLY, OFF, GLB (relative to the scenario's file; absolute once read), and its unit, such as "mm".
         open: the surface has a border on purpose.
         edge: of the box, m.
@@ -45,7 +45,7 @@ class MeshChoice(Section):
         radius: of the tip, m; 0: a point.
     """
 
-    shape: Literal["file", "box", "organ"] = "file"
+    shape: Literal["file", "box", "bumpy_ellipsoid"] = "file"
     file: str | None = None
     unit: str | None = None
     open: Flag = False
@@ -64,7 +64,11 @@ class MeshChoice(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        needs = {"file": ("file", "unit"), "box": ("edge", "divisions"), "organ": ("size", "bump", "divisions")}
+        needs = {
+            "file": ("file", "unit"),
+            "box": ("edge", "divisions"),
+            "bumpy_ellipsoid": ("size", "bump", "divisions"),
+        }
         examples = {"file": '"liver.stl"', "unit": '"mm"', "edge": '"80 mm"', "divisions": "8", "bump": "0.06",
                     "size": '["90 mm", "70 mm", "60 mm"]'}  # fmt: skip
         for key in needs[self.shape]:

@@ -1,20 +1,20 @@
 """Simulation of a scenario's servo loop, and the trace that it returns."""
 
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
-from palpate.simulation.simulator import Experiment, prepare, simulate
+from palpate.simulation.simulator import Simulation, build_simulation, simulate
 from palpate.simulation.surface_frames import Frame, SurfaceFrames
 from palpate.simulation.trace import CHANNELS, Channel, Trace, TraceError
 
 __all__ = [
     "CHANNELS",
     "Channel",
-    "Experiment",
     "Frame",
     "ScenarioLoop",
+    "Simulation",
     "SurfaceFrames",
     "Trace",
     "TraceError",
-    "prepare",
+    "build_simulation",
     "scenario_loop",
     "simulate",
 ]

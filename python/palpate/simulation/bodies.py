@@ -24,7 +24,7 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from palpate.fem import Body
 
-__all__ = ["Pressed", "kept_at", "pressed_at", "scenario_body", "touched_body"]
+__all__ = ["Pressed", "cache_path", "pressed_at", "scenario_body", "touched_body"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
@@ -53,7 +53,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
     way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
-    body.follow(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
+    body.simulate_path(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
@@ -91,7 +91,7 @@ def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
 def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
     """Return the body that a scenario names, in its own frame and of the kind asked for; `tell` hears of its making.
 
-    A body that is made on the spot is kept (`kept_at`) and read from there the next time.
+    A body that is made on the spot is kept (`cache_path`) and read from there the next time.
 
     Raises:
         ScenarioError: as `touched_body`.
@@ -99,17 +99,17 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
     choice = scenario.object.body
     assert choice is not None
     field = "object.body" if choice.file is None else "object.body.file"
-    path = Path(choice.file) if choice.file is not None else kept_at(choice)
+    path = Path(choice.file) if choice.file is not None else cache_path(choice)
     try:
         if choice.file is None and not path.is_file():
             _make(choice, path, tell)
         _read(_state(path))
         field = "object.body.kind"
         options = tuple(sorted(choice.options.items()))
-        return _of_kind(_state(path), choice.stiffer, choice.kind, options, scenario.period)
+        return _of_kind(_state(path), choice.stiffness_scale, choice.kind, options, scenario.period)
     except PalpateError as problem:
         key, _, sentence = str(problem).partition(": ")  # what is wrong with one number begins with its name
-        if key in choice.options or key in _recipe(choice) or key == "stiffer":
+        if key in choice.options or key in _recipe(choice) or key == "stiffness_scale":
             raise scenario.mistake(f"object.body.{key}", sentence) from None
         hint = ""
         if field == "object.body" and path.is_file():
@@ -129,7 +129,7 @@ def origin_of(choice: BodyChoice, body: Body) -> Array:
     return np.array([*(low + high)[:2] / 2.0, high[2]])
 
 
-def kept_at(choice: BodyChoice) -> Path:
+def cache_path(choice: BodyChoice) -> Path:
     """Return where a body made on the spot is kept: a name for each recipe, in the user's cache (XDG_CACHE_HOME)."""
     from palpate.fem.storage import VERSION
 
@@ -156,8 +156,8 @@ def _make(choice: BodyChoice, path: Path, tell: Tell | None) -> None:
     bodies.build(
         bodies.block(size, spacing),
         **recipe,
-        fixed=bodies.beyond("z", "<", 1e-6),
-        touch=bodies.beyond("z", ">", top),
+        fixed=bodies.half_space("z", "<", 1e-6),
+        touch=bodies.half_space("z", ">", top),
         output=path,
         progress=tell,
     )
@@ -181,15 +181,15 @@ def _read(state: tuple[str, int, int]) -> Body:
 
 @lru_cache(maxsize=4)
 def _of_kind(
-    state: tuple[str, int, int], stiffer: float, kind: str, options: tuple[tuple[str, float], ...], period: float
+    state: tuple[str, int, int], scale: float, kind: str, options: tuple[tuple[str, float], ...], period: float
 ) -> Body:
-    body = _read(state) if stiffer == 1.0 else _read(state).stiffer(stiffer)
+    body = _read(state) if scale == 1.0 else _read(state).scaled_stiffness(scale)
     from palpate.fem import Law
 
     if kind == "compliance":
         given = {"static_friction": 0.0, **dict(options)}
-        return body.rough(**given) if options else body
+        return body.with_friction(**given) if options else body
     if kind in get_args(Law):
-        return body.nonlinear(period, law=kind, **dict(options))  # type: ignore[arg-type]
+        return body.hyperelastic(period, law=kind, **dict(options))  # type: ignore[arg-type]
     made: Body = getattr(body, kind)(period, **dict(options))
     return made

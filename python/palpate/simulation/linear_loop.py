@@ -17,9 +17,9 @@ from palpate.control.coupling import virtual_coupling
 from palpate.control.feedback_loop import closed_loop_matrix, spectral_radius
 from palpate.devices import Device
 from palpate.errors import StabilityError
-from palpate.linear.linear_device import Arm
-from palpate.linear.linearization import hold_force
-from palpate.linear.sampled_loop import assembled, felt, held_plants
+from palpate.linear.linear_device import HumanArm
+from palpate.linear.linearization import static_tip_force
+from palpate.linear.sampled_loop import assemble_loop, observable_reduction, sampled_plants
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.plants import sampled_plant
@@ -38,7 +38,7 @@ class ScenarioLoop:
         directions: (3, r), orthonormal: those along which the object is felt and the device can move.
         stiffness: K (r, r), N/m; damping: B (r, r), N s/m.
         coupling: "backward" or "bilinear".
-        damping_felt: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
+        device_damping: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
         hidden: number of modes that the object does not feel or the controller does not move.
         rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
     """
@@ -48,7 +48,7 @@ class ScenarioLoop:
     stiffness: Array
     damping: Array
     coupling: str
-    damping_felt: float
+    device_damping: float
     hidden: int
     rests: bool = True
 
@@ -81,7 +81,7 @@ class ScenarioLoop:
         """Return the closed loop's matrix with the object's stiffness and damping times ``scale``."""
         return np.asarray(closed_loop_matrix(self.gain(), scale).real, dtype=float)
 
-    def radius(self, stiffness: float | None = None, damping: float | None = None) -> float:
+    def spectral_radius(self, stiffness: float | None = None, damping: float | None = None) -> float:
         """Return the largest modulus of the closed loop's eigenvalues, for another K and B if given."""
         return spectral_radius(self.gain(stiffness, damping))
 
@@ -92,7 +92,7 @@ def scenario_loop(
     pose: ArrayLike | None = None,
     tip_force: ArrayLike = (0.0, 0.0, 0.0),
     operator_force: ArrayLike | None = None,
-    arm: Arm | None = None,
+    arm: HumanArm | None = None,
     controller: Controller | None = None,
 ) -> ScenarioLoop:
     """Return the loop of ``scenario`` about its start, or about another pose of rest.
@@ -120,9 +120,9 @@ def scenario_loop(
             "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
             "palpate.stability.contact_stability(trace)"
         )
-    if scenario.operator.kind == "hold" and arm is None:
+    if scenario.operator.kind == "fixed" and arm is None:
         raise StabilityError(
-            'operator.kind: "hold" keeps the tip still, so nothing can oscillate; give another operator'
+            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
         )
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
@@ -133,37 +133,39 @@ def scenario_loop(
     jacobian = device.jacobian(start if frozen else at)
     hold = _hold(scenario, device, start)
     motors = hold if frozen else hold + np.asarray(tip_force, dtype=float)
-    turning = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
+    geometric_stiffness = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
     plant = _plant(scenario, device, at, start, hand, operator_force)
     directions = _directions(scenario, jacobian)
     r = directions.shape[1]
     k = directions.T @ np.diag(np.asarray(scenario.object.stiffness, float)) @ directions
     b = directions.T @ np.diag(np.asarray(scenario.object.damping, float)) @ directions
 
-    a, entry, out = assembled((plant.A, plant.B, plant.C), jacobian, turning, law, scenario.device.delay)
-    small = felt(a, entry, out, directions)
+    a, entry, out = assemble_loop(
+        (plant.A, plant.B, plant.C), jacobian, geometric_stiffness, law, scenario.device.delay
+    )
+    small = observable_reduction(a, entry, out, directions)
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
-    rests = _rests(device, at, turning)
+    rests = _rests(device, at, geometric_stiffness)
     own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
     return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
 
 
-def scenario_arm(scenario: Scenario) -> Arm | None:
+def scenario_arm(scenario: Scenario) -> HumanArm | None:
     """Return the arm that holds the tip in a scenario; None: there is none."""
     o = scenario.operator
     if o.kind != "arm":
         return None
-    return Arm(o.mass or 0.0, o.damping or 0.0, o.stiffness or 0.0, o.tissue_stiffness, o.tissue_damping or 0.0)
+    return HumanArm(o.mass or 0.0, o.damping or 0.0, o.stiffness or 0.0, o.tissue_stiffness, o.tissue_damping or 0.0)
 
 
 def _hold(scenario: Scenario, device: Device, start: Array) -> Array:
-    if not scenario.servo.gravity_hold:
+    if not scenario.servo.gravity_compensation:
         return np.zeros(3)
-    return hold_force(device.jacobian(start), device.gravity(start))
+    return static_tip_force(device.jacobian(start), device.gravity(start))
 
 
 def _plant(
-    scenario: Scenario, device: Device, at: Array, start: Array, arm: Arm | None, operator_force: ArrayLike | None
+    scenario: Scenario, device: Device, at: Array, start: Array, arm: HumanArm | None, operator_force: ArrayLike | None
 ) -> control.StateSpace:
     """Return the sampled plant from motor torques to joint angles, the hand on it."""
     if scenario.device.model != "nonlinear":
@@ -178,7 +180,7 @@ def _plant(
             pull = (arm.stiffness if arm.tissue_stiffness is None else 0.0) * np.array(scenario.operator.rest)
     else:
         pull = np.asarray(operator_force, dtype=float)
-    a, b, c = held_plants(device, at[None, :], arm, pull, scenario.period)
+    a, b, c = sampled_plants(device, at[None, :], arm, pull, scenario.period)
     return control.StateSpace(a[0], b[0], c[0], np.zeros((device.dof, device.dof)), scenario.period)
 
 
@@ -196,10 +198,10 @@ def _directions(scenario: Scenario, jacobian: Array) -> Array:
     return np.asarray(np.eye(3)[:, axes], dtype=float)
 
 
-def _rests(device: Device, at: Array, turning: Array) -> bool:
+def _rests(device: Device, at: Array, geometric_stiffness: Array) -> bool:
     """Return whether gravity and the hold's force together have no hilltop here: M q'' = -S q with S not negative."""
     a_q, _, _ = device.linearization(at, np.zeros(device.dof), device.gravity(at))
-    stiffness = -device.mass_matrix(at) @ a_q - turning
+    stiffness = -device.mass_matrix(at) @ a_q - geometric_stiffness
     values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
     return bool(values.min() >= -1e-9 * max(float(np.abs(values).max()), 1e-300))
 

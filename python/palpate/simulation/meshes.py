@@ -13,7 +13,7 @@ from palpate.errors import PalpateError
 from palpate.scenario.model import Scenario
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
 
-__all__ = ["box", "organ", "touched_mesh"]
+__all__ = ["box_mesh", "bumpy_ellipsoid", "touched_mesh"]
 
 Array = NDArray[np.float64]
 Triangles = NDArray[np.int64]
@@ -48,7 +48,7 @@ def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
     return mesh, surface
 
 
-def box(edge: float, divisions: int) -> tuple[Array, Triangles]:
+def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:
     """Return vertices (n, 3), m, and triangles (m, 3) of a cube; the origin is the middle of its top.
 
     Each face has `divisions` squares of two triangles along an edge; the squares' diagonals run alike.
@@ -73,7 +73,7 @@ def box(edge: float, divisions: int) -> tuple[Array, Triangles]:
     return vertices, same.reshape(-1)[np.concatenate(triangles)].astype(np.int64)
 
 
-def organ(size: tuple[float, float, float], bump: float, divisions: int) -> tuple[Array, Triangles]:
+def bumpy_ellipsoid(size: tuple[float, float, float], bump: float, divisions: int) -> tuple[Array, Triangles]:
     """Return vertices (n, 3), m, and triangles (m, 3) of an ellipsoid with smooth bumps; its top is the origin.
 
     An icosphere split `divisions` times; the point in direction e (unit) lies at size/2 * e * r(e), with
@@ -106,10 +106,10 @@ def _shape(
 ) -> Mesh:
     assert divisions is not None
     if edge is not None:
-        return Mesh(*box(edge, divisions))
+        return Mesh(*box_mesh(edge, divisions))
     assert size is not None
     assert bump is not None
-    return Mesh(*organ(size, bump, divisions))
+    return Mesh(*bumpy_ellipsoid(size, bump, divisions))
 
 
 def _surface(choice: SurfaceChoice, own: Mesh, period: float) -> Surface:

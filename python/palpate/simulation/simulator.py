@@ -15,7 +15,7 @@ from palpate import _core
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.errors import ScenarioError
-from palpate.linear.linearization import hold_force
+from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import touched_body
 from palpate.simulation.controllers import build_controller
@@ -23,7 +23,7 @@ from palpate.simulation.meshes import touched_mesh
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
 
-__all__ = ["Experiment", "prepare", "simulate"]
+__all__ = ["Simulation", "build_simulation", "simulate"]
 
 Array = NDArray[np.float64]
 # What the core adds to a row: columns of each channel.
@@ -47,19 +47,21 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Co
         PoseError: the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller].
     """
-    experiment = prepare(scenario, controller)
-    return experiment.trace(*experiment.run())
+    simulation = build_simulation(scenario, controller)
+    return simulation.trace(*simulation.run())
 
 
-def prepare(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Experiment:
+def build_simulation(
+    scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None
+) -> Simulation:
     """Return a scenario made ready to run, as `simulate` would run it: for running it many times."""
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
-    return Experiment.of(scenario, controller)
+    return Simulation.of(scenario, controller)
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Simulation:
     """A scenario made ready: the core's setup, and the forces at every sample (ticks + 1, 3), N."""
 
     scenario: Scenario
@@ -72,7 +74,7 @@ class Experiment:
     operator: Array
 
     @classmethod
-    def of(cls, scenario: Scenario, controller: Controller | None) -> Experiment:
+    def of(cls, scenario: Scenario, controller: Controller | None) -> Simulation:
         """Build what the scenario describes, around `controller` if given."""
         if controller is not None and not isinstance(controller, Controller):
             raise ScenarioError(
@@ -81,8 +83,8 @@ class Experiment:
         device = scenario.load_device()
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         hold = np.zeros(3)
-        if scenario.servo.gravity_hold:
-            hold = hold_force(device.jacobian(start), device.gravity(start))
+        if scenario.servo.gravity_compensation:
+            hold = static_tip_force(device.jacobian(start), device.gravity(start))
         chosen = build_controller(scenario, device, start) if controller is None else controller
         if abs(chosen.period - scenario.period) > 1e-9 * scenario.period:
             raise ScenarioError(
@@ -114,7 +116,7 @@ class Experiment:
         edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1])
         q, qd, object_force, command, torque, operator, touching, saturated, met = np.split(rows, edges, axis=1)
         tip = self._tip(q)
-        if self.scenario.operator.kind == "hold":
+        if self.scenario.operator.kind == "fixed":
             # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
             needed = device.gravity(q) - torque
             operator = np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(device.jacobian(q), 1, 2)), needed)
@@ -241,7 +243,7 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
 
 def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     operator = scenario.operator
-    if operator.kind == "hold":
+    if operator.kind == "fixed":
         setup.held = True
     if operator.kind != "arm":
         return

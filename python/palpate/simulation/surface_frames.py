@@ -11,7 +11,7 @@ from scipy import sparse
 from palpate import _core
 from palpate.fem.errors import BodyError
 from palpate.simulation.bodies import scenario_body
-from palpate.simulation.simulator import Experiment
+from palpate.simulation.simulator import Simulation
 
 __all__ = ["Frame", "SurfaceFrames"]
 
@@ -33,7 +33,7 @@ class SurfaceFrames:
     For one loop at a time.
     """
 
-    def __init__(self, experiment: Experiment, rate: float = 60.0) -> None:
+    def __init__(self, experiment: Simulation, rate: float = 60.0) -> None:
         """Draw the body of an experiment whenever it runs, `rate` Hz of real time (or with each slow step).
 
         Raises:

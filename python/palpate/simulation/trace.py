@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.errors import PalpateError
-from palpate.files import named, write_whole
+from palpate.errors import OutputError, PalpateError
+from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
+from palpate.simulation.trace_export import (
+    Exported,
+    columns,
+    write_csv,
+    write_mat,
+    write_mcap,
+    write_parquet,
+)
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
 
 Array = NDArray[np.float64]
-AXES: Final = ("x", "y", "z")
 
 # channel: (unit, description); `angle`, `velocity` and `torque` are per joint (m, m/s, N for a sliding one).
 CHANNELS: Final[dict[str, tuple[str, str]]] = {
@@ -44,6 +53,16 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "triangle": ("", "number of the touched triangle, -1 where apart"),
 }
 _FORMAT: Final = "palpate-trace-1"
+_HDF5: Final = (".h5", ".hdf5")
+# suffix: with which a file of that format begins
+_SIGNATURES: Final = {
+    ".h5": HDF5_SIGNATURE,
+    ".hdf5": HDF5_SIGNATURE,
+    ".csv": b"time [s]",
+    ".mat": b"MATLAB 5.0",
+    ".parquet": b"PAR1",
+    ".mcap": b"\x89MCAP0\r\n",
+}
 
 
 class TraceError(PalpateError):
@@ -140,12 +159,48 @@ class Trace:
         """The scenario's tables, as text with units; empty if none is known."""
         return dict(self.metadata.get("scenario", {}))
 
-    def write(self, path: str | Path) -> Path:
-        """Write HDF5, whole or not at all: a dataset per channel with its unit, the metadata as JSON.
+    def save(self, path: str | Path) -> Path:
+        """Write the trace, whole or not at all; the suffix of the path decides the format.
 
-        The file opens in MATLAB, Julia or Python. Returns the path.
+        `.h5` (HDF5): a dataset per channel with its unit, the metadata as JSON; `load` reads it back. Exports: `.csv`,
+        `.mat` (MATLAB 5), `.parquet`, and `.mcap` for Foxglove and PlotJuggler. The last two need `palpate[export]`.
+        Returns the path.
+
+        Raises:
+            TraceError: the suffix is of no known format.
+            OutputError: the file cannot be written, or is one of another format.
         """
-        return write_whole(path, self._write_hdf5)
+        file = as_path(path, OutputError)
+        exports = {".csv": write_csv, ".mat": write_mat, ".parquet": write_parquet, ".mcap": write_mcap}
+        suffix = file.suffix.lower()
+        if suffix not in {*_HDF5, *exports}:
+            raise TraceError(
+                f"{file}: the suffix decides the format of a trace; it is .h5, .csv, .mat, .parquet or .mcap, "
+                f"not {file.suffix!r}"
+            )
+        _check_format(file)
+        if suffix in _HDF5:
+            return atomic_write(file, self._write_hdf5)
+        content = self._exported()
+        return atomic_write(file, lambda part: exports[suffix](content, part))
+
+    def to_pandas(self) -> DataFrame:
+        """Return a table with a row per sample and a column per component, "tip_x [m]"; the index is the time, s.
+
+        Raises:
+            TraceError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise TraceError("to_pandas needs pandas: pip install 'palpate[export]'") from None
+        table = pd.DataFrame(columns(self._exported())).set_index("time [s]")
+        table.attrs.update(self.metadata)
+        return table
+
+    def _exported(self) -> Exported:
+        channels = {name: (c.values, c.unit, c.description) for name, c in self.channels.items()}
+        return Exported(self.time, channels, self.metadata, self.unstable_from)
 
     def _write_hdf5(self, path: Path) -> None:
         import h5py
@@ -171,15 +226,19 @@ class Trace:
                 data.dims[0].attach_scale(time)
 
     @classmethod
-    def read(cls, path: str | Path) -> Trace:
-        """Read what `write` wrote.
+    def load(cls, path: str | Path) -> Trace:
+        """Read a trace that `save` wrote as `.h5`.
 
         Raises:
-            TraceError: the file does not exist, is no HDF5, or holds no trace.
+            TraceError: the file does not exist, has another suffix, is no HDF5, or holds no trace.
         """
         import h5py
 
-        file_path = named(path, TraceError)
+        file_path = as_path(path, TraceError)
+        if file_path.suffix.lower() not in _HDF5:
+            raise TraceError(
+                f"{file_path}: a trace is loaded from .h5, not from {file_path.suffix!r}; the other formats are exports"
+            )
         try:
             with h5py.File(file_path, "r") as file:
                 if file.attrs.get("format") != _FORMAT:
@@ -200,20 +259,30 @@ class Trace:
             raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
         return cls(time, channels, None if unstable is None else float(unstable), metadata)
 
-    def write_csv(self, path: str | Path) -> Path:
-        """Write one row per sample, whole or not at all; the header has name, axis or joint, and unit in brackets."""
-        return write_whole(path, self._write_csv)
 
-    def _write_csv(self, path: Path) -> None:
-        header = ["time [s]"]
-        for name, channel in self.channels.items():
-            count = channel.values.shape[1]
-            per_joint = name in ("angle", "velocity", "torque")
-            labels = AXES if count == 3 and not per_joint else tuple(str(i + 1) for i in range(count))
-            suffixes = [""] if count == 1 else [f"_{label}" for label in labels]
-            header += [f"{name}{suffix} [{channel.unit}]" for suffix in suffixes]
-        table = np.column_stack([self.time, *(channel.values for channel in self.channels.values())])
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows([repr(value) for value in row] for row in table.tolist())
+def _check_format(file: Path) -> None:
+    """Refuse to overwrite an existing file whose content is not of the format that its suffix names.
+
+    Raises:
+        OutputError: it holds something else.
+    """
+    try:
+        with file.open("rb") as opened:
+            begin = opened.read(len(b"MATLAB 5.0"))
+    except OSError:
+        return  # there is none, or writing it says why it cannot be written
+    suffix = file.suffix.lower()
+    same = not begin or begin.startswith(_SIGNATURES[suffix])
+    if same and begin and suffix in _HDF5:
+        import h5py
+
+        try:
+            with h5py.File(file, "r") as store:
+                same = store.attrs.get("format") == _FORMAT
+        except OSError:
+            same = True  # a trace that was cut short
+    if not same:
+        raise OutputError(
+            f"{file}: cannot be written: a file of that name is there, and it is no trace saved as {suffix}; choose "
+            "another name, or delete it"
+        )

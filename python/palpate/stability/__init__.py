@@ -1,10 +1,17 @@
 """Stability of a haptic loop: criteria, passivity, exact maps of stable objects, and certificates."""
 
 from palpate.errors import StabilityError
-from palpate.stability.boundaries import Boundary, Critical, boundary, critical, critical_stiffness, spectral_radius
+from palpate.stability.boundaries import (
+    Boundary,
+    StabilityInterval,
+    critical_stiffness,
+    stability_boundary,
+    stability_interval,
+    wall_spectral_radius,
+)
 from palpate.stability.certificate import Certificate, certify
 from palpate.stability.contact_loop import ContactStability, contact_stability
-from palpate.stability.counter_example import CounterExample, worst_hand
+from palpate.stability.counter_example import CounterExample, destabilizing_operator
 from palpate.stability.criteria import (
     Jury,
     Lyapunov,
@@ -16,7 +23,7 @@ from palpate.stability.criteria import (
     routh,
     wall_polynomial,
 )
-from palpate.stability.energy import EnergyObserver, PassivityController, held_energy, naive_energy
+from palpate.stability.energy import EnergyObserver, PassivityController, naive_energy, zoh_energy
 from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
 from palpate.stability.passivity import (
     coulomb_amplitude,
@@ -24,7 +31,7 @@ from palpate.stability.passivity import (
     field_damping,
     passive_damping,
     passive_stiffness,
-    quantised_stiffness,
+    quantized_stiffness,
     sufficient_damping,
 )
 from palpate.stability.two_port import (
@@ -35,7 +42,7 @@ from palpate.stability.two_port import (
     two_port_limit,
     two_port_margin,
 )
-from palpate.stability.wall_verdict import WallVerdict, wall
+from palpate.stability.wall_verdict import WallVerdict, wall_limit
 from palpate.stability.workspace_map import Workspace, workspace
 from palpate.stability.zwidth_map import ZWidth, zwidth
 
@@ -45,7 +52,6 @@ __all__ = [
     "ContactStability",
     "CounterExample",
     "CouplingVerdict",
-    "Critical",
     "EnergyObserver",
     "Jury",
     "Lyapunov",
@@ -54,20 +60,19 @@ __all__ = [
     "PassivityController",
     "Routh",
     "StabilityError",
+    "StabilityInterval",
     "WallVerdict",
     "Workspace",
     "ZWidth",
-    "boundary",
     "certify",
     "certify_coupling",
     "characteristic_polynomial",
     "contact_stability",
     "coulomb_amplitude",
     "coupling_damping",
-    "critical",
     "critical_stiffness",
+    "destabilizing_operator",
     "field_damping",
-    "held_energy",
     "jury",
     "llewellyn",
     "lyapunov",
@@ -76,15 +81,17 @@ __all__ = [
     "passive_stiffness",
     "positive_real_margin",
     "precise_tables",
-    "quantised_stiffness",
+    "quantized_stiffness",
     "routh",
-    "spectral_radius",
+    "stability_boundary",
+    "stability_interval",
     "sufficient_damping",
     "two_port_limit",
     "two_port_margin",
-    "wall",
+    "wall_limit",
     "wall_polynomial",
+    "wall_spectral_radius",
     "workspace",
-    "worst_hand",
+    "zoh_energy",
     "zwidth",
 ]

@@ -14,29 +14,37 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import finite
 from palpate.errors import StabilityError
-from palpate.linear.linear_device import HeldTip, Tip
+from palpate.linear.linear_device import LinearDevice, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
 
-__all__ = ["Boundary", "Critical", "boundary", "critical", "critical_stiffness", "spectral_radius"]
+__all__ = [
+    "Boundary",
+    "StabilityInterval",
+    "critical_stiffness",
+    "stability_boundary",
+    "stability_interval",
+    "wall_spectral_radius",
+]
 
 Array = NDArray[np.float64]
 OPTIONS = frozenset({"period", "delay", "velocity_filter", "controller"})
-Device: TypeAlias = Tip | HeldTip | WallLoop | control.StateSpace
+Device: TypeAlias = LinearDevice | SampledDevice | WallLoop | control.StateSpace
 
 
 @dataclass(frozen=True)
-class Critical:
+class StabilityInterval:
     """The range of stiffness that a loop bears, from the softest wall up.
 
     Attributes:
         stiffness: least stiffness at which a root leaves the unit circle, N/m; 0 if no wall is stable, inf if none is
             too stiff.
-        softest: stiffness from which on the loop is stable, N/m; 0 but for a device that falls over without a wall.
+        min_stable_stiffness: stiffness from which on the loop is stable, N/m; above 0 if the device
+            falls over without a wall.
         frequency: of the oscillation at the limit, Hz; half the sampling rate for a root at -1, nan if there is none.
     """
 
     stiffness: float
-    softest: float
+    min_stable_stiffness: float
     frequency: float
 
 
@@ -97,17 +105,17 @@ def critical_stiffness(device: Device, *, virtual_damping: float = 0.0, **loop: 
     """Return the least stiffness (N/m) at which ``device`` against a wall loses stability, exactly.
 
     Args:
-        device: a Tip, a continuous SISO state space from force (N) to motion (m), or a WallLoop.
+        device: a LinearDevice, a continuous SISO state space from force (N) to motion (m), or a WallLoop.
         virtual_damping: B of the wall, N s/m.
         **loop: period (s), delay (samples, whole or not), velocity_filter, controller: as ``wall_loop``.
 
     Raises:
         StabilityError: as ``wall_loop``.
     """
-    return critical(_loop(device, loop), virtual_damping).stiffness
+    return stability_interval(_loop(device, loop), virtual_damping).stiffness
 
 
-def critical(loop: WallLoop, virtual_damping: float = 0.0) -> Critical:
+def stability_interval(loop: WallLoop, virtual_damping: float = 0.0) -> StabilityInterval:
     """Return the first interval of stiffness, from zero up, in which the loop is stable.
 
     Every real K that puts a root on the unit circle is found: at +1, at -1, and in between where Im W = B Im V. The
@@ -120,24 +128,28 @@ def critical(loop: WallLoop, virtual_damping: float = 0.0) -> Critical:
         middles = 0.5 * (edges[1:] + edges[:-1])
         stable = [_inside(loop, k, b) for k in middles]
         if not any(stable):
-            return Critical(0.0, 0.0, float("nan"))
+            return StabilityInterval(0.0, 0.0, float("nan"))
         first = stable.index(True)
         last = first
         while last + 1 < len(stable) and stable[last + 1]:
             last += 1
-        softest = float(edges[first])
+        min_stable_stiffness = float(edges[first])
         if last == len(stable) - 1:
-            return Critical(float("inf"), softest, float("nan"))
+            return StabilityInterval(float("inf"), min_stable_stiffness, float("nan"))
         stiffest = float(edges[last + 1])
-        probes = softest + (stiffest - softest) * np.concatenate([np.geomspace(1e-3, 0.5, 6), [0.7, 0.9, 0.999]])
-        if all(_inside(loop, k, b) for k in probes) and not _inside(loop, softest + (stiffest - softest) * 1.001, b):
+        probes = min_stable_stiffness + (stiffest - min_stable_stiffness) * np.concatenate(
+            [np.geomspace(1e-3, 0.5, 6), [0.7, 0.9, 0.999]]
+        )
+        if all(_inside(loop, k, b) for k in probes) and not _inside(
+            loop, min_stable_stiffness + (stiffest - min_stable_stiffness) * 1.001, b
+        ):
             break
     frequency = float(angles[last]) / (2 * np.pi * loop.period)
-    return Critical(stiffest, softest, frequency)
+    return StabilityInterval(stiffest, min_stable_stiffness, frequency)
 
 
 def _inside(loop: WallLoop, stiffness: float, damping: float) -> bool:
-    return loop.radius(stiffness, damping) < 1.0
+    return loop.spectral_radius(stiffness, damping) < 1.0
 
 
 def _grid(loop: WallLoop, density: int = 1) -> Array:
@@ -155,7 +167,7 @@ def _crossings(loop: WallLoop, b: float, density: int) -> tuple[Array, Array]:
     """Return (angle, K), K ascending and positive, of every root on the unit circle with damping ``b``."""
 
     def off(theta: Array) -> Array:
-        return np.asarray(loop.needed(theta).imag - b * loop.rate(theta).imag, dtype=float)
+        return np.asarray(loop.required_wall_response(theta).imag - b * loop.velocity_response(theta).imag, dtype=float)
 
     theta = _grid(loop, density)
     height = off(theta)
@@ -169,7 +181,7 @@ def _crossings(loop: WallLoop, b: float, density: int) -> tuple[Array, Array]:
         left = at_middle * at_low > 0
         low, high = np.where(left, middle, low), np.where(left, high, middle)
     angles = np.concatenate([0.5 * (low + high), [np.pi]])
-    values = loop.needed(angles).real - b * loop.rate(angles).real
+    values = loop.required_wall_response(angles).real - b * loop.velocity_response(angles).real
     static = _static_edge(loop)
     angles, values = np.concatenate([angles, [0.0]]), np.concatenate([values, [static]])
     # a sign change through a pole of W, where the device does not answer, is no root
@@ -193,7 +205,7 @@ def _static_edge(loop: WallLoop) -> float:
     return float(-1 / gain) if gain != 0 else 0.0
 
 
-def boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, **loop: Any) -> Boundary:
+def stability_boundary(device: Device, *, points: int = 1000, least_damping: float = 0.0, **loop: Any) -> Boundary:
     """Return the boundary of the stable walls in (B, K), traced as a curve in the angle of the root on the circle.
 
     W(theta) = K + B V(theta) is solved for the real K and B; no grid over K or B, no search. The curve starts at
@@ -230,7 +242,7 @@ def trace(
     """
 
     def curve(theta: Array) -> tuple[Array, Array]:
-        wanted, rate = closed.needed(theta), closed.rate(theta)
+        wanted, rate = closed.required_wall_response(theta), closed.velocity_response(theta)
         b = wanted.imag / rate.imag
         return b, wanted.real - b * rate.real
 
@@ -252,7 +264,8 @@ def trace(
     if not pieces:
         raise StabilityError(
             "no wall of any stiffness and damping above least_damping is stable with this device, period and delay; "
-            "an arm that nobody holds may tip over under gravity: give the tip an arm, Tip.at_pose(..., arm=Arm(...))"
+            "an arm that nobody holds may tip over under gravity: give the tip an arm, "
+            "LinearDevice.at_pose(..., arm=HumanArm(...))"
         )
     b, k, theta = _spaced(pieces, curve, points)
     for at in (int(np.argmax(k)), len(k) // 2, len(k) // 4, 3 * len(k) // 4):
@@ -265,7 +278,7 @@ def trace(
 def _flip(loop: WallLoop, least: float) -> tuple[Array, Array, Array]:
     """Return the piece of boundary with a root at -1, (angle, B, K): a line, where a heavily damped device ends."""
     theta = np.array([np.pi])
-    k0, slope = float(loop.needed(theta).real[0]), float(loop.rate(theta).real[0])
+    k0, slope = float(loop.required_wall_response(theta).real[0]), float(loop.velocity_response(theta).real[0])
     empty = np.zeros(0)
     if not (np.isfinite(k0) and slope > 0 and k0 - least * slope > 0):
         return empty, empty, empty
@@ -313,7 +326,7 @@ def _refined(
     elif np.any(good):
         wide, high = float(b[good].max()) - least, float(k[good].max())
     else:  # the curve passes the region between two angles: ask how far up and how far right it may lie
-        high = critical(loop, least).stiffness
+        high = stability_interval(loop, least).stiffness
         if not 0 < high < np.inf:
             return theta, b, k, good
         wide = high * loop.period
@@ -407,7 +420,7 @@ def _last_good(loop: WallLoop, curve: Any, good: float, bad: float, least: float
     return angle if _edge(loop, b, k, np.array([True]))[0] else narrowed(judge=True)
 
 
-def spectral_radius(
+def wall_spectral_radius(
     device: Device, *, stiffness: ArrayLike, virtual_damping: ArrayLike = 0.0, workers: int | None = None, **loop: Any
 ) -> Array:
     """Return the largest modulus of the loop's eigenvalues for every wall; below 1 is stable.

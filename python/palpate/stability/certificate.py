@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from palpate.control.stability_margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
-from palpate.files import write_whole
+from palpate.files import atomic_write, check_suffix
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
-from palpate.stability.counter_example import CounterExample, growing, worst_hand
+from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
 from palpate.stability.criteria import lyapunov, precise_tables
-from palpate.stability.passivity import field_damping, passive_damping, quantised_stiffness
+from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
 
-__all__ = ["Certificate", "certify", "judge"]
+__all__ = ["Certificate", "certify", "check_stability"]
 
 Array = NDArray[np.float64]
 Verdict = Literal["stable", "unstable", "cannot tell"]
@@ -39,7 +39,7 @@ class Certificate:
         assumptions: what the claim holds for, each a sentence.
         margin: numbers with their unit in the name; empty if nothing is claimed.
         method: how it was found and checked, each a sentence.
-        roads: verdict of each road ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
+        criteria: verdict of each road ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
         passive: whether the display is passive, so stable in every passive hand; None: not asked, or not shown.
         counter_example: a scenario that runs and shows an instability; None if there is none to show.
     """
@@ -50,7 +50,7 @@ class Certificate:
     assumptions: tuple[str, ...]
     margin: Mapping[str, float]
     method: tuple[str, ...]
-    roads: Mapping[str, bool]
+    criteria: Mapping[str, bool]
     passive: bool | None = None
     counter_example: CounterExample | None = None
     scenario: Mapping[str, Any] = field(default_factory=dict)
@@ -78,17 +78,23 @@ class Certificate:
         plain: dict[str, Any] = _plain(asdict(self))
         return plain
 
-    def write(self, path: str | Path) -> Path:
-        """Write the certificate as JSON, whole or not at all; return the path."""
+    def save(self, path: str | Path) -> Path:
+        """Write the certificate as `.json`, whole or not at all; return the path.
+
+        Raises:
+            OutputError: the suffix is another one, or the file cannot be written.
+        """
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        return write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+        file = check_suffix(path, (".json",), "a certificate")
+        return atomic_write(file, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
     """Return the certificate of a scenario's servo loop.
 
     The loop is linearised where it rests (at the start, and where the run comes to rest), sampled exactly, and judged
-    by four independent roads; if they disagree nothing is claimed. An unstable loop comes with a scenario that grows;
+    by four independent criteria; if they disagree nothing is claimed. An unstable loop comes with a scenario that
+    grows;
     one that is stable but not passive with the passive hand, found by search, that makes it unstable. Each
     counter-example has been run.
 
@@ -101,19 +107,19 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
     """
     s = scenario if isinstance(scenario, Scenario) else _read(scenario)
     loop = scenario_loop(s)
-    radius, roads = judge(loop)
-    if len(set(roads.values())) > 1 or abs(radius - 1) < 1e-12:
-        return _cannot_tell(s, radius, roads)
+    radius, criteria = check_stability(loop)
+    if len(set(criteria.values())) > 1 or abs(radius - 1) < 1e-12:
+        return _cannot_tell(s, radius, criteria)
     if radius >= 1:
-        return _unstable(s, loop, radius, roads)
-    return _stable(s, loop, radius, roads)
+        return _unstable(s, loop, radius, criteria)
+    return _stable(s, loop, radius, criteria)
 
 
 def _read(scenario: Mapping[str, Any] | str | Path) -> Scenario:
     return Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
 
 
-def judge(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
+def check_stability(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
     """Return the spectral radius, and whether each road finds the loop stable."""
     a = loop.matrix()
     radius = float(np.abs(np.linalg.eigvals(a)).max())
@@ -126,8 +132,8 @@ def judge(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:
     }
 
 
-def _cannot_tell(s: Scenario, radius: float, roads: Mapping[str, bool]) -> Certificate:
-    says = ", ".join(f"{name}: {'stable' if stable else 'unstable'}" for name, stable in roads.items())
+def _cannot_tell(s: Scenario, radius: float, criteria: Mapping[str, bool]) -> Certificate:
+    says = ", ".join(f"{name}: {'stable' if stable else 'unstable'}" for name, stable in criteria.items())
     return Certificate(
         s.title,
         "cannot tell",
@@ -136,12 +142,12 @@ def _cannot_tell(s: Scenario, radius: float, roads: Mapping[str, bool]) -> Certi
         _assumptions(s),
         {},
         _method(s),
-        dict(roads),
+        dict(criteria),
         scenario=s.to_dict(),
     )
 
 
-def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, bool]) -> Certificate:
+def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[str, bool]) -> Certificate:
     doubling = math.log(2) / math.log(radius) * loop.period
     margin = {"spectral_radius": radius, "doubling_time_s": doubling}
     bears = ""
@@ -154,7 +160,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str
     angle = _angle(loop)
     margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
     motion = f"a swing at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without swing"
-    example = growing(s, radius)
+    example = divergence_example(s, radius)
     return Certificate(
         s.title,
         "unstable",
@@ -162,7 +168,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str
         _assumptions(s),
         margin,
         _method(s),
-        dict(roads),
+        dict(criteria),
         None,
         example,
         s.to_dict(),
@@ -175,7 +181,7 @@ def _angle(loop: ScenarioLoop) -> float:
     return float(abs(np.angle(values[np.argmax(np.abs(values))])))
 
 
-def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, bool]) -> Certificate:
+def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[str, bool]) -> Certificate:
     m = loop_margins(loop.gain())
     margin = {
         "spectral_radius": radius,
@@ -197,13 +203,13 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
             _assumptions(s),
             margin,
             tuple(method),
-            dict(roads),
+            dict(criteria),
             None,
             CounterExample(s.to_dict(), float("inf"), f"as it stands, the run diverges after {diverged:.3g} s."),
             s.to_dict(),
         )
     if rests is not None:
-        there, roads_there = judge(rests)
+        there, roads_there = check_stability(rests)
         margin["spectral_radius_where_it_rests"] = there
         if not all(roads_there.values()):
             return Certificate(
@@ -214,7 +220,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
                 _assumptions(s),
                 margin,
                 tuple(method),
-                dict(roads),
+                dict(criteria),
                 scenario=s.to_dict(),
             )
         margin["object_stiffer_by_factor_where_it_rests"] = loop_margins(rests.gain()).gain_up
@@ -222,7 +228,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
     example = None
     if not math.isnan(needed):
         margin["passive_damping_needed_N_s_per_m"] = needed
-        margin["damping_felt_N_s_per_m"] = loop.damping_felt
+        margin["device_damping_N_s_per_m"] = loop.device_damping
     if passive:
         claim += ", and passive: stable in every passive hand"
         late = _longest_period(s, loop)
@@ -230,7 +236,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
             margin["longest_time_between_ticks_s"] = late
             why += f" It stays passive if ticks come late, up to {1e3 * late:.4g} ms after the one before."
     elif not math.isnan(needed):
-        example = worst_hand(s)
+        example = destabilizing_operator(s)
         if example is not None:
             passive = False
         if passive is False:
@@ -248,7 +254,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, roads: Mapping[str, 
         _assumptions(s),
         margin,
         tuple(method),
-        dict(roads),
+        dict(criteria),
         passive,
         example,
         s.to_dict(),
@@ -286,7 +292,7 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
     """Return whether the display is passive (None: not asked), the damping it needs, and a remark."""
     if s.servo.topology != "impedance_display" or s.controller.kind not in ("none", "gain"):
         return None, float("nan"), "Passivity is not asked of a loop with this topology and controller."
-    if s.object.coupling != "backward" or math.isnan(loop.damping_felt):
+    if s.object.coupling != "backward" or math.isnan(loop.device_damping):
         return None, float("nan"), ""
     if not loop.rests:
         return (
@@ -303,14 +309,14 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
         needed = field_damping(
             lipschitz=k, longest_period=longest, delay=s.device.delay, virtual_damping=b * longest / s.period
         )
-    passive: bool | None = loop.damping_felt >= needed
+    passive: bool | None = loop.device_damping >= needed
     several = loop.directions.shape[1] > 1  # the stiffest direction against the least damped one: enough, not exact
     exactly, most, least = ("", " at most", " at least") if several else (", exactly", "", "")
     if late:
         exactly, most = f" with ticks up to {1e3 * late:.4g} ms late", " at most"
     remark = (
         f"Passivity{exactly}: the object needs{most} {needed:.4g} N s/m of the device's own damping at the tip and "
-        f"there is{least} {loop.damping_felt:.4g} N s/m."
+        f"there is{least} {loop.device_damping:.4g} N s/m."
     )
     if (several or late) and not passive:
         passive = None
@@ -319,7 +325,7 @@ def _passive(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
         levers = np.abs(loop.directions.T @ device.jacobian(_start(s))).max(axis=0)
         quantum = float((levers * device.encoder_step).max())
         friction = float(np.where(levers > 1e-9, device.coulomb / np.maximum(levers, 1e-9), np.inf).min())
-        bound = quantised_stiffness(damping=loop.damping_felt, coulomb=friction, period=s.period, quantum=quantum)
+        bound = quantized_stiffness(damping=loop.device_damping, coulomb=friction, period=s.period, quantum=quantum)
         if passive and k > bound:
             passive = False
             remark += (
@@ -335,7 +341,7 @@ def _longest_period(s: Scenario, loop: ScenarioLoop) -> float:
     k, b = (share * float(np.linalg.eigvalsh(m).max()) for m in (loop.stiffness, loop.damping))
     # The servo divides its differences by the period, however long they took: b grows with T_max.
     needed = k * (0.5 + s.device.delay) + b / s.period
-    return loop.damping_felt / needed if needed > 0 else float("inf")
+    return loop.device_damping / needed if needed > 0 else float("inf")
 
 
 def _start(s: Scenario) -> Array:

@@ -1,4 +1,4 @@
-"""The loop of a tip that presses a body, linear where it rests: its verdict, and how much stiffer the body may be."""
+"""The loop of a tip that presses a body, linear where it rests: its verdict, and its stiffness margin."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.simulation.bodies import origin_of, scenario_body
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.trace import Trace
-from palpate.stability.certificate import judge
+from palpate.stability.certificate import check_stability
 
 __all__ = ["ContactStability", "contact_stability"]
 
@@ -36,25 +36,26 @@ class ContactStability:
         normal: out of the body, against the force of the tip (3,), unit, device's frame.
         stiffness: slope of the force along it by the tip's place there, N/m.
         radius: largest modulus of the sampled loop's eigenvalues.
-        roads: verdict of each of four roads on its own (`certify`).
-        stiffer: factor by which the contact may be stiffer before the loop oscillates; inf: any; nan: unstable.
+        criteria: verdict of each of four criteria on its own (`certify`).
+        stiffness_margin: factor by which the contact may be stiffer before the loop oscillates; inf: any; nan: it is
+            unstable.
     """
 
     normal: Array
     stiffness: float
     radius: float
-    roads: Mapping[str, bool]
-    stiffer: float
+    criteria: Mapping[str, bool]
+    stiffness_margin: float
 
     @property
     def stable(self) -> bool:
-        """Whether all roads find the loop stable."""
-        return all(self.roads.values())
+        """Whether all criteria find the loop stable."""
+        return all(self.criteria.values())
 
     @property
     def critical_stiffness(self) -> float:
         """The contact's stiffness at which the loop would oscillate, N/m."""
-        return self.stiffness * self.stiffer
+        return self.stiffness * self.stiffness_margin
 
 
 def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | None = None) -> ContactStability:
@@ -90,9 +91,9 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | N
         operator_force=trace["operator_force"][row],
         controller=build_controller(scenario, device, start) if controller is None else controller,
     )
-    radius, roads = judge(loop)
-    stiffer = gain_interval(loop.gain())[1] if radius < 1.0 else float("nan")
-    return ContactStability(normal, stiffness, radius, roads, float(stiffer))
+    radius, criteria = check_stability(loop)
+    factor = gain_interval(loop.gain())[1] if radius < 1.0 else float("nan")
+    return ContactStability(normal, stiffness, radius, criteria, float(factor))
 
 
 def _slope(scenario: Scenario, tip: Array) -> Array:
@@ -110,12 +111,12 @@ def _slope(scenario: Scenario, tip: Array) -> Array:
     def force(place: Array) -> Array:
         if not large:
             body.core.reset()
-        return np.array(body.follow(place[None], choice.radius, outward=outward, tip=choice.tip).force[0])
+        return np.array(body.simulate_path(place[None], choice.radius, outward=outward, tip=choice.tip).force[0])
 
     large = isinstance(body.core, _core.NonlinearBody)
     if large:
         body.core.reset()
-        body.follow(way, choice.radius, outward=outward, tip=choice.tip)
+        body.simulate_path(way, choice.radius, outward=outward, tip=choice.tip)
     columns = [(force(way[-1] - step) - force(way[-1] + step)) / (2 * _STEP) for step in _STEP * np.eye(3)]
     own = np.stack(columns, axis=1)
     return np.asarray(turn @ (0.5 * (own + own.T)) @ turn.T)

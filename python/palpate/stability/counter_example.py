@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from palpate.linear.linear_device import Arm
+from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.simulator import simulate
 
-__all__ = ["CounterExample", "growing", "growth", "to_toml", "worst_hand"]
+__all__ = ["CounterExample", "destabilizing_operator", "divergence_example", "growth", "to_toml"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class CounterExample:
         return to_toml(self.scenario)
 
 
-def growing(scenario: Scenario, radius: float) -> CounterExample | None:
+def divergence_example(scenario: Scenario, radius: float) -> CounterExample | None:
     """Return the unstable ``scenario``, run for long enough to see it grow; None if the run does not show it.
 
     Args:
@@ -51,7 +51,7 @@ def growing(scenario: Scenario, radius: float) -> CounterExample | None:
     return _run(tables, "the swing")
 
 
-def worst_hand(scenario: Scenario, masses: int = 9, stiffnesses: int = 17) -> CounterExample | None:
+def destabilizing_operator(scenario: Scenario, masses: int = 9, stiffnesses: int = 17) -> CounterExample | None:
     """Return the mass and spring, as a rigid hand without damping, with which the loop is most unstable.
 
     A hand of mass and spring is passive. The search goes over both on a logarithmic grid, then finer about the worst.
@@ -61,8 +61,8 @@ def worst_hand(scenario: Scenario, masses: int = 9, stiffnesses: int = 17) -> Co
         return None
 
     def radius(log_mass: float, log_stiffness: float) -> float:
-        arm = Arm(10.0**log_mass, 0.0, 10.0**log_stiffness)
-        return scenario_loop(scenario, arm=arm, operator_force=(0.0, 0.0, 0.0)).radius()
+        arm = HumanArm(10.0**log_mass, 0.0, 10.0**log_stiffness)
+        return scenario_loop(scenario, arm=arm, operator_force=(0.0, 0.0, 0.0)).spectral_radius()
 
     m, k = np.linspace(-3, 1, masses), np.linspace(-1, 7, stiffnesses)
     best = max((radius(a, b), a, b) for a in m for b in k)

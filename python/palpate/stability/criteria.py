@@ -1,4 +1,4 @@
-"""Four roads to one verdict on a sampled loop: eigenvalues, Jury's table, Routh's through the bilinear map, Lyapunov.
+"""Four stability criteria of a sampled loop: eigenvalues, Jury, Routh (through the bilinear map), Lyapunov.
 
 Each takes one loop or a stack of them, and shares nothing with the others: two tables of a polynomial, one matrix
 equation. Coefficients are highest power first, as numpy's.
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance
 
-from palpate.checks import not_negative, positive, share
+from palpate.checks import fraction, not_negative, positive
 from palpate.errors import StabilityError
 
 __all__ = [
@@ -161,7 +161,7 @@ def wall_polynomial(
     for name, low, values, unit in (("mass", positive, m, "kg"), ("period", positive, t, "s")):
         low(float(values.min()), name, unit)
     not_negative(float(b.min()), "damping", "N s/m")
-    share(float(alpha.max()), "velocity_filter")
+    fraction(float(alpha.max()), "velocity_filter")
     x = b * t / m
     a = np.exp(-x)
     phi1 = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1.0), 1.0)

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.checks import not_negative, positive
 from palpate.errors import StabilityError
 
-__all__ = ["EnergyObserver", "PassivityController", "held_energy", "naive_energy"]
+__all__ = ["EnergyObserver", "PassivityController", "naive_energy", "zoh_energy"]
 
 Array = NDArray[np.float64]
 
 
-def held_energy(force: ArrayLike, position: ArrayLike) -> float:
+def zoh_energy(force: ArrayLike, position: ArrayLike) -> float:
     """Return the work (J) of forces held from sample to sample on the tip: the sum of F_k (x_{k+1} - x_k), exact.
 
     Args:
@@ -67,7 +67,7 @@ class EnergyObserver:
         self._position = position
         return self.given
 
-    def hold(self, force: float) -> None:
+    def set_force(self, force: float) -> None:
         """Take the force (N) on the tip that is held from the sample on."""
         self._force = force
 
@@ -102,5 +102,5 @@ class PassivityController:
         if owed > 0.0 and velocity != 0.0:
             damping = min(self.largest, owed / (self.period * velocity**2))
         command = wall - damping * velocity
-        self.observer.hold(command)
+        self.observer.set_force(command)
         return command

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.checks import finite, not_negative, positive, share
+from palpate.checks import finite, fraction, not_negative, positive
 from palpate.errors import StabilityError
 
 __all__ = ["MeasuredResponse", "MeasuredVerdict"]
@@ -99,7 +99,7 @@ class MeasuredResponse:
             velocity_filter: alpha.
         """
         b = finite(virtual_damping, "virtual_damping", "N s/m")
-        n, alpha = not_negative(delay, "delay", "samples"), share(velocity_filter, "velocity_filter")
+        n, alpha = not_negative(delay, "delay", "samples"), fraction(velocity_filter, "velocity_filter")
         f, g = self.frequency, self.response
         if len(f) < 16:
             return _unknown(f"the response has {len(f)} frequencies, and fewer than 16 cannot show where it turns")

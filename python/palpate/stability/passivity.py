@@ -12,7 +12,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.checks import finite, not_negative, positive, share
+from palpate.checks import finite, fraction, not_negative, positive
 from palpate.errors import StabilityError
 from palpate.linear.wall import _at, causal_controller
 
@@ -22,7 +22,7 @@ __all__ = [
     "field_damping",
     "passive_damping",
     "passive_stiffness",
-    "quantised_stiffness",
+    "quantized_stiffness",
     "sufficient_damping",
 ]
 
@@ -127,7 +127,7 @@ class _Wall:
         self.stiffness = finite(stiffness, "stiffness", "N/m")
         self.damping = finite(virtual_damping, "virtual_damping", "N s/m")
         self.delay = not_negative(delay, "delay", "samples (a negative one would look ahead)")
-        self.alpha = share(velocity_filter, "velocity_filter")
+        self.alpha = fraction(velocity_filter, "velocity_filter")
         self.mass = finite(virtual_mass, "virtual_mass", "kg")
         self.law: control.StateSpace | None = None if law is None else causal_controller(law, self.period)
 
@@ -191,7 +191,7 @@ def field_damping(*, lipschitz: float, longest_period: float, delay: int = 0, vi
     return slope * longest * (0.5 + late) + not_negative(virtual_damping, "virtual_damping", "N s/m")
 
 
-def quantised_stiffness(*, damping: float, coulomb: float, period: float, quantum: float) -> float:
+def quantized_stiffness(*, damping: float, coulomb: float, period: float, quantum: float) -> float:
     """Return the largest passive K (N/m) of a wall seen through an encoder: min(2b/T, 2 f_c/Delta).
 
     Abbott & Okamura 2005: viscous damping pays for sampling, Coulomb friction for quantisation, neither for both.

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from palpate.control.controller import Controller
 from palpate.devices import Device
-from palpate.linear.linear_device import Arm, HeldTip
-from palpate.linear.linearization import hold_force
-from palpate.linear.sampled_loop import assembled, felt, held_plants
+from palpate.linear.linear_device import HumanArm, SampledDevice
+from palpate.linear.linearization import static_tip_force
+from palpate.linear.sampled_loop import assemble_loop, observable_reduction, sampled_plants
 from palpate.linear.wall import wall_loop
-from palpate.stability.boundaries import critical
+from palpate.stability.boundaries import stability_interval
 
 __all__ = ["PoseLoops"]
 
@@ -39,7 +39,7 @@ class PoseLoops:
     Attributes:
         plant: sampled (A, B, C), stacked: from torques to joint angles.
         jacobian: (n, 3, dof), m/rad.
-        turning: (n, dof, dof), N m/rad: how the torque of the motors' hold turns with the pose.
+        geometric_stiffness: (n, dof, dof), N m/rad: how the torque of the motors' hold turns with the pose.
         law: the controller, the same everywhere.
         late: delay, samples.
         period: T, s.
@@ -47,7 +47,7 @@ class PoseLoops:
 
     plant: tuple[Array, Array, Array]
     jacobian: Array
-    turning: Array
+    geometric_stiffness: Array
     law: Controller
     late: int
     period: float
@@ -60,9 +60,9 @@ class PoseLoops:
         law: Controller,
         period: float,
         late: int = 0,
-        arm: Arm | None = None,
+        arm: HumanArm | None = None,
         pull: Array | None = None,
-        gravity_hold: bool = True,
+        gravity_compensation: bool = True,
     ) -> PoseLoops:
         """Return the loops of ``device`` at rest in ``poses`` (n, dof), each with the hold's force of that pose.
 
@@ -74,15 +74,15 @@ class PoseLoops:
             late: delay, samples.
             arm: holds the tip.
             pull: of the hand at rest, (3,), N.
-            gravity_hold: whether the motors carry the weight.
+            gravity_compensation: whether the motors carry the weight.
         """
-        plant = held_plants(device, poses, arm, np.zeros(3) if pull is None else pull, period)
+        plant = sampled_plants(device, poses, arm, np.zeros(3) if pull is None else pull, period)
         jacobian = device.jacobian(poses)
-        turning = np.zeros((len(poses), device.dof, device.dof))
-        if gravity_hold:
-            forces = np.array([hold_force(j, t) for j, t in zip(jacobian, device.gravity(poses), strict=True)])
-            turning = np.einsum("nk,nkij->nij", forces, device.tip_hessian(poses))
-        return cls(plant, jacobian, turning, law, late, period)
+        geometric_stiffness = np.zeros((len(poses), device.dof, device.dof))
+        if gravity_compensation:
+            forces = np.array([static_tip_force(j, t) for j, t in zip(jacobian, device.gravity(poses), strict=True)])
+            geometric_stiffness = np.einsum("nk,nkij->nij", forces, device.tip_hessian(poses))
+        return cls(plant, jacobian, geometric_stiffness, law, late, period)
 
     def __len__(self) -> int:
         return len(self.jacobian)
@@ -90,9 +90,11 @@ class PoseLoops:
     def part(self, window: slice) -> PoseLoops:
         """Return the loops of some of the poses."""
         a, b, c = (m[window] for m in self.plant)
-        return PoseLoops((a, b, c), self.jacobian[window], self.turning[window], self.law, self.late, self.period)
+        return PoseLoops(
+            (a, b, c), self.jacobian[window], self.geometric_stiffness[window], self.law, self.late, self.period
+        )
 
-    def critical(self, directions: Array, damping: Array) -> tuple[Array, Array]:
+    def critical_stiffness(self, directions: Array, damping: Array) -> tuple[Array, Array]:
         """Return (stiffness, frequency), each (n, d): the least wall at which each loop loses stability, and there.
 
         Args:
@@ -199,7 +201,7 @@ class PoseLoops:
 
     def _radii(self, stiffness: Array, rate: Array, pose: NDArray[np.int64], along: Array) -> Array:
         """Return the spectral radius against k walls: K (k,), N/m; B/T (k,); index of the pose (k,); normal (k, 3)."""
-        a, entry, out = assembled(self.plant, self.jacobian, self.turning, self.law, self.late)
+        a, entry, out = assemble_loop(self.plant, self.jacobian, self.geometric_stiffness, self.law, self.late)
         n = a.shape[-1]
         b, c = np.einsum("kij,kj->ki", entry[pose], along), np.einsum("kij,ki->kj", out[pose], along)
         closed = np.zeros((len(pose), n + 1, n + 1))
@@ -212,10 +214,14 @@ class PoseLoops:
     def _alone(self, pose: int, direction: Array, damping: float) -> tuple[float, float]:
         """Return (stiffness, frequency) of one loop by the search over every crossing, hidden modes left out."""
         one = self.part(slice(pose, pose + 1))
-        a, entry, out = (m[0] for m in assembled(one.plant, one.jacobian, one.turning, one.law, one.late))
-        a, b, c = felt(a, entry, out, direction[:, None])
+        a, entry, out = (
+            m[0] for m in assemble_loop(one.plant, one.jacobian, one.geometric_stiffness, one.law, one.late)
+        )
+        a, b, c = observable_reduction(a, entry, out, direction[:, None])
         n = len(a)
-        limit = critical(wall_loop(HeldTip(a - np.eye(n), -b[:, 0], np.zeros(n), c[0], 0, self.period)), damping)
+        limit = stability_interval(
+            wall_loop(SampledDevice(a - np.eye(n), -b[:, 0], np.zeros(n), c[0], 0, self.period)), damping
+        )
         return limit.stiffness, limit.frequency
 
 
@@ -262,7 +268,7 @@ class _Modes:
         """Return the tip's motion along each direction per force of the object along it, (n, d, k) at angles (k,)."""
         z = np.exp(1j * theta)
         jacobian = self.loops.jacobian[:, None]
-        moved = self._closed(self.plants.grid(z), self.loops.turning[:, None], z[None, :])
+        moved = self._closed(self.plants.grid(z), self.loops.geometric_stiffness[:, None], z[None, :])
         tip = jacobian @ moved @ np.swapaxes(jacobian, -1, -2) @ self.law.grid(z)
         count, wide = directions.shape[:2]
         both = np.einsum("ndi,ndj->nijd", directions, directions).reshape(count, 9, wide)
@@ -273,13 +279,13 @@ class _Modes:
         z = np.exp(1j * theta)
         jacobian = self.loops.jacobian[pose]
         pushed = np.swapaxes(jacobian, -1, -2) @ (self.law.grid(z) @ direction[:, :, None])
-        moved = self._closed(self.plants.pairs(z, pose), self.loops.turning[pose], z) @ pushed
+        moved = self._closed(self.plants.pairs(z, pose), self.loops.geometric_stiffness[pose], z) @ pushed
         return np.asarray((direction[:, None, :] @ (jacobian @ moved))[:, 0, 0], dtype=complex)
 
-    def _closed(self, plant: Complex, turning: Array, z: Complex) -> Complex:
+    def _closed(self, plant: Complex, geometric_stiffness: Array, z: Complex) -> Complex:
         """Return joint angles per torque, late, with the turning of the hold's torque fed back."""
         late = (z**-self.loops.late)[..., None, None] * plant
-        return np.asarray(np.linalg.solve(np.eye(plant.shape[-1]) - late @ turning, late), dtype=complex)
+        return np.asarray(np.linalg.solve(np.eye(plant.shape[-1]) - late @ geometric_stiffness, late), dtype=complex)
 
 
 def _roots(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop
-from palpate.simulation.simulator import Experiment, prepare
+from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.stability.boundaries import Boundary
 from palpate.sweeps.outcomes import growth, name_rows
 from palpate.sweeps.refinement import follow
@@ -62,7 +62,7 @@ def simulated_boundary(
     loop: ScenarioLoop,
     edge: Boundary,
     window: tuple[float, float],
-    softest: float = 0.0,
+    min_stable_stiffness: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedBoundary | None:
     """Return the boundary within ``window`` (largest B, N s/m, and K, N/m) as the full simulation finds it.
@@ -76,7 +76,7 @@ def simulated_boundary(
         loop: the same, linear: it tells along which axes the object is felt.
         edge: the exact boundary, which is compared, and tells how slow the swings are.
         window: see above.
-        softest: object with which the loop is stable, N/m: the lower edge, which is compared as well.
+        min_stable_stiffness: object with which the loop is stable, N/m: the lower edge, which is compared as well.
         progress: called with the share of the levels done.
     """
     if scenario.object.kind == "wall" and np.max(np.abs(loop.directions)) < 1 - 1e-9:
@@ -109,19 +109,19 @@ def simulated_boundary(
         points[:, 0],
         points[:, 1],
         window,
-        _distance(points / window, edge, window, softest),
+        _distance(points / window, edge, window, min_stable_stiffness),
         int(found.ran.sum()),
         found.ran.size,
         ticks * scenario.period,
     )
 
 
-def _freed(s: Scenario, loop: ScenarioLoop, ticks: int) -> Experiment:
+def _freed(s: Scenario, loop: ScenarioLoop, ticks: int) -> Simulation:
     """Return a scenario made ready to be pushed against a spring, without dry friction, counts and limits."""
     tables = s.to_dict()
     tables["device"] = {**tables["device"], "encoder": False, "saturation": False}
     tables["run"] = {"duration": f"{2 * s.period:.9g} s", "substeps": max(4, s.run.substeps)}
-    experiment = prepare(tables)
+    experiment = build_simulation(tables)
     device = experiment.device.with_friction(coulomb=0.0)
     experiment.setup.friction = device.core_friction
     experiment.setup.anchor = _spring(device.forward(experiment.start))
@@ -132,14 +132,14 @@ def _freed(s: Scenario, loop: ScenarioLoop, ticks: int) -> Experiment:
     return replace(experiment, device=device, reference=reference, operator=operator)
 
 
-def _growth(experiment: Experiment, stiffness: Array, damping: Array) -> Array:
+def _growth(experiment: Simulation, stiffness: Array, damping: Array) -> Array:
     """Return the swing's growth (k,) in cells of stiffness and damping (k, 3); inf for one that has run away."""
     period = experiment.scenario.period
     if experiment.scenario.device.model == "nonlinear":
         columns = {"stiffness": np.ascontiguousarray(stiffness), "damping": np.ascontiguousarray(damping)}
         args = (experiment.setup, experiment.reference, experiment.operator, columns, len(stiffness))
         found = name_rows(np.asarray(_core.run_cells(*args, os.cpu_count() or 1)), period)
-        names = ("unstable_from", "early_swing", "prior_swing", "late_swing", "peak_object_force")
+        names = ("unstable_from", "oscillation_2", "oscillation_4", "oscillation_5", "peak_object_force")
         lost, early, prior, late, force = (found[name] for name in names)
     else:  # lanes have no linear model
         cells = [_one(experiment, k, b) for k, b in zip(stiffness, damping, strict=True)]
@@ -147,7 +147,7 @@ def _growth(experiment: Experiment, stiffness: Array, damping: Array) -> Array:
     return np.where(force > LOST * PUSH, np.inf, growth(lost, early, prior, late))
 
 
-def _one(experiment: Experiment, stiffness: Array, damping: Array) -> tuple[float, ...]:
+def _one(experiment: Simulation, stiffness: Array, damping: Array) -> tuple[float, ...]:
     """Return when one cell was lost, its early, prior and late swing, its largest object force, as lanes have them."""
     experiment.setup.stiffness, experiment.setup.damping = stiffness, damping
     rows, unstable = experiment.run()
@@ -166,13 +166,13 @@ def _spring(point: Array) -> Any:
     return anchor
 
 
-def _distance(points: Array, edge: Boundary, window: tuple[float, float], softest: float) -> Array:
+def _distance(points: Array, edge: Boundary, window: tuple[float, float], min_stable_stiffness: float) -> Array:
     """Return how far points (k, 2), in shares of the window, lie from the nearest stretch of the curve."""
     curve = np.column_stack([edge.damping, edge.stiffness]) / window
     first = np.concatenate([np.arange(a, b - 1) for a, b in edge.pieces])
-    if softest > 0.0:
+    if min_stable_stiffness > 0.0:
         first = np.append(first, len(curve))
-        curve = np.vstack([curve, [[0.0, softest / window[1]], [1.0, softest / window[1]]]])
+        curve = np.vstack([curve, [[0.0, min_stable_stiffness / window[1]], [1.0, min_stable_stiffness / window[1]]]])
     start, along = curve[first], curve[first + 1] - curve[first]
     length = np.maximum(np.sum(along**2, axis=1), 1e-300)
     out = np.empty(len(points))

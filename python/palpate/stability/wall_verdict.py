@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from palpate.linear.linear_device import Arm, Tip
+from palpate.linear.linear_device import HumanArm, LinearDevice
 from palpate.linear.wall import wall_loop
-from palpate.stability.boundaries import critical
+from palpate.stability.boundaries import stability_interval
 from palpate.stability.passivity import passive_stiffness
 
-__all__ = ["WallVerdict", "wall"]
+__all__ = ["WallVerdict", "wall_limit"]
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class WallVerdict:
             return f"{stable} Up to {self.passive_stiffness:.5g} N/m it is passive: stable in every passive hand."
         return f"{stable} No wall is passive: in some passive hand each of them is unstable."
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the verdict as plain numbers and text."""
         return {**asdict(self), "sentence": str(self)}
 
 
-def wall(
+def wall_limit(
     *,
     mass: float,
     damping: float = 0.0,
@@ -63,7 +63,7 @@ def wall(
     delay: float = 0.0,
     virtual_damping: float = 0.0,
     velocity_filter: float = 0.0,
-    arm: Arm | None = None,
+    arm: HumanArm | None = None,
 ) -> WallVerdict:
     """Return how stiff a wall a device of one axis bears, exactly.
 
@@ -79,8 +79,8 @@ def wall(
     Raises:
         StabilityError: a mass or period that is not positive, a negative damping or delay, alpha outside [0, 1).
     """
-    tip = Tip.of_mass(mass, damping, arm)
-    limit = critical(wall_loop(tip, period, delay, velocity_filter), virtual_damping)
+    tip = LinearDevice.of_mass(mass, damping, arm)
+    limit = stability_interval(wall_loop(tip, period, delay, velocity_filter), virtual_damping)
     passive = passive_stiffness(
         damping=damping,
         period=period,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from palpate.devices import Device, load
 from palpate.errors import DeviceError, StabilityError
-from palpate.files import named, write_json
-from palpate.linear.linear_device import Arm
+from palpate.files import as_path, check_suffix, write_json
+from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import scenario_arm
@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]
 SINGULAR = 0.1  # least over largest singular value of the Jacobian: nearer to a singularity the map ends
 TURN = math.pi / 2  # rad, of the base to either side of the start
 ASIDE = math.radians(12.0)  # of the directions tried about the weakest
-FINGERTIP = Arm(0.15, 4.5, 560.0, 500.0, 0.5)
+FINGERTIP = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,13 @@ class Workspace:
             "frequency_Hz": [[_plain(f) for f in row] for row in self.frequency],
         }
 
-    def write_json(self, path: str | Path) -> None:
-        """Write the numbers, whole or not at all; OutputError if they cannot be."""
-        write_json(path, self.to_dict(), indent=None)
+    def save(self, path: str | Path) -> Path:
+        """Write the numbers as `.json`, whole or not at all; return the path.
+
+        Raises:
+            OutputError: the suffix is another one, or the file cannot be written.
+        """
+        return write_json(check_suffix(path, (".json",), "a workspace"), self.to_dict(), indent=None)
 
 
 def workspace(
@@ -165,8 +169,8 @@ def workspace(
             'servo.topology: a workspace maps the walls of an "impedance_display"; a force_tracking loop holds its '
             "object from all sides: certify it at one pose after the other"
         )
-    if s.operator.kind == "hold":
-        raise StabilityError('operator.kind: "hold" keeps the tip still, so nothing can oscillate; give another')
+    if s.operator.kind == "fixed":
+        raise StabilityError('operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another')
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: the walls of a workspace are damped by backward difference, "backward"')
     start = device.inverse(s.start.tip) if s.start.tip is not None else np.array(s.start.pose)
@@ -180,7 +184,7 @@ def workspace(
     for first in range(0, len(angles), 256):
         tell("critical stiffness of every wall", 0.1 + 0.85 * first / len(angles))
         part = angles[first : first + 256]
-        loops = PoseLoops.of(device, part, law, s.period, s.device.delay, arm, pull, s.servo.gravity_hold)
+        loops = PoseLoops.of(device, part, law, s.period, s.device.delay, arm, pull, s.servo.gravity_compensation)
         parts.append(_weakest(loops, _directions(device, part), damping))
     directions, stiffness, frequency = (np.concatenate([part[i] for part in parts]) for i in range(3))
     return Workspace(
@@ -201,7 +205,7 @@ def _weakest(loops: PoseLoops, directions: Array, damping: Array) -> tuple[Array
     """Return (directions, stiffness, frequency) of walls in these directions and in four about the weakest of each."""
 
     def judged(along: Array) -> tuple[Array, Array]:
-        return loops.critical(along, np.einsum("ndk,k,ndk->nd", along, damping, along))
+        return loops.critical_stiffness(along, np.einsum("ndk,k,ndk->nd", along, damping, along))
 
     stiffness, frequency = judged(directions)
     weak = np.take_along_axis(directions, stiffness.argmin(axis=1)[:, None, None], axis=1)[:, 0]
@@ -226,7 +230,7 @@ def _scenario(subject: Scenario | Device | Mapping[str, Any] | str | Path) -> tu
     if isinstance(subject, Device):
         name = subject.name
     else:
-        path = named(subject, DeviceError)
+        path = as_path(subject, DeviceError)
         if path.suffix == ".toml" and not _is_device(path):
             s = Scenario.from_file(path)
             return s, s.title
@@ -321,7 +325,7 @@ def _radius(device: Device, pose: Array) -> float:
     return float(x * np.sin(pose[0]) + z * np.cos(pose[0]))
 
 
-def _words(s: Scenario, device: Device, arm: Arm | None) -> str:
+def _words(s: Scenario, device: Device, arm: HumanArm | None) -> str:
     delay = f"{s.device.delay} sample{'' if s.device.delay == 1 else 's'} of delay" if s.device.delay else "no delay"
     b = max(s.object.damping)
     law = "" if s.controller.kind == "none" else f", controller {s.controller.kind} designed for the start"

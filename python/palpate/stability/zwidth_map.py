@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from palpate.errors import StabilityError
-from palpate.files import write_json
-from palpate.linear.linear_device import Arm, HeldTip
+from palpate.files import check_suffix, write_json
+from palpate.linear.linear_device import HumanArm, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
-from palpate.stability.boundaries import Boundary, boundary, trace
+from palpate.stability.boundaries import Boundary, stability_boundary, trace
 from palpate.stability.passivity import passive_stiffness
 from palpate.stability.simulated import SimulatedBoundary, simulated_boundary
 
@@ -27,7 +27,7 @@ __all__ = ["Corner", "ZWidth", "wall_loops", "zwidth"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-HAND = Arm(0.15, 4.5, 560.0)
+HAND = HumanArm(0.15, 4.5, 560.0)
 TISSUE = (500.0, 0.5)  # N/m, N s/m
 MARGIN = 1.08  # of the map beyond the exact curve
 VANISHES = 0.02  # share of the map below which nothing is seen
@@ -62,7 +62,7 @@ class ZWidth:
         here: (B, K) of the scenario's object.
         corner: the map about its origin, where something would vanish at the scale of the whole.
         never: operators with whom no wall of any size is stable, as where the arm tips over along the surface.
-        softest: K from which on the scenario's loop is stable, N/m, whatever the damping: above 0 where the device
+        min_stable_stiffness: K from which on the scenario's loop is stable, N/m, for any damping; above 0 if the device
             falls over without an object.
     """
 
@@ -74,7 +74,7 @@ class ZWidth:
     here: tuple[float, float]
     corner: Corner | None = None
     never: tuple[str, ...] = ()
-    softest: float = 0.0
+    min_stable_stiffness: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as JSON can hold them, in N/m and N s/m."""
@@ -96,13 +96,17 @@ class ZWidth:
                 "simulated": _numbers(self.corner.simulated),
             },
             "never_stable": list(self.never),
-            "softest_N_per_m": self.softest,
+            "min_stable_stiffness_N_per_m": self.min_stable_stiffness,
             "object": {"damping_N_s_per_m": self.here[0], "stiffness_N_per_m": self.here[1]},
         }
 
-    def write_json(self, path: str | Path) -> None:
-        """Write the numbers, whole or not at all; OutputError if they cannot be."""
-        write_json(path, self.to_dict())
+    def save(self, path: str | Path) -> Path:
+        """Write the numbers as `.json`, whole or not at all; return the path.
+
+        Raises:
+            OutputError: the suffix is another one, or the file cannot be written.
+        """
+        return write_json(check_suffix(path, (".json",), "a Z-width"), self.to_dict())
 
 
 def _numbers(found: SimulatedBoundary | None) -> dict[str, Any] | None:
@@ -147,7 +151,7 @@ def zwidth(
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')
     tell("exact boundary", 0.05)
     edge = _edge(own)
-    softest = _softest(own, edge)
+    min_stable_stiffness = _softest(own, edge)
     curves = {_holder(s): edge}
     never = []
     for name, arm in _other_hands(s):
@@ -161,17 +165,19 @@ def zwidth(
     found, corner = None, None
     if simulated:
         whole = (MARGIN * float(edge.damping.max()), MARGIN * float(edge.stiffness.max()))
-        found = simulated_boundary(s, own, edge, whole, softest, lambda share: tell("simulating", 0.2 + 0.4 * share))
+        found = simulated_boundary(
+            s, own, edge, whole, min_stable_stiffness, lambda share: tell("simulating", 0.2 + 0.4 * share)
+        )
     window = _corner_window(edge, passive, here)
     if window is not None:
         near = _edge(own, CLOSE).up_to(1.1 * window[0])
         again = None
         if simulated:
             again = simulated_boundary(
-                s, own, near, window, softest, lambda share: tell("simulating", 0.6 + 0.3 * share)
+                s, own, near, window, min_stable_stiffness, lambda share: tell("simulating", 0.6 + 0.3 * share)
             )
         corner = Corner(window, near, again)
-    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never), softest)
+    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never), min_stable_stiffness)
 
 
 def _softest(loop: ScenarioLoop, edge: Boundary) -> float:
@@ -182,12 +188,12 @@ def _softest(loop: ScenarioLoop, edge: Boundary) -> float:
     b, k = edge.inside
 
     def grows(exponent: float) -> float:
-        return loop.radius(math.exp(exponent), b) - 1.0
+        return loop.spectral_radius(math.exp(exponent), b) - 1.0
 
-    softest, inside = math.log(1e-6 * k), math.log(k)
-    if grows(softest) < 1e-9:
+    min_stable_stiffness, inside = math.log(1e-6 * k), math.log(k)
+    if grows(min_stable_stiffness) < 1e-9:
         return 0.0
-    return float(math.exp(brentq(grows, softest, inside, xtol=1e-9)))
+    return float(math.exp(brentq(grows, min_stable_stiffness, inside, xtol=1e-9)))
 
 
 def _corner_window(
@@ -211,15 +217,15 @@ def _holder(s: Scenario) -> str:
     return "the scenario's arm" + (", through tissue" if o.tissue_stiffness is not None else ", rigid grip")
 
 
-def _other_hands(s: Scenario) -> list[tuple[str, Arm | None]]:
+def _other_hands(s: Scenario) -> list[tuple[str, HumanArm | None]]:
     """Return other operators to draw, where the device can be held at all."""
     if s.servo.topology != "impedance_display" or s.device.model != "nonlinear":
         return []
-    tissue = Arm(HAND.mass, HAND.damping, HAND.stiffness, *TISSUE)
+    tissue = HumanArm(HAND.mass, HAND.damping, HAND.stiffness, *TISSUE)
     if s.operator.kind != "arm":
         return [("a rigid grip", HAND), ("through fingertip tissue", tissue)]
     o = s.operator
-    other = Arm(
+    other = HumanArm(
         o.mass or 0.0,
         o.damping or 0.0,
         o.stiffness or 0.0,
@@ -227,7 +233,7 @@ def _other_hands(s: Scenario) -> list[tuple[str, Arm | None]]:
         0.0 if o.tissue_stiffness is not None else TISSUE[1],
     )
     name = "the same arm, rigid grip" if o.tissue_stiffness is not None else "the same arm, through tissue"
-    return [(name, other), ("nobody holds it", Arm(0.0, 0.0, 0.0))]
+    return [(name, other), ("nobody holds it", HumanArm(0.0, 0.0, 0.0))]
 
 
 def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
@@ -245,7 +251,7 @@ def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
 
 def _single(a: Array, b: Array, c: Array, period: float) -> WallLoop:
     n = len(a)
-    return wall_loop(HeldTip(np.asarray(a - np.eye(n)), -np.asarray(b), np.zeros(n), np.asarray(c), 0, period))
+    return wall_loop(SampledDevice(np.asarray(a - np.eye(n)), -np.asarray(b), np.zeros(n), np.asarray(c), 0, period))
 
 
 class _Coupled(WallLoop):
@@ -259,7 +265,7 @@ class _Coupled(WallLoop):
         """Return the loop as seen by the eigenvalue that is ``index``-th in modulus."""
         path, r = loop.path, loop.directions.shape[1]
         n = path.nstates
-        tip = HeldTip(path.A - np.eye(n), path.B[:, 0], np.zeros(n), path.C[0], 0, loop.period)
+        tip = SampledDevice(path.A - np.eye(n), path.B[:, 0], np.zeros(n), path.C[0], 0, loop.period)
         base = np.block([[path.A, np.zeros((n, r))], [path.C, np.zeros((r, r))]])
         empty = np.zeros(n + r)
         made = cls(np.asarray(base, float), empty, empty, empty, tip, 0.0, None)
@@ -277,7 +283,7 @@ class _Coupled(WallLoop):
             self.base + k[..., None, None] * (entry @ spring) + b[..., None, None] * (entry @ rate), dtype=float
         )
 
-    def needed(self, angle: Array) -> NDArray[np.complex128]:
+    def required_wall_response(self, angle: Array) -> NDArray[np.complex128]:
         path = self.loop.path
         theta = np.asarray(angle, dtype=float)
         ahead = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)
@@ -292,7 +298,7 @@ def _edge(loop: ScenarioLoop, points: int = 1000) -> Boundary:
     """Return the exact boundary of a scenario's loop, every direction with the same K and B."""
     r = loop.directions.shape[1]
     if r == 1:
-        return boundary(wall_loops(loop)[0], points=points)
+        return stability_boundary(wall_loops(loop)[0], points=points)
     parts: list[Boundary] = []
     scale: tuple[float, float] | None = None
     for count in (100, points):  # first to see how large the region is: one direction alone may cut it very steeply
@@ -316,13 +322,13 @@ def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[tuple[Arr
         return None, "the loop tracks a reference force: no hand holds it, so passivity says nothing of it"
     if s.controller.kind not in ("none", "gain"):
         return None, "a controller with a memory is in the loop: no closed form tells where it is passive"
-    if math.isnan(loop.damping_felt):
+    if math.isnan(loop.device_damping):
         return None, "the model does not say how much damping the device has of its own"
-    if loop.damping_felt <= 0:
+    if loop.device_damping <= 0:
         return None, "the device has no damping of its own, so no wall is passive"
     if not loop.rests:
         return None, "in nobody's hand the device tips over under gravity, so no wall is passive"
     share = max(s.controller.gain or (1.0,))
-    b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.damping_felt / share), 25)
-    k = passive_stiffness(damping=loop.damping_felt, period=s.period, virtual_damping=b * share, delay=s.device.delay)
+    b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.device_damping / share), 25)
+    k = passive_stiffness(damping=loop.device_damping, period=s.period, virtual_damping=b * share, delay=s.device.delay)
     return (b, k / share), ""

@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 # Name: (columns, unit, what it is).
 QUANTITIES: dict[str, tuple[int, str, str]] = {
     "unstable_from": (1, "s", "when the loop diverged; nan: it did not"),
-    "early_swing": (1, "m", "largest second difference of the tip's position in the run's second fifth"),
-    "prior_swing": (1, "m", "the same in the fourth fifth"),
-    "late_swing": (1, "m", "the same in the last fifth"),
+    "oscillation_2": (1, "m", "largest second difference of the tip's position in the run's second fifth"),
+    "oscillation_4": (1, "m", "the same in the fourth fifth"),
+    "oscillation_5": (1, "m", "the same in the last fifth"),
     "ripple": (1, "m", "half the tip's range over the last fifth, along the axis where it is largest"),
     "steady_tip": (3, "m", "mean displacement of the tip from its start over the last fifth"),
     "peak_object_force": (1, "N", "largest force of the tip on the object"),
@@ -34,9 +34,9 @@ SAME = (0.9, 1.02)
 class Verdict(IntEnum):
     """How a loop's swing ends."""
 
-    DIES = 0
-    SWINGS = 1
-    GROWS = 2
+    DECAYING = 0
+    SUSTAINED = 1
+    GROWING = 2
     DIVERGES = 3
 
 
@@ -62,7 +62,7 @@ class Outcomes(Mapping[str, Array]):
     @property
     def growth(self) -> Array:
         """What the swing is multiplied by in a fifth of the run, as `growth` has it."""
-        return growth(*(self[name] for name in ("unstable_from", "early_swing", "prior_swing", "late_swing")))
+        return growth(*(self[name] for name in ("unstable_from", "oscillation_2", "oscillation_4", "oscillation_5")))
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
@@ -87,14 +87,14 @@ def name_rows(rows: Array, period: float) -> dict[str, Array]:
     times = growth(unstable_from, rows[:, 1], rows[:, 2], rows[:, 3])
     verdict = np.select(
         [~np.isnan(unstable_from), times > SAME[1], times >= SAME[0]],
-        [Verdict.DIVERGES, Verdict.GROWS, Verdict.SWINGS],
-        Verdict.DIES,
+        [Verdict.DIVERGES, Verdict.GROWING, Verdict.SUSTAINED],
+        Verdict.DECAYING,
     )
     return {
         "unstable_from": unstable_from,
-        "early_swing": rows[:, 1],
-        "prior_swing": rows[:, 2],
-        "late_swing": rows[:, 3],
+        "oscillation_2": rows[:, 1],
+        "oscillation_4": rows[:, 2],
+        "oscillation_5": rows[:, 3],
         "ripple": rows[:, 4],
         "steady_tip": rows[:, 5:8],
         "peak_object_force": rows[:, 8],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate import _core
 from palpate.scenario import Scenario
-from palpate.simulation.simulator import Experiment, prepare
+from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
 from palpate.sweeps.outcomes import name_rows
 
@@ -174,13 +174,13 @@ class Plan:
         return out
 
 
-def _check(tables: Mapping[str, Any]) -> Experiment:
-    experiment = prepare(tables)
+def _check(tables: Mapping[str, Any]) -> Simulation:
+    experiment = build_simulation(tables)
     scenario = experiment.scenario
     if scenario.device.model != "nonlinear":
         raise SweepError(f'device.model: a sweep runs the "nonlinear" device, not its "{scenario.device.model}" model')
-    if scenario.operator.kind == "hold":
-        raise SweepError('operator.kind: a sweep runs a device that is free to move; "hold" keeps the tip still')
+    if scenario.operator.kind == "fixed":
+        raise SweepError('operator.kind: a sweep runs a device that is free to move; "fixed" keeps the tip still')
     if scenario.object.kind not in ("none", "spring", "wall"):
         raise SweepError(f'object.kind: a sweep runs springs and walls, not "{scenario.object.kind}"')
     return experiment
@@ -206,12 +206,12 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
     if plan.tables.get("controller", {}).get("kind", "none") in ("none", "gain", "state_space"):
         return True
     ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
-    a, b = (prepare(with_value(plan.tables, axis, index)).controller.system for index in ends)
+    a, b = (build_simulation(with_value(plan.tables, axis, index)).controller.system for index in ends)
     return all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
 
 
 @lru_cache(maxsize=256)
-def _ready(plan_text: str, chosen: tuple[int, ...]) -> Experiment:
+def _ready(plan_text: str, chosen: tuple[int, ...]) -> Simulation:
     """Return the scenario made ready with the chosen value of each axis that lanes do not have."""
     plan = Plan.of_text(plan_text)
     tables: Mapping[str, Any] = plan.tables
@@ -220,7 +220,7 @@ def _ready(plan_text: str, chosen: tuple[int, ...]) -> Experiment:
     return _check(tables)
 
 
-def _put(columns: dict[str, Array], experiment: Experiment, path: str, values: Array) -> None:
+def _put(columns: dict[str, Array], experiment: Simulation, path: str, values: Array) -> None:
     """Set one key of every cell: values (n,), SI."""
     parts = path.split(".")
     name = COLUMNS[".".join(parts[:2])][0]

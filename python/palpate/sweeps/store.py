@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import OutputError
-from palpate.files import HDF5_SIGNATURE, named, write_whole
+from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.sweeps.axes import SweepError
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
@@ -68,11 +68,11 @@ class FileStore:
             SweepError: the file holds another sweep, or something else.
             OutputError: it cannot be written: no permission, a full disk.
         """
-        self.path = named(path, OutputError)
+        self.path = as_path(path, OutputError)
         if self.path.is_dir():
             raise OutputError(f"{self.path} is a folder; give the name of a file, as in {self.path / 'sweep.h5'}")
         if not self.path.exists():
-            write_whole(self.path, lambda part: _lay_out(part, plan))
+            atomic_write(self.path, lambda part: _lay_out(part, plan))
         held = _plan_text(self.path)
         if held != plan.text():
             what = "something else" if held is None else "another sweep"
@@ -151,7 +151,7 @@ def read(path: str | Path) -> tuple[Plan, StoredValues, NDArray[np.bool_]]:
     Raises:
         SweepError: it is no sweep's file.
     """
-    whole = named(path, SweepError)
+    whole = as_path(path, SweepError)
     text = _plan_text(whole)
     if text is None:
         raise SweepError(f"{path} is not the file of a sweep")
@@ -171,7 +171,7 @@ def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
         raise SweepError(f"a list of files is put together, not {parts!r}")
     if not parts:
         raise SweepError("no files to put together")
-    texts = [_plan_text(named(part, SweepError)) for part in parts]
+    texts = [_plan_text(as_path(part, SweepError)) for part in parts]
     for part, text in zip(parts, texts, strict=True):
         if not Path(part).exists():
             raise SweepError(f"{part}: there is no such file")
@@ -196,7 +196,7 @@ def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
         if left:
             raise SweepError(f"{left} chunks are done in none of these files: run the missing shards first")
 
-    return write_whole(out, write)
+    return atomic_write(out, write)
 
 
 def _plan_text(path: Path) -> str | None:

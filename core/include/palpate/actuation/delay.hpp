@@ -25,6 +25,13 @@ class Delay {
     return line_[static_cast<std::size_t>(position_)];
   }
 
+  /// Return to `initial` in every place.
+  void reset(const Value& initial) noexcept {
+    initial_ = initial;
+    line_.fill(initial);
+    position_ = 0;
+  }
+
   [[nodiscard]] int periods() const { return periods_; }
   [[nodiscard]] const Value& initial() const { return initial_; }
 

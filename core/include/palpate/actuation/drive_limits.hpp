@@ -39,11 +39,11 @@ class Drive {
   Drive() = default;
   Drive(const DriveLimits<dof, Scalar>& limits, const Scalar& period)
       : limits_(limits),
-        thermal_(finite(limits.continuous_force)),
+        thermal_(is_finite(limits.continuous_force)),
         any_thermal_(any(thermal_)),
-        has_force_limit_(any_thermal_ || any(finite(limits.peak_force))),
+        has_force_limit_(any_thermal_ || any(is_finite(limits.peak_force))),
         temperature_gain_(1.0 - exponential(-period / limits.thermal_time)) {
-    for (int i = 0; i < dof; ++i) has_torque_limit_ = has_torque_limit_ || any(finite(limits.peak_torque[i]));
+    for (int i = 0; i < dof; ++i) has_torque_limit_ = has_torque_limit_ || any(is_finite(limits.peak_torque[i]));
   }
 
   /// Whether any limit is finite.
@@ -83,6 +83,9 @@ class Drive {
 
   /// Winding temperature above ambient. 1 is the steady state under the continuous force.
   [[nodiscard]] const Scalar& temperature() const { return temperature_; }
+
+  /// Return to cold windings.
+  void reset() noexcept { temperature_ = 0.0; }
 
   /// Copies the drive of one loop into a lane.
   void set_lane(int lane, const Drive<dof>& one) {

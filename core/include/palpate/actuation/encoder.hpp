@@ -26,7 +26,7 @@ struct Encoder {
     Joints<dof, Scalar> measured = q;
     for (int i = 0; i < dof; ++i) {
       const auto quantized = step[i] > Scalar(0.0);
-      if (any(quantized)) measured[i] = select(quantized, nearest(q[i] / step[i]) * step[i], q[i]);
+      if (any(quantized)) measured[i] = select(quantized, round_to_even(q[i] / step[i]) * step[i], q[i]);
     }
     return measured;
   }

@@ -4,19 +4,22 @@
 #include <cstddef>
 #include <vector>
 
+#include "palpate/control/controller.hpp"
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::control {
 
-/// A sampled controller from reference and object force to tip force:
+/// Sampled linear controller from reference and object force to tip force:
 ///   u_k = C x_k + D [reference; object],   x_{k+1} = A x_k + B [reference; object] + L (applied - u)
-/// where `applied` is what the drive really gave. L = 0 is a plain state space; an observer that must know the true input, or
-/// an integrator that must not wind up, puts its gain there.
-template <class Scalar>
+/// `applied` is the force that the drive gave. L = 0 is a plain state space. L is nonzero for an observer of the true input and for
+/// anti-windup of an integrator.
+template <class Number>
 class BasicStateSpace {
  public:
-  /// u = reference - object: no states. An impedance display with zero reference renders the object as it is.
+  using Scalar = Number;
+
+  /// u = reference - object, without states. With zero reference this is the plain impedance display.
   BasicStateSpace() : cd_(18, 0.0), xv_(9, Scalar(0.0)) {
     for (std::size_t i = 0; i < 3; ++i) {
       cd_[4 * i] = 1.0;
@@ -24,17 +27,17 @@ class BasicStateSpace {
     }
   }
 
-  /// A n x n, B n x 6, C 3 x n, D 3 x 6, L n x 3. All memory is taken here; the tick takes none.
+  /// A n x n, B n x 6, C 3 x n, D 3 x 6, L n x 3. Allocates; the tick does not.
   BasicStateSpace(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::MatrixXd& c, const Eigen::MatrixXd& d,
                   const Eigen::MatrixXd& antiwindup)
       : order_(static_cast<int>(a.rows())) {
     for (const Eigen::MatrixXd* part : {&a, &b, &antiwindup}) ab_.insert(ab_.end(), part->data(), part->data() + part->size());
     for (const Eigen::MatrixXd* part : {&c, &d}) cd_.insert(cd_.end(), part->data(), part->data() + part->size());
-    take_memory();
+    allocate();
     plain_ = is_plain();
   }
 
-  /// The same controller for several loops side by side.
+  /// Return the same controller for a lane scalar.
   template <class Other>
   [[nodiscard]] BasicStateSpace<Other> cast() const {
     BasicStateSpace<Other> out;
@@ -42,18 +45,23 @@ class BasicStateSpace {
     out.ab_ = ab_;
     out.cd_ = cd_;
     out.plain_ = plain_;
-    out.take_memory();
+    out.allocate();
     return out;
   }
 
-  /// Puts one loop's state into a lane; the controller is the same for all.
+  /// Set the state of one lane; all lanes share the controller.
   void set_lane(int lane, const BasicStateSpace<double>& one) {
     for (std::size_t i = 0; i < xv_.size(); ++i) xv_[i].set(lane, one.xv_[i]);
   }
 
   [[nodiscard]] int order() const { return order_; }
 
-  /// Output for this sample: tip force [N] from reference force and object force [N].
+  /// Return the tip force [N] for the signals of a tick.
+  [[gnu::always_inline]] Vector3<Scalar> command(const BasicTickInput<Scalar>& input) noexcept {
+    return output(input.reference, input.object_force);
+  }
+
+  /// Return the tip force [N] from reference force and object force [N].
   Vector3<Scalar> output(const Vector3<Scalar>& reference, const Vector3<Scalar>& object) noexcept {
     if (plain_) {
       output_ = reference - object;
@@ -64,7 +72,7 @@ class BasicStateSpace {
       xv_[n + i] = reference[static_cast<int>(i)];
       xv_[n + 3 + i] = object[static_cast<int>(i)];
     }
-    // Column by column in registers: a general matrix product costs more to call than to do at this size.
+    // Column by column in registers: at this size calling a general matrix product costs more than the product.
     Vector3<Scalar> u = Vector3<Scalar>::Constant(0.0);
     for (std::size_t j = 0; j < n + 6; ++j) {
       const double* column = cd_.data() + 3 * j;
@@ -74,11 +82,11 @@ class BasicStateSpace {
     return output_;
   }
 
-  /// Moves the state on, once the force that was really applied [N] is known.
-  void advance(const Vector3<Scalar>& applied) noexcept {
+  /// Update the state with the force that the drive gave [N].
+  void applied(const Vector3<Scalar>& force) noexcept {
     if (order_ == 0) return;
     const auto n = static_cast<std::size_t>(order_);
-    for (std::size_t i = 0; i < 3; ++i) xv_[n + 6 + i] = applied[static_cast<int>(i)] - output_[static_cast<int>(i)];
+    for (std::size_t i = 0; i < 3; ++i) xv_[n + 6 + i] = force[static_cast<int>(i)] - output_[static_cast<int>(i)];
     for (std::size_t i = 0; i < n; ++i) next_[i] = 0.0;
     for (std::size_t j = 0; j < n + 9; ++j) {
       const Scalar x = xv_[j];
@@ -98,7 +106,7 @@ class BasicStateSpace {
   template <class Other>
   friend class BasicStateSpace;
 
-  /// Whether it is reference less object, without states.
+  /// Return true for u = reference - object without states.
   [[nodiscard]] bool is_plain() const {
     for (std::size_t i = 0; i < 18; ++i) {
       if (order_ != 0 || cd_[i] != (i % 4 == 0 && i < 9 ? 1.0 : i >= 9 && (i - 9) % 4 == 0 ? -1.0 : 0.0)) return false;
@@ -106,7 +114,7 @@ class BasicStateSpace {
     return true;
   }
 
-  void take_memory() {
+  void allocate() {
     xv_.assign(static_cast<std::size_t>(order_) + 9, Scalar(0.0));
     next_.assign(static_cast<std::size_t>(order_), Scalar(0.0));
   }

@@ -8,8 +8,11 @@
 
 namespace palpate::math {
 
-/// A number with its exact derivatives along N directions: value + gradient . epsilon, epsilon^2 = 0
-/// (forward-mode differentiation). Run through a templated formula it gives the formula's Jacobian to rounding.
+/// Dual number of forward-mode automatic differentiation: value + gradient . epsilon, epsilon^2 =
+/// 0.
+///
+/// A templated formula evaluated on `Dual` yields its value and its Jacobian, exact to rounding.
+/// `N` is the number of independent variables.
 template <int N, class Value = double>
 struct Dual {
   using Gradient = Eigen::Matrix<Value, N, 1>;
@@ -22,7 +25,7 @@ struct Dual {
   Dual(const Number& v) : value(v) {}  // NOLINT(google-explicit-constructor): constants mix with duals in formulas
   Dual(const Value& v, const Gradient& g) : value(v), gradient(g) {}
 
-  /// The independent variable number `direction`: its derivative along that direction is one.
+  /// Return independent variable number `direction`, with derivative 1 along that direction.
   static Dual variable(const Value& v, int direction) {
     Dual d(v);
     d.gradient[direction] = 1.0;
@@ -59,7 +62,7 @@ struct Dual {
   friend auto operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
 };
 
-/// Sine and cosine with their derivatives, given their values.
+/// Return sine and cosine with their derivatives, given sine and cosine of the value.
 template <int N, class Value>
 [[gnu::always_inline]] inline SineCosine<Dual<N, Value>> sincos(const SineCosine<Value>& at, const Eigen::Matrix<Value, N, 1>& gradient) {
   return {Dual<N, Value>(at.sine, gradient * at.cosine), Dual<N, Value>(at.cosine, gradient * -at.sine)};

@@ -6,32 +6,34 @@
 
 namespace palpate::math {
 
-/// A hand-over whose reader looks at one value at a time: what was published last. What it does not fetch in time is passed over.
+/// Lock-free exchange of the most recent value from one writer thread to one reader thread.
+///
+/// Values that the reader does not acquire before the next publish() are dropped.
 template <class T>
 class LatestValue {
  public:
-  /// Writer: where to put the next value; keeps whatever was there.
-  T& next() noexcept { return handover_.writing(); }
+  /// Writer: return the slot for the next value. It contains an older value.
+  T& write_slot() noexcept { return buffer_.write_slot(); }
 
-  /// Writer: gives it away.
-  void publish() noexcept { handover_.publish(); }
+  /// Writer: publish the slot returned by write_slot().
+  void publish() noexcept { buffer_.publish(); }
 
-  /// Reader: fetches what was published last; false if that is what it has already.
-  bool fetch() noexcept {
-    if (!handover_.fresh()) return false;
-    front_ = handover_.take(front_);
+  /// Reader: acquire the newest value. Return false if no new value was published.
+  bool acquire() noexcept {
+    if (!buffer_.has_new()) return false;
+    read_slot_ = buffer_.acquire(read_slot_);
     return true;
   }
 
-  /// Reader: what was fetched last.
-  [[nodiscard]] T& value() noexcept { return handover_.at(front_); }
+  /// Reader: return the value acquired last.
+  [[nodiscard]] T& value() noexcept { return buffer_.read_slot(read_slot_); }
 
-  /// Every place, before any thread uses them.
-  [[nodiscard]] std::array<T, 3>& places() noexcept { return handover_.slots(); }
+  /// Return all slots, for initialization before the threads start.
+  [[nodiscard]] std::array<T, 3>& slots() noexcept { return buffer_.slots(); }
 
  private:
-  TripleBuffer<T> handover_;
-  int front_ = 0;
+  TripleBuffer<T> buffer_;
+  int read_slot_ = 0;
 };
 
 }  // namespace palpate::math

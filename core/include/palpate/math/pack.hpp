@@ -18,37 +18,37 @@ namespace palpate::math {
 
 namespace detail {
 
-// Spelt out: g++ drops a vector size that depends on a template's parameter.
+// Each size is spelled out, because g++ ignores a vector size that depends on a template parameter.
 template <int lanes>
 struct Lanes;
 template <>
 struct Lanes<2> {
   using Vector [[gnu::vector_size(16)]] = double;
   using Bits [[gnu::vector_size(16)]] = std::int64_t;
-  using Single [[gnu::vector_size(8)]] = float;
+  using Float [[gnu::vector_size(8)]] = float;
 };
 template <>
 struct Lanes<4> {
   using Vector [[gnu::vector_size(32)]] = double;
   using Bits [[gnu::vector_size(32)]] = std::int64_t;
-  using Single [[gnu::vector_size(16)]] = float;
+  using Float [[gnu::vector_size(16)]] = float;
 };
 template <>
 struct Lanes<8> {
   using Vector [[gnu::vector_size(64)]] = double;
   using Bits [[gnu::vector_size(64)]] = std::int64_t;
-  using Single [[gnu::vector_size(32)]] = float;
+  using Float [[gnu::vector_size(32)]] = float;
 };
 template <>
 struct Lanes<16> {
   using Vector [[gnu::vector_size(128)]] = double;
   using Bits [[gnu::vector_size(128)]] = std::int64_t;
-  using Single [[gnu::vector_size(64)]] = float;
+  using Float [[gnu::vector_size(64)]] = float;
 };
 
 }  // namespace detail
 
-/// Which lanes of a pack something holds for: all bits set or none in each.
+/// Boolean per lane: all bits of the lane are set, or none.
 template <int lanes>
 struct Mask {
   using Bits = typename detail::Lanes<lanes>::Bits;
@@ -66,8 +66,10 @@ struct Mask {
   [[gnu::always_inline]] friend Mask operator!(Mask a) { return Mask(Bits(~a.bits)); }
 };
 
-/// One number of each of `lanes` loops that run side by side: the scalar of a batch. Each lane computes what a double would, in the
-/// same order, so a loop's result depends neither on its neighbours nor on the number of lanes.
+/// SIMD scalar: one double per lane, one lane per loop of a batch.
+///
+/// Each lane performs the operations of a plain double in the same order. The result of a loop is
+/// therefore independent of its neighboring lanes and of the number of lanes.
 template <int lanes>
 struct Pack {
   static constexpr int width = lanes;
@@ -100,12 +102,12 @@ struct Pack {
 
 template <int lanes>
 struct LaneIndexOf<Pack<lanes>> {
-  using Type = std::array<int, lanes>;
+  using Type = std::array<int, static_cast<std::size_t>(lanes)>;
 };
 
 template <int lanes>
 struct SeedOf<Pack<lanes>> {
-  using Type = std::array<std::uint64_t, lanes>;
+  using Type = std::array<std::uint64_t, static_cast<std::size_t>(lanes)>;
 };
 
 template <int lanes>
@@ -119,9 +121,9 @@ template <int lanes>
 #if defined(__SSE2__)
   if constexpr (lanes == 2) return _mm_movemask_pd(__m128d(mask.bits)) != 0;
 #endif
-  std::int64_t together = 0;
-  for (int i = 0; i < lanes; ++i) together |= mask.bits[i];
-  return together != 0;
+  std::int64_t combined = 0;
+  for (int i = 0; i < lanes; ++i) combined |= mask.bits[i];
+  return combined != 0;
 }
 
 template <int lanes>
@@ -134,7 +136,7 @@ template <int lanes>
   return Pack<lanes>(mask.bits ? yes.v : no.v);
 }
 
-/// Puts one loop's number, condition or vector into a lane.
+/// Store the number, condition or vector of one loop in a lane.
 template <int lanes>
 [[gnu::always_inline]] inline void set_lane(Pack<lanes>& pack, int lane, double one) {
   pack.set(lane, one);
@@ -144,8 +146,8 @@ template <int lanes>
   mask.set(lane, one);
 }
 template <class Value, std::size_t lanes>
-[[gnu::always_inline]] inline void set_lane(std::array<Value, lanes>& each, int lane, const Value& one) {
-  each[static_cast<std::size_t>(lane)] = one;
+[[gnu::always_inline]] inline void set_lane(std::array<Value, lanes>& values, int lane, const Value& one) {
+  values[static_cast<std::size_t>(lane)] = one;
 }
 template <int lanes, int rows, int columns>
 [[gnu::always_inline]] inline void set_lane(Eigen::Matrix<Pack<lanes>, rows, columns>& packs, int lane,
@@ -159,9 +161,9 @@ template <int lanes>
   set_lane(packs.cosine, lane, one.cosine);
 }
 
-/// `function` of each lane by itself: for what is rare.
+/// Apply a scalar function to each lane separately. Slow; for rare operations.
 template <int lanes, class Function>
-Pack<lanes> each(const Pack<lanes>& x, const Function& function) {
+Pack<lanes> map_lanes(const Pack<lanes>& x, const Function& function) {
   Pack<lanes> y;
   for (int i = 0; i < lanes; ++i) y.set(i, function(x[i]));
   return y;
@@ -176,7 +178,7 @@ template <int lanes>
 template <int lanes>
 [[gnu::always_inline]] inline Pack<lanes> sqrt(const Pack<lanes>& x) {
 #if defined(__AVX512F__)
-  if constexpr (lanes == 8) return Pack<lanes>(_mm512_maskz_sqrt_pd(0xff, x.v));  // the plain one leaves g++ 12 with a false warning
+  if constexpr (lanes == 8) return Pack<lanes>(_mm512_maskz_sqrt_pd(0xff, x.v));  // the unmasked intrinsic causes a false warning in g++ 12
 #endif
 #if defined(__AVX__)
   if constexpr (lanes == 4) return Pack<lanes>(_mm256_sqrt_pd(x.v));
@@ -184,40 +186,40 @@ template <int lanes>
 #if defined(__SSE2__)
   if constexpr (lanes == 2) return Pack<lanes>(_mm_sqrt_pd(x.v));
 #endif
-  return each(x, [](double one) { return std::sqrt(one); });
+  return map_lanes(x, [](double one) { return std::sqrt(one); });
 }
 
 template <int lanes>
 Pack<lanes> exp(const Pack<lanes>& x) {
-  return each(x, [](double one) { return std::exp(one); });
+  return map_lanes(x, [](double one) { return std::exp(one); });
 }
 
-/// The nearest whole number, ties to even, as std::nearbyint has it.
+/// Round to the nearest integer, ties to even, like std::nearbyint in the default rounding mode.
 template <int lanes>
-[[gnu::always_inline]] inline Pack<lanes> nearest(const Pack<lanes>& x) {
+[[gnu::always_inline]] inline Pack<lanes> round_to_even(const Pack<lanes>& x) {
   const Pack<lanes> round_to_integer(6755399441055744.0);  // 1.5 * 2^52
   const Pack<lanes> rounded = (x + round_to_integer) - round_to_integer;
   return select(abs(x) < Pack<lanes>(2251799813685248.0), rounded, x);
 }
 
 template <int lanes>
-[[gnu::always_inline]] inline Mask<lanes> finite(const Pack<lanes>& x) {
+[[gnu::always_inline]] inline Mask<lanes> is_finite(const Pack<lanes>& x) {
   return abs(x) <= Pack<lanes>(1.7976931348623157e308);
 }
 
-/// Writes all lanes in single precision.
+/// Store all lanes in single precision.
 template <int lanes>
 [[gnu::always_inline]] inline void store_float(const Pack<lanes>& x, float* to) {
-  const auto single = __builtin_convertvector(x.v, typename detail::Lanes<lanes>::Single);
-  std::memcpy(to, &single, sizeof single);
+  const auto narrow = __builtin_convertvector(x.v, typename detail::Lanes<lanes>::Float);
+  std::memcpy(to, &narrow, sizeof narrow);
 }
 
-/// Numbers of a table, each lane's own: `place` is a whole number of at least 0.
+/// Return table[index] for each lane. `index` holds integers >= 0.
 template <int lanes>
-[[gnu::always_inline]] inline Pack<lanes> gather(const double* table, const Pack<lanes>& place) {
+[[gnu::always_inline]] inline Pack<lanes> gather(const double* table, const Pack<lanes>& index) {
   using Bits = typename Mask<lanes>::Bits;
-  // 2^52 + place has the whole number in its lowest bits.
-  const Bits at = Bits((place + Pack<lanes>(4503599627370496.0)).v) & 0xfffffffffffffLL;
+  // The lowest bits of 2^52 + index contain the integer.
+  const Bits at = Bits((index + Pack<lanes>(4503599627370496.0)).v) & 0xfffffffffffffLL;
 #if defined(__AVX512F__)
   if constexpr (lanes == 8) return Pack<lanes>(_mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, __m512i(at), table, 8));
 #endif
@@ -229,22 +231,23 @@ template <int lanes>
   return out;
 }
 
-/// Whether a whole number's bit `weight` is set.
+/// Return whether the bit `weight` of integer + shift is set.
 template <int lanes>
-[[gnu::always_inline]] inline Mask<lanes> test_bit(const Pack<lanes>& whole, double shift, std::int64_t weight) {
-  // 1.5 * 2^52 + whole has the whole number in its lowest bits, two's complement.
+[[gnu::always_inline]] inline Mask<lanes> test_bit(const Pack<lanes>& integer, double shift, std::int64_t weight) {
+  // The lowest bits of 1.5 * 2^52 + integer contain the integer in two's complement.
   using Bits = typename Mask<lanes>::Bits;
-  const Bits low = Bits((whole + Pack<lanes>(6755399441055744.0 + shift)).v);
+  const Bits low = Bits((integer + Pack<lanes>(6755399441055744.0 + shift)).v);
   return Mask<lanes>(Bits((low & weight) != 0));
 }
 
 namespace detail {
 
-/// The C library's answer for lanes beyond 1e5 rad or not finite, one by one.
+/// Replace the lanes outside the accurate range by the result of the C library.
 template <int lanes>
-[[gnu::noinline, gnu::cold]] void sincos_beyond(const Pack<lanes>& angle, const Mask<lanes>& which, SineCosine<Pack<lanes>>& out) noexcept {
+[[gnu::noinline, gnu::cold]] void sincos_library(const Pack<lanes>& angle, const Mask<lanes>& outside,
+                                                 SineCosine<Pack<lanes>>& out) noexcept {
   for (int i = 0; i < lanes; ++i) {
-    if (!which[i]) continue;
+    if (!outside[i]) continue;
     out.sine.set(i, std::sin(angle[i]));
     out.cosine.set(i, std::cos(angle[i]));
   }
@@ -252,20 +255,21 @@ template <int lanes>
 
 }  // namespace detail
 
-/// As for one angle; lanes beyond 1e5 rad or not finite are answered by the C library.
+/// Return sine and cosine of each lane [rad]; the C library computes lanes beyond 1e5 rad and
+/// non-finite lanes.
 template <int lanes>
 [[gnu::always_inline]] inline SineCosine<Pack<lanes>> sincos(const Pack<lanes>& angle) noexcept {
   const Pack<lanes> two_over_pi(0.63661977236758134308);
   const Pack<lanes> round_to_integer(6755399441055744.0);
   const Pack<lanes> quadrants = (angle * two_over_pi + round_to_integer) - round_to_integer;
-  const SineCosine<Pack<lanes>> near_zero = detail::sincos_near_zero(detail::reduced(angle, quadrants));
-  const Mask<lanes> swapped = test_bit(quadrants, 0.0, 1);
-  const Pack<lanes> s = select(swapped, near_zero.cosine, near_zero.sine);
-  const Pack<lanes> c = select(swapped, near_zero.sine, near_zero.cosine);
+  const SineCosine<Pack<lanes>> near_zero = detail::sincos_near_zero(detail::reduce_quadrants(angle, quadrants));
+  const Mask<lanes> swap = test_bit(quadrants, 0.0, 1);
+  const Pack<lanes> s = select(swap, near_zero.cosine, near_zero.sine);
+  const Pack<lanes> c = select(swap, near_zero.sine, near_zero.cosine);
   SineCosine<Pack<lanes>> out{select(test_bit(quadrants, 0.0, 2), -s, s), select(test_bit(quadrants, 1.0, 2), -c, c)};
   const Mask<lanes> outside = !(abs(angle) <= Pack<lanes>(1e5));
   if (any(outside)) [[unlikely]]
-    detail::sincos_beyond(angle, outside, out);
+    detail::sincos_library(angle, outside, out);
   return out;
 }
 

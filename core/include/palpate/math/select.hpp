@@ -4,9 +4,12 @@
 #include <cmath>
 #include <cstdint>
 
+#include "palpate/math/check_compiler.hpp"
+
 namespace palpate::math {
 
-// Decisions written once for one loop (double, bool) and for several side by side (Pack, Mask).
+// Branch-free decisions, with one spelling for a single loop (double, bool) and a batch (Pack,
+// Mask).
 
 inline bool any(bool condition) {
   return condition;
@@ -15,7 +18,7 @@ inline bool all(bool condition) {
   return condition;
 }
 
-/// `yes` where the condition holds, else `no`.
+/// Return `yes` where the condition holds, otherwise `no`.
 inline double select(bool condition, double yes, double no) {
   return condition ? yes : no;
 }
@@ -23,18 +26,18 @@ inline bool select(bool condition, bool yes, bool no) {
   return condition ? yes : no;
 }
 
-inline double nearest(double x) {
+inline double round_to_even(double x) {
   return std::nearbyint(x);
 }
-inline bool finite(double x) {
+inline bool is_finite(double x) {
   return std::isfinite(x);
 }
 
-/// What a comparison of two scalars gives.
+/// Result type of a comparison of two scalars: bool or Mask.
 template <class Scalar>
 using Condition = decltype(Scalar() < Scalar());
 
-/// A whole number of each loop.
+/// Integer index per loop.
 template <class Scalar>
 struct LaneIndexOf {
   using Type = int;
@@ -42,7 +45,7 @@ struct LaneIndexOf {
 template <class Scalar>
 using LaneIndex = typename LaneIndexOf<Scalar>::Type;
 
-/// What names a sequence of random numbers, for each loop its own: the same seed, the same numbers.
+/// Seed of a pseudo-random sequence per loop.
 template <class Scalar>
 struct SeedOf {
   using Type = std::uint64_t;
@@ -50,7 +53,8 @@ struct SeedOf {
 template <class Scalar>
 using Seed = typename SeedOf<Scalar>::Type;
 
-/// As std::min and std::max: the first, unless the second is smaller or larger.
+/// Return the minimum or maximum with the tie rule of std::min and std::max: the first argument
+/// wins.
 template <class Scalar>
 [[gnu::always_inline]] inline Scalar min_of(const Scalar& a, const Scalar& b) {
   return select(b < a, b, a);
@@ -60,9 +64,9 @@ template <class Scalar>
   return select(a < b, b, a);
 }
 
-/// Each entry of a matrix chosen by one condition.
-template <class Condition_, class Matrix>
-[[gnu::always_inline]] inline Matrix select_each(const Condition_& condition, const Matrix& yes, const Matrix& no) {
+/// Select every entry of a matrix by one condition.
+template <class Mask, class Matrix>
+[[gnu::always_inline]] inline Matrix select_each(const Mask& condition, const Matrix& yes, const Matrix& no) {
   Matrix out;
   for (Eigen::Index i = 0; i < out.size(); ++i) out.data()[i] = select(condition, yes.data()[i], no.data()[i]);
   return out;
@@ -71,5 +75,5 @@ template <class Condition_, class Matrix>
 }  // namespace palpate::math
 
 namespace palpate {
-using namespace math;  // vocabulary of every folder
+using namespace math;  // shared vocabulary of all folders
 }

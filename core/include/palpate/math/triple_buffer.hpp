@@ -6,35 +6,40 @@
 
 namespace palpate::math {
 
-/// Hands the newest of something from one thread to another. Neither waits, locks or takes memory: each owns slots of its own, and the one
-/// between them is exchanged. The reader owns `held` slots, so that it can look at several at a time.
-template <class T, int held = 1>
+/// Lock-free exchange of the newest value from one writer thread to one reader thread.
+///
+/// Neither thread waits, locks or allocates. The writer owns one slot, the reader owns
+/// `reader_slots` slots, and one slot is exchanged atomically between them. Several reader slots
+/// let the reader keep older values.
+template <class T, int reader_slots = 1>
 class TripleBuffer {
  public:
-  /// The writer's: what publish() will hand over. It holds something older.
-  T& writing() noexcept { return slot_[static_cast<std::size_t>(writer_)]; }
-  void publish() noexcept { writer_ = between_.exchange(writer_ | fresh_bit, std::memory_order_acq_rel) & ~fresh_bit; }
+  static constexpr std::size_t slot_count = static_cast<std::size_t>(reader_slots) + 2;
 
-  /// The reader's: whether there is something that it has not taken.
-  [[nodiscard]] bool fresh() const noexcept { return (between_.load(std::memory_order_relaxed) & fresh_bit) != 0; }
-  /// Gives up slot `mine` for the newest; returns that one's.
-  int take(int mine) noexcept { return between_.exchange(mine, std::memory_order_acq_rel) & ~fresh_bit; }
-  /// The slots that the reader owns at first: 0 to held - 1.
-  T& at(int slot) noexcept { return slot_[static_cast<std::size_t>(slot)]; }
+  /// Writer: return the slot that publish() will publish. It contains an older value.
+  T& write_slot() noexcept { return slots_[static_cast<std::size_t>(writer_slot_)]; }
+  void publish() noexcept { writer_slot_ = exchange_.exchange(writer_slot_ | new_bit, std::memory_order_acq_rel) & ~new_bit; }
 
-  /// Every slot, before any thread uses them.
-  [[nodiscard]] std::array<T, held + 2>& slots() noexcept { return slot_; }
+  /// Reader: return whether a value was published that acquire() has not returned.
+  [[nodiscard]] bool has_new() const noexcept { return (exchange_.load(std::memory_order_relaxed) & new_bit) != 0; }
+  /// Reader: release slot `released` and return the index of the slot with the newest value.
+  int acquire(int released) noexcept { return exchange_.exchange(released, std::memory_order_acq_rel) & ~new_bit; }
+  /// Reader: return an owned slot. Initially the reader owns slots 0 to reader_slots - 1.
+  T& read_slot(int index) noexcept { return slots_[static_cast<std::size_t>(index)]; }
+
+  /// Return all slots, for initialization before the threads start.
+  [[nodiscard]] std::array<T, slot_count>& slots() noexcept { return slots_; }
 
  private:
-  static constexpr int fresh_bit = 1024;
+  static constexpr int new_bit = 1024;
 
-  std::array<T, held + 2> slot_{};
-  std::atomic<int> between_{held};
-  int writer_ = held + 1;
+  std::array<T, slot_count> slots_{};
+  std::atomic<int> exchange_{reader_slots};
+  int writer_slot_ = reader_slots + 1;
 };
 
 }  // namespace palpate::math
 
 namespace palpate {
-using namespace math;  // vocabulary of every folder
+using namespace math;  // shared vocabulary of all folders
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "palpate/math/dual.hpp"
 #include "palpate/math/pack.hpp"
@@ -147,15 +148,15 @@ class Premium {
     return {q, advance_joint(from.yaw, dq[0], q[0]), advance_joint(from.upper, dq[1], q[1]), advance_joint(from.fore, dq[2], q[2])};
   }
 
-  /// Returns the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `wide_turn` away from the reference, its
+  /// Returns the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the reference, its
   /// sine and cosine are computed anew and the reference moves to `q`.
   template <class Scalar>
   [[nodiscard]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& reference, const Angles<Scalar>& q) const {
     using std::abs;
     const Angles<Scalar> dq = q - reference.q;
-    const Scalar limit = wide_turn;
-    KinematicsCache<Scalar> out{q, turned_wide(reference.yaw, dq[0]), turned_wide(reference.upper, dq[1]),
-                                turned_wide(reference.fore, dq[2])};
+    const Scalar limit = max_medium_rotation;
+    KinematicsCache<Scalar> out{q, rotate_medium(reference.yaw, dq[0]), rotate_medium(reference.upper, dq[1]),
+                                rotate_medium(reference.fore, dq[2])};
     if (all((abs(dq[0]) <= limit) & (abs(dq[1]) <= limit) & (abs(dq[2]) <= limit))) [[likely]]
       return out;
     recompute(reference, out, dq);
@@ -166,12 +167,12 @@ class Premium {
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] KinematicsCache<Scalar> advance_small(const KinematicsCache<Scalar>& from,
                                                                           const Angles<Scalar>& dq) const {
-    return {from.q + dq, math::turned(from.yaw, dq[0]), math::turned(from.upper, dq[1]), math::turned(from.fore, dq[2])};
+    return {from.q + dq, math::rotate_small(from.yaw, dq[0]), math::rotate_small(from.upper, dq[1]), math::rotate_small(from.fore, dq[2])};
   }
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] static Condition<Scalar> is_small(const Angles<Scalar>& dq) {
     using std::abs;
-    const Scalar limit = small_turn;
+    const Scalar limit = max_small_rotation;
     return (abs(dq[0]) <= limit) & (abs(dq[1]) <= limit) & (abs(dq[2]) <= limit);
   }
 
@@ -384,10 +385,10 @@ class Premium {
   template <class Scalar>
   [[gnu::always_inline]] static SineCosine<Scalar> advance_joint(const SineCosine<Scalar>& from, const Scalar& dq, const Scalar& q) {
     using std::abs;
-    const auto small = abs(dq) <= Scalar(small_turn);
+    const auto small = abs(dq) <= Scalar(max_small_rotation);
     if (all(small)) [[likely]]
-      return math::turned(from, dq);
-    const SineCosine<Scalar> near = math::turned(from, dq);
+      return math::rotate_small(from, dq);
+    const SineCosine<Scalar> near = math::rotate_small(from, dq);
     const SineCosine<Scalar> far = sincos(q);
     return {select(small, near.sine, far.sine), select(small, near.cosine, far.cosine)};
   }
@@ -397,7 +398,7 @@ class Premium {
   [[gnu::noinline]] static void recompute(KinematicsCache<Scalar>& reference, KinematicsCache<Scalar>& at, const Angles<Scalar>& dq) {
     using std::abs;
     const auto joint = [&](int i, SineCosine<Scalar>& at_reference, SineCosine<Scalar>& at_q) {
-      const auto near = abs(dq[i]) <= Scalar(wide_turn);
+      const auto near = abs(dq[i]) <= Scalar(max_medium_rotation);
       if (all(near)) return;
       const SineCosine<Scalar> fresh = sincos(at.q[i]);
       reference.q[i] = select(near, reference.q[i], at.q[i]);

@@ -4,34 +4,40 @@
 
 namespace palpate::mesh {
 
-/// Dry and viscous friction of a proxy. The tip drags the proxy by a spring across the surface; the proxy holds while the spring is
-/// inside the cone, and once it slides it stops where the spring equals the sliding friction:
+/// Dry and viscous friction of a proxy.
 ///
-///   k_t lag = mu_d k_n depth + b (way slid) / T.
+/// A spring between tip and proxy drags the proxy over the surface. The proxy sticks while the
+/// spring force is inside the friction cone. A sliding proxy stops where the spring force equals
+/// the sliding friction:
+///
+///   k_t lag = mu_d k_n depth + b (sliding distance) / T.
 struct FrictionCone {
-  double hold = 0.0;   ///< lag over depth up to which a resting proxy holds: mu_s k_n / k_t
-  double slide = 0.0;  ///< lag over depth at which a sliding proxy stops: mu_d k_n / k_t
-  double drag = 0.0;   ///< b / (T k_t)
+  double mu_static = 0.0;   ///< maximum lag/depth of a sticking proxy: mu_s k_n / k_t
+  double mu_dynamic = 0.0;  ///< lag/depth at which a sliding proxy stops: mu_d k_n / k_t
+  double drag = 0.0;        ///< viscous term: b / (T k_t)
 
-  /// Lag [m] that is left after sliding from `lag`, when the proxy is `depth` [m] from the tip and has slid `slid` [m] in this tick.
-  [[nodiscard]] double rest(double lag, double depth, double slid, bool sliding) const noexcept {
-    const double coefficient = sliding ? slide : hold;
-    const double dry = coefficient > 0.0 ? coefficient * depth : 0.0;  // infinity * 0 is no friction
+  /// Return the lag [m] that remains after sliding from `lag` [m] at penetration `depth` [m].
+  /// `distance` [m] is the distance slid so far in this tick.
+  [[nodiscard]] double remaining_lag(double lag, double depth, double distance, bool sliding) const noexcept {
+    const double coefficient = sliding ? mu_dynamic : mu_static;
+    const double dry = coefficient > 0.0 ? coefficient * depth : 0.0;  // infinity * 0 means no friction
     if (!(lag > dry)) return lag;
-    const double after = slide > 0.0 ? slide * depth : 0.0;
-    const double left = (after + drag * (slid + lag)) / (1.0 + drag);
-    return left < lag ? left : lag;
+    const double after = mu_dynamic > 0.0 ? mu_dynamic * depth : 0.0;
+    const double remaining = (after + drag * (distance + lag)) / (1.0 + drag);
+    return remaining < lag ? remaining : lag;
   }
 };
 
-/// How far a proxy has slid in one tick. It counts as sliding only from a length on that rounding cannot make: which friction holds
-/// must not be chosen by the last bits.
+/// Sliding of a proxy in one tick.
+///
+/// The proxy counts as sliding above a threshold larger than rounding errors, so that rounding does
+/// not choose between static and dynamic friction.
 struct SlidingState {
-  bool before = false;  // it slid in the last tick
-  double slid = 0.0;    // in this tick, m
-  double least = 0.0;   // m
+  bool was_sliding = false;  // in the last tick
+  double distance = 0.0;     // in this tick, m
+  double threshold = 0.0;    // m
 
-  [[nodiscard]] bool sliding() const noexcept { return before || slid > least; }
+  [[nodiscard]] bool sliding() const noexcept { return was_sliding || distance > threshold; }
 };
 
 }  // namespace palpate::mesh

@@ -13,216 +13,227 @@
 
 namespace palpate::mesh {
 
-/// How a sphere moves that one facet holds: over its face, round its edges and its corners, exactly.
+/// Exact motion of a sphere in contact with one face: over the face, around its edges and around
+/// its corners.
 class SingleContactMotion {
  public:
-  static constexpr double flat = 1e-9;      // rad: facets that turn less lie in one plane
-  static constexpr double clear = 1e-6;     // rad: rounding is about 1e-8 where a sphere just touches
-  static constexpr double most_turn = 1.0;  // rad, in one move
+  static constexpr double coplanar_tolerance = 1e-9;  // rad: faces with a smaller angle are coplanar
+  static constexpr double valley_tolerance = 1e-6;    // rad: rounding is about 1e-8 where a sphere touches
+  static constexpr double max_rotation = 1.0;         // rad, per move
 
   SingleContactMotion(const TriangleMesh& mesh, double radius) noexcept : mesh_(&mesh), radius_(radius) {}
+  SingleContactMotion(const TriangleMesh&& mesh, double radius) = delete;
 
-  /// Where the sphere goes next.
+  /// Next move of the sphere.
   struct Move {
-    enum class Kind { rest, meet, go } kind = Kind::rest;
-    std::int32_t facet = TriangleMesh::none;  // that holds it there; or, to `meet`, one that touches it and is not among its supports
-    bool curved = false;                      // round an edge or a corner: along the tangent to `by`, then down to `to`
-    Vector3<> by = Vector3<>::Zero();
+    enum class Kind { stop, new_contact, move } kind = Kind::stop;
+    std::int32_t face =
+        TriangleMesh::none;  // the face in contact after the move; for `new_contact`, a touching face that is not yet a constraint
+    bool curved = false;     // around an edge or corner: tangentially to `via`, then to `to`
+    Vector3<> via = Vector3<>::Zero();
     Vector3<> to = Vector3<>::Zero();
-    double slip = 0.0;  // m
+    double slip = 0.0;  // sliding distance, m
   };
 
-  /// The move over a facet until its foot comes to the facet's edge, round an edge until it comes to a facet or to the edge's end, round
-  /// a corner until it comes to an edge; or less, if friction or the tip says so.
+  /// Return the next move.
+  ///
+  /// A move over a face ends at an edge of the face. A move around an edge ends at a face or at the
+  /// end of the edge. A move around a corner ends at an edge. Friction or the tip can end it
+  /// earlier.
   template <class Cone>
-  [[nodiscard]] Move next(const SphereProxyState& seat, const SphereProxyState::ContactConstraint& support, const Vector3<>& tip,
-                          const Cone& cone, const SlidingState& slip, double small) const noexcept {
-    Contact at{support.facet, support.at.feature, support.at.point, support.normal};
-    for (int turn = 0; turn < 16; ++turn) {
+  [[nodiscard]] Move next(const SphereProxyState& state, const SphereProxyState::ContactConstraint& constraint, const Vector3<>& tip,
+                          const Cone& cone, const SlidingState& slip, double min_step) const noexcept {
+    Contact at{constraint.face, constraint.at.feature, constraint.at.point, constraint.normal};
+    for (int iteration = 0; iteration < 16; ++iteration) {
       Move move;
-      bool again = false;
+      bool retry = false;
       if (at.feature == Feature::inside) {
-        again = over_facet(at, seat.centre, tip, cone, slip, small, move);
+        retry = move_on_face(at, state.center, tip, cone, slip, min_step, move);
       } else if (is_edge(at.feature)) {
-        again = round_edge(at, tip, cone, slip, small, move);
+        retry = move_around_edge(at, tip, cone, slip, min_step, move);
       } else {
-        again = round_corner(at, tip, cone, slip, small, move);
+        retry = move_around_corner(at, tip, cone, slip, min_step, move);
       }
-      if (again) continue;
-      if (move.kind == Move::Kind::rest) move.facet = at.facet;
+      if (retry) continue;
+      if (move.kind == Move::Kind::stop) move.face = at.face;
       return move;
     }
     return {};
   }
 
  private:
-  /// A facet's feature under the sphere, the foot [m], and the unit normal from there to the centre.
+  /// Feature in contact, its contact point [m], and the unit normal from there to the center.
   struct Contact {
-    std::int32_t facet;
+    std::int32_t face;
     Feature feature;
     Vector3<> foot;
     Vector3<> normal;
   };
 
-  // Each of these three fills `move`, or returns true if there is no way to go on `at`, which it then sets to the neighbouring feature.
+  // Each of the next three functions fills `move`. If no motion is possible on the feature `at`, it
+  // sets `at` to the adjacent feature and returns true.
 
   template <class Cone>
-  bool over_facet(Contact& at, const Vector3<>& centre, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double small,
-                  Move& move) const noexcept {
-    const Face& facet = mesh_->facet(at.facet);
-    const double depth = at.normal.dot(facet.corner[0] - tip) + radius_;
-    Vector3<> lag = tip - centre;
+  bool move_on_face(Contact& at, const Vector3<>& center, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double min_step,
+                    Move& move) const noexcept {
+    const Face& face = mesh_->face(at.face);
+    const double depth = at.normal.dot(face.corner[0] - tip) + radius_;
+    Vector3<> lag = tip - center;
     lag -= lag.dot(at.normal) * at.normal;
-    const double length = lag.norm(), left = cone(at.facet, at.foot).rest(length, std::fabs(depth), slip.slid, slip.sliding());
-    if (!(length - left > small)) return false;
-    const Vector3<> way = (1.0 - left / length) * lag;
-    const auto [out, part] = first_exit(facet, at.foot, way, [](int) { return false; });
-    if (out >= 0 && !(part * (length - left) > small)) {
+    const double length = lag.norm(),
+                 remaining = cone(at.face, at.foot).remaining_lag(length, std::fabs(depth), slip.distance, slip.sliding());
+    if (!(length - remaining > min_step)) return false;
+    const Vector3<> motion = (1.0 - remaining / length) * lag;
+    const auto [out, fraction] = first_exit(face, at.foot, motion, [](int) { return false; });
+    if (out >= 0 && !(fraction * (length - remaining) > min_step)) {
       at.feature = edge(out);
       return true;
     }
-    move = {Move::Kind::go, at.facet, false, centre + part * way, centre + part * way, part * (length - left)};
+    move = {Move::Kind::move, at.face, false, center + fraction * motion, center + fraction * motion, fraction * (length - remaining)};
     return false;
   }
 
   template <class Cone>
-  bool round_edge(Contact& at, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double small, Move& move) const noexcept {
-    const Face& facet = mesh_->facet(at.facet);
+  bool move_around_edge(Contact& at, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double min_step,
+                        Move& move) const noexcept {
+    const Face& face = mesh_->face(at.face);
     const int i = index_of(at.feature);
-    const Vector3<>& a = facet.corner[static_cast<std::size_t>(i)];
-    Vector3<> along = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - a;
+    const Vector3<>& a = face.corner[static_cast<std::size_t>(i)];
+    Vector3<> along = face.corner[static_cast<std::size_t>((i + 1) % 3)] - a;
     const double size = along.norm();
     along /= size;
-    const Vector3<> out = along.cross(facet.normal);  // away from the facet, in its plane
-    const double place = std::fmin(std::fmax((at.foot - a).dot(along), 0.0), size);
-    const Vector3<> pull = tip - a - place * along;
-    // Angles about the edge, from the facet's normal towards `out`: the sphere's, the neighbour's, the tip's.
-    double angle = std::atan2(at.normal.dot(out), at.normal.dot(facet.normal));
-    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the facet's back
+    const Vector3<> out = along.cross(face.normal);  // away from the face, in its plane
+    const double position = std::fmin(std::fmax((at.foot - a).dot(along), 0.0), size);
+    const Vector3<> to_tip = tip - a - position * along;
+    // Angles about the edge, from the normal of the face towards `out`: of the sphere, of the
+    // neighbor, of the tip.
+    double angle = std::atan2(at.normal.dot(out), at.normal.dot(face.normal));
+    if (angle < -0.5 * std::numbers::pi) angle += 2.0 * std::numbers::pi;  // just below -pi: the back of the face
     double low = 0.0, high = std::numbers::pi;
-    std::int32_t at_low = at.facet, at_high = at.facet;
-    const std::int32_t across = facet.neighbour[static_cast<std::size_t>(i)];
-    if (across >= 0) {
-      const Vector3<>& other = mesh_->facet(across / 3).normal;
-      const double turn = std::atan2(other.dot(out), other.dot(facet.normal));
-      if (std::fabs(turn) < flat) {
-        if (pull.dot(out) > 0.0) at.facet = across / 3;
+    std::int32_t at_low = at.face, at_high = at.face;
+    const std::int32_t twin = face.neighbor[static_cast<std::size_t>(i)];
+    if (twin >= 0) {
+      const Vector3<>& other = mesh_->face(twin / 3).normal;
+      const double dihedral = std::atan2(other.dot(out), other.dot(face.normal));
+      if (std::fabs(dihedral) < coplanar_tolerance) {
+        if (to_tip.dot(out) > 0.0) at.face = twin / 3;
         at.feature = Feature::inside;
         return true;
       }
-      (turn > 0.0 ? high : low) = turn > 0.0 ? turn : std::numbers::pi + turn;
-      (turn > 0.0 ? at_high : at_low) = across / 3;
-      if (angle < low - clear || angle > high + clear) {  // a valley: the neighbour touches too
-        move = {Move::Kind::meet, across / 3};
+      (dihedral > 0.0 ? high : low) = dihedral > 0.0 ? dihedral : std::numbers::pi + dihedral;
+      (dihedral > 0.0 ? at_high : at_low) = twin / 3;
+      if (angle < low - valley_tolerance || angle > high + valley_tolerance) {  // valley: the neighbor touches too
+        move = {Move::Kind::new_contact, twin / 3};
         return false;
       }
     }
     angle = std::fmin(std::fmax(angle, low), high);
-    const double in_x = pull.dot(facet.normal), in_y = pull.dot(out), lengthwise = pull.dot(along);
+    const double in_x = to_tip.dot(face.normal), in_y = to_tip.dot(out), lengthwise = to_tip.dot(along);
     const double distance = std::hypot(in_x, in_y);
-    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), way = std::fabs(to_go);
-    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(way);
+    const double to_go = std::remainder(std::atan2(in_y, in_x) - angle, 2.0 * std::numbers::pi), angle_to_tip = std::fabs(to_go);
+    const double depth = radius_ - distance * std::cos(to_go), across_lag = distance * std::sin(angle_to_tip);
     const double lag = std::hypot(across_lag, lengthwise);
-    const double left = cone(at.facet, at.foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding());
-    if (!(lag - left > small)) return false;
-    const double friction = depth > 0.0 ? left / depth : 0.0;
-    const double rest = resting_angle(friction * across_lag / lag, distance, way);
-    // The whole way in angle and along the edge; then the part of it, of both alike, up to where the edge or its turn ends.
-    const double turn = std::copysign(way - rest, to_go);
-    const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(rest));
+    const double remaining = cone(at.face, at.foot).remaining_lag(lag, std::fabs(depth), slip.distance, slip.sliding());
+    if (!(lag - remaining > min_step)) return false;
+    const double friction = depth > 0.0 ? remaining / depth : 0.0;
+    const double stop = equilibrium_angle(friction * across_lag / lag, distance, angle_to_tip);
+    // Full rotation and translation along the edge; then the common fraction of both up to the end
+    // of the edge or of its arc.
+    const double full_rotation = std::copysign(angle_to_tip - stop, to_go);
+    const double keep = friction * std::fabs(lengthwise) / lag * (radius_ - distance * std::cos(stop));
     const double shift = std::copysign(std::fmax(std::fabs(lengthwise) - std::fmax(keep, 0.0), 0.0), lengthwise);
-    double part = std::fabs(turn) > most_turn ? most_turn / std::fabs(turn) : 1.0;
-    enum class End { none, turn, length } at_end = End::none;
-    if (turn > 0.0 ? turn * part > high - angle : turn * part < low - angle) {
-      part = (turn > 0.0 ? high - angle : low - angle) / turn;
-      at_end = End::turn;
+    double fraction = std::fabs(full_rotation) > max_rotation ? max_rotation / std::fabs(full_rotation) : 1.0;
+    enum class End { none, arc, length } end_reached = End::none;
+    if (full_rotation > 0.0 ? full_rotation * fraction > high - angle : full_rotation * fraction < low - angle) {
+      fraction = (full_rotation > 0.0 ? high - angle : low - angle) / full_rotation;
+      end_reached = End::arc;
     }
-    if (shift > 0.0 ? shift * part > size - place : shift * part < -place) {
-      part = (shift > 0.0 ? size - place : -place) / shift;
-      at_end = End::length;
+    if (shift > 0.0 ? shift * fraction > size - position : shift * fraction < -position) {
+      fraction = (shift > 0.0 ? size - position : -position) / shift;
+      end_reached = End::length;
     }
-    const std::int32_t beside = turn > 0.0 ? at_high : at_low;
-    const double turned = part * std::fabs(turn);
-    double next = angle + part * turn, end = place + part * shift;
-    if (at_end == End::turn) next = turn > 0.0 ? high : low;
-    if (at_end == End::length) end = shift > 0.0 ? size : 0.0;
-    const double slid = part * std::hypot(radius_ * turn, shift);
-    if (!(slid > small)) {
-      if (at_end == End::none) return false;
-      if (at_end == End::turn) {
-        at.facet = beside;
+    const std::int32_t next_face = full_rotation > 0.0 ? at_high : at_low;
+    const double rotation = fraction * std::fabs(full_rotation);
+    double next = angle + fraction * full_rotation, end = position + fraction * shift;
+    if (end_reached == End::arc) next = full_rotation > 0.0 ? high : low;
+    if (end_reached == End::length) end = shift > 0.0 ? size : 0.0;
+    const double slid = fraction * std::hypot(radius_ * full_rotation, shift);
+    if (!(slid > min_step)) {
+      if (end_reached == End::none) return false;
+      if (end_reached == End::arc) {
+        at.face = next_face;
         at.feature = Feature::inside;
-        at.normal = std::cos(next) * facet.normal + std::sin(next) * out;
-        at.foot = a + place * along;
+        at.normal = std::cos(next) * face.normal + std::sin(next) * out;
+        at.foot = a + position * along;
         return true;
       }
       const int k = shift > 0.0 ? (i + 1) % 3 : i;
       at.feature = corner(k);
-      at.foot = facet.corner[static_cast<std::size_t>(k)];
+      at.foot = face.corner[static_cast<std::size_t>(k)];
       return true;
     }
-    const Vector3<> normal = std::cos(next) * facet.normal + std::sin(next) * out, foot = a + end * along;
-    move = {Move::Kind::go,
-            at_end == End::turn ? beside : at.facet,
-            turned > 0.0,
-            foot + radius_ / std::cos(turned) * normal,
-            foot + radius_ * normal,
-            slid};
+    const Vector3<> normal = std::cos(next) * face.normal + std::sin(next) * out, foot = a + end * along;
+    move = {Move::Kind::move,        end_reached == End::arc ? next_face : at.face,
+            rotation > 0.0,          foot + radius_ / std::cos(rotation) * normal,
+            foot + radius_ * normal, slid};
     return false;
   }
 
   template <class Cone>
-  bool round_corner(Contact& at, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double small,
-                    Move& move) const noexcept {
+  bool move_around_corner(Contact& at, const Vector3<>& tip, const Cone& cone, const SlidingState& slip, double min_step,
+                          Move& move) const noexcept {
     const int k = index_of(at.feature);
-    const Vector3<> foot = mesh_->facet(at.facet).corner[static_cast<std::size_t>(k)], pull = tip - foot;
-    const double up = at.normal.dot(pull), distance = pull.norm();
-    Vector3<> tangent = pull - up * at.normal;
+    const Vector3<> foot = mesh_->face(at.face).corner[static_cast<std::size_t>(k)], to_tip = tip - foot;
+    const double up = at.normal.dot(to_tip), distance = to_tip.norm();
+    Vector3<> tangent = to_tip - up * at.normal;
     const double lag = tangent.norm(), depth = radius_ - up;
-    const double left = cone(at.facet, foot).rest(lag, std::fabs(depth), slip.slid, slip.sliding());
-    if (!(lag - left > small)) return false;
+    const double remaining = cone(at.face, foot).remaining_lag(lag, std::fabs(depth), slip.distance, slip.sliding());
+    if (!(lag - remaining > min_step)) return false;
     tangent /= lag;
-    const double way = std::atan2(lag, up);
-    double turned = std::fmin(way - resting_angle(depth > 0.0 ? left / depth : 0.0, distance, way), most_turn);
-    // The corner holds the sphere as long as its normal leans along none of the edges that leave it.
-    std::int32_t over = TriangleMesh::none;
-    int over_edge = 0;
-    const auto look = [&](std::int32_t f, int i, double sense) {
-      const Face& facet = mesh_->facet(f);
-      const Vector3<> e = sense * (facet.corner[static_cast<std::size_t>((i + 1) % 3)] - facet.corner[static_cast<std::size_t>(i)]);
+    const double angle_to_tip = std::atan2(lag, up);
+    double rotation =
+        std::fmin(angle_to_tip - equilibrium_angle(depth > 0.0 ? remaining / depth : 0.0, distance, angle_to_tip), max_rotation);
+    // The corner stays in contact while the normal has no positive component along an adjacent
+    // edge.
+    std::int32_t next_face = TriangleMesh::none;
+    int next_edge = 0;
+    const auto consider_edge = [&](std::int32_t f, int i, double sense) {
+      const Face& face = mesh_->face(f);
+      const Vector3<> e = sense * (face.corner[static_cast<std::size_t>((i + 1) % 3)] - face.corner[static_cast<std::size_t>(i)]);
       const double rate = tangent.dot(e);
       if (rate <= 0.0) return;
       const double until = std::atan2(std::fmax(-at.normal.dot(e), 0.0), rate);
-      if (until < turned) {
-        turned = until;
-        over = f;
-        over_edge = i;
+      if (until < rotation) {
+        rotation = until;
+        next_face = f;
+        next_edge = i;
       }
     };
-    mesh_->around(at.facet, k, [&](std::int32_t f, int c) {
-      look(f, c, 1.0);
+    mesh_->for_each_face_around(at.face, k, [&](std::int32_t f, int c) {
+      consider_edge(f, c, 1.0);
       const int last = (c + 2) % 3;
-      if (mesh_->facet(f).neighbour[static_cast<std::size_t>(last)] < 0) look(f, last, -1.0);
+      if (mesh_->face(f).neighbor[static_cast<std::size_t>(last)] < 0) consider_edge(f, last, -1.0);
     });
-    if (!(radius_ * turned > small)) {
-      if (over == TriangleMesh::none) return false;
-      at.facet = over;
-      at.feature = edge(over_edge);
+    if (!(radius_ * rotation > min_step)) {
+      if (next_face == TriangleMesh::none) return false;
+      at.face = next_face;
+      at.feature = edge(next_edge);
       at.foot = foot;
       return true;
     }
-    const Vector3<> normal = std::cos(turned) * at.normal + std::sin(turned) * tangent;
-    move = {Move::Kind::go,
-            over == TriangleMesh::none ? at.facet : over,
+    const Vector3<> normal = std::cos(rotation) * at.normal + std::sin(rotation) * tangent;
+    move = {Move::Kind::move,
+            next_face == TriangleMesh::none ? at.face : next_face,
             true,
-            foot + radius_ / std::cos(turned) * normal,
+            foot + radius_ / std::cos(rotation) * normal,
             foot + radius_ * normal,
-            radius_ * turned};
+            radius_ * rotation};
     return false;
   }
 
-  /// Angle between normal and pull at which a sphere on a rounding comes to rest: distance sin a = friction (radius - distance cos a).
-  [[nodiscard]] double resting_angle(double friction, double distance, double from) const noexcept {
+  /// Return the angle between normal and tip direction at which a sphere on an edge or corner comes
+  /// to rest: distance sin a = friction (radius - distance cos a).
+  [[nodiscard]] double equilibrium_angle(double friction, double distance, double from) const noexcept {
     if (friction <= 0.0 || distance == 0.0) return 0.0;
     const double sine = friction * radius_ / (distance * std::sqrt(1.0 + friction * friction));
     if (sine >= 1.0) return from;

@@ -16,267 +16,285 @@
 
 namespace palpate::mesh {
 
-/// The sphere proxy's move. The centre always stays a radius away from every facet. Held by one facet, the sphere rolls over it
-/// exactly; held by two, it follows the line on which it touches both; held by three, it rests. Each move is swept, and a facet in its way
-/// stops it and joins those that hold it. Every move ends nearer to the tip, and none can pass through the surface.
+/// Motion of a spherical proxy. Its center keeps a distance of one radius from every face.
+///
+/// With one active face the sphere rolls over it exactly. With two it follows the curve on which it
+/// touches both. With three it rests. Every move is swept; a face in its motion stops the move and
+/// becomes a constraint. Every move reduces the distance to the tip, and none can pass through the
+/// surface.
+///
+/// Keeps references to mesh and tree, which must outlive it.
 class SphereProxy {
  public:
-  static constexpr int most_steps = 256;
-  static constexpr double tolerance = 1e-10;  // of radius and depth
+  static constexpr int max_steps = 256;
+  static constexpr double tolerance = 1e-10;  // relative to radius and depth
 
   SphereProxy(const TriangleMesh& mesh, const AabbTree& tree, double radius) noexcept
-      : mesh_(&mesh), tree_(&tree), rolling_(mesh, radius), radius_(radius) {}
+      : mesh_(&mesh), tree_(&tree), single_contact_(mesh, radius), radius_(radius) {}
+  SphereProxy(const TriangleMesh&& mesh, const AabbTree& tree, double radius) = delete;
+  SphereProxy(const TriangleMesh& mesh, const AabbTree&& tree, double radius) = delete;
+  SphereProxy(const TriangleMesh&& mesh, const AabbTree&& tree, double radius) = delete;
 
-  /// Where a proxy starts: at the tip, or where a sphere stops that comes to the tip from outside past the nearest facet.
+  /// Return the initial state: at the tip, or at the end of a sweep from outside towards the face
+  /// nearest to the tip. Without a nearest face (empty tree, invalid tip) the sphere is free.
   [[nodiscard]] SphereProxyState start(const Vector3<>& tip) const noexcept {
-    SphereProxyState seat;
-    seat.centre = tip;
+    SphereProxyState state;
+    state.center = tip;
     const AabbTree::Nearest near = tree_->nearest(*mesh_, tip);
-    const Face& facet = mesh_->facet(near.facet);
+    if (!near.found()) return state;
+    const Face& face = mesh_->face(near.face);
     Vector3<> out = tip - near.at.point;
     bool inside = false;
     if (mesh_->closed()) {
-      Vector3<> normal = facet.normal;
-      if (is_corner(near.at.feature)) normal = mesh_->vertex_normal(facet.vertex[static_cast<std::size_t>(index_of(near.at.feature))]);
-      if (is_edge(near.at.feature)) normal += mesh_->facet(facet.neighbour[static_cast<std::size_t>(index_of(near.at.feature))] / 3).normal;
+      Vector3<> normal = face.normal;
+      if (is_corner(near.at.feature)) normal = mesh_->vertex_normal(face.vertex[static_cast<std::size_t>(index_of(near.at.feature))]);
+      if (is_edge(near.at.feature)) normal += mesh_->face(face.neighbor[static_cast<std::size_t>(index_of(near.at.feature))] / 3).normal;
       inside = normal.dot(out) < 0.0;
     }
-    if (!inside && near.distance2 >= radius_ * radius_) return seat;
-    out = inside || !(out.norm() > 1e-9 * radius_) ? facet.normal : Vector3<>(out.normalized());
-    seat.centre = near.at.point + 2.0 * (mesh_->extent() + radius_) * out;
-    sweep_to(seat, near.at.point, TriangleMesh::none, TriangleMesh::none);
-    return seat;
+    if (!inside && near.distance2 >= radius_ * radius_) return state;
+    out = inside || !(out.norm() > 1e-9 * radius_) ? face.normal : Vector3<>(out.normalized());
+    state.center = near.at.point + 2.0 * (mesh_->extent() + radius_) * out;
+    sweep_to(state, near.at.point, TriangleMesh::none, TriangleMesh::none);
+    return state;
   }
 
-  /// The seat where the mesh has moved under it: the centre put to `centre` [m] and out of what is there; a free one, as at the start.
-  void carry(SphereProxyState& seat, const Vector3<>& centre) const noexcept {
-    if (!seat.touching()) {
-      seat = start(seat.centre);
+  /// Update the state after the mesh has moved: move the center to `center` [m] and push it out of
+  /// the faces there. A free sphere starts anew.
+  void reattach(SphereProxyState& state, const Vector3<>& center) const noexcept {
+    if (!state.touching()) {
+      state = start(state.center);
       return;
     }
-    seat.centre = centre;
-    seat.count = 0;
-    seat.near.forget();
-    for (int turn = 0; turn < most_carries; ++turn) {
+    state.center = center;
+    state.count = 0;
+    state.broad_phase.invalidate();
+    for (int iteration = 0; iteration < max_reattach_iterations; ++iteration) {
       bool out = true;
-      tree_->within(seat.centre, radius_ * (1.0 + tolerance), [&](std::int32_t f) {
+      tree_->overlap_sphere(state.center, radius_ * (1.0 + tolerance), [&](std::int32_t f) {
         SphereProxyState::ContactConstraint s;
-        s.facet = f;
-        support(s, seat.centre);
+        s.face = f;
+        update_constraint(s, state.center);
         if (!(s.distance <= radius_ * (1.0 + 0.5 * tolerance))) return;
         if (s.distance < radius_ * (1.0 - 0.1 * tolerance)) {
-          seat.centre += (radius_ - s.distance) * s.normal;
+          state.center += (radius_ - s.distance) * s.normal;
           out = false;
         } else if (out) {
-          add(seat, f);
+          add_constraint(state, f);
         }
       });
       if (out) return;
-      seat.count = 0;
+      state.count = 0;
     }
-    seat = start(seat.centre);  // squeezed: as if it came from outside
+    state = start(state.center);  // squeezed between faces: start from outside
   }
 
-  /// Moves `seat` towards `tip`; see Walk::follow.
+  /// Move `state` towards `tip` [m]; see PointProxy::follow.
   template <class Cone>
-  bool follow(SphereProxyState& seat, const Vector3<>& tip, const Cone& cone, SlidingState& slip) const noexcept {
-    slip.least = still * (radius_ + (tip - seat.centre).norm());
+  bool follow(SphereProxyState& state, const Vector3<>& tip, const Cone& cone, SlidingState& slip) const noexcept {
+    slip.threshold = min_slip_ratio * (radius_ + (tip - state.center).norm());
     bool done = false;
-    for (int step = 0; step < most_steps && !done; ++step) {
-      Goal goal = nearest_allowed(seat, tip);
-      note(seat, goal);
-      const double small = tolerance * (radius_ + (goal.point - tip).norm());
-      if (goal.active == 0) {
-        const bool away = (tip - seat.centre).norm() > small;
-        if (!away) seat.centre = tip;
-        done = !away || sweep_to(seat, tip, TriangleMesh::none, TriangleMesh::none) == 1.0;
-      } else if (goal.active == 1) {
-        done = slide_on_one(seat, goal, tip, cone, slip, small);
+    for (int step = 0; step < max_steps && !done; ++step) {
+      Goal goal = nearest_admissible(state, tip);
+      store_goal(state, goal);
+      const double min_step = tolerance * (radius_ + (goal.point - tip).norm());
+      if (goal.active_count == 0) {
+        const bool away = (tip - state.center).norm() > min_step;
+        if (!away) state.center = tip;
+        done = !away || sweep_to(state, tip, TriangleMesh::none, TriangleMesh::none) == 1.0;
+      } else if (goal.active_count == 1) {
+        done = slide_on_one(state, goal, tip, cone, slip, min_step);
       } else {
-        done = goal.active > 2 || slide_on_two(seat, goal, tip, cone, slip, small);
+        done = goal.active_count > 2 || slide_on_two(state, goal, tip, cone, slip, min_step);
       }
     }
-    if (!done) {  // what there is to say after the last move; the next tick goes on
-      Goal goal = nearest_allowed(seat, tip);
-      if (goal.active == 0) {
-        sweep_to(seat, tip, TriangleMesh::none, TriangleMesh::none);
-        goal = nearest_allowed(seat, tip);
+    if (!done) {  // publish the state after the last move; the next tick continues
+      Goal goal = nearest_admissible(state, tip);
+      if (goal.active_count == 0) {
+        sweep_to(state, tip, TriangleMesh::none, TriangleMesh::none);
+        goal = nearest_admissible(state, tip);
       }
-      note(seat, goal);
+      store_goal(state, goal);
     }
     return done;
   }
 
  private:
-  static constexpr int most_carries = 64;
-  static constexpr double still = 1e-7;    // of radius and depth: what slides less in a tick holds
-  static constexpr double most_way = 0.3;  // of the radius, in one move round two contacts
-  static constexpr double probe = 1e-6;    // of the radius: looked ahead
+  static constexpr int max_reattach_iterations = 64;
+  static constexpr double min_slip_ratio = 1e-7;   // relative to radius and depth: minimum sliding distance
+  static constexpr double max_step_ratio = 0.3;    // of the radius, per move along a curve
+  static constexpr double lookahead_ratio = 1e-6;  // of the radius
 
-  /// The point nearest to the tip that the supports' planes allow, and the supports that press there.
+  /// Point nearest to the tip that the planes of the constraints admit, and the active constraints
+  /// there.
   struct Goal {
     Vector3<> point;
-    int active = 0;  // that press: 0 to 3
-    int one = -1, two = -1;
+    int active_count = 0;  // 0 to 3
+    int first = -1, second = -1;
   };
 
-  static void note(SphereProxyState& seat, const Goal& goal) noexcept {
-    seat.rest = goal.point;
-    seat.pressing = goal.active;
-    seat.facet = goal.active == 0 ? TriangleMesh::none : seat.support(goal.one).facet;
+  static void store_goal(SphereProxyState& state, const Goal& goal) noexcept {
+    state.goal = goal.point;
+    state.active_count = goal.active_count;
+    state.face = goal.active_count == 0 ? TriangleMesh::none : state.constraint(goal.first).face;
   }
 
-  /// Held from all sides, friction or not.
-  static bool stay(SphereProxyState& seat) noexcept {
-    seat.rest = seat.centre;
+  /// Stop: constrained in all directions, independent of friction.
+  static bool stay_at_center(SphereProxyState& state) noexcept {
+    state.goal = state.center;
     return true;
   }
 
-  /// The supports' planes all pass through the centre, so that what they allow is a cone from there: held by one plane, one slides in it;
-  /// by two, along their common line; by three or more, nowhere.
-  [[nodiscard]] Goal nearest_allowed(const SphereProxyState& seat, const Vector3<>& tip) const noexcept {
-    const Vector3<> pull = tip - seat.centre;
-    const double rounding = 1e-15 * pull.norm();
-    std::array<double, SphereProxyState::most_supports> press{};
-    int hardest = -1;
-    for (int i = 0; i < seat.count; ++i) {
-      const double p = press[static_cast<std::size_t>(i)] = -seat.support(i).normal.dot(pull);
-      if (p > 0.0 && (hardest < 0 || p > press[static_cast<std::size_t>(hardest)])) hardest = i;
+  /// Return the nearest admissible point.
+  ///
+  /// The planes of all constraints pass through the center, so the admissible set is a cone. One
+  /// active plane leaves its plane to slide in, two leave their common line, three or more leave
+  /// nothing.
+  [[nodiscard]] Goal nearest_admissible(const SphereProxyState& state, const Vector3<>& tip) const noexcept {
+    const Vector3<> to_tip = tip - state.center;
+    const double rounding = 1e-15 * to_tip.norm();
+    std::array<double, SphereProxyState::max_constraints> penetration{};
+    int deepest = -1;
+    for (int i = 0; i < state.count; ++i) {
+      const double p = penetration[static_cast<std::size_t>(i)] = -state.constraint(i).normal.dot(to_tip);
+      if (p > 0.0 && (deepest < 0 || p > penetration[static_cast<std::size_t>(deepest)])) deepest = i;
     }
-    if (hardest < 0) return {tip};
-    const auto allowed = [&](const Vector3<>& way, int but_one, int but_two) {
-      const double is_small = rounding + tolerance * way.norm();
-      for (int i = 0; i < seat.count; ++i)
-        if (i != but_one && i != but_two && seat.support(i).normal.dot(way) < -is_small) return false;
+    if (deepest < 0) return {tip};
+    const auto admissible = [&](const Vector3<>& motion, int skip_first, int skip_second) {
+      const double tolerated = rounding + tolerance * motion.norm();
+      for (int i = 0; i < state.count; ++i)
+        if (i != skip_first && i != skip_second && state.constraint(i).normal.dot(motion) < -tolerated) return false;
       return true;
     };
-    for (int i = 0; i < seat.count; ++i) {
-      const double p = press[static_cast<std::size_t>(i)];
-      const Vector3<> way = pull + p * seat.support(i).normal;
-      if (p > 0.0 && allowed(way, i, i)) return {seat.centre + way, 1, i, i};
+    for (int i = 0; i < state.count; ++i) {
+      const double p = penetration[static_cast<std::size_t>(i)];
+      const Vector3<> motion = to_tip + p * state.constraint(i).normal;
+      if (p > 0.0 && admissible(motion, i, i)) return {state.center + motion, 1, i, i};
     }
-    for (int i = 0; i < seat.count; ++i)
+    for (int i = 0; i < state.count; ++i)
       for (int j = 0; j < i; ++j) {
-        const Vector3<>&m = seat.support(i).normal, &n = seat.support(j).normal;
-        const double p = press[static_cast<std::size_t>(i)], q = press[static_cast<std::size_t>(j)], c = m.dot(n);
+        const Vector3<>&m = state.constraint(i).normal, &n = state.constraint(j).normal;
+        const double p = penetration[static_cast<std::size_t>(i)], q = penetration[static_cast<std::size_t>(j)], c = m.dot(n);
         if (p - c * q < -rounding || q - c * p < -rounding) continue;  // one of them would pull
         Vector3<> line = m.cross(n);
         const double sine = line.norm();
-        if (sine < TwoContactCurve::parallel) continue;
+        if (sine < TwoContactCurve::parallel_tolerance) continue;
         line /= sine;
-        const Vector3<> way = pull.dot(line) * line;
-        if (allowed(way, i, j)) return {seat.centre + way, 2, p > q ? i : j, p > q ? j : i};
+        const Vector3<> motion = to_tip.dot(line) * line;
+        if (admissible(motion, i, j)) return {state.center + motion, 2, p > q ? i : j, p > q ? j : i};
       }
-    return {seat.centre, 3, hardest, hardest};
+    return {state.center, 3, deepest, deepest};
   }
 
-  /// True if the sphere rests.
+  /// Move with one active constraint. Return true if the sphere rests.
   template <class Cone>
-  bool slide_on_one(SphereProxyState& seat, Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
-                    double small) const noexcept {
-    const SphereProxyState::ContactConstraint support = seat.support(goal.one);
-    const SingleContactMotion::Move move = rolling_.next(seat, support, tip, cone, slip, small);
-    if (move.kind == SingleContactMotion::Move::Kind::rest) {
-      // On a border it may be the neighbour whose friction holds: then that one is touched.
-      if (move.facet != TriangleMesh::none && move.facet != support.facet && !holds(seat, move.facet)) {
-        seat.support(goal.one).facet = seat.facet = move.facet;
-        this->support(seat.support(goal.one), seat.centre);
+  bool slide_on_one(SphereProxyState& state, Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
+                    double min_step) const noexcept {
+    const SphereProxyState::ContactConstraint constraint = state.constraint(goal.first);
+    const SingleContactMotion::Move move = single_contact_.next(state, constraint, tip, cone, slip, min_step);
+    if (move.kind == SingleContactMotion::Move::Kind::stop) {
+      // On an edge the friction of the neighbor can be the one that sticks; make it the constraint.
+      if (move.face != TriangleMesh::none && move.face != constraint.face && !is_constrained_by(state, move.face)) {
+        state.constraint(goal.first).face = state.face = move.face;
+        update_constraint(state.constraint(goal.first), state.center);
       }
       return true;
     }
-    if (move.kind == SingleContactMotion::Move::Kind::meet && add(seat, move.facet)) return false;
-    if (move.kind == SingleContactMotion::Move::Kind::go && allows(seat, move.by)) {
-      const Hit hit = first_on(seat, move.by, support.facet, support.facet);
-      if (hit.part == 0.0) {
-        if (!meet(seat, goal, hit.facet)) return stay(seat);
-        note(seat, goal);
-        return slide_on_two(seat, goal, tip, cone, slip, small);
+    if (move.kind == SingleContactMotion::Move::Kind::new_contact && add_constraint(state, move.face)) return false;
+    if (move.kind == SingleContactMotion::Move::Kind::move && is_admissible(state, move.via)) {
+      const Hit hit = first_hit(state, move.via, constraint.face, constraint.face);
+      if (hit.fraction == 0.0) {
+        if (!add_second_constraint(state, goal, hit.face)) return stay_at_center(state);
+        store_goal(state, goal);
+        return slide_on_two(state, goal, tip, cone, slip, min_step);
       }
-      go(seat, hit, move.by);
-      double part = hit.part;
-      if (part == 1.0 && move.curved) part = sweep_to(seat, move.to, support.facet, move.facet);
-      if (part == 1.0) add(seat, move.facet);
-      slip.slid += part * move.slip;
+      apply_move(state, hit, move.via);
+      double fraction = hit.fraction;
+      if (fraction == 1.0 && move.curved) fraction = sweep_to(state, move.to, constraint.face, move.face);
+      if (fraction == 1.0) add_constraint(state, move.face);
+      slip.distance += fraction * move.slip;
       return false;
     }
-    // The rolling would run into another support: straight on, as far as the planes allow.
-    const Vector3<> lag = goal.point - seat.centre;
+    // The exact motion would run into another constraint: move straight, as far as the planes
+    // admit.
+    const Vector3<> lag = goal.point - state.center;
     const double length = lag.norm();
-    const double left = cone(seat.facet, goal.point).rest(length, (goal.point - tip).norm(), slip.slid, slip.sliding());
-    if (!(length - left > small)) return true;
-    const double share = 1.0 - left / length;
-    slip.slid += sweep_to(seat, seat.centre + share * lag, support.facet, support.facet) * share * length;
+    const double remaining = cone(state.face, goal.point).remaining_lag(length, (goal.point - tip).norm(), slip.distance, slip.sliding());
+    if (!(length - remaining > min_step)) return true;
+    const double ratio = 1.0 - remaining / length;
+    slip.distance += sweep_to(state, state.center + ratio * lag, constraint.face, constraint.face) * ratio * length;
     return false;
   }
 
-  /// A facet that the planes do not hold against, but for rounding, holds too. False if it touches where the first one does.
-  bool meet(SphereProxyState& seat, Goal& goal, std::int32_t facet) const noexcept {
-    add(seat, facet);
-    for (int i = 0; i < seat.count; ++i)
-      if (seat.support(i).facet == facet) goal.two = i;
-    const Vector3<> line = seat.support(goal.one).normal.cross(seat.support(goal.two).normal);
+  /// Add a face that blocks the motion although the planes admit it to rounding. Return false if it
+  /// touches where the first one does.
+  bool add_second_constraint(SphereProxyState& state, Goal& goal, std::int32_t face) const noexcept {
+    add_constraint(state, face);
+    for (int i = 0; i < state.count; ++i)
+      if (state.constraint(i).face == face) goal.second = i;
+    const Vector3<> line = state.constraint(goal.first).normal.cross(state.constraint(goal.second).normal);
     const double sine2 = line.squaredNorm();
-    if (!(sine2 > TwoContactCurve::parallel * TwoContactCurve::parallel)) return false;
-    goal.point = seat.centre + (goal.point - seat.centre).dot(line) / sine2 * line;
+    if (!(sine2 > TwoContactCurve::parallel_tolerance * TwoContactCurve::parallel_tolerance)) return false;
+    goal.point = state.center + (goal.point - state.center).dot(line) / sine2 * line;
     return true;
   }
 
-  [[nodiscard]] bool allows(const SphereProxyState& seat, const Vector3<>& x) const noexcept {
-    const Vector3<> way = x - seat.centre;
-    const double is_small = SingleContactMotion::clear * way.norm() + tolerance * radius_;
-    for (int i = 0; i < seat.count; ++i)
-      if (seat.support(i).normal.dot(way) < -is_small) return false;
+  [[nodiscard]] bool is_admissible(const SphereProxyState& state, const Vector3<>& x) const noexcept {
+    const Vector3<> motion = x - state.center;
+    const double tolerated = SingleContactMotion::valley_tolerance * motion.norm() + tolerance * radius_;
+    for (int i = 0; i < state.count; ++i)
+      if (state.constraint(i).normal.dot(motion) < -tolerated) return false;
     return true;
   }
 
-  /// A Newton step along the curve on which the sphere touches both, as far as both stay the features they are. True if the sphere rests.
+  /// Move with two active constraints: a Newton step along their common curve, up to the end of
+  /// either feature. Return true if the sphere rests.
   template <class Cone>
-  bool slide_on_two(SphereProxyState& seat, const Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
-                    double small) const noexcept {
-    SphereProxyState::ContactConstraint one = seat.support(goal.one), two = seat.support(goal.two);
-    const std::int32_t first = one.facet, second = two.facet;
-    const Vector3<> from = seat.centre, pull = tip - from;
+  bool slide_on_two(SphereProxyState& state, const Goal& goal, const Vector3<>& tip, const Cone& cone, SlidingState& slip,
+                    double min_step) const noexcept {
+    SphereProxyState::ContactConstraint one = state.constraint(goal.first), two = state.constraint(goal.second);
+    const std::int32_t first = one.face, second = two.face;
+    const Vector3<> from = state.center, to_tip = tip - from;
     Vector3<> line = one.normal.cross(two.normal).normalized();
-    double along = pull.dot(line);
+    double along = to_tip.dot(line);
     if (along < 0.0) {
       line = -line;
       along = -along;
     }
-    const double depth = (pull - along * line).norm();
-    const double left = cone(seat.facet, from).rest(along, depth, slip.slid, slip.sliding());
-    if (!(along - left > small)) return true;
-    // Where a foot is on a border, it counts what it will be on: rounding has no say.
-    const double ahead = std::fmin(probe * radius_, along - left);
+    const double depth = (to_tip - along * line).norm();
+    const double remaining = cone(state.face, from).remaining_lag(along, depth, slip.distance, slip.sliding());
+    if (!(along - remaining > min_step)) return true;
+    // On the border of a feature, use the feature ahead; rounding must not decide.
+    const double ahead = std::fmin(lookahead_ratio * radius_, along - remaining);
     Vector3<> x = from + ahead * line;
-    if (!put_on(one, two, x)) return true;
-    const TwoContactCurve groove(*mesh_, radius_, {one.facet, one.at.feature}, {two.facet, two.at.feature});
-    const bool straight = groove.straight(line);
-    // How fast the lag shrinks along the curve, and the friction with it.
+    if (!project_onto_both(one, two, x)) return true;
+    const TwoContactCurve curve(*mesh_, radius_, {one.face, one.at.feature}, {two.face, two.at.feature});
+    const bool straight = curve.is_straight(line);
+    // Rate at which the lag, and the friction with it, decreases along the curve.
     double shrink = 1.0;
     if (!straight) {
-      shrink -= pull.dot(groove.curvature(from, line));
-      if (left > 0.0) shrink -= left * along / (depth * depth) * (1.0 - shrink);
+      shrink -= to_tip.dot(curve.curvature(from, line));
+      if (remaining > 0.0) shrink -= remaining * along / (depth * depth) * (1.0 - shrink);
     }
-    double length = (along - left) / std::fmax(shrink, 0.2);
-    if (!straight) length = std::fmin(length, most_way * radius_);
-    const auto at = [&](double way, Vector3<>& target) {
-      target = from + way * line;
-      return straight || groove.put_on(target);
+    double length = (along - remaining) / std::fmax(shrink, 0.2);
+    if (!straight) length = std::fmin(length, max_step_ratio * radius_);
+    const auto at = [&](double motion, Vector3<>& target) {
+      target = from + motion * line;
+      return straight || curve.project(target);
     };
     Vector3<> target;
-    for (int halved = 0; !at(length, target) || !((target - from).dot(tip - target + pull) > 0.0); ++halved) {
-      if (halved == 30) return stay(seat);  // as near as numbers can tell
+    for (int halved = 0; !at(length, target) || !((target - from).dot(tip - target + to_tip) > 0.0); ++halved) {
+      if (halved == 30) return stay_at_center(state);  // at the limit of rounding
       length *= 0.5;
     }
-    // Back to where one of them becomes another feature (regula falsi, Illinois).
-    double low = std::fmin(ahead, length), high = length, at_high = groove.margin(target), at_low = groove.margin(x);
+    // Step back to where one of them becomes another feature (regula falsi, Illinois variant).
+    double low = std::fmin(ahead, length), high = length, at_high = curve.margin(target), at_low = curve.margin(x);
     if (at_high < 0.0 && high > low) {
-      if (!(at_low > 0.0)) at_low = 1e-3 * probe * radius_;
+      if (!(at_low > 0.0)) at_low = 1e-3 * lookahead_ratio * radius_;
       int same = 0;
-      for (int turn = 0; turn < 60 && high - low > 1e-13 * radius_; ++turn) {
+      for (int iteration = 0; iteration < 60 && high - low > 1e-13 * radius_; ++iteration) {
         length = low + (high - low) * at_low / (at_low - at_high);
         if (!at(length, target)) break;
-        const double margin = groove.margin(target);
+        const double margin = curve.margin(target);
         if (margin < 0.0) {
           high = length;
           at_high = margin;
@@ -295,179 +313,184 @@ class SphereProxy {
         at(length, target);
       }
     }
-    // Back to where a third one comes: on the chord that is nearer by a share of the bulge, so again from there, and by secants.
-    Hit hit = first_on(seat, target, first, second);
+    // Step back to the first hit of a third face. The hit is found on the chord, which deviates
+    // from the curve, so iterate with secants.
+    Hit hit = first_hit(state, target, first, second);
     double last_length = 0.0, last_excess = -1.0;
-    for (int turn = 0; turn < 30 && hit.facet != TriangleMesh::none && !straight; ++turn) {
-      const double excess = (1.0 - hit.part) * length;
-      if (excess <= 1e-13 * radius_ || hit.part == 0.0) break;
+    for (int iteration = 0; iteration < 30 && hit.face != TriangleMesh::none && !straight; ++iteration) {
+      const double excess = (1.0 - hit.fraction) * length;
+      if (excess <= 1e-13 * radius_ || hit.fraction == 0.0) break;
       const double slope = last_excess > excess ? (last_excess - excess) / (last_length - length) : 1.0;
       last_length = length;
       last_excess = excess;
-      length = std::fmax(length - excess / std::fmin(std::fmax(slope, 0.2), 1.0), 0.5 * hit.part * length);
+      length = std::fmax(length - excess / std::fmin(std::fmax(slope, 0.2), 1.0), 0.5 * hit.fraction * length);
       if (!at(length, target)) break;
-      hit = first_on(seat, target, first, second);
+      hit = first_hit(state, target, first, second);
     }
-    if (hit.part == 0.0 && holds(seat, hit.facet)) return stay(seat);  // a third one, but for rounding
-    go(seat, hit, target);
-    slip.slid += (seat.centre - from).norm();
-    if (hit.part == 1.0) {
-      add(seat, one.facet);
-      add(seat, two.facet);
+    if (hit.fraction == 0.0 && is_constrained_by(state, hit.face)) return stay_at_center(state);  // touches already, to rounding
+    apply_move(state, hit, target);
+    slip.distance += (state.center - from).norm();
+    if (hit.fraction == 1.0) {
+      add_constraint(state, one.face);
+      add_constraint(state, two.face);
     }
     return false;
   }
 
-  /// Moves `x` to where the sphere touches both supports, which change to a neighbour where that one comes nearer. False if there is no
-  /// such place close by.
-  bool put_on(SphereProxyState::ContactConstraint& one, SphereProxyState::ContactConstraint& two, Vector3<>& x) const noexcept {
-    for (int turn = 0; turn < 12; ++turn) {
-      support(one, x);
-      support(two, x);
+  /// Move `x` to where the sphere touches both constraints. A constraint switches to a neighbor
+  /// that is nearer. Return false if there is no such point nearby.
+  bool project_onto_both(SphereProxyState::ContactConstraint& one, SphereProxyState::ContactConstraint& two, Vector3<>& x) const noexcept {
+    for (int iteration = 0; iteration < 12; ++iteration) {
+      update_constraint(one, x);
+      update_constraint(two, x);
       const double in_one = radius_ - one.distance, in_two = radius_ - two.distance;
-      if (std::fmax(std::fabs(in_one), std::fabs(in_two)) <= 1e-13 * radius_ + 1e-15 * mesh_->reach()) {
-        if (!nearer_neighbour(one, x, two.facet) && !nearer_neighbour(two, x, one.facet)) return true;
+      if (std::fmax(std::fabs(in_one), std::fabs(in_two)) <= 1e-13 * radius_ + 1e-15 * mesh_->max_coordinate()) {
+        if (!switch_to_nearer_neighbor(one, x, two.face) && !switch_to_nearer_neighbor(two, x, one.face)) return true;
         continue;
       }
-      if (nearly_parallel(one.normal, two.normal, TwoContactCurve::parallel)) return false;
-      x += spanned(one.normal, two.normal, in_one, in_two);
+      if (nearly_parallel(one.normal, two.normal, TwoContactCurve::parallel_tolerance)) return false;
+      x += solve_in_plane(one.normal, two.normal, in_one, in_two);
     }
     return false;
   }
 
-  /// Takes, in the support's place, the facet around its edge or corner that the sphere is deepest in; false if there is none.
-  bool nearer_neighbour(SphereProxyState::ContactConstraint& s, const Vector3<>& x, std::int32_t other) const noexcept {
+  /// Replace the constraint by the nearest face around its edge or corner. Return false if none is
+  /// nearer.
+  bool switch_to_nearer_neighbor(SphereProxyState::ContactConstraint& s, const Vector3<>& x, std::int32_t other) const noexcept {
     if (s.at.feature == Feature::inside) return false;
     std::int32_t nearest = TriangleMesh::none;
-    double least = s.distance * (1.0 - 1e-14);
-    const auto look = [&](std::int32_t f) {
+    double min_distance = s.distance * (1.0 - 1e-14);
+    const auto consider_candidate = [&](std::int32_t f) {
       if (f == other) return;
-      const double distance = (nearest_point(mesh_->facet(f), x).point - x).norm();
-      if (distance < least) {
-        least = distance;
+      const double distance = (nearest_point(mesh_->face(f), x).point - x).norm();
+      if (distance < min_distance) {
+        min_distance = distance;
         nearest = f;
       }
     };
     if (is_edge(s.at.feature)) {
-      const std::int32_t across = mesh_->facet(s.facet).neighbour[static_cast<std::size_t>(index_of(s.at.feature))];
-      if (across >= 0) look(across / 3);
+      const std::int32_t twin = mesh_->face(s.face).neighbor[static_cast<std::size_t>(index_of(s.at.feature))];
+      if (twin >= 0) consider_candidate(twin / 3);
     } else {
-      mesh_->around(s.facet, index_of(s.at.feature), [&](std::int32_t f, int) { look(f); });
+      mesh_->for_each_face_around(s.face, index_of(s.at.feature), [&](std::int32_t f, int) { consider_candidate(f); });
     }
     if (nearest == TriangleMesh::none) return false;
-    s.facet = nearest;
+    s.face = nearest;
     return true;
   }
 
-  /// The first facet in the way of the sphere.
+  /// First face in the motion of the sphere.
   struct Hit {
-    std::int32_t facet = TriangleMesh::none;
-    double part = 1.0;  // of the way
+    std::int32_t face = TriangleMesh::none;
+    double fraction = 1.0;  // of the motion, 0 to 1
   };
 
-  /// The first facet between the sphere and `target`, other than the two that it moves on.
-  [[nodiscard]] Hit first_on(SphereProxyState& seat, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
+  /// Return the first face between the sphere and `target` [m], excluding the faces `one` and
+  /// `two`.
+  [[nodiscard]] Hit first_hit(SphereProxyState& state, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
     Hit hit;
-    const Vector3<> from = seat.centre, way = target - from;
-    seat.near.along(*mesh_, *tree_, from, way, radius_, [&](std::int32_t f, double& end) {
+    const Vector3<> from = state.center, motion = target - from;
+    state.broad_phase.sweep_sphere(*mesh_, *tree_, from, motion, radius_, [&](std::int32_t f, double& end) {
       if (f == one || f == two) return;
-      const Face& facet = mesh_->facet(f);
-      const Touch touch = sweep(facet, from, way, radius_);
-      if (!touch.hit || (touch.time >= end && hit.facet != TriangleMesh::none)) return;
-      // A facet lies behind its plane: what is left of the way leads no deeper into it than rounding.
-      const bool deep = touch.time == 0.0 && (from - touch.point).squaredNorm() < (1.0 - 2e-9) * radius_ * radius_;
-      if (!deep && -(1.0 - touch.time) * way.dot(touch.normal) <= tolerance * radius_) return;
-      // At a point that also belongs to what it moves on, and no deeper on the way: nothing new.
-      if (one >= 0 && touch.feature != Feature::inside &&
-          (belongs(facet, touch.feature, mesh_->facet(one)) || belongs(facet, touch.feature, mesh_->facet(two))) &&
-          (nearest_point(facet, target).point - target).norm() > (1.0 - tolerance) * radius_)
+      const Face& face = mesh_->face(f);
+      const SweepHit contact = sweep_sphere(face, from, motion, radius_);
+      if (!contact.hit || (contact.time >= end && hit.face != TriangleMesh::none)) return;
+      // Ignore a face if the remaining motion penetrates its contact plane by no more than
+      // rounding.
+      const bool deep = contact.time == 0.0 && (from - contact.point).squaredNorm() < (1.0 - 2e-9) * radius_ * radius_;
+      if (!deep && -(1.0 - contact.time) * motion.dot(contact.normal) <= tolerance * radius_) return;
+      // Ignore a contact on a feature shared with the excluded faces that does not become deeper.
+      if (one >= 0 && contact.feature != Feature::inside &&
+          (shares_feature(face, contact.feature, mesh_->face(one)) || shares_feature(face, contact.feature, mesh_->face(two))) &&
+          (nearest_point(face, target).point - target).norm() > (1.0 - tolerance) * radius_)
         return;
-      end = touch.time;
-      hit = {f, touch.time};
+      end = contact.time;
+      hit = {f, contact.time};
     });
     return hit;
   }
 
-  void go(SphereProxyState& seat, const Hit& hit, const Vector3<>& target) const noexcept {
-    seat.centre = hit.part == 1.0 ? target : Vector3<>(seat.centre + hit.part * (target - seat.centre));
-    if (hit.part > 0.0) settle(seat);
-    if (hit.facet != TriangleMesh::none) add(seat, hit.facet);
+  void apply_move(SphereProxyState& state, const Hit& hit, const Vector3<>& target) const noexcept {
+    state.center = hit.fraction == 1.0 ? target : Vector3<>(state.center + hit.fraction * (target - state.center));
+    if (hit.fraction > 0.0) refresh_constraints(state);
+    if (hit.face != TriangleMesh::none) add_constraint(state, hit.face);
   }
 
-  /// Sweeps the sphere to `target`; stops at the first facet in its way, other than the two that it moves on, and adds that one. Returns
-  /// the part of the way done.
-  double sweep_to(SphereProxyState& seat, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
-    const Hit hit = first_on(seat, target, one, two);
-    go(seat, hit, target);
-    return hit.part;
+  /// Sweep the sphere to `target` [m] and add the first face hit to the constraints. Return the
+  /// completed fraction of the motion.
+  double sweep_to(SphereProxyState& state, const Vector3<>& target, std::int32_t one, std::int32_t two) const noexcept {
+    const Hit hit = first_hit(state, target, one, two);
+    apply_move(state, hit, target);
+    return hit.fraction;
   }
 
-  /// The facet's point nearest to a sphere at `centre`, and the normal there.
-  void support(SphereProxyState::ContactConstraint& s, const Vector3<>& centre) const noexcept {
-    const Face& facet = mesh_->facet(s.facet);
-    s.at = nearest_point(facet, centre);
+  /// Compute contact point, normal and distance of a constraint for a sphere at `center` [m].
+  void update_constraint(SphereProxyState::ContactConstraint& s, const Vector3<>& center) const noexcept {
+    const Face& face = mesh_->face(s.face);
+    s.at = nearest_point(face, center);
     if (s.at.feature == Feature::inside) {
-      const double height = facet.height(centre);
-      s.normal = height >= 0.0 ? facet.normal : Vector3<>(-facet.normal);
+      const double height = face.height(center);
+      s.normal = height >= 0.0 ? face.normal : Vector3<>(-face.normal);
       s.distance = std::fabs(height);
       return;
     }
-    const Vector3<> away = centre - s.at.point;
+    const Vector3<> away = center - s.at.point;
     s.distance = away.norm();
     if (s.distance > 0.0) s.normal = away / s.distance;
   }
 
-  [[nodiscard]] static bool holds(const SphereProxyState& seat, std::int32_t facet) noexcept {
-    for (int i = 0; i < seat.count; ++i)
-      if (seat.support(i).facet == facet) return true;
+  [[nodiscard]] static bool is_constrained_by(const SphereProxyState& state, std::int32_t face) noexcept {
+    for (int i = 0; i < state.count; ++i)
+      if (state.constraint(i).face == face) return true;
     return false;
   }
 
-  /// False if the facet is among the supports already.
-  bool add(SphereProxyState& seat, std::int32_t facet) const noexcept {
-    if (holds(seat, facet)) return false;
-    int place = seat.count;
-    if (place < SphereProxyState::most_supports) {
-      ++seat.count;
-    } else {  // in the place of the one farthest away
-      place = 0;
-      for (int i = 1; i < seat.count; ++i)
-        if (seat.support(i).distance > seat.support(place).distance) place = i;
+  /// Add a face to the constraints. Return false if it is one already.
+  bool add_constraint(SphereProxyState& state, std::int32_t face) const noexcept {
+    if (is_constrained_by(state, face)) return false;
+    int slot = state.count;
+    if (slot < SphereProxyState::max_constraints) {
+      ++state.count;
+    } else {  // replace the most distant one
+      slot = 0;
+      for (int i = 1; i < state.count; ++i)
+        if (state.constraint(i).distance > state.constraint(slot).distance) slot = i;
     }
-    SphereProxyState::ContactConstraint& s = seat.support(place);
-    s.facet = facet;
-    support(s, seat.centre);
-    drop_repeated(seat);
+    SphereProxyState::ContactConstraint& s = state.constraint(slot);
+    s.face = face;
+    update_constraint(s, state.center);
+    remove_duplicates(state);
     return true;
   }
 
-  /// The supports at the centre as it is now, of the facets that touch the sphere there; what rounding has let in is put out again.
-  void settle(SphereProxyState& seat) const noexcept {
-    int kept = 0;
-    for (int i = 0; i < seat.count; ++i) {
-      SphereProxyState::ContactConstraint s = seat.support(i);
-      support(s, seat.centre);
+  /// Recompute the constraints at the current center, drop faces that no longer touch, and remove
+  /// penetration due to rounding.
+  void refresh_constraints(SphereProxyState& state) const noexcept {
+    int count = 0;
+    for (int i = 0; i < state.count; ++i) {
+      SphereProxyState::ContactConstraint s = state.constraint(i);
+      update_constraint(s, state.center);
       if (s.distance < radius_) {
-        seat.centre += (radius_ - s.distance) * s.normal;
+        state.center += (radius_ - s.distance) * s.normal;
         s.distance = radius_;
       }
-      if (s.distance - radius_ <= tolerance * radius_) seat.support(kept++) = s;
+      if (s.distance - radius_ <= tolerance * radius_) state.constraint(count++) = s;
     }
-    seat.count = kept;
-    drop_repeated(seat);
+    state.count = count;
+    remove_duplicates(state);
   }
 
-  /// Facets that touch the sphere at a point they share count once, or it would look held where it can roll over their edge: the one
-  /// stays that is touched on the larger feature.
-  void drop_repeated(SphereProxyState& seat) const noexcept {
-    for (int i = 0; i < seat.count; ++i)
-      for (int j = 0; j < seat.count; ++j) {
-        const SphereProxyState::ContactConstraint &s = seat.support(i), &t = seat.support(j);
-        if (i == j || s.at.feature == Feature::inside || !belongs(mesh_->facet(s.facet), s.at.feature, mesh_->facet(t.facet))) continue;
-        const bool back = t.at.feature != Feature::inside && belongs(mesh_->facet(t.facet), t.at.feature, mesh_->facet(s.facet));
+  /// Keep one of the faces that touch the sphere at a shared point, the one touched on the larger
+  /// feature. Otherwise the sphere would seem blocked where it can roll over their edge.
+  void remove_duplicates(SphereProxyState& state) const noexcept {
+    for (int i = 0; i < state.count; ++i)
+      for (int j = 0; j < state.count; ++j) {
+        const SphereProxyState::ContactConstraint &s = state.constraint(i), &t = state.constraint(j);
+        if (i == j || s.at.feature == Feature::inside || !shares_feature(mesh_->face(s.face), s.at.feature, mesh_->face(t.face))) continue;
+        const bool back = t.at.feature != Feature::inside && shares_feature(mesh_->face(t.face), t.at.feature, mesh_->face(s.face));
         if (back && (rank(s) > rank(t) || (rank(s) == rank(t) && i > j))) continue;
-        for (int k = i + 1; k < seat.count; ++k) seat.support(k - 1) = seat.support(k);
-        --seat.count;
+        for (int k = i + 1; k < state.count; ++k) state.constraint(k - 1) = state.constraint(k);
+        --state.count;
         --i;
         break;
       }
@@ -479,7 +502,7 @@ class SphereProxy {
 
   const TriangleMesh* mesh_;
   const AabbTree* tree_;
-  SingleContactMotion rolling_;
+  SingleContactMotion single_contact_;
   double radius_;  // m
 };
 

@@ -10,30 +10,30 @@
 
 namespace palpate::mesh {
 
-/// A sphere's centre, free or held by facets.
+/// Spherical proxy, free or in contact.
 struct SphereProxyState {
-  static constexpr int most_supports = 12;
+  static constexpr int max_constraints = 12;
 
-  /// A facet that touches the sphere. It is convex, so the plane through the centre across `normal` separates all places where the sphere
-  /// would go deeper into it from those where it would not, to first order.
+  /// Face in contact with the sphere. The face is convex, so the plane through the center
+  /// perpendicular to `normal` bounds the admissible positions to first order.
   struct ContactConstraint {
-    std::int32_t facet = TriangleMesh::none;
-    NearestPoint at{};                     // to the centre
-    Vector3<> normal = Vector3<>::Zero();  // unit, from there to the centre
-    double distance = 0.0;                 // from there to the centre, m
+    std::int32_t face = TriangleMesh::none;
+    NearestPoint at{};                     // to the center
+    Vector3<> normal = Vector3<>::Zero();  // unit, from there to the center
+    double distance = 0.0;                 // from there to the center, m
   };
 
-  Vector3<> centre = Vector3<>::Zero();     ///< m
-  Vector3<> rest = Vector3<>::Zero();       ///< where it would be without friction, as far as the supports' planes tell, m
-  std::int32_t facet = TriangleMesh::none;  ///< the one that pushes hardest; none: free
-  int pressing = 0;                         ///< supports that push, 0 to 3
-  std::array<ContactConstraint, most_supports> supports{};
+  Vector3<> center = Vector3<>::Zero();    ///< m
+  Vector3<> goal = Vector3<>::Zero();      ///< position without friction, admitted by the planes of the constraints, m
+  std::int32_t face = TriangleMesh::none;  ///< face with the largest penetration; none: free
+  int active_count = 0;                    ///< active constraints, 0 to 3
+  std::array<ContactConstraint, max_constraints> constraints{};
   int count = 0;
-  BroadPhaseCache near{};
+  BroadPhaseCache broad_phase{};
 
-  [[nodiscard]] bool touching() const noexcept { return facet != TriangleMesh::none; }
-  [[nodiscard]] ContactConstraint& support(int i) noexcept { return supports[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] const ContactConstraint& support(int i) const noexcept { return supports[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] bool touching() const noexcept { return face != TriangleMesh::none; }
+  [[nodiscard]] ContactConstraint& constraint(int i) noexcept { return constraints[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const ContactConstraint& constraint(int i) const noexcept { return constraints[static_cast<std::size_t>(i)]; }
 };
 
 }  // namespace palpate::mesh

@@ -15,162 +15,182 @@
 
 namespace palpate::mesh {
 
-/// How stiffness spreads over a mesh.
+/// Interpolation of the stiffness over a mesh.
 enum class FieldKind {
-  discrete,    ///< each polygon has its own (thesis ch. 5): force steps where two of them meet
-  continuous,  ///< smooth over the surface, and the force is the slope of a potential
+  discrete,    ///< one value per face (thesis, chapter 5); the force is discontinuous at edges
+  continuous,  ///< continuously differentiable; the force is the gradient of a potential
 };
 
-/// How a surface answers. Stiffness and damping are given once, per triangle, or per vertex.
+/// Material of a surface. Stiffness and damping have one value, one per triangle or one per vertex.
 struct Surface {
-  std::vector<double> stiffness{1000.0};  ///< along the normal, N/m
-  std::vector<double> damping{};          ///< along the normal, N*s/m; empty for none
-  double tangential = -1.0;               ///< N/m; negative: as stiff as along the normal, wherever that is
-  double static_friction = 0.0;           ///< coefficient; infinity: never slips
-  double dynamic_friction = 0.0;          ///< coefficient, not above the static one
-  double viscous = 0.0;                   ///< drag on the sliding proxy, N*s/m
+  std::vector<double> stiffness{1000.0};  ///< normal stiffness, N/m
+  std::vector<double> damping{};          ///< normal damping, N*s/m; empty: none
+  double tangential = -1.0;               ///< tangential stiffness, N/m; negative: equal to the normal stiffness
+  double static_friction = 0.0;           ///< coefficient; infinity: never slides
+  double dynamic_friction = 0.0;          ///< coefficient, at most static_friction
+  double viscous = 0.0;                   ///< viscous friction of the sliding proxy, N*s/m
   FieldKind field = FieldKind::discrete;
-  double shading = 0.0;  ///< edges that turn by less [rad] are not felt; 0 for none
-  double period = 1e-3;  ///< of the servo, s; for damping and viscous friction
+  double shading = 0.0;  ///< crease angle of force shading, rad; 0: off
+  double period = 1e-3;  ///< servo period, s; used by damping and viscous friction
 };
 
-/// A surface laid out over one mesh: what a servo tick reads.
+/// Material properties evaluated on one mesh during a servo tick.
+///
+/// The field of an unusable mesh or an invalid surface is not usable(), and proxies on it touch
+/// nothing.
 class SurfaceField {
  public:
-  /// Stiffness at a point and its slope along the surface.
-  struct Local {
+  /// Stiffness at a point and its gradient along the surface.
+  struct LocalStiffness {
     double stiffness = 0.0;               ///< N/m
-    Vector3<> slope = Vector3<>::Zero();  ///< N/m per m
+    Vector3<> slope = Vector3<>::Zero();  ///< gradient, N/m per m
   };
 
-  SurfaceField() = default;
+  /// Construct the field of the default Surface, which has one stiffness and fits every mesh.
+  SurfaceField() { surface_.damping = {0.0}; }
 
-  /// False if a list has neither one, nor one per triangle, nor one per vertex, or a number is negative or not finite.
-  [[nodiscard]] static bool fits(const Surface& s, const TriangleMesh& mesh) {
-    const auto good = [&](const std::vector<double>& list, bool may_be_empty) {
+  /// Return whether `s` can be used on `mesh`.
+  ///
+  /// Lists have one value, one per triangle or one per vertex. Values are finite and not negative.
+  [[nodiscard]] static bool is_valid(const Surface& s, const TriangleMesh& mesh) {
+    const auto valid = [&](const std::vector<double>& list, bool may_be_empty) {
       const bool length = list.size() == 1 || list.size() == static_cast<std::size_t>(mesh.size()) ||
                           list.size() == mesh.vertices().size() || (may_be_empty && list.empty());
       return length && std::all_of(list.begin(), list.end(), [](double x) { return x >= 0.0 && std::isfinite(x); });
     };
-    return good(s.stiffness, false) && good(s.damping, true) && s.static_friction >= 0.0 && s.dynamic_friction >= 0.0 &&
+    return valid(s.stiffness, false) && valid(s.damping, true) && s.static_friction >= 0.0 && s.dynamic_friction >= 0.0 &&
            s.dynamic_friction <= s.static_friction && s.viscous >= 0.0 && std::isfinite(s.viscous) && std::isfinite(s.tangential) &&
            s.period > 0.0 && std::isfinite(s.period) && s.shading >= 0.0 && s.shading < 1.5;
   }
 
   SurfaceField(Surface s, const TriangleMesh& mesh) : surface_(std::move(s)) {
+    usable_ = mesh.usable() && is_valid(surface_, mesh);
+    if (!usable_) {
+      surface_ = Surface{};
+      surface_.stiffness = surface_.damping = {0.0};
+      return;
+    }
     if (surface_.damping.empty()) surface_.damping = {0.0};
-    const auto facets = static_cast<std::size_t>(mesh.size());
-    per_facet_ = surface_.stiffness.size() == facets;
-    damping_per_facet_ = surface_.damping.size() == facets;
-    if (surface_.field == FieldKind::continuous && per_facet_ && facets > 1) spread(mesh);
+    const auto faces = static_cast<std::size_t>(mesh.size());
+    per_face_ = surface_.stiffness.size() == faces;
+    damping_per_face_ = surface_.damping.size() == faces;
+    if (surface_.field == FieldKind::continuous && per_face_ && faces > 1) average_to_vertices(mesh);
     uniform_ = surface_.stiffness.size() == 1;
     if (surface_.shading > 0.0) shading_ = ForceShading(mesh, surface_.shading);
   }
 
+  SurfaceField(Surface s, const TriangleMesh&& mesh) = delete;
+
+  /// Return whether proxies can touch this surface.
+  [[nodiscard]] bool usable() const noexcept { return usable_; }
   [[nodiscard]] const Surface& surface() const noexcept { return surface_; }
   [[nodiscard]] const ForceShading& shading() const noexcept { return shading_; }
 
-  /// After the mesh has moved.
+  /// Update the shading after the mesh has moved.
   void refit(const TriangleMesh& mesh) noexcept {
-    if (shading_.on()) shading_.refit(mesh);
+    if (shading_.enabled()) shading_.refit(mesh);
   }
 
-  /// After only the facets [first, last) have.
+  /// Update the shading of the faces [first, last) after they have moved.
   template <class Iterator>
   void refit(const TriangleMesh& mesh, Iterator first, Iterator last) noexcept {
-    if (!shading_.on()) return;
+    if (!shading_.enabled()) return;
     for (; first != last; ++first) shading_.refit(mesh, *first);
   }
 
-  /// Stiffness at the point `x` [m] of facet `f`.
-  [[nodiscard]] Local at(const TriangleMesh& mesh, std::int32_t f, const Vector3<>& x) const noexcept {
+  /// Return the stiffness at the point `x` [m] of face `f`.
+  [[nodiscard]] LocalStiffness stiffness_at(const TriangleMesh& mesh, std::int32_t f, const Vector3<>& x) const noexcept {
     if (uniform_) return {surface_.stiffness[0]};
-    if (per_facet_) return {surface_.stiffness[static_cast<std::size_t>(f)]};
-    const Face& facet = mesh.facet(f);
-    if (surface_.field == FieldKind::continuous) return smooth(facet, x);
-    const Vector3<> b = barycentric(facet, x);
+    if (per_face_) return {surface_.stiffness[static_cast<std::size_t>(f)]};
+    const Face& face = mesh.face(f);
+    if (surface_.field == FieldKind::continuous) return clough_tocher(face, x);
+    const Vector3<> b = barycentric(face, x);
     double k = 0.0;
-    for (int i = 0; i < 3; ++i) k += b[i] * at_corner(facet, i);
+    for (int i = 0; i < 3; ++i) k += b[i] * vertex_stiffness(face, i);
     return {k};
   }
 
-  [[nodiscard]] double damping(const TriangleMesh& mesh, std::int32_t f, const Vector3<>& x) const noexcept {
+  [[nodiscard]] double damping_at(const TriangleMesh& mesh, std::int32_t f, const Vector3<>& x) const noexcept {
     if (surface_.damping.size() == 1) return surface_.damping[0];
-    if (damping_per_facet_) return surface_.damping[static_cast<std::size_t>(f)];
-    const Face& facet = mesh.facet(f);
-    const Vector3<> b = barycentric(facet, x);
+    if (damping_per_face_) return surface_.damping[static_cast<std::size_t>(f)];
+    const Face& face = mesh.face(f);
+    const Vector3<> b = barycentric(face, x);
     double d = 0.0;
-    for (int i = 0; i < 3; ++i) d += b[i] * surface_.damping[static_cast<std::size_t>(facet.vertex[static_cast<std::size_t>(i)])];
+    for (int i = 0; i < 3; ++i) d += b[i] * surface_.damping[static_cast<std::size_t>(face.vertex[static_cast<std::size_t>(i)])];
     return d;
   }
 
  private:
-  [[nodiscard]] double at_corner(const Face& facet, int i) const noexcept {
-    return surface_.stiffness[static_cast<std::size_t>(facet.vertex[static_cast<std::size_t>(i)])];
+  [[nodiscard]] double vertex_stiffness(const Face& face, int i) const noexcept {
+    return surface_.stiffness[static_cast<std::size_t>(face.vertex[static_cast<std::size_t>(i)])];
   }
 
-  /// Values per polygon become values per vertex: means weighted by the polygons' angles at the vertex.
-  void spread(const TriangleMesh& mesh) {
+  /// Convert values per face to values per vertex: means weighted by the angles of the faces.
+  void average_to_vertices(const TriangleMesh& mesh) {
     std::vector<double> sum(mesh.vertices().size(), 0.0), weight(mesh.vertices().size(), 0.0);
     for (std::int32_t f = 0; f < mesh.size(); ++f) {
-      const Face& facet = mesh.facet(f);
+      const Face& face = mesh.face(f);
       for (std::size_t i = 0; i < 3; ++i) {
-        const Vector3<> a = facet.corner[(i + 1) % 3] - facet.corner[i], b = facet.corner[(i + 2) % 3] - facet.corner[i];
+        const Vector3<> a = face.corner[(i + 1) % 3] - face.corner[i], b = face.corner[(i + 2) % 3] - face.corner[i];
         const double angle = std::atan2(a.cross(b).norm(), a.dot(b));
-        const auto v = static_cast<std::size_t>(facet.vertex[i]);
+        const auto v = static_cast<std::size_t>(face.vertex[i]);
         sum[v] += angle * surface_.stiffness[static_cast<std::size_t>(f)];
         weight[v] += angle;
       }
     }
     for (std::size_t v = 0; v < sum.size(); ++v) sum[v] = weight[v] > 0.0 ? sum[v] / weight[v] : 0.0;
     surface_.stiffness = std::move(sum);
-    per_facet_ = false;
+    per_face_ = false;
   }
 
-  /// The facet split at its centroid into three cubics (Clough & Tocher 1965) with the vertices' values, no slope at vertices and none
-  /// across edges: value and slope are then continuous over the whole mesh, whatever angle its facets make.
-  [[nodiscard]] Local smooth(const Face& facet, const Vector3<>& x) const noexcept {
-    const Vector3<> k(at_corner(facet, 0), at_corner(facet, 1), at_corner(facet, 2));
-    const Vector3<> centroid = (facet.corner[0] + facet.corner[1] + facet.corner[2]) / 3.0;
-    // Bezier ordinate in the middle of each sub-triangle (i, i + 1, centroid): what makes the slope across its edge vanish.
-    Vector3<> middle, near;
+  /// Interpolate with three cubics per face, split at the centroid (Clough and Tocher 1965).
+  ///
+  /// The vertices have the given values and zero gradient; the derivative across edges is zero.
+  /// Value and gradient are continuous over the mesh for any dihedral angle.
+  [[nodiscard]] LocalStiffness clough_tocher(const Face& face, const Vector3<>& x) const noexcept {
+    const Vector3<> k(vertex_stiffness(face, 0), vertex_stiffness(face, 1), vertex_stiffness(face, 2));
+    const Vector3<> centroid = (face.corner[0] + face.corner[1] + face.corner[2]) / 3.0;
+    // Bezier ordinate in the middle of each sub-triangle (i, i + 1, centroid), chosen so that the
+    // derivative across the edge vanishes.
+    Vector3<> middle, inner;
     for (int i = 0; i < 3; ++i) {
-      const Vector3<>& p = facet.corner[static_cast<std::size_t>(i)];
-      const Vector3<> e = facet.corner[static_cast<std::size_t>((i + 1) % 3)] - p;
+      const Vector3<>& p = face.corner[static_cast<std::size_t>(i)];
+      const Vector3<> e = face.corner[static_cast<std::size_t>((i + 1) % 3)] - p;
       const double foot = (centroid - p).dot(e) / e.squaredNorm();
       middle[i] = (1.0 - foot) * k[i] + foot * k[(i + 1) % 3];
     }
-    for (int i = 0; i < 3; ++i) near[i] = (k[i] + middle[i] + middle[(i + 2) % 3]) / 3.0;  // on the way from corner i to the centroid
-    const double top = near.sum() / 3.0;
-    const Vector3<> b = barycentric(facet, x);
-    int low = 0;  // the corner farthest from x: x lies in the sub-triangle opposite to it
+    for (int i = 0; i < 3; ++i) inner[i] = (k[i] + middle[i] + middle[(i + 2) % 3]) / 3.0;  // between corner i and the centroid
+    const double top = inner.sum() / 3.0;
+    const Vector3<> b = barycentric(face, x);
+    int farthest = 0;  // corner farthest from x; x lies in the opposite sub-triangle
     for (int i = 1; i < 3; ++i)
-      if (b[i] < b[low]) low = i;
-    const int i = (low + 1) % 3, j = (low + 2) % 3;
-    const double w = 3.0 * b[low], u = b[i] - b[low], v = b[j] - b[low];
-    // Quadratic ordinates after one step of de Casteljau, by direction.
+      if (b[i] < b[farthest]) farthest = i;
+    const int i = (farthest + 1) % 3, j = (farthest + 2) % 3;
+    const double w = 3.0 * b[farthest], u = b[i] - b[farthest], v = b[j] - b[farthest];
+    // Quadratic ordinates after one step of de Casteljau's algorithm, per direction.
     const double m = middle[i];
-    const double qu = u * u * k[i] + v * v * k[j] + w * w * near[i] + 2.0 * (u * v * k[i] + u * w * k[i] + v * w * m);
-    const double qv = u * u * k[i] + v * v * k[j] + w * w * near[j] + 2.0 * (u * v * k[j] + u * w * m + v * w * k[j]);
-    const double qw = u * u * k[i] + v * v * k[j] + w * w * top + 2.0 * (u * v * m + u * w * near[i] + v * w * near[j]);
-    Local local;
+    const double qu = u * u * k[i] + v * v * k[j] + w * w * inner[i] + 2.0 * (u * v * k[i] + u * w * k[i] + v * w * m);
+    const double qv = u * u * k[i] + v * v * k[j] + w * w * inner[j] + 2.0 * (u * v * k[j] + u * w * m + v * w * k[j]);
+    const double qw = u * u * k[i] + v * v * k[j] + w * w * top + 2.0 * (u * v * m + u * w * inner[i] + v * w * inner[j]);
+    LocalStiffness local;
     local.stiffness = u * qu + v * qv + w * qw;
-    // Slope: 3 (qu grad u + qv grad v + qw grad w), in the facet's plane.
-    const auto slope_of = [&facet](int c) -> Vector3<> {
-      const Vector3<> e = facet.corner[static_cast<std::size_t>((c + 2) % 3)] - facet.corner[static_cast<std::size_t>((c + 1) % 3)];
-      const Vector3<> across = facet.normal.cross(e);
-      return across / across.dot(facet.corner[static_cast<std::size_t>(c)] - facet.corner[static_cast<std::size_t>((c + 1) % 3)]);
+    // Gradient: 3 (qu grad u + qv grad v + qw grad w), in the plane of the face.
+    const auto slope_of = [&face](int c) -> Vector3<> {
+      const Vector3<> e = face.corner[static_cast<std::size_t>((c + 2) % 3)] - face.corner[static_cast<std::size_t>((c + 1) % 3)];
+      const Vector3<> across = face.normal.cross(e);
+      return across / across.dot(face.corner[static_cast<std::size_t>(c)] - face.corner[static_cast<std::size_t>((c + 1) % 3)]);
     };
-    const Vector3<> g = slope_of(low);
+    const Vector3<> g = slope_of(farthest);
     local.slope = 3.0 * (qu * (slope_of(i) - g) + qv * (slope_of(j) - g) + qw * 3.0 * g);
     return local;
   }
 
   Surface surface_;
   ForceShading shading_;
+  bool usable_ = true;
   bool uniform_ = true;
-  bool per_facet_ = false;
-  bool damping_per_facet_ = false;
+  bool per_face_ = false;
+  bool damping_per_face_ = false;
 };
 
 }  // namespace palpate::mesh

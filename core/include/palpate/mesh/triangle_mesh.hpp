@@ -16,36 +16,37 @@ namespace palpate::mesh {
 
 using Triangle = std::array<std::int32_t, 3>;
 
-/// What makes a set of triangles unfit to be touched at all.
+/// Defects of a set of triangles.
 enum class MeshFault {
   none,
   empty,               ///< no triangle
-  too_large,           ///< more than 2^29 triangles
-  not_finite,          ///< a vertex has a NaN or an infinity
-  index_out_of_range,  ///< a triangle names a vertex that does not exist
-  degenerate,          ///< a triangle has no area: repeated vertices, or all three in line
+  too_large,           ///< more than 2^29 triangles or 2^30 vertices
+  not_finite,          ///< a vertex has a NaN or infinite coordinate
+  index_out_of_range,  ///< a triangle refers to a vertex that does not exist
+  degenerate,          ///< a triangle has no area: repeated or collinear vertices
   duplicate,           ///< two triangles have the same three vertices
   non_manifold,        ///< an edge has more than two triangles
-  mixed_winding,       ///< two neighbours turn opposite ways round
-  open,                ///< an edge has one triangle only (allowed if asked for)
+  mixed_winding,       ///< two neighbors have opposite orientation
+  open,                ///< an edge has only one triangle (can be allowed)
 };
 
-/// How many of each there are, and the first: the triangle, or the vertex for `not_finite`.
+/// Number of defects of each kind and the index of the first: a triangle, or a vertex for
+/// `not_finite`.
 struct MeshDiagnosis {
   struct Count {
     std::int64_t count = 0;
     std::int64_t first = -1;
-    void add(std::int64_t where) noexcept {
-      if (count++ == 0) first = where;
+    void add(std::int64_t index) noexcept {
+      if (count++ == 0) first = index;
     }
   };
   Count not_finite, index_out_of_range, degenerate, duplicate, non_manifold, mixed_winding, open;
   bool empty = false;
   bool too_large = false;
-  std::int64_t parts = 0;  ///< pieces that share no edge
-  double volume = 0.0;     ///< enclosed, m^3; negative if the triangles turn clockwise seen from outside
+  std::int64_t components = 0;  ///< pieces that share no edge
+  double volume = 0.0;          ///< enclosed volume, m^3; negative if the normals point inwards
 
-  /// The worst of what was found.
+  /// Return the most severe defect.
   [[nodiscard]] MeshFault fault() const noexcept {
     if (empty) return MeshFault::empty;
     if (too_large) return MeshFault::too_large;
@@ -60,35 +61,40 @@ struct MeshDiagnosis {
   }
 };
 
-/// One triangle with all that a walk over it needs: two cache lines.
+/// Triangle with the data that a proxy needs to traverse it: two cache lines.
 struct alignas(64) Face {
-  std::array<Vector3<>, 3> corner;        // m
-  Vector3<> normal;                       // unit, by the right hand from corner 0 to 1 to 2
-  Triangle vertex;                        // indices of the corners
-  std::array<std::int32_t, 3> neighbour;  // half-edge across the edge from corner i to i + 1, or -1 at a border
+  std::array<Vector3<>, 3> corner;       // m
+  Vector3<> normal;                      // unit, right-hand rule from corner 0 to 1 to 2
+  Triangle vertex;                       // indices of the corners
+  std::array<std::int32_t, 3> neighbor;  // half-edge opposite to the edge from corner i to i + 1; -1 at a border
 
-  /// Height of `x` above the plane, m.
+  /// Return the signed height of `x` above the plane of the face, m.
   [[nodiscard]] double height(const Vector3<>& x) const noexcept { return normal.dot(x - corner[0]); }
 };
 static_assert(sizeof(Face) == 128);
 
-/// A triangle mesh with its adjacency. Half-edge h = 3 f + i runs from corner i of facet f to corner i + 1; the half-edge
-/// across it, of the neighbour, runs the other way.
+/// Triangle mesh with adjacency.
+///
+/// Half-edge h = 3 f + i runs from corner i of face f to corner i + 1. Its twin belongs to the
+/// neighbor and runs the opposite way.
 class TriangleMesh {
  public:
   static constexpr std::int32_t none = -1;
 
   TriangleMesh() = default;
 
-  /// Takes the triangles as they are and says in diagnosis() what is wrong with them. Only a mesh that is usable() may be touched.
+  /// Store the triangles unchanged and record their defects in diagnosis().
+  ///
+  /// Trees, surface fields and proxies of a mesh that is not usable() touch nothing. `allow_open`
+  /// accepts meshes with borders.
   TriangleMesh(std::vector<Vector3<>> vertices, std::vector<Triangle> triangles, bool allow_open = false)
       : vertices_(std::move(vertices)), allow_open_(allow_open) {
-    if (!check_numbers(triangles)) return;
-    facets_.resize(triangles.size());
-    for (std::size_t f = 0; f < triangles.size(); ++f) facets_[f].vertex = triangles[f];
-    connect();
-    measure();
-    find_parts();
+    if (!check_input(triangles)) return;
+    faces_.resize(triangles.size());
+    for (std::size_t f = 0; f < triangles.size(); ++f) faces_[f].vertex = triangles[f];
+    build_adjacency();
+    compute_geometry();
+    count_components();
   }
 
   [[nodiscard]] const MeshDiagnosis& diagnosis() const noexcept { return diagnosis_; }
@@ -96,78 +102,79 @@ class TriangleMesh {
     const MeshFault f = diagnosis_.fault();
     return f == MeshFault::open && allow_open_ ? MeshFault::none : f;
   }
-  [[nodiscard]] bool usable() const noexcept { return !facets_.empty() && fault() == MeshFault::none; }
+  [[nodiscard]] bool usable() const noexcept { return !faces_.empty() && fault() == MeshFault::none; }
 
-  /// No borders: there is an inside.
+  /// Return whether the mesh has no border, so that it encloses an inside.
   [[nodiscard]] bool closed() const noexcept { return diagnosis_.open.count == 0; }
 
-  [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(facets_.size()); }
-  [[nodiscard]] const Face& facet(std::int32_t f) const noexcept { return facets_[static_cast<std::size_t>(f)]; }
+  [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(faces_.size()); }
+  [[nodiscard]] const Face& face(std::int32_t f) const noexcept { return faces_[static_cast<std::size_t>(f)]; }
   [[nodiscard]] const std::vector<Vector3<>>& vertices() const noexcept { return vertices_; }
-  [[nodiscard]] double extent() const noexcept { return extent_; }  ///< diagonal of the box around it, m
+  [[nodiscard]] double extent() const noexcept { return extent_; }  ///< diagonal of the bounding box, m
 
-  /// Largest coordinate, m: what a rounding error is relative to.
-  [[nodiscard]] double reach() const noexcept { return reach_; }
+  /// Return the largest absolute coordinate [m], the reference for rounding errors.
+  [[nodiscard]] double max_coordinate() const noexcept { return max_coordinate_; }
 
-  /// Sum of the neighbours' normals weighted by their angle at the vertex, unit: tells inside from outside where the vertex is the
-  /// nearest point (Baerentzen & Aanaes 2005).
+  /// Return the angle-weighted pseudonormal at vertex `v`, unit. Its sign decides between inside
+  /// and outside where the vertex is the nearest point (Baerentzen and Aanaes 2005).
   [[nodiscard]] const Vector3<>& vertex_normal(std::int32_t v) const noexcept { return vertex_normals_[static_cast<std::size_t>(v)]; }
 
-  /// Shows `look(facet, corner)` every facet around corner `k` of facet `f`, that one first, and which of its corners that is.
-  template <class Look>
-  void around(std::int32_t f, int k, Look look) const noexcept {
+  /// Call visit(face, corner) for every face around corner `k` of face `f`, starting with `f`.
+  template <class Visit>
+  void for_each_face_around(std::int32_t f, int k, Visit visit) const noexcept {
     const std::int32_t start = 3 * f + k;
     std::int32_t h = start;
-    do {  // anticlockwise; if that ends at a border, the rest clockwise from the start
-      look(h / 3, static_cast<int>(h % 3));
-      h = facet(h / 3).neighbour[static_cast<std::size_t>((h % 3 + 2) % 3)];
+    do {  // counterclockwise; if a border ends the loop, clockwise from the start
+      visit(h / 3, static_cast<int>(h % 3));
+      h = face(h / 3).neighbor[static_cast<std::size_t>((h % 3 + 2) % 3)];
     } while (h >= 0 && h != start);
     if (h >= 0) return;
-    h = facet(f).neighbour[static_cast<std::size_t>(k)];
+    h = face(f).neighbor[static_cast<std::size_t>(k)];
     while (h >= 0) {
       const int corner = static_cast<int>(h % 3 + 1) % 3;
-      look(h / 3, corner);
-      h = facet(h / 3).neighbour[static_cast<std::size_t>(corner)];
+      visit(h / 3, corner);
+      h = face(h / 3).neighbor[static_cast<std::size_t>(corner)];
     }
   }
 
-  /// Moves vertex `v` to `position` [m]: a Deformation does that, and all that hangs on it.
-  void move(std::int32_t v, const Vector3<>& position) noexcept { vertices_[static_cast<std::size_t>(v)] = position; }
+  /// Set vertex `v` to `position` [m]. Dependent data becomes stale; use MeshUpdater to update it.
+  void set_vertex(std::int32_t v, const Vector3<>& position) noexcept { vertices_[static_cast<std::size_t>(v)] = position; }
 
-  /// Whether facet `f` would keep an area in the new places of its vertices.
-  [[nodiscard]] bool can_move(std::int32_t f) const noexcept {
-    Face next = facet(f);
-    return place(next);
+  /// Return whether face `f` has a nonzero area at the current vertex positions.
+  [[nodiscard]] bool can_update_face(std::int32_t f) const noexcept {
+    Face next = face(f);
+    return compute_face(next);
   }
 
-  /// Takes over the new places of facet `f`'s vertices; false, with the facet as it was, if it would lose its area.
-  bool moved(std::int32_t f) noexcept {
-    Face next = facet(f);
-    if (!place(next)) return false;
-    facets_[static_cast<std::size_t>(f)] = next;
+  /// Update corners and normal of face `f` from its vertices. Return false, with the face
+  /// unchanged, if its area would vanish.
+  bool update_face(std::int32_t f) noexcept {
+    Face next = face(f);
+    if (!compute_face(next)) return false;
+    faces_[static_cast<std::size_t>(f)] = next;
     return true;
   }
 
-  /// Takes over the normal at vertex `v` from the facets [first, last) around it.
-  void measure_vertex(std::int32_t v, const std::int32_t* first, const std::int32_t* last) noexcept {
+  /// Update the pseudonormal at vertex `v` from its adjacent faces [first, last).
+  void update_vertex_normal(std::int32_t v, const std::int32_t* first, const std::int32_t* last) noexcept {
     Vector3<> sum = Vector3<>::Zero();
     for (; first != last; ++first) {
-      const Face& f = facet(*first);
+      const Face& f = face(*first);
       for (std::size_t i = 0; i < 3; ++i)
-        if (f.vertex[i] == v) sum += share(f, i);
+        if (f.vertex[i] == v) sum += angle_weighted_normal(f, i);
     }
     const double length = sum.norm();
     if (length > 0.0) vertex_normals_[static_cast<std::size_t>(v)] = sum / length;
   }
 
-  /// A facet's normal weighted by its angle at corner `i`.
-  [[nodiscard]] static Vector3<> share(const Face& f, std::size_t i) noexcept {
+  /// Return the normal of face `f` times its angle at corner `i` [rad].
+  [[nodiscard]] static Vector3<> angle_weighted_normal(const Face& f, std::size_t i) noexcept {
     const Vector3<> a = f.corner[(i + 1) % 3] - f.corner[i], b = f.corner[(i + 2) % 3] - f.corner[i];
     return std::atan2(a.cross(b).norm(), a.dot(b)) * f.normal;
   }
 
  private:
-  bool check_numbers(const std::vector<Triangle>& triangles) {
+  bool check_input(const std::vector<Triangle>& triangles) {
     diagnosis_.empty = triangles.empty() || vertices_.empty();
     diagnosis_.too_large = triangles.size() > (std::size_t{1} << 29) || vertices_.size() > (std::size_t{1} << 30);
     for (std::size_t v = 0; v < vertices_.size(); ++v)
@@ -183,11 +190,11 @@ class TriangleMesh {
     return f == MeshFault::none;
   }
 
-  /// Finds each half-edge's twin: half-edges are sorted into buckets by their lower vertex, so this takes linear time.
-  void connect() {
-    const std::size_t count = facets_.size() * 3;
+  /// Find the twin of each half-edge. Bucket sort by the lower vertex, linear time.
+  void build_adjacency() {
+    const std::size_t count = faces_.size() * 3;
     const auto ends = [this](std::int32_t h) {
-      const Triangle& t = facets_[static_cast<std::size_t>(h / 3)].vertex;
+      const Triangle& t = faces_[static_cast<std::size_t>(h / 3)].vertex;
       return std::pair{t[static_cast<std::size_t>(h % 3)], t[static_cast<std::size_t>((h + 1) % 3)]};
     };
     std::vector<std::int32_t> begin(vertices_.size() + 1, 0);
@@ -206,115 +213,116 @@ class TriangleMesh {
       const auto [a, b] = ends(static_cast<std::int32_t>(h));
       entries[static_cast<std::size_t>(next[static_cast<std::size_t>(std::min(a, b))]++)] = {std::max(a, b), static_cast<std::int32_t>(h)};
     }
-    for (Face& f : facets_) f.neighbour = {none, none, none};
+    for (Face& f : faces_) f.neighbor = {none, none, none};
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const auto first = entries.begin() + begin[v], last = entries.begin() + begin[v + 1];
       std::sort(first, last);
       for (auto e = first; e != last;) {
         auto after = e + 1;
         while (after != last && after->upper == e->upper) ++after;
-        pair_up(e, after, ends);
+        connect_half_edges(e, after, ends);
         e = after;
       }
     }
   }
 
   template <class Iterator, class Ends>
-  void pair_up(Iterator e, Iterator after, const Ends& ends) {
-    const auto facet_of = [](std::int32_t h) { return static_cast<std::int64_t>(h / 3); };
+  void connect_half_edges(Iterator e, Iterator after, const Ends& ends) {
+    const auto face_of = [](std::int32_t h) { return static_cast<std::int64_t>(h / 3); };
     if (after - e == 1) {
-      diagnosis_.open.add(facet_of(e->half));
+      diagnosis_.open.add(face_of(e->half));
     } else if (after - e == 2) {
       const std::int32_t one = e->half, two = (e + 1)->half;
       if (ends(one).first == ends(two).first) {
-        diagnosis_.mixed_winding.add(facet_of(two));
+        diagnosis_.mixed_winding.add(face_of(two));
       } else if (same_corners(one / 3, two / 3)) {
-        return;  // the two sides of one triangle: no pair of neighbours (counted by find_duplicates)
+        return;  // two sides of one triangle are not neighbors; counted as a duplicate below
       }
       twin(one) = two;
       twin(two) = one;
     } else {
-      diagnosis_.non_manifold.add(facet_of((after - 1)->half));
+      diagnosis_.non_manifold.add(face_of((after - 1)->half));
     }
     for (auto one = e; one != after; ++one)
       for (auto two = e; two != one; ++two)
-        if (same_corners(one->half / 3, two->half / 3) && lowest_edge(one->half)) diagnosis_.duplicate.add(facet_of(one->half));
+        if (same_corners(one->half / 3, two->half / 3) && is_lowest_edge(one->half)) diagnosis_.duplicate.add(face_of(one->half));
   }
 
-  std::int32_t& twin(std::int32_t h) { return facets_[static_cast<std::size_t>(h / 3)].neighbour[static_cast<std::size_t>(h % 3)]; }
+  std::int32_t& twin(std::int32_t h) { return faces_[static_cast<std::size_t>(h / 3)].neighbor[static_cast<std::size_t>(h % 3)]; }
 
   [[nodiscard]] bool same_corners(std::int32_t f, std::int32_t g) const {
-    Triangle a = facet(f).vertex, b = facet(g).vertex;
+    Triangle a = face(f).vertex, b = face(g).vertex;
     std::sort(a.begin(), a.end());
     std::sort(b.begin(), b.end());
     return f != g && a == b;
   }
 
-  /// The edge between a triangle's two lower vertices: so that a pair of equal triangles is counted once, not on each edge.
-  [[nodiscard]] bool lowest_edge(std::int32_t h) const {
-    const Triangle& t = facet(h / 3).vertex;
+  /// Return whether `h` joins the two lowest vertices of its triangle. A pair of equal triangles is
+  /// counted on this edge only.
+  [[nodiscard]] bool is_lowest_edge(std::int32_t h) const {
+    const Triangle& t = face(h / 3).vertex;
     return t[static_cast<std::size_t>((h + 2) % 3)] == std::max({t[0], t[1], t[2]});
   }
 
-  /// Corners and normal from the vertices; false if the triangle has no area to rounding.
-  bool place(Face& f) const noexcept {
+  /// Compute corners and normal from the vertices. Return false if the area vanishes to rounding.
+  bool compute_face(Face& f) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) f.corner[i] = vertices_[static_cast<std::size_t>(f.vertex[i])];
     const Vector3<> e0 = f.corner[1] - f.corner[0], e1 = f.corner[2] - f.corner[1], e2 = f.corner[0] - f.corner[2];
-    // From the two shorter edges: the longest one has the largest rounding error.
+    // Cross product of the two shorter edges: the longest edge has the largest rounding error.
     const double l0 = e0.squaredNorm(), l1 = e1.squaredNorm(), l2 = e2.squaredNorm();
     Vector3<> n = l0 >= l1 && l0 >= l2 ? e1.cross(e2) : (l1 >= l2 ? e2.cross(e0) : e0.cross(e1));
     const double longest = std::sqrt(std::max({l0, l1, l2}));
     const double scale = longest > 0.0 ? 1.0 / longest : 0.0;
-    n *= scale;  // twice the area over the longest edge: the triangle's height
+    n *= scale;  // twice the area over the longest edge: the height of the triangle
     const double height = n.norm();
-    if (!(height > 1e-12 * longest) || !(height > 1e-13 * reach_)) return false;
+    if (!(height > 1e-12 * longest) || !(height > 1e-13 * max_coordinate_)) return false;
     f.normal = n / height;
     return true;
   }
 
-  void measure() {
+  void compute_geometry() {
     Vector3<> low = vertices_[0], high = vertices_[0];
-    for (const Face& f : facets_)
+    for (const Face& f : faces_)
       for (const std::int32_t v : f.vertex) {
         low = low.cwiseMin(vertices_[static_cast<std::size_t>(v)]);
         high = high.cwiseMax(vertices_[static_cast<std::size_t>(v)]);
       }
     extent_ = (high - low).norm();
-    reach_ = std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff());
-    const Vector3<> centre = 0.5 * (low + high);
-    for (std::size_t i = 0; i < facets_.size(); ++i) {
-      Face& f = facets_[i];
+    max_coordinate_ = std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff());
+    const Vector3<> center = 0.5 * (low + high);
+    for (std::size_t i = 0; i < faces_.size(); ++i) {
+      Face& f = faces_[i];
       f.normal.setZero();
-      if (!place(f)) diagnosis_.degenerate.add(static_cast<std::int64_t>(i));
-      diagnosis_.volume += (f.corner[0] - centre).dot((f.corner[1] - centre).cross(f.corner[2] - centre)) / 6.0;
+      if (!compute_face(f)) diagnosis_.degenerate.add(static_cast<std::int64_t>(i));
+      diagnosis_.volume += (f.corner[0] - center).dot((f.corner[1] - center).cross(f.corner[2] - center)) / 6.0;
     }
-    measure_vertices();
+    compute_vertex_normals();
   }
 
-  void measure_vertices() {
+  void compute_vertex_normals() {
     vertex_normals_.assign(vertices_.size(), Vector3<>::Zero());
-    for (const Face& f : facets_)
-      for (std::size_t i = 0; i < 3; ++i) vertex_normals_[static_cast<std::size_t>(f.vertex[i])] += share(f, i);
+    for (const Face& f : faces_)
+      for (std::size_t i = 0; i < 3; ++i) vertex_normals_[static_cast<std::size_t>(f.vertex[i])] += angle_weighted_normal(f, i);
     for (Vector3<>& n : vertex_normals_) {
       const double length = n.norm();
       if (length > 0.0) n /= length;
     }
   }
 
-  void find_parts() {
-    std::vector<bool> seen(facets_.size(), false);
+  void count_components() {
+    std::vector<bool> visited(faces_.size(), false);
     std::vector<std::int32_t> open;
     for (std::int32_t start = 0; start < size(); ++start) {
-      if (seen[static_cast<std::size_t>(start)]) continue;
-      ++diagnosis_.parts;
-      seen[static_cast<std::size_t>(start)] = true;
+      if (visited[static_cast<std::size_t>(start)]) continue;
+      ++diagnosis_.components;
+      visited[static_cast<std::size_t>(start)] = true;
       open.push_back(start);
       while (!open.empty()) {
         const std::int32_t f = open.back();
         open.pop_back();
-        for (const std::int32_t h : facet(f).neighbour)
-          if (h >= 0 && !seen[static_cast<std::size_t>(h / 3)]) {
-            seen[static_cast<std::size_t>(h / 3)] = true;
+        for (const std::int32_t h : face(f).neighbor)
+          if (h >= 0 && !visited[static_cast<std::size_t>(h / 3)]) {
+            visited[static_cast<std::size_t>(h / 3)] = true;
             open.push_back(h / 3);
           }
       }
@@ -322,11 +330,11 @@ class TriangleMesh {
   }
 
   std::vector<Vector3<>> vertices_;  // m
-  std::vector<Face> facets_;
+  std::vector<Face> faces_;
   std::vector<Vector3<>> vertex_normals_;  // unit
   MeshDiagnosis diagnosis_;
   double extent_ = 0.0;
-  double reach_ = 0.0;
+  double max_coordinate_ = 0.0;
   bool allow_open_ = false;
 };
 

@@ -111,7 +111,7 @@ class HyperelasticObject final : public DeformableObject {
   /// Tells whoever draws the body where the last slow step left it.
   void show() noexcept {
     if (drawn_ == nullptr) return;
-    DeformationFrame& next = drawn_->next();
+    DeformationFrame& next = drawn_->write_slot();
     next.step = rates_.steps();
     next.tick = rates_.seen();
     rates_.slow().displacement(next.displacement.data());

@@ -7,7 +7,9 @@
 #include <limits>
 
 #include "palpate/actuation/tick_schedule.hpp"
+#include "palpate/control/state_space.hpp"
 #include "palpate/math/pack.hpp"
+#include "palpate/object/spring_wall.hpp"
 #include "palpate/servo/servo.hpp"
 #include "palpate/servo/simulation.hpp"
 
@@ -22,23 +24,37 @@ constexpr int outcome_width = 12 + 2 * dof;
 /// One loop at its first tick, and where its outcome goes: a row of outcome_width<dof>.
 template <class Mechanism>
 struct BatchJob {
-  Servo<Mechanism> servo;
+  Servo<Mechanism, object::SpringWall, control::StateSpace> servo;
   detail::MovingPlant<Mechanism> plant;
   actuation::TickSchedule<double> clock;
   double speed_limit;
   double* row;
 
   BatchJob(const SimulationSetup<Mechanism>& s, double* row)
-      : servo(s), plant(s), clock(s.period, s.jitter, s.seed), speed_limit(s.speed_limit), row(row) {}
+      : servo(s, *s.object.template get_if<object::SpringWall>(), *s.controller.template get_if<control::StateSpace>()),
+        plant(s),
+        clock(s.period, s.jitter, s.seed),
+        speed_limit(s.speed_limit),
+        row(row) {}
 };
 
-/// What decides the shape of a loop's computation: loops of one base setup that agree in this can run side by side.
+/// Return true if the loop can run in lanes: a moving device, a spring or wall, and a linear controller.
+template <class Mechanism>
+[[nodiscard]] bool runs_in_lanes(const SimulationSetup<Mechanism>& s) noexcept {
+  return !s.fixed && !s.linear && s.object.template get_if<object::SpringWall>() && s.controller.template get_if<control::StateSpace>();
+}
+
+/// Properties that loops of one base setup must share to run side by side.
 struct BatchKey {
   bool dry, held, tissue, jitters, counts;
 
   template <class Mechanism>
   explicit BatchKey(const SimulationSetup<Mechanism>& s)
-      : dry(s.friction.dry()), held(!s.hand.empty()), tissue(s.hand.tissue), jitters(s.jitter > 0.0), counts(!s.encoder.exact()) {}
+      : dry(s.friction.dry()),
+        held(!s.human_arm.empty()),
+        tissue(s.human_arm.tissue),
+        jitters(s.jitter > 0.0),
+        counts(!s.encoder.exact()) {}
   bool operator==(const BatchKey&) const = default;
 };
 
@@ -271,7 +287,7 @@ class LaneRunner {
   const BatchJob<Mechanism>* last_;
   int ticks_;
   double fastest_;
-  Servo<Mechanism, Scalar> servo_;
+  Servo<Mechanism, object::BasicSpringWall<Scalar>, control::BasicStateSpace<Scalar>> servo_;
   MovingPlant<Mechanism, Scalar> plant_;
   actuation::TickSchedule<Scalar> clock_;
   StabilityMonitor<Mechanism, lanes> watch_;

@@ -1,276 +1,231 @@
 #pragma once
 
 #include <cmath>
-#include <optional>
+#include <concepts>
+#include <cstdint>
 #include <type_traits>
 #include <utility>
-#include <variant>
 
 #include "palpate/actuation/delay.hpp"
 #include "palpate/actuation/drive_limits.hpp"
 #include "palpate/actuation/encoder.hpp"
+#include "palpate/control/controller.hpp"
 #include "palpate/control/state_space.hpp"
-#include "palpate/control/virtual_coupling.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/object/contact_object.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/mechanism/tip_kinematics.hpp"
-#include "palpate/mesh/proxy.hpp"
-#include "palpate/object/deformable_object.hpp"
-#include "palpate/object/spring_wall.hpp"
 
 namespace palpate::servo {
 
-/// A mesh in the tip's way, in the device's frame. What it refers to is the caller's, and outlives the servo.
-struct MeshPlacement {
-  const mesh::TriangleMesh* mesh = nullptr;  ///< null: none is there
-  const mesh::AabbTree* tree = nullptr;
-  const mesh::SurfaceField* surface = nullptr;
-  double radius = 0.0;  ///< of the tip, m
-
-  [[nodiscard]] explicit operator bool() const noexcept { return mesh != nullptr; }
-};
-
-/// What a servo loop is made of. Plain data; a Servo builds from it all that its tick needs.
+/// Parameters of a servo loop besides its object and its controller. Plain data.
 template <class Mechanism>
 struct ServoSetup {
   static constexpr int dof = Mechanism::dof;
 
   Mechanism mechanism{};
-  bool frozen_kinematics = false;  ///< linearise tip and torque at the start pose
+  bool frozen_kinematics = false;  ///< linearize tip position and torque at the start pose
   actuation::Encoder<dof> encoder{};
   actuation::DriveLimits<dof> limits{};
-  int delay = 0;  ///< servo periods between computing a torque and its being applied, at most 64
+  int delay = 0;                                       ///< servo periods from computing a torque to applying it, at most 64
+  Vector3<> gravity_compensation = Vector3<>::Zero();  ///< constant tip force added to every command, N
+  Joints<dof> start = Joints<dof>::Zero();             ///< pose at the first tick, rad
+  double period = 1e-3;                                ///< s
 
-  object::SpringWall anchor{};
-  Vector3<> stiffness = Vector3<>::Zero();  ///< N/m
-  Vector3<> damping = Vector3<>::Zero();    ///< N*s/m
-  control::CouplingDifference difference = control::CouplingDifference::backward;
-  MeshPlacement touched{};       ///< instead of the anchor, if there is one; for one loop alone
-  object::BodyPlacement body{};  ///< instead of both, if there is one; for one loop alone
-
-  control::StateSpace controller{};         ///< reference less object force unless given
-  Vector3<> hold = Vector3<>::Zero();       ///< constant tip force added to every command, N
-  Joints<dof> start = Joints<dof>::Zero();  ///< pose at the first tick, rad
-  double period = 1e-3;                     ///< s
+  /// Return the first thing that is wrong, as a sentence; null if nothing is.
+  [[nodiscard]] const char* fault() const noexcept {
+    if (!(period > 0.0) || !std::isfinite(period)) return "period must be positive and finite [s]";
+    if (delay < 0 || delay > 64) return "delay must be 0 to 64 servo periods";
+    if (!start.allFinite()) return "start must be finite [rad]";
+    if (!gravity_compensation.allFinite()) return "gravity_compensation must be finite [N]";
+    for (int i = 0; i < dof; ++i)
+      if (!(encoder.step[i] >= 0.0)) return "encoder.step must not be negative [rad]";
+    return nullptr;
+  }
 };
 
-/// One tick of the servo loop, the same in simulation and in real time: angles in, torques out. It takes no memory, no
-/// lock, throws nothing and asks nothing of the operating system.
+namespace detail {
+template <class T>
+concept HasScalar = requires { typename T::Scalar; };
+}  // namespace detail
+
+/// One servo loop. A tick takes joint angles and returns joint torques; it does not allocate, lock, throw or call the operating system. The
+/// same type runs in simulation and in real time.
 ///
-///   angles -> counts -> tip -> contact -> object force -> controller -> limits -> torques -> delay
-template <class Mechanism, class Scalar = double>
+///   angles -> encoder -> tip -> object -> controller -> drive limits -> torques -> delay
+///
+/// @tparam Mechanism   kinematics, see mechanism::Mechanism
+/// @tparam Object      see object::ContactObject; object::AnyObject chooses at run time
+/// @tparam Controller  see control::Controller; control::AnyController chooses at run time
+template <class Mechanism, class Object, class Controller = control::StateSpace>
 class Servo {
+  static_assert(detail::HasScalar<Object>, "palpate: an object needs `using Scalar = double;` (see object/contact_object.hpp)");
+  static_assert(object::ContactObject<Object>,
+                "palpate: an object needs `const object::ContactResult& step(const object::TipState&) noexcept` (see "
+                "object/contact_object.hpp)");
+  static_assert(detail::HasScalar<Controller>, "palpate: a controller needs `using Scalar = double;` (see control/controller.hpp)");
+  static_assert(control::Controller<Controller>,
+                "palpate: a controller needs `Vector3<> command(const control::TickInput&) noexcept` (see control/controller.hpp)");
+  static_assert(std::same_as<typename Object::Scalar, typename Controller::Scalar>, "palpate: object and controller need the same Scalar");
+
  public:
   static constexpr int dof = Mechanism::dof;
+  using Scalar = typename Object::Scalar;
   using Angles = Joints<dof, Scalar>;
   using Vector = Vector3<Scalar>;
 
-  /// What one tick saw and did.
+  /// Signals of one tick.
   struct Tick {
     Vector tip = Vector::Constant(0.0);           ///< measured, m
     Vector object_force = Vector::Constant(0.0);  ///< of the tip on the object, N
-    Vector command = Vector::Constant(0.0);       ///< tip force after the drive's limits, without the hold, N
-    Angles torque = Angles::Constant(0.0);        ///< leaving the delay, N*m
+    Vector command = Vector::Constant(0.0);       ///< tip force after the drive's limits, without gravity compensation, N
+    Angles torque = Angles::Constant(0.0);        ///< after the delay, N*m
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
   };
 
   Servo() = default;
-  explicit Servo(const ServoSetup<Mechanism>& s)
-      : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.hold)
+  /// Build a loop that owns its object and its controller. The setup must have no fault().
+  explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {})
+      : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
                                         : mechanism::TipKinematics<Mechanism>(s.mechanism)),
         encoder_(s.encoder),
-        anchor_(s.anchor),
-        coupling_(s.stiffness, s.damping, s.difference, s.period),
-        proxy_(proxy_on(s.touched)),
-        touch_(touch_on(s.body)),
-        controller_(s.controller),
+        object_(std::move(object)),
+        controller_(std::move(controller)),
         drive_(s.limits, s.period),
-        hold_(s.hold),
+        gravity_compensation_(s.gravity_compensation),
         delay_(s.delay, torque_at_rest(s.start)),
-        reads_exactly_(!s.frozen_kinematics && s.encoder.exact()) {
-    if constexpr (alone)
-      if (touch_) touch_->begin(kinematics_.tip());  // torque_at_rest has looked at the start
+        rate_(1.0 / s.period),
+        period_(s.period),
+        exact_encoders_(!s.frozen_kinematics && s.encoder.exact()) {
+    tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
+    if constexpr (is_scalar) object::start(object_, tick_.tip);
   }
 
-  /// The same loop as `one`, for several side by side: each lane is to be put in.
-  template <class One>
-  explicit Servo(const Servo<Mechanism, One>& one) : controller_(one.controller_.template cast<Scalar>()), reads_exactly_(true) {}
+  /// Build the same loop for lanes; each lane is set by set_lane().
+  template <class OneObject, class OneController>
+  explicit Servo(const Servo<Mechanism, OneObject, OneController>& one)
+      : controller_(one.controller_.template cast<Scalar>()), rate_(one.rate_), period_(one.period_), exact_encoders_(true) {}
 
-  /// Puts one loop, at its beginning, into a lane: of the same mechanism, kinematics, controller, kind of surface and period.
-  void set_lane(int lane, const Servo<Mechanism>& one) {
+  /// Set one lane from a loop at its first tick: same mechanism, kinematics, controller, kind of object and period.
+  template <class OneObject, class OneController>
+  void set_lane(int lane, const Servo<Mechanism, OneObject, OneController>& one) {
     using math::set_lane;
     kinematics_.set_lane(lane, one.kinematics_);
     encoder_.set_lane(lane, one.encoder_);
-    anchor_.set_lane(lane, one.anchor_);
-    coupling_.set_lane(lane, one.coupling_);
+    object_.set_lane(lane, one.object_);
     controller_.set_lane(lane, one.controller_);
     drive_.set_lane(lane, one.drive_);
-    set_lane(hold_, lane, one.hold_);
+    set_lane(gravity_compensation_, lane, one.gravity_compensation_);
     delay_.set_lane(lane, one.delay_);
-    reads_exactly_ = reads_exactly_ && one.reads_exactly_;
+    exact_encoders_ = exact_encoders_ && one.exact_encoders_;
   }
 
-  /// `angles` [rad] as the joints have them; `reference` [N] is the force the loop shall bring the object force to (zero for an
-  /// impedance display).
+  /// Run one tick, one period after the last.
+  /// @param angles     joint angles [rad]
+  /// @param reference  force that the object should feel [N]; zero for an impedance display
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept {
     kinematics_.update(encoder_.read(angles));
-    return act(reference);
+    return finish_tick(reference, rate_);
   }
 
-  /// The same for whoever has the posture `at` of these angles already: a servo that reads exactly need not compute it again.
+  /// Run one tick, `elapsed` [s] after the last: object damping and velocities use the true time. The controller's own dynamics still
+  /// assume the period.
+  const Tick& tick(const Angles& angles, const Vector& reference, double elapsed) noexcept {
+    kinematics_.update(encoder_.read(angles));
+    return finish_tick(reference, elapsed > 0.0 ? 1.0 / elapsed : rate_);
+  }
+
+  /// Run one tick with the kinematics `at` of the angles, if the caller has them: exact encoders need not compute them again.
   const Tick& tick(const Angles& angles, const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
-    if (!reads_exactly_) return tick(angles, reference);
+    if (!exact_encoders_) return tick(angles, reference);
     kinematics_.update(at);
-    return act(reference);
+    return finish_tick(reference, rate_);
   }
 
-  /// After each tick in virtual time: a body's slow steps, in turn with the ticks. They may take memory. In real time a thread of its own
-  /// takes them instead: body()->body().slow_step(), over and over.
-  void in_turn() {
-    if constexpr (alone)
-      if (touch_) touch_->body().in_turn();
+  /// Update the object after a tick in virtual time (for example the slow model of a deformable body). May allocate. In real time a worker
+  /// thread does this work.
+  void update() { object::update(object_); }
+
+  /// Return to the state before the first tick, at the pose `start` [rad].
+  void reset(const Angles& start) noexcept {
+    object::reset(object_);
+    control::reset(controller_);
+    drive_.reset();
+    delay_.reset(torque_at_rest(start));
+    tick_ = {};
+    tick_.tip = kinematics_.tip();
+    count_ = 0;
+    if constexpr (is_scalar) object::start(object_, tick_.tip);
   }
 
-  /// What the last tick saw and did.
+  /// Signals of the last tick.
   [[nodiscard]] const Tick& last() const noexcept { return tick_; }
 
-  /// Where the tip touches the mesh at this tick; null without a mesh.
-  [[nodiscard]] const mesh::Contact* contact() const noexcept
-    requires std::is_same_v<Scalar, double>
-  {
-    return proxy_ ? &proxy_->contact() : nullptr;
-  }
-
-  /// The body that the tip touches, as it is at this tick; null without one.
-  [[nodiscard]] const object::BodyInstance* body() const noexcept
-    requires std::is_same_v<Scalar, double>
-  {
-    return touch_ ? &*touch_ : nullptr;
-  }
-  [[nodiscard]] object::BodyInstance* body() noexcept
-    requires std::is_same_v<Scalar, double>
-  {
-    return touch_ ? &*touch_ : nullptr;
-  }
+  [[nodiscard]] Object& object() noexcept { return object_; }
+  [[nodiscard]] const Object& object() const noexcept { return object_; }
+  [[nodiscard]] Controller& controller() noexcept { return controller_; }
+  [[nodiscard]] const Controller& controller() const noexcept { return controller_; }
 
  private:
-  template <class, class>
+  template <class, class, class>
   friend class Servo;
+  static constexpr bool is_scalar = std::same_as<Scalar, double>;
 
-  /// The tick, once it is known where the tip is.
-  [[gnu::always_inline]] const Tick& act(const Vector& reference) noexcept {
+  /// Run the tick once the tip position is known.
+  [[gnu::always_inline]] const Tick& finish_tick(const Vector& reference, double rate) noexcept {
+    const Vector previous = tick_.tip;
     tick_.tip = kinematics_.tip();
-    const Vector force = on_body() ? touch_body() : on_mesh() ? touch_mesh() : touch_anchor();
-    tick_.object_force = force;
-    const Vector wanted = controller_.output(reference, force);
+    const object::BasicContactResult<Scalar>& contact = object_.step({tick_.tip, rate});
+    tick_.object_force = contact.force;
+    tick_.touching = contact.touching;
+    const double time = static_cast<double>(count_++) * period_;
+    const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time});
     tick_.command = wanted;
     tick_.saturated = false;
-    Vector given = wanted + hold_;
+    Vector applied = wanted + gravity_compensation_;
     Angles torque;
     if (drive_.limits()) {
-      torque = limit(given);
-      tick_.command = select_each(tick_.saturated, Vector(given - hold_), wanted);
+      torque = limit(applied);
+      tick_.command = select_each(tick_.saturated, Vector(applied - gravity_compensation_), wanted);
     } else {
-      torque = kinematics_.torque(given);
+      torque = kinematics_.torque(applied);
     }
-    controller_.advance(tick_.command);
+    control::applied(controller_, tick_.command);
     tick_.torque = delay_.pass(torque);
     return tick_;
   }
 
-  /// Torques of the tip force `wanted` [N] that the drive can give, and that force; all the rest of it is lost in saturation.
+  /// Limit the tip force `wanted` [N] to what the drive can give; return its torques [N*m].
   Angles limit(Vector& wanted) noexcept {
     const Vector asked = wanted;
     wanted = drive_.limit_force(asked);
     Angles torque = kinematics_.torque(wanted);
-    const Scalar part = drive_.torque_scale(torque);
-    const auto short_of_torque = part < Scalar(1.0);
-    torque = select_each(short_of_torque, Angles(torque * part), torque);
-    wanted = select_each(short_of_torque, Vector(wanted * part), wanted);
+    const Scalar scale = drive_.torque_scale(torque);
+    const auto limited = scale < Scalar(1.0);
+    torque = select_each(limited, Angles(torque * scale), torque);
+    wanted = select_each(limited, Vector(wanted * scale), wanted);
     for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (wanted[i] != asked[i]);
     return torque;
   }
 
-  static constexpr bool alone = std::is_same_v<Scalar, double>;  // meshes and bodies go by branches: no two lanes alike
-  using PossibleProxy = std::conditional_t<alone, std::optional<mesh::Proxy>, std::monostate>;
-  using PossibleBody = std::conditional_t<alone, std::optional<object::BodyInstance>, std::monostate>;
-
-  static PossibleProxy proxy_on(const MeshPlacement& t) {
-    if constexpr (alone) {
-      if (t) return std::optional<mesh::Proxy>(std::in_place, *t.mesh, *t.tree, *t.surface, t.radius);
-    }
-    return {};
-  }
-
-  static PossibleBody touch_on(const object::BodyPlacement& t) {
-    if constexpr (alone) {
-      if (t) return std::optional<object::BodyInstance>(std::in_place, t);
-    }
-    return {};
-  }
-
-  [[nodiscard]] bool on_body() const noexcept {
-    if constexpr (alone) return touch_.has_value();
-    return false;
-  }
-
-  [[nodiscard]] bool on_mesh() const noexcept {
-    if constexpr (alone) return proxy_.has_value();
-    return false;
-  }
-
-  /// Force of the tip on the object [N], as the next.
-  [[gnu::always_inline]] Vector touch_anchor() noexcept {
-    const typename object::BasicSpringWall<Scalar>::Contact contact = anchor_.contact(tick_.tip);
-    tick_.touching = contact.touching;
-    Vector force = coupling_.force(contact.deflection);
-    if (anchor_.kind != object::SpringWallKind::half_space) return force;
-    // A wall pushes, it never pulls: neither its damper on the way out nor its memory after contact.
-    const Scalar none = 0.0;
-    const Scalar along = anchor_.normal.dot(force);
-    return select(contact.touching & (along < none), along, none) * anchor_.normal;
-  }
-
-  Vector touch_mesh() noexcept {
-    if constexpr (alone) {
-      if (proxy_) {
-        const mesh::Contact& contact = proxy_->step(tick_.tip);
-        tick_.touching = contact.touching;
-        return -contact.force;
-      }
-    }
-    return Vector::Constant(0.0);
-  }
-
-  Vector touch_body() noexcept {
-    if constexpr (alone) {
-      if (touch_) {
-        const Vector force = touch_->step(tick_.tip);
-        tick_.touching = touch_->answer().touching;
-        return force;
-      }
-    }
-    return Vector::Constant(0.0);
-  }
-
   Angles torque_at_rest(const Angles& start) {
     kinematics_.update(start);
-    const Angles torque = kinematics_.torque(hold_);
+    const Angles torque = kinematics_.torque(gravity_compensation_);
     return drive_.torque_scale(torque) * torque;
   }
 
   mechanism::TipKinematics<Mechanism, Scalar> kinematics_;
   actuation::Encoder<dof, Scalar> encoder_;
-  object::BasicSpringWall<Scalar> anchor_;
-  control::BasicVirtualCoupling<Scalar> coupling_;
-  PossibleProxy proxy_;
-  PossibleBody touch_;
-  control::BasicStateSpace<Scalar> controller_;
+  Object object_;
+  Controller controller_;
   actuation::Drive<dof, Scalar> drive_;
-  Vector hold_ = Vector::Constant(0.0);
+  Vector gravity_compensation_ = Vector::Constant(0.0);
   typename actuation::DelayOf<Angles, Scalar>::Type delay_;
-  bool reads_exactly_ = false;
+  double rate_ = 0.0;  // 1 / period, 1/s
+  double period_ = 0.0;
+  bool exact_encoders_ = false;
+  std::int64_t count_ = 0;  // ticks
   Tick tick_;
 };
 

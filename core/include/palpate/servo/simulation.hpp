@@ -8,58 +8,55 @@
 #include <type_traits>
 
 #include "palpate/actuation/tick_schedule.hpp"
-#include "palpate/control/state_space.hpp"
-#include "palpate/control/virtual_coupling.hpp"
+#include "palpate/control/any_controller.hpp"
+#include "palpate/object/any_object.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
-#include "palpate/object/spring_wall.hpp"
 #include "palpate/plant/plant_integrator.hpp"
 #include "palpate/plant/sampled_plant.hpp"
 #include "palpate/servo/servo.hpp"
 
 namespace palpate::servo {
 
-/// A whole experiment in virtual time: what to build and how to run it. Plain data; every run builds afresh from it, so the same
-/// setup gives the same trace, bit for bit.
+/// A simulated experiment: the loop and its plant. Plain data; every run builds afresh from it, so the same setup gives the same trace, bit
+/// for bit.
 template <class Mechanism>
 struct SimulationSetup : ServoSetup<Mechanism> {
   static constexpr int dof = Mechanism::dof;
 
-  plant::JointFriction<dof> friction;
-  plant::HumanArm hand;
+  object::AnyObject object;
+  control::AnyController controller;
 
-  bool held = false;    ///< the operator holds the tip where it starts: nothing moves
+  plant::JointFriction<dof> friction;
+  plant::HumanArm human_arm;
+
+  bool fixed = false;   ///< the operator holds the tip at the start: nothing moves
   bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
 
-  double jitter = 0.0;     ///< s, less than a period: ticks come late by up to this (not with a sampled plant)
-  std::uint64_t seed = 0;  ///< of what is random: how late each tick comes
+  double jitter = 0.0;     ///< s, less than a period: ticks are late by up to this (not with a sampled plant)
+  std::uint64_t seed = 0;  ///< of the lateness of each tick
 
   Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
-  int substeps = 2;                               ///< of the motion in one period
+  int substeps = 2;                               ///< integration steps in one period
   int record_every = 1;                           ///< periods between recorded rows
-  double speed_limit = 1e3;                       ///< rad/s: past it (or not finite) the loop counts as diverged
+  double speed_limit = 1e3;                       ///< rad/s: above it (or not finite) the loop counts as diverged
 };
 
-/// What a run leaves behind. A recorded row holds, at one sample:
-/// q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force on the tip (3), touching, saturated;
-/// and on a mesh the proxy's position (3) and normal (3), depth, stiffness, triangle;
-/// on a body the deflection of the pressed patch (3), the energy stored, the number of pressed nodes, whether the contact was solved, and
-/// the energy kept for snapshots to come.
+/// Result of a run. A recorded row holds, at one sample: q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force
+/// on the tip (3), touching, saturated; then the columns of the object, see object::ContactObject.
 struct SimulationOutcome {
   int rows = 0;            ///< written
-  int unstable_tick = -1;  ///< the tick at which the loop diverged; -1: never. Nothing is recorded from it on.
+  int unstable_tick = -1;  ///< the tick at which the loop diverged, -1: never; nothing is recorded from it on
 };
 
 template <int dof>
-constexpr int record_width = 3 * dof + 11;  ///< of a row without a mesh
-constexpr int contact_width = 9;            ///< what a mesh adds to it
-constexpr int body_width = 7;               ///< what a body adds to it
+constexpr int record_width = 3 * dof + 11;  ///< columns of a row without those of the object
 
-/// Numbers in a recorded row.
+/// Return the number of columns of a recorded row.
 template <class Mechanism>
-[[nodiscard]] constexpr int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
-  return record_width<Mechanism::dof> + (setup.body ? body_width : setup.touched ? contact_width : 0);
+[[nodiscard]] int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
+  return record_width<Mechanism::dof> + setup.object.record_width();
 }
 
 namespace detail {
@@ -69,7 +66,7 @@ class MovingPlant {
  public:
   static constexpr int dof = Mechanism::dof;
   MovingPlant() = default;
-  explicit MovingPlant(const SimulationSetup<Mechanism>& s) : motion_(s.mechanism, s.friction, s.hand), substeps_(s.substeps) {
+  explicit MovingPlant(const SimulationSetup<Mechanism>& s) : motion_(s.mechanism, s.friction, s.human_arm), substeps_(s.substeps) {
     state_.q = s.start;
     state_.qd = s.start_speed;
     state_.hand_position = s.mechanism.forward(s.start);
@@ -134,10 +131,10 @@ class SampledPlant {
 
 /// A device held at its start pose by a hand that does not yield.
 template <class Mechanism>
-class HeldPlant {
+class FixedPlant {
  public:
   static constexpr int dof = Mechanism::dof;
-  explicit HeldPlant(const SimulationSetup<Mechanism>& s) : angles_(s.start), speeds_(Joints<dof>::Zero()) {}
+  explicit FixedPlant(const SimulationSetup<Mechanism>& s) : angles_(s.start), speeds_(Joints<dof>::Zero()) {}
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
@@ -149,21 +146,20 @@ class HeldPlant {
   Joints<dof> speeds_;
 };
 
-inline void write_contact(double* row, const mesh::Contact& contact) noexcept {
-  Eigen::Map<Vector3<>>{row} = contact.position;
-  Eigen::Map<Vector3<>>{row + 3} = contact.normal;
-  row[6] = contact.depth;
-  row[7] = contact.stiffness;
-  row[8] = contact.triangle;
-}
-
-inline void write_body(double* row, const object::BodyInstance& touch) noexcept {
-  const deformable::ContactResult& answer = touch.answer();
-  Eigen::Map<Vector3<>>{row} = touch.deflection();
-  row[3] = answer.energy;
-  row[4] = answer.nodes;
-  row[5] = answer.solved ? 1.0 : 0.0;
-  row[6] = answer.saved;
+/// Write one recorded row.
+template <class Plant, class Servo>
+void write_row(const Plant& plant, const Servo& servo, const Vector3<>& operator_force, double* row) noexcept {
+  constexpr int dof = Plant::dof;
+  const auto& tick = servo.last();
+  Eigen::Map<Joints<dof>>{row} = plant.angles();
+  Eigen::Map<Joints<dof>>{row + dof} = plant.speeds();
+  Eigen::Map<Vector3<>>{row + 2 * dof} = tick.object_force;
+  Eigen::Map<Vector3<>>{row + 2 * dof + 3} = tick.command;
+  Eigen::Map<Joints<dof>>{row + 2 * dof + 6} = tick.torque;
+  Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(operator_force);
+  row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
+  row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
+  object::record(servo.object(), row + record_width<dof>);
 }
 
 /// Writes one loop's rows.
@@ -175,23 +171,10 @@ class Recorder {
 
   void lost(int tick) noexcept { outcome_.unstable_tick = tick; }
 
-  template <class Plant>
-  void see(const Plant& plant, const Servo<Mechanism>& servo, const Vector3<>& force) noexcept {
-    const auto& tick = servo.last();
+  template <class Plant, class Servo>
+  void see(const Plant& plant, const Servo& servo, const Vector3<>& force) noexcept {
     if (until_next_ == 0) {
-      double* row = rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_;
-      Eigen::Map<Joints<dof>>{row} = plant.angles();
-      Eigen::Map<Joints<dof>>{row + dof} = plant.speeds();
-      Eigen::Map<Vector3<>>{row + 2 * dof} = tick.object_force;
-      Eigen::Map<Vector3<>>{row + 2 * dof + 3} = tick.command;
-      Eigen::Map<Joints<dof>>{row + 2 * dof + 6} = tick.torque;
-      Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(force);
-      row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
-      row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
-      if (const object::BodyInstance* touch = servo.body())
-        write_body(row + record_width<dof>, *touch);
-      else if (const mesh::Contact* contact = servo.contact())
-        write_contact(row + record_width<dof>, *contact);
+      write_row(plant, servo, force, rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_);
       until_next_ = every_;
     }
     --until_next_;
@@ -213,7 +196,7 @@ template <class Plant>
   using std::abs;
   using Scalar = std::decay_t<decltype(plant.speeds()[0])>;
   Condition<Scalar> out = true;
-  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & finite(plant.angles()[i]);
+  for (int i = 0; i < Plant::dof; ++i) out = out & (abs(plant.speeds()[i]) < Scalar(fastest)) & is_finite(plant.angles()[i]);
   return out;
 }
 
@@ -246,19 +229,19 @@ template <class Servo, class Plant, class Vector>
     return servo.tick(plant.angles(), reference);
 }
 
-/// The loop itself: samples 0 to `ticks`, each shown to `watch`, until it diverges.
-template <class Mechanism, class Plant, class StabilityMonitor>
+/// Run samples 0 to `ticks`, each shown to `monitor`, until the loop diverges.
+template <class Mechanism, class Plant, class Monitor>
 void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
-         StabilityMonitor& watch) noexcept {
-  Servo<Mechanism> servo(setup);
+         Monitor& monitor) noexcept {
+  Servo<Mechanism, object::AnyObject, control::AnyController> servo(setup, setup.object, setup.controller);
   actuation::TickSchedule<double> clock(setup.period, setup.jitter, setup.seed);
   for (int k = 0;; ++k, clock.tick()) {
-    if (!calm(plant, setup.speed_limit)) return watch.lost(k);
+    if (!calm(plant, setup.speed_limit)) return monitor.lost(k);
     const auto& tick = tick_of(servo, plant, force_at(reference, k));
     const plant::ForceSegment<> force = force_during(operator_force, k, ticks, clock);
-    watch.see(plant, servo, force.begin);
+    monitor.see(plant, servo, force.begin);
     if (k == ticks) return;
-    servo.in_turn();
+    servo.update();
     plant.advance(tick.torque, force, clock);
   }
 }
@@ -273,8 +256,8 @@ template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                            double* rows) noexcept {
   detail::Recorder<Mechanism> recorder(setup, rows);
-  if (setup.held) {
-    detail::HeldPlant<Mechanism> plant(setup);
+  if (setup.fixed) {
+    detail::FixedPlant<Mechanism> plant(setup);
     detail::run(setup, plant, ticks, reference, operator_force, recorder);
   } else if (setup.linear) {
     detail::SampledPlant<Mechanism> plant(setup);

@@ -50,7 +50,7 @@ class MassSpringModel {
     move_.assign(free_.size(), Vector3<>::Zero());
     drift_ = speed_ = move_;
     factorise(alpha, beta);
-    if (!factor_.definite()) return;
+    if (!factor_.positive_definite()) return;
     respond(nodes);
     for (std::int32_t i = 0; i < nodes.size(); ++i) {
       inward_.push_back(-nodes.normal(i));
@@ -60,7 +60,7 @@ class MassSpringModel {
   }
 
   /// False: the parts do not make a body (a mass or a volume is not positive).
-  [[nodiscard]] bool definite() const noexcept { return factor_.definite(); }
+  [[nodiscard]] bool definite() const noexcept { return factor_.positive_definite(); }
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
     return static_cast<double>(between_[index(i) * inward_.size() + index(j)]) * inward_[index(i)].dot(inward_[index(j)]);
@@ -123,7 +123,7 @@ class MassSpringModel {
   /// How many periods have lost speed because they would have made energy.
   [[nodiscard]] long held_back() const noexcept { return held_back_; }
   [[nodiscard]] const std::vector<Vector3<>>& places() const noexcept { return place_; }
-  [[nodiscard]] std::size_t factor_entries() const noexcept { return factor_.entries(); }
+  [[nodiscard]] std::size_t factor_entries() const noexcept { return factor_.nonzeros(); }
 
   /// Mean displacement of a node's patch, m.
   [[nodiscard]] Vector3<> displacement(std::int32_t i) const noexcept {

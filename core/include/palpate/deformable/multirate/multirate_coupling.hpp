@@ -30,7 +30,7 @@ class MultirateCoupling {
 
   /// Where the tips are, for the next slow step; tick() tells it, too.
   void place(const TipPair& tips) noexcept {
-    where_->next() = {ticks_, tips};
+    where_->write_slot() = {ticks_, tips};
     where_->publish();
   }
 
@@ -49,8 +49,8 @@ class MultirateCoupling {
 
   /// As slow_step(), but the servo gets the snapshot at the next call of hand_over(), as if the step had taken that long.
   void compute() {
-    where_->fetch();
-    last_ = slow_->step(where_->value().tips, box_->writing());
+    where_->acquire();
+    last_ = slow_->step(where_->value().tips, box_->write_slot());
     ++steps_;
   }
   void hand_over() noexcept { box_->publish(); }

@@ -34,7 +34,7 @@ class PassiveModelSwitch {
   /// Goes on by one period with the tips where they are. Takes a snapshot from `box` when the last one is blended in.
   const MultiTipResult& step(ModelBuffer& box, const TipPair& tips) noexcept {
     ++since_;
-    if (box.fresh() && (account_.share >= 1.0 || account_.waits)) take(box, tips);
+    if (box.has_new() && (account_.share >= 1.0 || account_.waits)) take(box, tips);
     const MultiTipResult& b = solve(box, b_, tips);
     if (account_.share < 1.0) {
       blend(box, tips, solve(box, a_, tips), b);
@@ -68,7 +68,9 @@ class PassiveModelSwitch {
     }
   }
 
-  [[nodiscard]] const LocalModel& newest(ModelBuffer& box) const noexcept { return box.at(side_[static_cast<std::size_t>(b_)].slot); }
+  [[nodiscard]] const LocalModel& newest(ModelBuffer& box) const noexcept {
+    return box.read_slot(side_[static_cast<std::size_t>(b_)].slot);
+  }
 
  private:
   struct Side {
@@ -81,7 +83,7 @@ class PassiveModelSwitch {
   class Pressed {
    public:
     Pressed(ModelBuffer& box, const Side& side, double weight) noexcept
-        : body_(&box.at(side.slot)), contact_(&side.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
+        : body_(&box.read_slot(side.slot)), contact_(&side.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
     explicit operator bool() const noexcept { return at_ < count_; }
     [[nodiscard]] std::int32_t name() const noexcept { return contact_->pressed()[at_]; }
     void add(double& force, Vector3<>& push) noexcept {
@@ -101,7 +103,7 @@ class PassiveModelSwitch {
 
   const MultiTipResult& solve(ModelBuffer& box, int side, const TipPair& tips) noexcept {
     Side& s = side_[static_cast<std::size_t>(side)];
-    return s.contact.solve(box.at(s.slot), tips, s.share, pressed_.data(), before_);
+    return s.contact.solve(box.read_slot(s.slot), tips, s.share, pressed_.data(), before_);
   }
 
   /// Energy of a side with `share` of its compliance, or less if that is more than `allowed`, J.
@@ -122,15 +124,15 @@ class PassiveModelSwitch {
     if (account_.share >= 1.0) {
       std::swap(a_, b_);
       std::swap(b_, spare_);
-      side_[static_cast<std::size_t>(b_)].slot = box.take(side_[static_cast<std::size_t>(b_)].slot);
+      side_[static_cast<std::size_t>(b_)].slot = box.acquire(side_[static_cast<std::size_t>(b_)].slot);
       ticks_ = std::clamp(since_, 1, longest);
       since_ = 0;
-      const bool first = box.at(side_[static_cast<std::size_t>(a_)].slot).nodes.size() == 0;
+      const bool first = box.read_slot(side_[static_cast<std::size_t>(a_)].slot).nodes.size() == 0;
       fit(box, b_, tips, 1.0, first ? most : solve(box, a_, tips).energy + account_.saved);
       account_.share = first ? 1.0 : 0.0;
       return;
     }
-    spare.slot = box.take(spare.slot);
+    spare.slot = box.acquire(spare.slot);
     const double s = account_.share, now = solve(box, b_, tips).energy;
     const double blended = (1.0 - s) * solve(box, a_, tips).energy + s * now;
     const double gain = s * (fit(box, spare_, tips, 1.0, blended + account_.saved) - now);

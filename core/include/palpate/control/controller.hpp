@@ -1,0 +1,49 @@
+#pragma once
+
+#include <concepts>
+
+#include "palpate/math/vector.hpp"
+
+namespace palpate::control {
+
+/// Signals of one servo tick that a controller may use. Device frame; SI units.
+template <class Scalar = double>
+struct BasicTickInput {
+  const Vector3<Scalar>& reference;     ///< force the object should feel, N; zero for an impedance display
+  const Vector3<Scalar>& object_force;  ///< of the tip on the object, N
+  const Vector3<Scalar>& deflection;    ///< of the touched surface, m
+  const Vector3<Scalar>& tip;           ///< measured position, m
+  const Vector3<Scalar>& previous_tip;  ///< at the last tick, m
+  double rate;                          ///< 1 / time since the last tick, 1/s
+  double time;                          ///< since the first tick, s
+
+  /// Return the tip's velocity by backward difference [m/s].
+  [[nodiscard]] Vector3<Scalar> velocity() const noexcept { return (tip - previous_tip) * rate; }
+};
+using TickInput = BasicTickInput<double>;
+
+/// A controller from the signals of a tick to a force at the tip [N]. Both calls happen once per tick; they must not allocate, lock or
+/// throw.
+///
+/// Required:
+///   using Scalar = double;                                     // or a lane scalar (Pack)
+///   Vector3<Scalar> command(const BasicTickInput<Scalar>&) noexcept;
+/// Optional:
+///   void applied(const Vector3<Scalar>& force) noexcept        // force that the drive really gave: anti-windup
+///   void reset() noexcept
+template <class T>
+concept Controller = requires(T controller, const BasicTickInput<typename T::Scalar>& input) {
+  { controller.command(input) } noexcept -> std::convertible_to<Vector3<typename T::Scalar>>;
+};
+
+/// Call optional members where a controller has them.
+template <class C, class Scalar>
+[[gnu::always_inline]] inline void applied(C& controller, const Vector3<Scalar>& force) noexcept {
+  if constexpr (requires { controller.applied(force); }) controller.applied(force);
+}
+template <class C>
+void reset(C& controller) noexcept {
+  if constexpr (requires { controller.reset(); }) controller.reset();
+}
+
+}  // namespace palpate::control

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "palpate/math/latest_value.hpp"
+#include "palpate/math/vector.hpp"
+#include "palpate/object/contact_object.hpp"
+#include "palpate/object/deformable_object.hpp"
+
+namespace palpate::object {
+
+/// A deformable body, its pose in the device's frame, and the tip that touches it. Plain data.
+struct BodyPlacement {
+  std::shared_ptr<const DeformableObject> body;            ///< at rest; every BodyInstance has a state of its own
+  Vector3<> origin = Vector3<>::Zero();                    ///< of the body's frame, m
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< body frame to device frame
+  deformable::Tip::Kind tip = deformable::Tip::Kind::sphere;
+  double radius = 5e-3;                 ///< of the tip, m
+  Vector3<> axis = Vector3<>::UnitZ();  ///< of a flat end, unit, out of the body, body frame
+
+  std::shared_ptr<LatestValue<ContactFrame>> contact_frames;          ///< optional observer of every tick; of one loop at a time
+  std::shared_ptr<LatestValue<DeformationFrame>> deformation_frames;  ///< optional observer of every model update; of one loop at a time
+};
+
+/// A deformable body touched by one tip. A copy is a body at rest.
+class BodyInstance {
+ public:
+  using Scalar = double;
+  static constexpr int columns = 7;  ///< deflection (3), stored energy, contact nodes, solved, energy of the tank
+
+  /// @param placement  its body must not be null
+  explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->fresh()) {
+    tip_.kind = placement_.tip;
+    tip_.radius = placement_.radius;
+    tip_.outward = placement_.axis;
+    body_->watch(placement_.deformation_frames.get());
+  }
+  BodyInstance(const BodyInstance& o) : BodyInstance(o.placement_) {}
+  BodyInstance& operator=(const BodyInstance& o) { return *this = BodyInstance(o); }
+  BodyInstance(BodyInstance&&) noexcept = default;
+  BodyInstance& operator=(BodyInstance&&) noexcept = default;
+  ~BodyInstance() = default;
+
+  /// Prepare the first tick with the tip's center at `tip` [m].
+  void start(const Vector3<>& tip) {
+    move_tip(tip);
+    body_->begin(tip_);
+  }
+
+  const ContactResult& step(const TipState& tip) noexcept {
+    move_tip(tip.position);
+    const deformable::ContactResult& contact = body_->step(tip_);
+    if (placement_.contact_frames) publish(contact.nodes);
+    result_.force = -(placement_.rotation * contact.force);
+    result_.deflection = placement_.rotation * contact.deflection;
+    result_.touching = contact.touching;
+    result_.normal = contact.touching ? Vector3<>(placement_.rotation * tip_.outward) : Vector3<>(Vector3<>::Zero());
+    result_.depth = -result_.normal.dot(result_.deflection);
+    return result_;
+  }
+
+  [[nodiscard]] const ContactResult& result() const noexcept { return result_; }
+
+  /// Return to rest. Allocates.
+  void reset() noexcept {
+    body_ = placement_.body->fresh();
+    body_->watch(placement_.deformation_frames.get());
+    result_ = {};
+    tick_ = 0;
+  }
+
+  /// Update the body's slow model in virtual time, after each tick.
+  void update() { body_->in_turn(); }
+
+  [[nodiscard]] int record_width() const noexcept { return columns; }
+  void record(double* row) const noexcept {
+    const deformable::ContactResult& contact = body_->last();
+    Eigen::Map<Vector3<>>{row} = result_.deflection;
+    row[3] = contact.energy;
+    row[4] = contact.nodes;
+    row[5] = contact.solved ? 1.0 : 0.0;
+    row[6] = contact.saved;
+  }
+
+  [[nodiscard]] const DeformableObject& body() const noexcept { return *body_; }
+  [[nodiscard]] DeformableObject& body() noexcept { return *body_; }
+  [[nodiscard]] const BodyPlacement& placement() const noexcept { return placement_; }
+
+ private:
+  void move_tip(const Vector3<>& position) noexcept {
+    tip_.centre = placement_.rotation.transpose() * (position - placement_.origin);
+    if (tip_.kind == deformable::Tip::Kind::sphere) tip_.outward = body_->outward(tip_);
+  }
+
+  void publish(int count) noexcept {
+    ContactFrame& next = placement_.contact_frames->write_slot();
+    next.tick = tick_++;
+    next.count = std::min(count, ContactFrame::capacity);
+    std::copy_n(body_->pressed(), next.count, next.node.begin());
+    for (int k = 0; k < next.count; ++k) next.force[static_cast<std::size_t>(k)] = body_->load(k);
+    placement_.contact_frames->publish();
+  }
+
+  BodyPlacement placement_;
+  std::unique_ptr<DeformableObject> body_;
+  deformable::Tip tip_;
+  ContactResult result_;
+  std::int64_t tick_ = 0;
+};
+
+}  // namespace palpate::object

@@ -1,0 +1,293 @@
+#pragma once
+
+/// The servo loop's Python face, for any mechanism.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <palpate/palpate.hpp>
+#include <palpate/servo/loop.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "arrays.hpp"
+#include "body_in_loop.hpp"
+#include "loop_setup.hpp"
+#include "python_parts.hpp"
+#include "slow_thread.hpp"
+#include "solid_frames.hpp"
+#include "surface_frames.hpp"
+#include "touch_mesh.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+/// Run the loop of the moving device and time the servo's part of each period. If `paced`, model updates of a body run in a thread.
+template <class Mechanism>
+void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force, bool paced,
+                double* seconds) {
+  using Time = std::chrono::steady_clock;
+  palpate::servo::detail::MovingPlant<Mechanism> plant(setup);
+  const palpate::servo::SimulationSetup<Mechanism> loop = setup.complete();
+  palpate::servo::Servo<Mechanism, palpate::object::AnyObject, palpate::control::AnyController> servo(loop, loop.object, loop.controller);
+  const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
+  std::optional<SlowThread> slow;
+  auto* body = servo.object().template get_if<palpate::object::BodyInstance>();
+  if (paced && body != nullptr && body->body().slow()) slow.emplace([body] { body->body().slow_step(); });
+  const Time::time_point first = Time::now();
+  for (int k = 0; k < ticks; ++k) {
+    if (paced)
+      std::this_thread::sleep_until(first + std::chrono::duration_cast<Time::duration>(std::chrono::duration<double>(k * setup.period)));
+    const Time::time_point begin = Time::now();
+    const auto& tick = palpate::servo::detail::tick_of(
+        servo, plant, palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(reference + 3 * k)));
+    seconds[k] = std::chrono::duration<double>(Time::now() - begin).count();
+    if (!slow) servo.update();
+    const palpate::math::Vector3<> push = Eigen::Map<const palpate::math::Vector3<>>(operator_force + 3 * k);
+    plant.advance(tick.torque, {push, push}, regular);
+  }
+}
+
+template <class Mechanism>
+void bind_loop(nb::module_& m, const char* name) {
+  constexpr int dof = Mechanism::dof;
+  using Setup = LoopSetup<Mechanism>;
+  using JointFriction = palpate::plant::JointFriction<dof>;
+  using Limits = palpate::actuation::DriveLimits<dof>;
+  const std::string prefix = name;
+
+  nb::class_<JointFriction>(m, (prefix + "Friction").c_str())
+      .def(nb::init<>())
+      .def_rw("viscous", &JointFriction::viscous)
+      .def_rw("coulomb", &JointFriction::coulomb)
+      .def_rw("breakaway", &JointFriction::breakaway)
+      .def_rw("stribeck_speed", &JointFriction::stribeck_speed);
+  nb::class_<Limits>(m, (prefix + "Limits").c_str())
+      .def(nb::init<>())
+      .def_rw("peak_force", &Limits::peak_force)
+      .def_rw("continuous_force", &Limits::continuous_force)
+      .def_rw("thermal_time", &Limits::thermal_time)
+      .def_rw("peak_torque", &Limits::peak_torque);
+  nb::class_<Setup>(m, (prefix + "Setup").c_str())
+      .def(nb::init<>())
+      .def_rw("mechanism", &Setup::mechanism)
+      .def_rw("friction", &Setup::friction)
+      .def_rw("hand", &Setup::human_arm)
+      .def_prop_rw(
+          "encoder_step", [](const Setup& s) { return s.encoder.step; },
+          [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
+      .def_rw("limits", &Setup::limits)
+      .def_rw("delay", &Setup::delay)
+      .def_prop_rw(
+          "anchor", [](Setup& s) -> palpate::object::SpringWallParameters& { return s.wall; },
+          [](Setup& s, const palpate::object::SpringWallParameters& p) {
+            s.wall.kind = p.kind;
+            s.wall.point = p.point;
+            s.wall.normal = p.normal;
+          },
+          nb::rv_policy::reference_internal)
+      .def_prop_rw(
+          "stiffness", [](const Setup& s) { return s.wall.stiffness; },
+          [](Setup& s, const palpate::math::Vector3<>& x) { s.wall.stiffness = x; })
+      .def_prop_rw(
+          "damping", [](const Setup& s) { return s.wall.damping; }, [](Setup& s, const palpate::math::Vector3<>& x) { s.wall.damping = x; })
+      .def_prop_rw(
+          "difference", [](const Setup& s) { return s.wall.difference; },
+          [](Setup& s, palpate::object::CouplingDifference x) { s.wall.difference = x; })
+      .def_prop_rw(
+          "controller", [](const Setup& s) { return *s.controller.template get_if<palpate::control::StateSpace>(); },
+          [](Setup& s, const palpate::control::StateSpace& c) { s.controller = c; })
+      .def_rw("hold", &Setup::gravity_compensation)
+      .def_rw("frozen_kinematics", &Setup::frozen_kinematics)
+      .def_rw("held", &Setup::fixed)
+      .def_rw("linear", &Setup::linear)
+      .def_rw("plant_a", &Setup::plant_a)
+      .def_rw("plant_b", &Setup::plant_b)
+      .def_rw("plant_c", &Setup::plant_c)
+      .def_rw("working_torque", &Setup::working_torque)
+      .def_rw("start", &Setup::start)
+      .def_rw("start_speed", &Setup::start_speed)
+      .def_rw("period", &Setup::period)
+      .def_rw("substeps", &Setup::substeps)
+      .def_rw("record_every", &Setup::record_every)
+      .def_rw("speed_limit", &Setup::speed_limit)
+      .def_rw("jitter", &Setup::jitter)
+      .def_rw("seed", &Setup::seed)
+      .def(
+          "lateness",
+          [](const Setup& self, int ticks) {
+            palpate::actuation::TickSchedule<double> clock(self.period, self.jitter, self.seed);
+            auto [out, data] = new_array<double>({static_cast<std::size_t>(ticks) + 1});
+            for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.lateness();
+            return out;
+          },
+          "ticks"_a, "How late each tick comes, 0 to `ticks`, s.")
+      .def(
+          "touch",
+          [](Setup& s, const TouchedSurface& t) {
+            s.object = palpate::object::MeshObject(t.model(), t.radius);
+            s.is_wall = false;
+          },
+          "surface"_a, "Put a mesh in the wall's place.")
+      .def(
+          "touch_body",
+          [](Setup& s, const PlacedBody& t) {
+            s.placement = t.placement;
+            s.is_wall = false;
+          },
+          "body"_a, nb::keep_alive<1, 2>(), "Put a deformable body in the wall's place.")
+      .def(
+          "touch_python", [](Setup& s, nb::object part) { s.python_object(std::move(part)); }, "object"_a,
+          "Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.")
+      .def(
+          "control_python", [](Setup& s, nb::object part) { s.python_controller(std::move(part)); }, "controller"_a,
+          "Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.")
+      .def(
+          "watch", [](Setup& s, SurfaceFrames& f) { s.placement.contact_frames = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "Let a thread compute the displacement of the body that was put there.")
+      .def(
+          "watch", [](Setup& s, SolidFrames& f) { s.placement.deformation_frames = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "Publish each model update of the body that was put there.")
+      .def(
+          "time_ticks",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force, bool paced) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            auto [seconds, data] = new_array<double>({reference.shape(0)});
+            const nb::gil_scoped_release unlocked;
+            time_ticks(self, static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced, data);
+            return seconds;
+          },
+          "reference"_a, "operator_force"_a, "paced"_a,
+          "How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.")
+      .def(
+          "run",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            const int ticks = static_cast<int>(reference.shape(0)) - 1;
+            const int most = ticks / self.record_every + 1;
+            const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();
+            auto [rows, data] =
+                new_array<double>({static_cast<std::size_t>(most), static_cast<std::size_t>(palpate::servo::row_width(loop))});
+            palpate::servo::SimulationOutcome outcome;
+            {
+              const nb::gil_scoped_release unlocked;
+              outcome = palpate::servo::simulate(loop, ticks, reference.data(), operator_force.data(), data);
+            }
+            self.fault->raise();
+            return nb::make_tuple(rows, outcome.rows, outcome.unstable_tick);
+          },
+          "reference"_a, "operator_force"_a, "Runs the loop; returns (rows, number of rows written, tick of divergence or -1).");
+
+  using SteppedLoop = palpate::servo::Loop<Mechanism>;
+  struct Stepped {
+    std::shared_ptr<PythonFault> fault;
+    SteppedLoop loop;
+  };
+  nb::class_<Stepped>(m, (prefix + "Loop").c_str())
+      .def(
+          "__init__",
+          [](Stepped* self, const Setup& setup) {
+            new (self) Stepped{setup.fault, SteppedLoop(setup.complete())};
+            self->fault->raise();
+          },
+          "setup"_a, nb::keep_alive<1, 2>())
+      .def(
+          "reset",
+          [](Stepped& self) {
+            self.loop.reset();
+            self.fault->raise();
+          },
+          "Return to the first sample.")
+      .def(
+          "tick",
+          [](Stepped& self, const palpate::math::Vector3<>& reference, const palpate::math::Vector3<>& operator_force) {
+            self.loop.tick(reference);
+            self.fault->raise();
+            auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::row_width(self.loop.setup()))});
+            self.loop.record(operator_force, data);
+            return row;
+          },
+          "reference"_a, "operator_force"_a, "Run the servo's tick at this sample; return its row, as `run` records it.")
+      .def(
+          "advance",
+          [](Stepped& self, const palpate::math::Vector3<>& begin, const palpate::math::Vector3<>& end) {
+            const bool goes_on = self.loop.advance(begin, end);
+            self.fault->raise();
+            return goes_on;
+          },
+          "begin"_a, "end"_a,
+          "Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.")
+      .def_prop_ro("angles", [](const Stepped& self) { return self.loop.angles(); })
+      .def_prop_ro("speeds", [](const Stepped& self) { return self.loop.speeds(); })
+      .def_prop_ro("time", [](const Stepped& self) { return self.loop.time(); })
+      .def_prop_ro("count", [](const Stepped& self) { return self.loop.count(); })
+      .def_prop_ro("diverged", [](const Stepped& self) { return self.loop.diverged(); });
+}
+
+/// The types that loops of every mechanism share.
+inline void bind_loop_parts(nb::module_& m) {
+  using palpate::object::SpringWallKind, palpate::object::SpringWallParameters, palpate::control::StateSpace;
+  nb::class_<SpringWallParameters> wall(m, "Anchor");
+  nb::enum_<SpringWallKind>(wall, "Kind")
+      .value("none", SpringWallKind::none)
+      .value("point", SpringWallKind::point)
+      .value("half_space", SpringWallKind::half_space);
+  wall.def(nb::init<>())
+      .def_rw("kind", &SpringWallParameters::kind)
+      .def_rw("point", &SpringWallParameters::point)
+      .def_rw("normal", &SpringWallParameters::normal);
+
+  nb::enum_<palpate::object::CouplingDifference>(m, "Difference")
+      .value("backward", palpate::object::CouplingDifference::backward)
+      .value("bilinear", palpate::object::CouplingDifference::bilinear);
+
+  nb::class_<StateSpace>(m, "StateSpace")
+      .def(nb::init<>())
+      .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&,
+                    const Eigen::MatrixXd&>(),
+           "a"_a, "b"_a, "c"_a, "d"_a, "antiwindup"_a)
+      .def_prop_ro("order", &StateSpace::order)
+      .def("output", &StateSpace::output)
+      .def("advance", &StateSpace::applied);
+
+  nb::class_<TickSignals>(m, "TickSignals", "Signals of one servo tick: SI units, device frame.")
+      .def_ro("time", &TickSignals::time, "Since the first tick, s.")
+      .def_ro("reference", &TickSignals::reference, "Force that the object should feel (3,), N.")
+      .def_ro("object_force", &TickSignals::object_force, "Force of the tip on the object (3,), N.")
+      .def_ro("deflection", &TickSignals::deflection, "Displacement of the touched surface (3,), m.")
+      .def_ro("tip", &TickSignals::tip, "Measured tip position (3,), m.")
+      .def_ro("velocity", &TickSignals::velocity, "Tip velocity by backward difference (3,), m/s.");
+  nb::class_<TipSignals>(m, "TipSignals", "The tip at one sample: SI units, device frame.")
+      .def_ro("time", &TipSignals::time, "Since the first sample, s.")
+      .def_ro("position", &TipSignals::position, "(3,), m.")
+      .def_ro("velocity", &TipSignals::velocity, "By backward difference (3,), m/s.");
+  using palpate::object::ContactResult;
+  nb::class_<ContactResult>(m, "ContactResult", "Contact of the tip with an object at one sample.")
+      .def(
+          "__init__",
+          [](ContactResult* self, const palpate::math::Vector3<>& force, const palpate::math::Vector3<>& deflection,
+             const palpate::math::Vector3<>& normal, double depth, double stiffness, std::optional<bool> touching) {
+            new (self) ContactResult{force, deflection, normal, depth, stiffness, touching.value_or(!force.isZero(0.0))};
+          },
+          "force"_a, "deflection"_a = palpate::math::Vector3<>(palpate::math::Vector3<>::Zero()),
+          "normal"_a = palpate::math::Vector3<>(palpate::math::Vector3<>::Zero()), "depth"_a = 0.0, "stiffness"_a = 0.0,
+          "touching"_a = nb::none(), "force: of the tip on the object, N. Without `touching` the tip touches if the force is not zero.")
+      .def_rw("force", &ContactResult::force)
+      .def_rw("deflection", &ContactResult::deflection)
+      .def_rw("normal", &ContactResult::normal)
+      .def_rw("depth", &ContactResult::depth)
+      .def_rw("stiffness", &ContactResult::stiffness)
+      .def_rw("touching", &ContactResult::touching);
+}

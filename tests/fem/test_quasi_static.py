@@ -1,0 +1,286 @@
+"""A solid pressed through snapshots: its own compliance and energy, no energy out, two tips, a thread."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from palpate import fem as bodies
+from palpate.errors import PoseError
+from palpate.fem import BodyError, HyperelasticModel, Law, Material, QuasiStaticSolver, block
+from palpate.fem.body import Shape
+from palpate.fem.selectors import half_space
+
+Array = NDArray[np.float64]
+ROOT = Path(__file__).parents[2]
+BOTTOM, TOP = half_space("z", "<", 1e-9), half_space("z", ">", 0.03 - 1e-9)
+VOLUME = block((0.04, 0.04, 0.03), 0.005)
+MATERIAL = Material(8e3, 0.4)
+RADIUS, UP = 8e-3, np.array([0.0, 0.0, 1.0])
+MIDDLE = np.array([0.02, 0.02, 0.03])
+
+
+def pressed(law: Law = "neo-hookean") -> QuasiStaticSolver:
+    return QuasiStaticSolver(HyperelasticModel(VOLUME, MATERIAL, BOTTOM, TOP, law=law))
+
+
+def centre(x: float, y: float, depth: float) -> Array:
+    return np.array([x, y, 0.03 + RADIUS - depth])
+
+
+def test_a_small_press_is_the_condensed_body_of_the_same_mesh() -> None:
+    linear = bodies.build(VOLUME, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1)
+    for tip, radius in (("sphere", RADIUS), ("flat", 6e-3)):
+        top = RADIUS if tip == "sphere" else 0.0
+        path = np.array([[0.021, 0.018, 0.03 + top - 2e-5]])
+        expected = linear.simulate_path(path, radius, outward=UP, tip=tip)  # type: ignore[arg-type]
+        force, _ = pressed().indent(path[0] - [0, 0, top - 2e-5], radius, 2e-5, outward=UP, tip=tip)  # type: ignore[arg-type]
+        assert force[2] == pytest.approx(expected.force[0, 2], rel=5e-3)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+def test_deep_presses_do_the_work_that_the_body_holds(law: Law) -> None:
+    """A fifth of the height deep: the settled force is the slope of the settled energy."""
+    body = pressed(law)
+    held, felt = [], []
+    for depth in (5.9e-3, 6e-3, 6.1e-3):
+        force, _ = body.indent(MIDDLE, RADIUS, depth, outward=UP)
+        felt.append(force[2])
+        held.append(body.core.energy())
+    assert felt[1] == pytest.approx((held[2] - held[0]) / 2e-4, rel=0.01)
+    assert felt[0] < felt[1] < felt[2]
+
+
+SLIM = block((0.02, 0.02, 0.03), 0.005)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law, tip: Shape) -> None:
+    """Under the forces alone it would fall, so its exact tangent is no longer positive: at rest still.
+
+    The force is that of the solid's own assembly; a sphere's is the slope of its energy (a flat end's edge stores some
+    of its own); a body pressed in ticks feels the same.
+    """
+    solid = HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP, law=law)
+    column, point, depths = QuasiStaticSolver(solid), [0.012, 0.01, 0.03], (9.7e-3, 10e-3, 10.3e-3)
+    held = []
+    for depth in depths:
+        force, displacement = column.indent(point, RADIUS, depth, outward=UP, tip=tip)
+        strain = solid.evaluate(displacement)
+        held.append(strain.energy)
+        assert force[2] == pytest.approx(-strain.forces[:, 2].sum(), rel=0.02)
+    middle, _ = column.indent(point, RADIUS, depths[1], outward=UP, tip=tip)
+    if tip == "sphere":
+        assert middle[2] == pytest.approx((held[2] - held[0]) / (depths[2] - depths[0]), rel=0.02)
+    body = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).hyperelastic("1 ms", law=law)
+    assert body.indent(point, RADIUS, depths[1], tip=tip).force[2] == pytest.approx(middle[2], rel=0.02)
+
+
+def test_a_press_through_which_the_tip_loses_the_body_is_refused() -> None:
+    column = QuasiStaticSolver(HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP))
+    with pytest.raises(BodyError, match=r"pressed 15 mm deep the body .*at rest until 1\d.* mm: press less deep"):
+        column.indent([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
+    slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).hyperelastic("1 ms")
+    with pytest.raises(BodyError, match=r"pressed 20 mm deep the body .*at rest until"):
+        slim.indent([0.01, 0.01, 0.03], RADIUS, 20e-3, tip="flat")
+
+
+def test_far_in_a_press_ends_at_rest_or_says_that_it_does_not() -> None:
+    """A sphere deep into a small block: the slope of the solid's own energy, the same by every road, or a sentence."""
+    low = block((0.04, 0.04, 0.02), 0.005)
+    solid = QuasiStaticSolver(HyperelasticModel(low, MATERIAL, BOTTOM, half_space("z", ">", 0.02 - 1e-9)))
+    body = bodies.build(low, young=8e3, poisson=0.4, fixed=BOTTOM, touch="z > 19.999 mm", order=1).hyperelastic("1 ms")
+    top, held = [0.02, 0.02, 0.02], []
+    for depth in (12.95e-3, 13.05e-3):
+        solid.indent(top, RADIUS, depth, outward=UP)
+        held.append(solid.core.energy())
+    force = body.indent(top, RADIUS, 13e-3).force
+    assert force[2] == pytest.approx((held[1] - held[0]) / 1e-4, rel=1e-3)
+    assert solid.indent(top, RADIUS, 13e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
+    for depth in ("14 mm", "15 mm", "16 mm"):
+        with pytest.raises(
+            BodyError, match=rf"pressed {depth} deep the body .*felt at rest until 1\d.* mm: press less"
+        ):
+            body.indent(top, RADIUS, depth)
+
+
+def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
+    """Under a deep press: against the inverse of the whole tangent; estimated farther out, and definite throughout."""
+    body = pressed()
+    _, displacement = body.indent(MIDDLE, RADIUS, 6e-3, outward=UP)
+    names, normals, compliance, inner = body.core.snapshot()
+    solid = body.solid
+    solid.evaluate(displacement)
+    free = solid.elements.free
+    k = np.empty((len(free), len(free)))
+    for column, dof in enumerate(free):
+        way = np.zeros(3 * len(solid.points))
+        way[dof] = 1.0
+        k[:, column] = np.asarray(solid.core.tangent(way.reshape(-1, 3))).ravel()[free]
+    node = names[:, 0].astype(int)
+    weights = solid.elements.load[:, node].toarray()
+    load = -np.einsum("pi,ia->pai", weights, normals).reshape(-1, len(node))[free]
+    expected = load.T @ np.linalg.solve(0.5 * (k + k.T), load)
+    assert np.abs(compliance - compliance.T).max() == 0.0
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    near = inner[:, 0] > 0
+    assert near.sum() == 32
+    assert len(names) == 81  # all of the top
+    off = (compliance - expected) / scale
+    assert np.abs(off[np.ix_(near, near)]).max() < 0.01
+    own = np.diag(compliance) / np.diag(expected)
+    assert (own[near] < 1 + 1e-5).all()  # what is left over makes it stiffer, never softer
+    assert np.abs(off[np.ix_(~near, near)]).max() < 0.02
+    outside = np.ix_(~near, ~near)
+    assert np.sqrt((off[outside] ** 2).mean()) < 0.15
+    assert own[~near].max() < 1.4  # at the edges of the top it is far too stiff
+    assert np.linalg.eigvalsh(compliance / scale)[0] > 0
+
+
+def wander(rng: np.random.Generator, ticks: int, tips: int = 1) -> Array:
+    """Closed paths of sine sums that press, slide and leave; out of the body at both ends."""
+    t = np.linspace(0, 2 * np.pi, ticks)[:, None]
+    waves = np.arange(1, 4)
+    path = np.zeros((ticks, tips, 3))
+    for tip in range(tips):
+        for axis in range(3):
+            amplitude = rng.standard_normal(3) / waves * (5e-3 if axis < 2 else 2.5e-3)
+            path[:, tip, axis] = np.sin(waves * t + rng.uniform(0, 6, 3)) @ amplitude
+        path[:, tip] += [0.02 if tips == 1 else 0.012 + 0.016 * tip, 0.02, 0.03 + RADIUS - 2e-3]
+    lift = 0.03 * (1 - np.sin(t[:, 0] / 2)) ** 2
+    path[..., 2] += lift[:, None]
+    return path
+
+
+@pytest.mark.parametrize("tips", [1, 2])
+def test_tips_never_get_out_more_than_they_put_in(tips: int) -> None:
+    """Random closed paths at hand speed, slow steps of 20 ms: the account is the work, and never below zero."""
+    rng = np.random.default_rng(tips)
+    deepest = 0.0
+    for law in ("neo-hookean", "corotational"):
+        body = pressed(law)  # type: ignore[arg-type]
+        for _ in range(3):
+            body.reset()
+            path = wander(rng, 6000, tips)
+            felt = body.simulate_path(path, RADIUS, outward=UP, every=80)  # 0.25 ms each, for the sum's sake
+            mean = 0.5 * (felt.force[1:] + felt.force[:-1])
+            work = np.concatenate([[0.0], np.cumsum(-(mean * np.diff(path, axis=0)).sum(axis=(1, 2)))])
+            most = felt.potential.max()
+            assert most > 1e-4
+            assert (felt.saved >= 0).all()
+            assert (felt.potential >= 0).all()
+            assert work.min() > -0.01 * most
+            assert work[-1] > -0.01 * most
+            touching = felt.nodes.sum(axis=1) > 0
+            began = np.flatnonzero(touching[1:] & ~touching[:-1])
+            ended = np.flatnonzero(touching[:-1] & ~touching[1:])
+            for a, b in zip(began, ended[ended > began[0]], strict=False):
+                account = felt.potential[a : b + 1] + felt.saved[a : b + 1]
+                assert np.abs(work[a : b + 1] - work[a] - account).max() < 0.01 * most
+            deepest = max(deepest, most)
+    assert deepest > 5e-4
+
+
+def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
+    body = pressed()
+    one, two = centre(0.01, 0.02, 3e-5), centre(0.03, 0.02, 3e-5)
+    away = centre(0.03, 0.02, -5e-3)
+    alone = body.core.settle(*ways(np.stack([one, away])), 30)[-1]
+    body.reset()
+    both = body.core.settle(*ways(np.stack([one, two])), 30)[-1]
+    assert both[2] == pytest.approx(both[12], rel=0.02)  # mirror images, but for the way that the cells are cut
+    assert both[2] < alone[2]  # the neighbour has pulled the surface down
+    # A force on either moves the other.
+    names, _, compliance, _ = body.core.snapshot()
+    at = body.solid.points[body.solid.elements.touchable[names[:, 0].astype(int)]]
+    i = int(np.argmin(np.linalg.norm(at[:, :2] - one[:2], axis=1)))
+    j = int(np.argmin(np.linalg.norm(at[:, :2] - two[:2], axis=1)))
+    assert 0.0 < compliance[i, j] < 0.5 * compliance[i, i]
+    # Deep: the second tip, lowered beside the first, changes what the first feels.
+    body.reset()
+    deep = np.stack([centre(0.01, 0.02, 5e-3), away])
+    before = body.core.settle(*ways(deep), 40)[-1, 2]
+    after = body.core.settle(*ways(np.stack([deep[0], centre(0.03, 0.02, 5e-3)])), 40)[-1, 2]
+    assert 0.5 * before < after < 0.99 * before
+
+
+@pytest.mark.parametrize(("speed", "every"), [(0.2, 30), (0.4, 20), (0.4, 30)])
+def test_a_quick_tip_does_not_lose_the_surface(speed: float, every: int) -> None:
+    """8 or 12 mm a slow step, over cells of 5 mm: nodes without columns carry it until the next snapshot."""
+    volume = block((0.1, 0.04, 0.03), 0.005)
+    body = QuasiStaticSolver(HyperelasticModel(volume, MATERIAL, BOTTOM, TOP))
+    down = np.linspace(-1e-3, 4e-3, 160)
+    along = np.arange(0.02, 0.08, speed * 1e-3)
+    path = np.concatenate(
+        [[centre(0.02, 0.02, d) for d in down], [centre(0.02, 0.02, 4e-3)] * 300,
+         [centre(x, 0.02, 4e-3) for x in along], [centre(0.08, 0.02, 4e-3)] * 300]
+    )  # fmt: skip
+    force = body.simulate_path(path, RADIUS, outward=UP, every=every).force[:, 0, 2]
+    slide = force[460 : 460 + len(along)]
+    assert slide.min() > 0.75 * force[459]
+    assert slide.max() < 1.6 * force[459]
+    assert force[-1] == pytest.approx(force[459], rel=0.04)  # mirror images, but for the way that the cells are cut
+
+
+def ways(tips: Array) -> tuple[Array, Array, Array, bool]:
+    places = np.ascontiguousarray(tips[None])
+    return places, np.ascontiguousarray(np.broadcast_to(UP, places.shape)), np.full(len(tips), RADIUS), False
+
+
+def test_in_turn_is_the_same_each_time_and_ends_where_it_settles() -> None:
+    depth = np.concatenate([np.linspace(-1e-3, 6e-3, 300), np.full(500, 6e-3)])
+    path = np.array([centre(0.02, 0.021, d) for d in depth])
+    body = pressed()
+    felt = body.simulate_path(path, RADIUS, outward=UP)
+    body.reset()
+    again = body.simulate_path(path, RADIUS, outward=UP)
+    assert np.array_equal(felt.force, again.force)
+    settled, _ = body.indent([0.02, 0.021, 0.03], RADIUS, 6e-3, outward=UP)
+    assert felt.force[-1, 0] == pytest.approx(settled, rel=0.01, abs=0.01 * settled[2])
+    steps = np.abs(np.diff(felt.force[:, 0, 2]))
+    assert steps.max() < 0.03 * settled[2]  # blended: a snapshot makes no step that is felt
+
+
+def test_a_thread_of_its_own_brings_the_servo_to_the_same_force() -> None:
+    depth = np.concatenate([np.linspace(-1e-3, 5e-3, 300), np.full(900, 5e-3)])
+    path = np.array([centre(0.02, 0.02, d) for d in depth])
+    body = pressed()
+    live = body.live(path, RADIUS, outward=UP)
+    settled, _ = body.indent(MIDDLE, RADIUS, 5e-3, outward=UP)
+    assert live.touches.force[-1, 0, 2] == pytest.approx(settled[2], rel=0.03)
+    assert len(live.steps) > 3
+    assert len(live.ticks) == len(path)
+    still = body.live(path[:50], RADIUS, outward=UP, thread=False)
+    assert len(still.steps) == 0
+
+
+def test_what_is_refused() -> None:
+    solid = HyperelasticModel(VOLUME, MATERIAL, BOTTOM, TOP)
+    with pytest.raises(BodyError, match="near: 65 must be a whole number, from 4 to 64"):
+        QuasiStaticSolver(solid, near=65)
+    body = QuasiStaticSolver(solid)
+    with pytest.raises(PoseError, match="two tips"):
+        body.simulate_path(np.zeros((5, 3, 3)), RADIUS, outward=UP)
+    with pytest.raises(BodyError, match="radius: 0 m must be positive"):
+        body.simulate_path(np.zeros((5, 3)), 0.0, outward=UP)
+    with pytest.raises(BodyError, match="every: 0 must be"):
+        body.simulate_path(np.zeros((5, 3)), RADIUS, outward=UP, every=0)
+    with pytest.raises(BodyError, match='period: "0 s" must be positive'):
+        body.live(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
+
+
+def test_wide_code_of_the_solids_is_shared_with_nothing() -> None:
+    """The same templates are compiled for several widths of registers: each file's copy is its own."""
+    names = shutil.which("nm")
+    built = sorted(ROOT.glob("build/*/python/src/CMakeFiles/palpate_lanes_8.dir/*d_lanes.cpp.o"))
+    if names is None or not built:
+        pytest.skip("needs nm and the object files that an editable install leaves in build/")
+    for file in built:
+        listing = subprocess.run([names, file], check=True, capture_output=True, text=True).stdout
+        assert " T " in listing
+        assert [line for line in listing.splitlines() if " W " in line or " u " in line] == []

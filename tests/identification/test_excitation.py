@@ -1,0 +1,87 @@
+"""Excitation signals: exact peaks, the band they promise, channels that can be told apart, one signal per seed."""
+
+import numpy as np
+import pytest
+from palpate.errors import RecordingError
+from palpate.identification import chirp, crest_factor, multisine, prbs
+
+PERIOD = 1e-3
+
+
+@pytest.mark.parametrize(
+    "excitation",
+    [
+        multisine([0.1, 0.2, 0.05], (0.5, 20.0), lines=15, seed=4),
+        prbs([0.1, 0.2, 0.05], 0.02, seed=4),
+        chirp([0.1, 0.2, 0.05], (0.5, 20.0), seed=4),
+    ],
+    ids=["multisine", "prbs", "chirp"],
+)
+def test_peak_is_exact_and_the_seed_fixes_the_signal(excitation):
+    values = excitation.sample(8.0, PERIOD)
+    assert values.shape == (8000, 3)
+    tolerance = 1e-3 if excitation.describe()["kind"] == "chirp" else 1e-12  # a sampled sine may miss its own peak
+    np.testing.assert_allclose(np.abs(values).max(axis=0), [0.1, 0.2, 0.05], rtol=tolerance)
+    np.testing.assert_array_equal(values, excitation.sample(8.0, PERIOD))
+
+
+@pytest.mark.parametrize(
+    "make", [lambda s: multisine([1.0, 1.0], (0.5, 20.0), seed=s), lambda s: prbs([1.0], 0.02, seed=s)]
+)
+def test_another_seed_is_another_signal(make):
+    one, other = make(1).sample(4.0, PERIOD), make(2).sample(4.0, PERIOD)
+    assert np.abs(one - other).max() > 0.5
+
+
+def test_multisine_channels_are_orthogonal_and_stay_in_their_band():
+    values = multisine([1.0, 1.0, 1.0], (1.0, 10.0), lines=12, seed=0).sample(8.0, PERIOD)
+    gram = values.T @ values / len(values)
+    np.testing.assert_allclose(gram - np.diag(np.diag(gram)), 0.0, atol=1e-12)
+    power = np.abs(np.fft.rfft(values, axis=0)) ** 2
+    frequency = np.fft.rfftfreq(len(values), PERIOD)
+    outside = power[(frequency < 0.99) | (frequency > 10.01)].sum()
+    assert outside < 1e-20 * power.sum()
+
+
+def test_multisine_phases_beat_random_ones():
+    wave = multisine([1.0], (1.0, 10.0), lines=20, seed=0).sample(8.0, PERIOD)
+    spectrum = np.fft.rfft(wave, axis=0)
+    draw = np.random.default_rng(0)
+    turned = np.exp(2j * np.pi * draw.uniform(size=(len(spectrum), 100)))
+    random = crest_factor(np.fft.irfft(spectrum * turned, axis=0))
+    assert crest_factor(wave)[0] < np.percentile(random, 5)
+
+
+def test_prbs_is_binary_with_flat_correlation():
+    values = prbs([0.3], 0.01, seed=1).sample(10.23, PERIOD)[:, 0]  # one whole sequence of 1023 chips
+    assert set(np.unique(values)) == {-0.3, 0.3}
+    chips = np.sign(values[::10])
+    spectrum = np.abs(np.fft.fft(chips)) ** 2
+    correlation = np.fft.ifft(spectrum).real
+    np.testing.assert_allclose(correlation[1:], -1.0, atol=1e-9)  # the mark of a maximal-length sequence
+
+
+def test_sweep_passes_the_band_once_per_channel():
+    values = chirp([1.0, 1.0], (1.0, 30.0), seed=3).sample(10.0, PERIOD)
+    assert np.all((values[:, 0] == 0) | (values[:, 1] == 0))
+    for channel in values.T:
+        wave = channel[np.flatnonzero(channel)[0] : np.flatnonzero(channel)[-1] + 1]
+        crossings = np.diff(np.flatnonzero(np.diff(np.sign(wave))))
+        assert crossings[:3].mean() > 8 * crossings[-3:].mean()  # slow at first, fast at last
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: multisine([1.0], (5.0, 1.0)).sample(1.0, PERIOD), "band must rise"),
+        (lambda: multisine([1.0], (0.1, 5.0)).sample(1.0, PERIOD), "does not fit one period"),
+        (lambda: multisine([1.0], (1.0, 600.0)).sample(1.0, PERIOD), "500 Hz"),
+        (lambda: multisine([1.0], (1.0, 2.0), lines=0), "at least one line"),
+        (lambda: prbs([1.0], 0.0015).sample(1.0, PERIOD), "whole number of periods"),
+        (lambda: prbs([np.nan], 0.01), "finite"),
+        (lambda: prbs([-1.0], 0.01), "not negative"),
+    ],
+)
+def test_impossible_signals_say_why(call, says):
+    with pytest.raises(RecordingError, match=says):
+        call()

@@ -1,0 +1,106 @@
+"""identify_recording: from a file to a verdict on data not used for the fit; experiments that drift or run away."""
+
+import json
+
+import numpy as np
+import pytest
+from identify_data import premium_recording
+from palpate import devices
+from palpate import identification as identify
+from palpate.errors import DeviceError, RecordingError
+
+ARM = devices.load("phantom-premium-1.5a")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    file = premium_recording().save(folder / "experiment.h5")
+    steps = []
+    result = identify.identify_recording(file, "phantom-premium-1.5a", folder / "out", progress=steps.append)
+    return result, folder / "out" / "identification.json", steps
+
+
+def test_result_is_json_and_says_where_the_recording_comes_from(study):
+    result, file, steps = study
+    assert json.loads(file.read_text()) == json.loads(json.dumps(result, allow_nan=False))
+    assert "simulated" in result["recording"]["source"]
+    assert len(steps) == 3
+
+
+def test_every_parameter_has_an_interval_beside_the_catalogue(study):
+    rows = study[0]["parameters"]
+    assert len(rows) == 14
+    for row in rows:
+        assert row["low"] < row["value"] < row["high"]
+        if row["catalogue"]:
+            assert abs(row["error_percent"]) < 5
+
+
+def test_fitted_device_free_runs_on_unused_data_and_beats_the_linear_model(study):
+    run = study[0]["free_run"]
+    assert min(run["device"]) > 95
+    assert min(run["device"]) > min(run["arx"])
+
+
+def test_summary_tells_the_main_points(study):
+    text = study[0]["summary"]
+    for words in ("simulated", "95 % interval", "M22", "not used for the fit", "white"):
+        assert words in text
+
+
+def test_bad_input_is_one_sentence_with_the_file(tmp_path):
+    still = tmp_path / "still.csv"
+    rows = "\n".join(f"{k * 0.001:.3f}, 0, 0, 0, 0, 0, 0" for k in range(9000))
+    still.write_text("time [s], q1 [rad], q2 [rad], q3 [rad], tau1 [N*m], tau2 [N*m], tau3 [N*m]\n" + rows)
+    with pytest.raises(RecordingError, match=r"still\.csv: too little excitation: torque 1 is 0"):
+        identify.identify_recording(still, ARM, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(DeviceError):
+        identify.identify_recording(premium_recording(), "no-such-device")
+
+
+def test_experiment_is_reproducible_and_its_seed_is_the_noise():
+    one, again, other = (
+        identify.simulate_experiment(ARM, duration=1.0, sway=None, excitation=fast(), seed=s) for s in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(one.angle, again.angle)
+    assert np.any(one.angle != other.angle)
+    counts = one.angle / ARM.encoder_step
+    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+
+
+def fast():
+    return identify.multisine([0.02, 0.02, 0.01], (2.0, 8.0), lines=5)
+
+
+def test_without_the_servo_the_arm_drifts_and_with_it_it_stays():
+    push = identify.multisine([0.02, 0.02, 0.01], (0.3, 6.0), lines=5)
+    held = identify.simulate_experiment(ARM, push, duration=10.0, period=2e-3)
+    tuned = identify.JointServo.tuned(ARM)
+    limp = identify.JointServo(tuned.pose, (0.0,) * 3, (0.0,) * 3, tuned.bias_torque)
+    free = identify.simulate_experiment(ARM, push, duration=10.0, period=2e-3, servo=limp)
+    away = np.abs(np.array([r.angle[-2000:] - tuned.pose for r in (held, free)])).max(axis=(1, 2))
+    assert away[0] < 0.5
+    assert away[1] > 3 * away[0]
+
+
+def test_the_servo_law_is_what_is_recorded():
+    recording = identify.simulate_experiment(ARM, fast(), duration=1.0)
+    servo = identify.JointServo(**recording.metadata["servo"])
+    keep = np.exp(-2 * np.pi * servo.cutoff * recording.period)
+    velocity, torque = np.zeros(3), []
+    for k, angle in enumerate(recording.angle):
+        if k:
+            velocity = keep * velocity + (1 - keep) / recording.period * (angle - recording.angle[k - 1])
+        torque.append(servo.bias_torque + np.array(servo.kp) * (servo.pose - angle) - np.array(servo.kd) * velocity)
+    np.testing.assert_allclose(recording.torque, torque + recording.excitation, atol=1e-12)
+
+
+def test_a_runaway_experiment_says_when():
+    tuned = identify.JointServo.tuned(ARM)
+    wrong_way = identify.JointServo(tuned.pose, tuple(-10 * k for k in tuned.kp), tuned.kd, tuned.bias_torque)
+    with pytest.raises(RecordingError, match=r"runs away at t = [\d.]+ s"):
+        identify.simulate_experiment(ARM, fast(), duration=5.0, servo=wrong_way)
+    with pytest.raises(RecordingError, match=r"has 2 channels; phantom-premium-1\.5a has 3 joints"):
+        identify.simulate_experiment(ARM, identify.multisine([0.1, 0.1], (1.0, 5.0)))

@@ -1,0 +1,213 @@
+"""What a hand feels: closed forms, limits, and the simulated loop shaken by a sine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import simulate
+from palpate.cli.main import app
+from palpate.errors import StabilityError
+from palpate.linear import HumanArm
+from palpate.metrics import (
+    LoopResponse,
+    arm_stiffness,
+    hold_response,
+    measure_performance,
+    rate_hardness,
+    ripple,
+    vibration_threshold,
+)
+from palpate.scenario import Scenario
+from typer.testing import CliRunner
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+MASS, B, T = 0.06, 0.05, 1e-3  # the slider
+
+
+def slider(stiffness: str = "80 N/m", damping: str = "0 N*s/m", delay: int = 0, **tables: Any) -> dict[str, Any]:
+    return {
+        "device": {"name": "slider", "delay": delay},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "step", "force": ["0.5 N", "0 N", "0 N"]},
+        "object": {"kind": "spring", "stiffness": stiffness, "damping": damping},
+        **tables,
+    }
+
+
+def response(tables: dict[str, Any]) -> LoopResponse:
+    return LoopResponse.of(Scenario.from_dict(tables))
+
+
+def felt(tables: dict[str, Any], frequency: Any) -> np.ndarray:
+    """Force per motion along x."""
+    return np.asarray(1 / response(tables).displacement(frequency)[:, 0, 0])
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_slider_in_closed_form(delay: int) -> None:
+    """X/F = G (1 - H z^-n W G / (1 + W z^-n R)) with G = 1/(ms^2 + bs), R its zero-order hold, written out."""
+    k, v = 300.0, 2.0
+    f = np.array([0.3, 3.0, 30.0, 150.0, 400.0])
+    s, z = 2j * np.pi * f, np.exp(2j * np.pi * f * T)
+    g = 1 / (MASS * s**2 + B * s)
+    a, tau = np.exp(-B * T / MASS), MASS / B
+    r = ((T - tau * (1 - a)) / B * z + (tau * (1 - a) - a * T) / B) / ((z - 1) * (z - a))
+    w, late, h = k + v * (1 - 1 / z) / T, z**-delay, (1 - np.exp(-s * T)) / (s * T)
+    exact = g * (1 - h * late * w * g / (1 + w * late * r))
+    assert felt(slider("300 N/m", "2 N*s/m", delay), f) == pytest.approx(1 / exact, rel=1e-8)
+
+
+def test_limits_of_what_is_felt() -> None:
+    """At rest the object's stiffness, at high frequency the device's mass, without object the device."""
+    tables = slider("500 N/m", "1 N*s/m")
+    assert felt(tables, [0.01])[0].real == pytest.approx(500, rel=1e-5)
+    high = 450.0
+    assert felt(tables, [high])[0].real == pytest.approx(-MASS * (2 * np.pi * high) ** 2, rel=0.01)
+    f = np.array([1.0, 20.0])
+    alone = 1 / response(tables).displacement(f, object_on=False)[:, 0, 0]
+    s = 2j * np.pi * f
+    assert alone == pytest.approx(MASS * s**2 + B * s, rel=1e-10)
+
+
+@pytest.mark.parametrize("frequency", [4.0, 12.0, 40.0])
+def test_the_simulated_slider_shaken_by_a_sine(frequency: float) -> None:
+    """Amplitude of the steady swing in the full simulation: as the response says, within 0.02 %."""
+    tables = slider("300 N/m", "3 N*s/m", 1)
+    tables["operator"] = {
+        "kind": "force", "shape": "sine", "force": ["0.2 N", "0 N", "0 N"], "frequency": f"{frequency} Hz"
+    }  # fmt: skip
+    tables["run"] = {"duration": "3 s", "substeps": 8}
+    trace = simulate(tables)
+    tail = slice(-round(1 / T), None)  # a whole number of periods
+    turn = np.exp(-2j * np.pi * frequency * trace.time[tail])
+    moved, pushed = (2 * np.mean(trace[name][tail, 0] * turn) for name in ("tip", "operator_force"))
+    assert abs(pushed) == pytest.approx(0.2, rel=1e-6)
+    pushed *= np.sinc(frequency * T) ** 2  # the run draws the hand's force straight from sample to sample
+    assert abs(pushed / moved) == pytest.approx(abs(felt(tables, [frequency])[0]), rel=2e-4)
+
+
+def test_the_simulated_arm_under_lqg_shaken_by_a_sine() -> None:
+    """The nonlinear arm with a controller: a millinewton of the reference moves the object's force as it should."""
+    tables = Scenario.from_file(SCENARIOS / "press-stiff-cube-lqg.toml").to_dict()
+    frequency = 8.0
+    tables["reference"] = {"shape": "sine", "force": ["0.01 N", "0 N", "0 N"], "frequency": f"{frequency} Hz"}
+    tables["run"] = {"duration": "2 s", "substeps": 4}
+    trace = simulate(tables)
+    tail = slice(-round(1 / trace.time[1]), None)
+    turn = np.exp(-2j * np.pi * frequency * trace.time[tail])
+    answered = 2 * np.mean(trace["object_force"][tail, 0] * turn)
+    asked = 2 * np.mean(trace["reference_force"][tail, 0] * turn)
+    ours = LoopResponse.of(Scenario.from_dict(tables)).reference([frequency])[0, 0, 0]
+    assert answered / asked == pytest.approx(ours, rel=3e-3)
+
+
+def test_a_hold_has_lost_half_its_power_at_443_thousandths_of_the_rate() -> None:
+    """|sin x / x| = 1/sqrt 2 at f T = 0.44295; a half-period delay at low frequency."""
+    assert abs(hold_response([442.946], T)[0]) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
+    assert np.angle(hold_response([1.0], T)[0]) == pytest.approx(-np.pi * 1e-3, rel=1e-9)
+    assert measure_performance(slider()).hold_bandwidth == pytest.approx(442.946, rel=1e-6)
+
+
+def test_force_on_a_hand_is_divided_between_hand_and_device() -> None:
+    """F_hand/F = Z_h/(Z_h + Z_d) H, in closed form; all of it at rest."""
+    arm = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)
+    f = np.array([0.1, 5.0, 60.0])
+    s = 2j * np.pi * f
+    bone, tissue = 560 + 4.5 * s + 0.15 * s**2, 500 + 0.5 * s
+    hand, device = bone * tissue / (bone + tissue), MASS * s**2 + B * s
+    assert arm_stiffness(arm, f) == pytest.approx(hand, rel=1e-12)
+    through = response(slider()).transmitted(f, arm, (1, 0, 0))
+    assert through == pytest.approx(hand / (hand + device) * hold_response(f, T), rel=1e-8)
+    assert abs(through[0]) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("stiffness", "damping", "delay"), [(200.0, 0.0, 0), (200.0, 1.0, 0), (200.0, 1.0, 3)])
+def test_rate_hardness_of_a_bounce_written_out(stiffness: float, damping: float, delay: int) -> None:
+    """A mass with friction against a held spring and damper, its motion between samples in closed form."""
+    x, v, before, line = 0.0, 1.0, 0.0, [0.0] * delay
+    commands = []
+    a, tau = np.exp(-B * T / MASS), MASS / B
+    for _ in range(10):
+        commands.append(stiffness * x + damping * (x - before) / T)
+        line.append(-commands[-1])
+        force, before = line.pop(0), x
+        x, v = x + tau * (1 - a) * v + (T - tau * (1 - a)) / B * force, a * v + (1 - a) / B * force
+    held = commands[9 - delay]
+    loop = response(slider(f"{stiffness} N/m", f"{damping} N*s/m", delay))
+    assert rate_hardness(loop, (1, 0, 0)) == pytest.approx(held / 10e-3, rel=1e-8)
+    if delay == 0 and damping == 0.0:
+        assert held / 10e-3 == pytest.approx(stiffness * 0.9, rel=0.1)  # nine samples' way, and the bounce
+    with pytest.raises(StabilityError, match="longer than the delay"):
+        rate_hardness(loop, (1, 0, 0), window=T if delay else 4e-4)
+
+
+def test_threshold_of_touch() -> None:
+    """0.1 um at 250 Hz, four times as much an octave off, flat below 40 Hz (Verrillo 1963)."""
+    um = 1e6 * vibration_threshold([250.0, 125.0, 500.0, 40.0, 10.0])
+    assert um == pytest.approx([0.1, 0.4, 0.4, 3.90625, 3.90625])
+
+
+def test_ripple_finds_the_most_perceptible_line() -> None:
+    """Half a micrometre at 250 Hz is five times the threshold; twenty at 25 Hz would be felt, three are not."""
+    t = np.arange(2000) * T
+    drift = 1e-3 * t
+    found = ripple(drift + 0.5e-6 * np.sin(2 * np.pi * 250 * t), T)
+    assert found.worst == pytest.approx(250, abs=0.6)
+    assert found.ratio == pytest.approx(5.0, rel=0.01)
+    assert found.perceptible
+    assert "is perceptible" in str(found)
+    between = ripple(0.5e-6 * np.sin(2 * np.pi * 250.23 * t), T)  # a sine between two lines keeps its height
+    assert between.ratio == pytest.approx(5.0, rel=0.02)
+    for size, there in ((20e-6, True), (3e-6, False)):
+        assert ripple(np.outer(size * np.sin(2 * np.pi * 25 * t), [0.6, 0.0, 0.8]), T).perceptible is there
+    with pytest.raises(StabilityError, match="too short a stretch"):
+        ripple(t[:100], T)
+
+
+def test_encoder_counts_cause_ripple_of_the_arm() -> None:
+    """The same wall with counts and without: a stiff, damped wall rattles between counts."""
+    tables = Scenario.from_file(SCENARIOS / "arm-through-tissue-on-a-wall.toml").to_dict()
+    ratios = []
+    for encoder in (False, True):
+        tables["device"] = {**tables["device"], "encoder": encoder}
+        found = measure_performance(tables)
+        assert found.ripple is not None
+        assert ("switched off" in found.remark) is not encoder
+        ratios.append(found.ripple.ratio)
+    assert ratios[1] > 10 * ratios[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"object": {"kind": "none"}}, "nothing to feel"),
+        (
+            {
+                "device": {"name": "phantom-premium-1.5a", "model": "experimental"},
+                "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+                "operator": {"kind": "none"},
+            },
+            "no motion between samples",
+        ),
+    ],
+)
+def test_what_cannot_be_felt_is_refused(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(StabilityError, match=says):
+        measure_performance(slider(**change))
+    with pytest.raises(StabilityError, match="below half the sampling rate, 500 Hz"):
+        response(slider()).displacement([600.0])
+
+
+def test_performance_from_the_command_line(tmp_path: Path) -> None:
+    """Numbers in JSON, a page with its pictures, one line per direction."""
+    scenario = SCENARIOS / "arm-through-tissue-on-a-wall.toml"
+    done = CliRunner().invoke(app, ["performance", str(scenario), "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "rate-hardness" in done.output
+    written = json.loads((tmp_path / "performance.json").read_text("utf-8"))
+    assert written["directions"][0]["static_stiffness_N_per_m"] == pytest.approx(1000, rel=0.01)
+    assert (tmp_path / "performance.html").read_text("utf-8").count("<svg") == 2

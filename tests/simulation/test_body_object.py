@@ -1,0 +1,337 @@
+"""A body in a scenario: what is read, what is refused, and that the loop on it obeys the laws of simpler objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from one_node import one_node
+from palpate import fem as bodies
+from palpate import simulate
+from palpate.errors import ScenarioError, StabilityError
+from palpate.metrics import summarize
+from palpate.metrics.body_contact import work_so_far
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import cache_path, scenario_body
+from palpate.simulation.simulator import build_simulation
+from palpate.stability import certify
+from scipy.spatial.transform import Rotation
+
+POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40 x 40 x 20 mm of 10 kPa, bonded below, touched on its top, with vibration modes."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    volume = bodies.block((0.04, 0.04, 0.02), (0.005, 0.005, 0.01))
+    bodies.build(volume, young=10e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, modes=10, output=path)
+    return path
+
+
+def tables(body: dict[str, Any], **other: Any) -> dict[str, Any]:
+    """A press of 0.3 N along -z by a hand-held arm; `body` is [object.body], and tables lie over it."""
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.3 N"]},
+        "operator": HAND,
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.5 mm"], "body": body},
+        "run": {"duration": "0.25 s"},
+        **other,
+    }
+
+
+def on(block: Path, **options: Any) -> dict[str, Any]:
+    middle = ["20 mm", "20 mm", "20 mm"]
+    return {"file": str(block), "origin": middle, "radius": "8 mm", "tip": "flat", **options}
+
+
+def refusal(text: str, base: Path | None = None) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        simulate(Scenario.from_text(text, "press.toml", base))
+    return str(caught.value)
+
+
+def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
+    """The same run on a wall of the same stiffness: equal to rounding, tick by tick."""
+    path = one_node(1024.0, tmp_path / "one.h5")
+    on_body = simulate(tables({"file": str(path), "radius": "20 mm", "tip": "flat"}))
+    wall = {"kind": "wall", "stiffness": "1024 N/m", "position": ["0 mm", "0 mm", "-0.5 mm"], "normal": [0, 0, 1]}
+    on_wall = simulate({**tables({}), "object": wall})
+    assert np.array_equal(on_body["touching"], on_wall["touching"])
+    for channel in ("tip", "deflection", "object_force", "command_force"):
+        np.testing.assert_allclose(on_body[channel], on_wall[channel], atol=1e-9)
+    assert on_body["object_force"][-1, 2] < -0.1
+    np.testing.assert_allclose(on_body["stored_energy"][:, 0], 512.0 * on_body["deflection"][:, 2] ** 2, atol=1e-9)
+    assert set(on_body["pressed_nodes"][:, 0]) == {0.0, 1.0}
+    assert "only 1 nodes carry" in summarize(on_body)["verdict"]
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("compliance", {}),
+        ("modal", {"rayleigh_beta": "1 ms"}),
+        ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
+        ("modal", {"rayleigh_beta": "1 ms", "static_friction": 0.5}),
+        ("mass_spring", {"rayleigh_beta": "2 ms", "static_friction": 0.5, "dynamic_friction": 0.4}),
+        ("free_form", {"static_friction": 0.5}),
+    ],
+)
+def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
+    """The tip's way played to the body by itself, in the body's own turned frame, gives the loop's forces back."""
+    chosen = on(block, kind=kind, turn=["5 deg", "-10 deg", "40 deg"], **options) | {"tip": tip}
+    scenario = Scenario.from_dict(tables(chosen))
+    trace = simulate(scenario)
+    turn = Rotation.from_euler("xyz", [5.0, -10.0, 40.0], degrees=True).as_matrix()
+    anchor = trace["tip"][0] + [0.0, 0.0, -0.5e-3]
+    path = (trace["tip"] - anchor) @ turn + [0.02, 0.02, 0.02]
+    body = scenario_body(scenario)
+    body.core.reset()
+    felt = body.simulate_path(path, 8e-3, outward=[0, 0, 1], tip=tip)  # type: ignore[arg-type]
+    assert felt.nodes.max() >= 3
+    np.testing.assert_allclose(trace["object_force"], -felt.force @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(trace["deflection"], felt.deflection @ turn.T, atol=1e-12)
+    np.testing.assert_array_equal(trace["pressed_nodes"][:, 0], felt.nodes)
+
+
+def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
+    """Bit for bit, though the body has a state that a run leaves behind; and through the scenario's own text."""
+    scenario = Scenario.from_dict(
+        tables(on(block, kind="viscoelastic", instantaneous_ratio=3.0, retardation_time="20 ms"))
+    )
+    first, second = simulate(scenario), simulate(Scenario.from_dict(scenario.to_dict()))
+    assert scenario.to_dict() == Scenario.from_dict(scenario.to_dict()).to_dict()
+    for channel in first.channels:
+        assert np.array_equal(first[channel], second[channel]), channel
+
+
+def test_energy_is_accounted_for(block: Path) -> None:
+    """Elastic: the tip's work is what the body stores. A standard linear solid keeps some of it; none is made."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.1 s", "0 N", "0 N", "-0.4 N"], ["0.2 s", "0 N", "0 N", "0.3 N"]]
+    out = {"reference": {"shape": "table", "table": table}}
+    found = {}
+    for kind, options in {
+        "compliance": {},
+        "viscoelastic": {"instantaneous_ratio": 3.0, "retardation_time": "20 ms"},
+    }.items():
+        trace = simulate(tables(on(block, kind=kind, **options), **out))
+        found[kind] = summarize(trace)["palpation"]
+        assert not trace["touching"][-1, 0]
+        assert trace["touching"].any()
+        assert trace["stored_energy"][-1, 0] == found[kind]["stored_J"]
+    most = float(trace["stored_energy"].max())
+    assert most > 1e-5
+    assert found["compliance"]["stored_J"] == 0.0
+    assert 0.0 < found["viscoelastic"]["stored_J"] < 1e-3 * most  # has yet to creep back
+    assert abs(found["compliance"]["lost_J"]) < 1e-3 * most
+    assert found["viscoelastic"]["lost_J"] > 0.05 * most
+
+
+def test_a_run_that_begins_in_contact_ends_with_what_the_body_holds(block: Path) -> None:
+    """2 mm deep at the start, let go: nothing is stored at the end; what came out was there at the first sample."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.2 s", "0 N", "0 N", "1.5 N"]]
+    scenario = tables(on(block), reference={"shape": "table", "table": table})
+    scenario["object"]["position"] = ["0 mm", "0 mm", "2 mm"]
+    trace = simulate(scenario)
+    found = summarize(trace)["palpation"]
+    assert not trace["touching"][-1, 0]
+    assert found["at_start_J"] == trace["stored_energy"][0, 0] > 1e-5
+    assert found["stored_J"] == 0.0
+    assert found["work_J"] < 0.0
+    assert abs(found["lost_J"]) < 2e-2 * found["at_start_J"]
+
+
+def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
+    """Its nodes face away from there, so it would not be held, and be thrown out somewhere; one radius is let pass."""
+    inside = tables(on(block))
+    inside["object"]["position"] = ["0 mm", "0 mm", "12 mm"]
+    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*12 mm under"):
+        build_simulation(inside)
+    inside["object"]["position"] = ["0 mm", "0 mm", "18 mm"]  # 2 mm over the bonded bottom: what is felt is far
+    with pytest.raises(ScenarioError, match=r"its centre 18 mm under"):
+        build_simulation(inside)
+    inside["object"]["position"] = ["0 mm", "0 mm", "5 mm"]
+    build_simulation(inside)
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("modal", {}),
+        ("modal", {"rayleigh_beta": "2 ms", "static_friction": 0.5}),
+        ("modal", {"rayleigh_alpha": "20 1/s", "instantaneous_ratio": 2.0, "retardation_time": "20 ms"}),
+        ("viscoelastic", {"instantaneous_ratio": 3.0, "retardation_time": "20 ms"}),
+        ("viscoelastic", {"instantaneous_ratio": 3.0, "retardation_time": "20 ms", "static_friction": 0.5}),
+        ("mass_spring", {"rayleigh_beta": "2 ms"}),
+    ],
+)
+def test_what_a_body_has_lost_it_does_not_give_back(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
+    """In, along and out: at every tick work = stored + lost, and the lost only grows; at last little is stored."""
+    table = [["0 s", "0 N", "0 N", "0 N"], ["0.1 s", "0 N", "0 N", "-0.4 N"], ["0.15 s", "0.1 N", "0 N", "-0.4 N"],
+             ["0.3 s", "0 N", "0 N", "0.4 N"], ["0.4 s", "0 N", "0 N", "0.4 N"]]  # fmt: skip
+    moved = {"reference": {"shape": "table", "table": table}, "run": {"duration": "0.4 s"}}
+    setup = tables(on(block, kind=kind, **options) | {"tip": tip}, **moved)
+    if tip == "sphere":
+        setup["object"]["position"][2] = "-8.5 mm"
+    trace = simulate(setup)
+    stored = trace["stored_energy"][:, 0]
+    lost = work_so_far(trace) - stored
+    most = stored.max()
+    assert most > 1e-5
+    assert np.diff(lost).min() > -1e-5 * most
+    touched = trace["touching"][:, 0] > 0.0
+    assert not touched[-50:].any()
+    assert stored[touched].min() > 0.0
+    found = summarize(trace)["palpation"]
+    assert found["work_J"] == pytest.approx(found["stored_J"] + found["lost_J"])
+    if options:
+        assert stored[-1] < 1e-3 * most
+        assert found["lost_J"] > 0.02 * most
+    else:  # undamped, it rings on; lost is what steps of the force do to what has no inertia
+        assert 0.0 < found["lost_J"] < 0.04 * most
+
+
+def test_a_trace_of_fewer_samples_tells_the_same_work(block: Path) -> None:
+    """Forces of a body that holds them over a tick belong half a tick before: a fourth of two ticks, not half."""
+    press = tables(on(block, kind="viscoelastic", instantaneous_ratio=3.0, retardation_time="20 ms"))
+    work = [summarize(simulate({**press, "run": {"duration": "0.25 s", "record_every": n}}))["palpation"]["work_J"]
+            for n in (1, 2)]  # fmt: skip
+    assert work[1] == pytest.approx(work[0], rel=5e-3)
+
+
+def test_the_summary_says_how_the_press_ended(block: Path) -> None:
+    summary = summarize(simulate(tables(on(block), run={"duration": "0.8 s"})))
+    pressed = summary["palpation"]
+    assert summary["stable"]
+    assert summary["verdict"].startswith("stable: presses the body in by")
+    assert pressed["settled"]
+    assert pressed["touches"] == 1
+    assert pressed["held_J"] >= 0.0
+    assert pressed["stiffness_N_per_m"] == pytest.approx(pressed["final_force_N"] / pressed["final_deflection_m"], 0.02)
+    deep = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "2 mm"], "body": on(block)}}
+    assert "it began 2 mm deep in the body" in summarize(simulate(deep))["verdict"]
+    far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
+    assert "never touched the body" in summarize(simulate(far))["verdict"]
+
+
+def test_a_tip_pushed_through_the_surface_is_still_held(block: Path) -> None:
+    """A flat end goes in by more than twice its radius, and the force grows with it."""
+    hard = {"shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-2.5 N"]}
+    trace = simulate(tables(on(block) | {"radius": "3 mm"}, reference=hard, run={"duration": "0.6 s"}))
+    force, deep = -trace["object_force"][:, 2], -trace["deflection"][:, 2]
+    assert trace["touching"][-100:].all()
+    assert deep[-100:].min() > 6.5e-3
+    assert force[-100:].min() > 4.0 * force[np.argmax(deep > 1e-3)]
+
+
+def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second run reads what the first one made; another recipe has another name; half a file is not read."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    made = {"shape": "block", "size": ["30 mm", "30 mm", "10 mm"], "young": "5 kPa", "spacing": "10 mm"}
+    scenario = Scenario.from_dict(tables({**made, "radius": "10 mm", "tip": "flat"}))
+    first = simulate(scenario)
+    assert scenario.object.body is not None
+    path = cache_path(scenario.object.body)
+    assert path.parent == tmp_path / "palpate" / "bodies"
+    begun = path.stat().st_mtime_ns
+    again = simulate(scenario)
+    assert path.stat().st_mtime_ns == begun
+    assert np.array_equal(first["tip"], again["tip"])
+    stiffer = Scenario.from_dict(tables({**made, "young": "6 kPa", "radius": "10 mm"})).object.body
+    assert stiffer is not None
+    assert cache_path(stiffer) != path
+    # the middle of its top lies at the object's position
+    felt = first["touching"][:, 0] > 0.0
+    assert first["tip"][felt][0, 2] == pytest.approx(first["tip"][0, 2] - 0.5e-3, abs=2e-5)
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is made again"):
+        simulate(scenario)
+
+
+HEAD = """
+[device]
+name = "phantom-premium-1.5a"
+[start]
+pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+[reference]
+force = ["0 N", "0 N", "-1 N"]
+[object]
+kind = "body"
+"""
+ON = '[object.body]\nfile = "block.h5"\nradius = "8 mm"\n'
+BLOCK = (
+    '[object.body]\nshape = "block"\nsize = ["30 mm", "30 mm", "10 mm"]\nyoung = "5 kPa"\nspacing = "10 mm"\n'
+    'radius = "8 mm"\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        ('stiffness = "1 N/m"\n[object.body]\nshape = "phantom"\nradius = "8 mm"', "line 10: object.stiffness has no"),
+        ("", "object.body is missing; write a table [object.body]"),
+        ('[object.body]\nfile = "no.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
+        ('[object.body]\nfile = "other.h5"\nradius = "8 mm"', "line 11: object.body.file: "),
+        ('[object.body]\nshape = "block"\nradius = "8 mm"', "line 10: object.body.size is missing"),
+        ('[object.body]\nfile = "block.h5"', 'object.body.radius is missing; write for example radius = "8 mm"'),
+        ('[object.body]\nfile = "block.h5"\nradius = "0 mm"', "line 12: object.body.radius: \"0 mm\" must be positive"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nkind = "modall"', "line 13: object.body.kind: \"modall\""),
+        (ON + 'kind = "viscoelastic"', "instantaneous_ratio is missing: viscoelastic needs"),
+        (
+            '[object.body]\nfile = "block.h5"\nradius = "8 mm"\nretardation_time = "2 s"',
+            'line 13: unknown key "retardation_time"',
+        ),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nslow_step = "20 ms"', "only neo-hookean, corotational"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nyoung = "2 kPa"', "line 13: object.body.young has no mea"),
+        (
+            ON + 'kind = "viscoelastic"\ninstantaneous_ratio = 0.5\nretardation_time = "1 s"',
+            "line 14: object.body.instantaneous_ratio: 0.5 must be 1 or more",
+        ),
+        ('[object.body]\nshape = "phantom"\ndepth = "1 m"\nradius = "8 mm"', "line 12: object.body.depth: 1000 mm; "),
+        (ON + 'kind = "neo-hookean"\nnear = 4.5', "line 14: object.body.near: 4.5 must be a whole number"),
+        (ON + 'kind = "neo-hookean"\nslow_step = "0.1 ms"', "line 14: object.body.slow_step: it lasts one tick"),
+        (ON + "static_friction = 0.3\ndynamic_friction = 0.4", "line 14: object.body.dynamic_friction: 0.4 must"),
+        (ON + 'kind = "free_form"\ncontrol_spacing = "1 m"', "line 14: object.body.control_spacing: 1000 mm; it must"),
+        (ON + 'kind = "free_form"\nspacing = "5 mm"', "line 14: object.body.spacing has no meaning"),
+        (ON + "friction = 0.4", 'line 13: unknown key "friction" in [object.body]; did you mean static_friction?'),
+        (ON + "stiffness_scale = 0", "line 13: object.body.stiffness_scale: 0 must be positive"),
+        (ON + "stiffness_scale = -2", "line 13: object.body.stiffness_scale: -2 must "),
+        (ON + "stiffness_scale = 1e300", "line 13: object.body.stiffness_scale: 1e+300; a body is"),
+        (ON + "kind = ['modal']", "line 13: object.body.kind: ['modal'] must be text"),
+        (ON + "options = 3", "line 13: object.body.options: 3 is not a table"),
+        (BLOCK + 'kind = "modal"', "line 16: object.body.kind: the body was built without modes"),
+        (BLOCK + "modes = 100000", "line 16: object.body.modes: a body of "),
+        (BLOCK + "poisson = 0.5", "line 16: object.body.poisson: 0.5 must be below 0.5"),
+        ('[object.body]\nfile = "mesh.stl"\nradius = "8 mm"', "mesh.stl: a mesh, which is no body yet; make one of it"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_with_its_line(
+    block: Path, monkeypatch: pytest.MonkeyPatch, lines: str, sentence: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(block.parent))
+    (block.parent / "other.h5").write_bytes(b"not a body")
+    (block.parent / "mesh.stl").write_bytes(b"solid")
+    found = refusal(HEAD + lines, block.parent)
+    assert sentence in found, found
+
+
+def test_the_cells_of_a_block_are_not_the_grid_of_its_spline() -> None:
+    """Both are lengths between points; the block's `spacing` was taken for the spline's."""
+    block = {"shape": "block", "size": ["30 mm", "30 mm", "10 mm"], "young": "5 kPa", "spacing": "10 mm"}
+    given = {**block, "radius": "10 mm", "kind": "free_form", "control_spacing": "20 mm"}
+    choice = Scenario.from_dict(tables(given)).object.body
+    assert choice is not None
+    assert (choice.spacing, choice.options) == (0.01, {"control_spacing": 0.02})
+
+
+def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:
+    with pytest.raises(StabilityError, match="as stiff as it is pressed"):
+        certify(tables(on(block)))

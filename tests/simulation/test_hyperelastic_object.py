@@ -1,0 +1,186 @@
+"""A body under large displacements in a scenario: the laws of small ones, of energy, and of the solid by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import fem as bodies
+from palpate import simulate
+from palpate.errors import ScenarioError
+from palpate.fem import BodyError, HyperelasticModel, Material, QuasiStaticSolver
+from palpate.metrics import summarize
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import pressed_at, scenario_body
+from palpate.stability import contact_stability
+
+POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
+VOLUME = bodies.block((0.04, 0.04, 0.03), 0.005)
+BOTTOM, TOP = bodies.half_space("z", "<", 1e-9), bodies.half_space("z", ">", 0.03 - 1e-9)
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40 x 40 x 30 mm of 8 kPa, bonded below, touched on its top, condensed from linear tetrahedra."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    bodies.build(VOLUME, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1, output=path)
+    return path
+
+
+def tables(block: Path, force: float, height: float, duration: str = "0.4 s", **body: Any) -> dict[str, Any]:
+    """A press of `force`, N, by a hand-held arm on the block's top, `height`, m, under the start tip."""
+    chosen = {"file": str(block), "origin": ["21 mm", "18.5 mm", "30 mm"], "radius": "8 mm", "kind": "neo-hookean"}
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "0.1 s", "force": ["0 N", "0 N", f"{-force:g} N"]},
+        "operator": HAND,
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", f"{-height:g} m"], "body": chosen | body},
+        "run": {"duration": duration},
+    }
+
+
+def deep(block: Path, **body: Any) -> dict[str, Any]:
+    return tables(block, 2.8, 8.3e-3, "0.6 s", **body)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+def test_a_small_press_in_the_loop_is_that_of_the_condensed_body(block: Path, law: str) -> None:
+    """Some hundredths of a millimetre deep, the same tetrahedra: tip and force within half a percent at last."""
+    flat = {"tip": "flat", "radius": "6 mm"}
+    large = simulate(tables(block, 0.03, 5e-6, kind=law, **flat))
+    linear = simulate(tables(block, 0.03, 5e-6, kind="compliance", **flat))
+    assert 1e-5 < linear["deflection"][-1, 2] * -1 < 1e-4
+    for channel, axes in (("tip", 3), ("object_force", 3), ("deflection", 1)):  # a condensed one yields along normals
+        moved = (large[channel] - linear[channel])[:, -axes:]
+        assert np.abs(moved[-50:]).max() < 5e-3 * np.ptp(linear[channel], axis=0).max(), channel
+
+
+def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
+    """Bit for bit, and through the scenario's own text; the body that was made for it is not changed by a run."""
+    scenario = Scenario.from_dict(deep(block, slow_step="15 ms", near=24))
+    first, second = simulate(scenario), simulate(Scenario.from_dict(scenario.to_dict()))
+    assert scenario.to_dict()["object"]["body"]["options"] == {"slow_step": "0.015 s", "near": 24.0}
+    for channel in first.channels:
+        assert np.array_equal(first[channel], second[channel]), channel
+    other = simulate(deep(block, slow_step="40 ms"))
+    assert not np.array_equal(first["tip"], other["tip"])
+
+
+def test_the_work_of_the_tip_is_what_the_body_holds(block: Path) -> None:
+    """In, held, out again: at each tick work = stored + saved, neither below zero; both end with the contact."""
+    course = [["0 s", 0.0], ["0.25 s", -2.8], ["0.45 s", -2.8], ["0.7 s", 0.4], ["0.8 s", 0.4]]
+    reference = {"shape": "table", "table": [[t, "0 N", "0 N", f"{f:g} N"] for t, f in course]}
+    trace = simulate({**deep(block), "reference": reference, "run": {"duration": "0.8 s"}})
+    force, tip, on = trace["object_force"], trace["tip"], trace["touching"][:, 0] > 0
+    held = (trace["stored_energy"] + trace["saved_energy"])[:, 0]
+    mean = 0.5 * (force[1:] + force[:-1])
+    work = np.concatenate([[0.0], np.cumsum((mean * np.diff(tip, axis=0)).sum(axis=1))])
+    most = trace["stored_energy"].max()
+    assert most > 5e-4
+    assert trace["saved_energy"].max() > 1e-3 * most
+    assert trace["stored_energy"].min() >= 0.0
+    assert trace["saved_energy"].min() >= 0.0
+    first, last = np.flatnonzero(on)[[0, -1]]
+    assert on[first:last].all()
+    np.testing.assert_allclose(work[first:last], held[first:last], atol=0.01 * most)
+    assert not on[-1]
+    found = summarize(trace)["palpation"]
+    assert found["stored_J"] == found["saved_J"] == 0.0
+    assert found["lost_J"] > -0.01 * most
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
+    """The tip's way played to the body by itself gives the loop's forces back, and the report its shape."""
+    height = 8.3e-3 if tip == "sphere" else 3e-4
+    scenario = Scenario.from_dict(tables(block, 1.5, height, tip=tip, radius="8 mm"))
+    trace = simulate(scenario)
+    path = trace["tip"] - trace["tip"][0] + [0.021, 0.0185, 0.03 + height]
+    body = scenario_body(scenario)
+    body.core.reset()
+    felt = body.simulate_path(path, 8e-3, outward=[0, 0, 1], tip=tip)  # type: ignore[arg-type]
+    assert felt.nodes.max() >= 4
+    np.testing.assert_allclose(trace["object_force"], -felt.force, atol=1e-9)
+    np.testing.assert_allclose(trace["deflection"], felt.deflection, atol=1e-9)
+    np.testing.assert_array_equal(trace["pressed_nodes"][:, 0], felt.nodes)
+    shown = pressed_at(trace, -1)
+    under = np.argmin(np.linalg.norm(body.nodes - path[-1], axis=1))
+    assert shown.displacement[under, 2] == pytest.approx(
+        path[-1, 2] - (8e-3 if tip == "sphere" else 0) - 0.03, abs=5e-4
+    )
+    assert (shown.pressure @ body.contents.areas) == pytest.approx(np.linalg.norm(trace["object_force"][-1]), rel=0.1)
+
+
+def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
+    """A quarter of the block's height deep, by another road: a solid of its own assembly, pressed without a loop."""
+    trace = simulate({**deep(block), "run": {"duration": "1.8 s"}})
+    found = summarize(trace)["palpation"]
+    assert found["settled"]
+    depth = trace["tip"][0, 2] - trace["tip"][-1, 2] - 0.3e-3
+    assert depth > 5e-3
+    solid = QuasiStaticSolver(HyperelasticModel(VOLUME, Material(8e3, 0.4), BOTTOM, TOP))
+    aside = (trace["tip"][-1] - trace["tip"][0])[:2]
+    force, _ = solid.indent([0.021 + aside[0], 0.0185 + aside[1], 0.03], 8e-3, depth, outward=[0, 0, 1])
+    np.testing.assert_allclose(trace["object_force"][-1], -force, atol=0.01 * force[2])
+    judged = contact_stability(trace)
+    assert judged.stable
+    assert judged.stiffness > 1.1 * force[2] / depth  # it stiffens: the slope is above the secant
+
+
+def test_what_cannot_be_is_refused(block: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"slow_step: it lasts one tick \(0.001 s\) or more, not 0.0001 s"):
+        simulate(deep(block, slow_step="0.1 ms"))
+    with pytest.raises(ScenarioError, match="near: 65 must be a whole number, from 4 to 64"):
+        simulate(deep(block, near=65))
+    with pytest.raises(ScenarioError, match=r'unknown key "retardation_time" in \[object.body\]'):
+        simulate(deep(block, retardation_time="1 s"))
+    with pytest.raises(ScenarioError, match="did you mean neo-hookean"):
+        simulate(deep(block, kind="neo-hooke"))
+    with pytest.raises(BodyError, match="neo-hookean or corotational"):
+        bodies.load(block).hyperelastic("1 ms", law="mooney")  # type: ignore[arg-type]
+
+
+def sideways(depth: float, reach: float, ticks: int) -> np.ndarray:
+    """In at once, held, then `reach` along x and back, of a flat end; (m, 3), m."""
+    still = np.tile([0.016, 0.0185, 0.03 - depth], (300, 1))
+    along = np.concatenate([np.linspace(0, 1, ticks), np.linspace(1, 0, ticks)])
+    return np.concatenate([still, still[-1] + reach * along[:, None] * [1.0, 0.0, 0.0]])
+
+
+def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None:
+    """Small: way to sliding by a ratio and a sway against the true compliance along the surface; sliding is mu N."""
+    body = bodies.load(block)
+    path = sideways(5e-5, 8e-4, 400)
+    kinds = (body.hyperelastic("1 ms", static_friction=0.5, dynamic_friction=0.4), body.with_friction(0.5, 0.4))
+    large, small = (kind.simulate_path(path, "6 mm", outward=[0, 0, 1], tip="flat") for kind in kinds)
+    drag, true = large.friction[:, 0], small.friction[:, 0]
+    load = large.force[:, 2]
+    rate = np.abs(drag[301:] / load[301:])
+    assert rate.max() < 0.5 + 1e-9
+    np.testing.assert_allclose(rate[380], 0.4, rtol=1e-6)  # slides
+    stick = slice(300, 310)
+    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.05)
+    assert np.abs(drag - true).max() < 0.1 * load.max()
+
+
+def test_friction_takes_work_and_gives_none(block: Path) -> None:
+    """Deep, led back and forth by a hand: at each tick the work of the tip is at least what the body holds."""
+    led = [["0 s", "0 N", "0 N", "0 N"], ["0.3 s", "0 N", "0 N", "0 N"], ["0.5 s", "1.5 N", "0 N", "0 N"],
+           ["0.8 s", "-0.8 N", "0.5 N", "0 N"]]  # fmt: skip
+    setup = {**deep(block, static_friction=0.5, dynamic_friction=0.4), "run": {"duration": "0.9 s"}}
+    trace = simulate({**setup, "operator": {**HAND, "shape": "table", "table": led}})
+    force, tip = trace["object_force"], trace["tip"]
+    held = (trace["stored_energy"] + trace["saved_energy"])[:, 0]
+    work = np.concatenate([[0.0], np.cumsum((0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0)).sum(axis=1))])
+    most = trace["stored_energy"].max()
+    assert (work - held).min() > -0.01 * most
+    assert (work - held)[-1] > 0.1 * most
+    assert np.diff(work - held).min() > -0.01 * most
+    smooth = simulate({**setup, "object": deep(block)["object"], "operator": {**HAND, "shape": "table", "table": led}})
+    assert np.ptp(smooth["tip"][:, 0]) > 1.2 * np.ptp(tip[:, 0])
+    assert trace.stable

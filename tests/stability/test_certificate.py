@@ -1,0 +1,244 @@
+"""Certificates and Z-widths of scenarios: what is claimed is what the full simulation does."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import simulate
+from palpate.cli.main import app
+from palpate.errors import StabilityError
+from palpate.linear import HumanArm
+from palpate.linear.linear_device import LinearDevice
+from palpate.report import zwidth_page
+from palpate.scenario import Scenario
+from palpate.simulation import scenario_loop
+from palpate.stability import certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
+from palpate.stability.counter_example import growth, to_toml
+from palpate.stability.zwidth_map import wall_loops
+from typer.testing import CliRunner
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def slider(stiffness: str = "97 N/m", **tables: Any) -> dict[str, Any]:
+    """A slider leant on with half a newton."""
+    return {
+        "title": "Slider",
+        "device": {"name": "slider"},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "step", "force": ["0.5 N", "0 N", "0 N"]},
+        "object": {"kind": "spring", "stiffness": stiffness},
+        "run": {"duration": "2 s"},
+        **tables,
+    }
+
+
+def test_stable_and_passive_slider() -> None:
+    """97 N/m of 100.01: stable with 3.1 % to spare, and passive (KT/2 = .0485 of .05 N s/m)."""
+    certificate = certify(slider())
+    assert certificate.stable
+    assert certificate.passive
+    assert certificate.counter_example is None
+    exact = wall_limit(mass=0.06, damping=0.05, period=1e-3).critical_stiffness
+    assert certificate.margin["object_stiffer_by_factor"] == pytest.approx(exact / 97, rel=1e-8)
+    assert certificate.margin["passive_damping_needed_N_s_per_m"] == pytest.approx(0.0485, rel=1e-8)
+    assert set(certificate.criteria) == {"eigenvalues", "Jury", "Routh", "Lyapunov"}
+    assert all(certificate.criteria.values())
+    assert "passive" in certificate.claim
+    json.dumps(certificate.to_dict(), allow_nan=False)
+
+
+def test_unstable_slider_has_a_counter_example_that_runs() -> None:
+    """130 N/m is beyond the limit: the scenario in the certificate, read back from its text, diverges from rest."""
+    certificate = certify(slider("130 N/m"))
+    assert certificate.verdict == "unstable"
+    assert not any(certificate.criteria.values())
+    assert certificate.margin["stable_share_of_the_object"] == pytest.approx(100.0139 / 130, rel=1e-5)
+    example = certificate.counter_example
+    assert example is not None
+    trace = simulate(Scenario.from_text(example.toml()))
+    assert growth(trace["tip"]) == pytest.approx(example.growth, rel=1e-9)
+    assert example.growth > 5
+
+
+def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
+    """Virtual damping lets a bare slider show 2 N/mm, but some mass and spring in its place makes it unstable."""
+    tables = slider("2000 N/m", object={"kind": "spring", "stiffness": "2000 N/m", "damping": "3 N*s/m"})
+    certificate = certify(tables)
+    assert certificate.stable
+    assert certificate.passive is False
+    example = certificate.counter_example
+    assert example is not None
+    assert "in a hand of" in example.sentence
+    hand = Scenario.from_text(example.toml())
+    assert hand.operator.kind == "arm"
+    assert hand.operator.damping == 0.0
+    assert scenario_loop(hand).spectral_radius() > 1
+    assert example.growth > 1.5
+    assert destabilizing_operator(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
+
+
+def test_no_passivity_is_claimed_of_an_arm_that_tips_over() -> None:
+    """Balanced by a constant force an arm may stand on a hilltop: whatever the damping, it is not stable in no hand."""
+    scenario = Scenario.from_file(SCENARIOS / "drive-limits-and-encoder.toml")
+    soft = scenario.to_dict()
+    soft["object"] = {**soft["object"], "stiffness": "1 N/m", "damping": "0 N*s/m"}
+    loop = scenario_loop(Scenario.from_dict(soft))
+    assert loop.device_damping > 1e-3 * 1.5 * 1.0  # K(n + 1/2)T would be covered
+    assert not loop.rests
+    assert certify(soft).passive is None
+    assert zwidth(scenario, simulated=False).passive is None
+    assert "nobody holds it" in zwidth(scenario, simulated=False).never
+
+
+def test_a_run_that_diverges_is_not_called_stable() -> None:
+    """Small motions die out, but a reference force of 4 kN throws the arm: no claim of stability."""
+    thrown = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "0.5 ms"},
+        "reference": {"shape": "step", "force": ["4000 N", "4000 N", "4000 N"]},
+        "object": {"kind": "spring", "stiffness": "3.5 N/mm"},
+        "controller": {"kind": "lqg"},
+        "run": {"duration": "0.5 s"},
+    }
+    certificate = certify(thrown)
+    assert all(certificate.criteria.values())
+    assert certificate.verdict != "stable"
+
+
+@pytest.mark.parametrize("name", ["press-stiff-cube-lqg", "press-soft-cube-lead-lag", "arm-through-tissue-on-a-wall"])
+def test_scenarios_of_the_project_are_certified(name: str) -> None:
+    certificate = certify(SCENARIOS / f"{name}.toml")
+    assert certificate.stable
+    assert certificate.margin["object_stiffer_by_factor"] > 2
+    assert certificate.margin["spectral_radius"] < 1
+    assert "operator" in " ".join(certificate.assumptions) or "reference force" in " ".join(certificate.assumptions)
+
+
+def test_nonlinear_arm_goes_unstable_where_the_certificate_says() -> None:
+    """LQG on the nonlinear arm: 1 % under the certified factor a nudge dies, 1 % above it grows."""
+    tables: dict[str, Any] = Scenario.from_file(SCENARIOS / "press-stiff-cube-lqg.toml").to_dict()
+    scenario = Scenario.from_dict(tables)
+    from palpate.simulation.controllers import build_controller
+
+    device = scenario.load_device()
+    controller = build_controller(scenario, device, np.array(scenario.start.pose))
+    factor = certify(scenario).margin["object_stiffer_by_factor"]
+    tables["reference"] = {"shape": "step", "force": ["0.001 N", "0.001 N", "0.001 N"]}
+    tables["run"] = {"duration": "2 s", "substeps": 4}
+    for share, grows in ((0.99, False), (1.01, True)):
+        stiffness = share * factor * scenario.object.stiffness[0]  # type: ignore[index]
+        tables["object"] = {"kind": "spring", "stiffness": f"{stiffness!r} N/m"}
+        trace = simulate(tables, controller)
+        assert (not trace.stable or growth(trace["tip"], 3) > 1) is grows
+
+
+def test_loop_of_a_slider_scenario_is_the_wall_loop() -> None:
+    """Delay, controller gain and damping of a scenario against the same in the one-line question."""
+    tables = slider("1 N/m", device={"name": "slider", "delay": 2}, controller={"kind": "gain", "gain": 2.0})
+    loop = wall_loops(scenario_loop(Scenario.from_dict(tables)))[0]
+    curve, same = (
+        stability_boundary(loop, points=300),
+        stability_boundary(LinearDevice.of_mass(0.06, 0.05), period=1e-3, delay=2, points=300),
+    )
+    assert 2 * curve.stiffest[1] == pytest.approx(same.stiffest[1], rel=1e-4)
+    assert 2 * curve.damping[-1] == pytest.approx(same.damping[-1], rel=1e-4)
+
+
+def test_zwidth_of_a_slider() -> None:
+    """The simulated boundary lies on the exact curve; the passive region below it; a rigid grip above."""
+    found = zwidth(slider())
+    names = list(found.curves)
+    assert names[0] == "nobody holds it"
+    assert found.simulated is not None
+    assert len(found.simulated.damping) > 100
+    assert found.simulated.runs < found.simulated.cells / 5
+    assert found.simulated.furthest < 2e-3
+    assert found.curves["a rigid grip"].stiffest[1] > 3 * found.curves[names[0]].stiffest[1]
+    assert found.passive is not None
+    assert found.passive[1].max() == pytest.approx(100.0, rel=1e-6)  # 2b/T
+    corner = found.corner  # 100 N/m beside 41 N/mm: passive walls and object would not be seen
+    assert corner is not None
+    assert corner.window == pytest.approx((0.1275, 250.0))
+    assert corner.simulated is not None
+    assert corner.simulated.furthest < 2e-3
+    assert corner.edge.damping.max() > corner.window[0]
+    for b, k in zip(corner.simulated.damping[::10], corner.simulated.stiffness[::10], strict=True):
+        exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, virtual_damping=b).critical_stiffness
+        assert k == pytest.approx(exact, rel=2e-3)
+    html = zwidth_page(found).html()
+    assert "<svg" in html
+    assert "inside the stable region" in html
+    assert "http://" not in html.replace("http://www.w3.org", "")
+
+
+def test_zwidth_of_the_nonlinear_arm_with_a_controller() -> None:
+    found = zwidth(SCENARIOS / "press-stiff-cube-lqg.toml")
+    assert found.simulated is not None
+    assert len(found.simulated.damping) > 100
+    assert np.median(found.simulated.distance) < 1e-4
+    assert found.simulated.furthest < 0.01  # a cell of the map, where the curve has a corner; 2 % was asked
+    assert found.corner is None
+    assert found.passive is None
+    assert "tracks a reference force" in found.not_passive
+
+
+def test_a_loop_that_settles_elsewhere_is_not_called_stable() -> None:
+    """Through tissue the arm, thrown by a swing that grew, may come to rest at another pose."""
+    found = zwidth(SCENARIOS / "arm-through-tissue-on-a-wall.toml").simulated
+    assert found is not None
+    assert found.furthest < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"object": {"kind": "none"}}, "nothing is touched"),
+        ({"operator": {"kind": "fixed"}}, "keeps the tip still"),
+        ({"object": {"kind": "wall", "stiffness": "1 N/m", "normal": [0, 1, 0]}}, "cannot move along it"),
+    ],
+)
+def test_scenarios_without_a_loop_are_refused(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(StabilityError, match=says):
+        certify(slider(**change))
+
+
+def test_certify_and_zwidth_from_the_command_line(tmp_path: Path) -> None:
+    """Exit code 0 for stable, 1 for unstable with a counter-example beside it, 2 for a scenario without a loop."""
+    runner = CliRunner()
+    good, bad, none = tmp_path / "good.toml", tmp_path / "bad.toml", tmp_path / "none.toml"
+    good.write_text(to_toml(slider()), "utf-8")
+    bad.write_text(to_toml(slider("130 N/m")), "utf-8")
+    none.write_text(to_toml(slider(operator={"kind": "fixed"})), "utf-8")
+    result = runner.invoke(app, ["certify", str(good), "--out", str(tmp_path / "good")])
+    assert result.exit_code == 0, result.output
+    assert "Stable: " in result.output
+    written = json.loads((tmp_path / "good" / "certificate.json").read_text("utf-8"))
+    assert written["verdict"] == "stable"
+    result = runner.invoke(app, ["certify", str(bad), "--out", str(tmp_path / "bad")])
+    assert result.exit_code == 1
+    assert simulate(tmp_path / "bad" / "counter-example.toml")["tip"].size > 0
+    assert runner.invoke(app, ["certify", str(none), "--out", str(tmp_path / "none")]).exit_code == 2
+    assert not (tmp_path / "none").exists()
+    result = runner.invoke(app, ["zwidth", str(good), "--out", str(tmp_path / "good"), "--no-simulate"])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "good" / "zwidth.html").stat().st_size > 10_000
+    written = json.loads((tmp_path / "good" / "zwidth.json").read_text("utf-8"))
+    assert written["simulated"] is None
+    assert len(written["curves"]["nobody holds it"]["damping_N_s_per_m"]) == 1000
+
+
+def test_certificate_of_a_held_slider_is_the_one_line_answer() -> None:
+    """The same arm, rigid and through tissue, in a scenario and in `wall`: the same critical stiffness."""
+    operator = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+    tissue = {"tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}
+    for extra, arm in (({}, HumanArm(0.15, 4.5, 560)), (tissue, HumanArm(0.15, 4.5, 560, 500, 0.5))):
+        certificate = certify(slider("1000 N/m", operator={**operator, **extra}))
+        exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, arm=arm).critical_stiffness
+        assert certificate.stable
+        assert 1000 * certificate.margin["object_stiffer_by_factor"] == pytest.approx(exact, rel=1e-8)

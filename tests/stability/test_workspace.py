@@ -1,0 +1,171 @@
+"""The workspace's map: each of its limits is the limit of that pose's own loop, and of the simulated one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import devices, simulate
+from palpate.cli.main import app
+from palpate.control import Controller
+from palpate.errors import StabilityError
+from palpate.linear import HumanArm
+from palpate.report import workspace_page
+from palpate.scenario import Scenario
+from palpate.simulation import scenario_loop
+from palpate.stability import Workspace, certify, stability_interval, workspace
+from palpate.stability.counter_example import growth
+from palpate.stability.pose_loops import PoseLoops
+from palpate.stability.zwidth_map import wall_loops
+from typer.testing import CliRunner
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+ARM = devices.load("phantom-premium-1.5a")
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+TISSUE = {"tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}
+
+
+def display(delay: int = 0, damping: float = 0.0, **tables: Any) -> dict[str, Any]:
+    """The arm as an impedance display in a hand."""
+    return {
+        "device": {"name": "phantom-premium-1.5a", "delay": delay},
+        "start": {"pose": ["0 rad", "0.3 rad", "0.2 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {**HAND, **TISSUE},
+        "object": {"kind": "wall", "stiffness": "1 N/m", "damping": f"{damping} N*s/m", "normal": [0, 0, 1]},
+        **tables,
+    }
+
+
+def placed(tables: dict[str, Any], pose: np.ndarray, normal: np.ndarray, stiffness: float = 1.0) -> dict[str, Any]:
+    """The same scenario begun at another pose, at a wall that faces another way."""
+    wall = {**tables["object"], "stiffness": f"{float(stiffness)!r} N/m", "normal": normal.tolist()}
+    return {**tables, "start": {"pose": [f"{float(angle)!r} rad" for angle in pose]}, "object": wall}
+
+
+@pytest.fixture(scope="module")
+def delayed() -> tuple[dict[str, Any], Workspace]:
+    tables = display(delay=1, damping=1.5)
+    return tables, workspace(tables, poses=120)
+
+
+def test_every_limit_is_that_of_the_pose_by_itself(delayed: tuple[dict[str, Any], Workspace]) -> None:
+    """Against the loop of `certify`, built and searched one by one: equal to 1e-8."""
+    tables, found = delayed
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        i, j = int(rng.integers(len(found.poses))), int(rng.integers(found.stiffness.shape[1]))
+        loop = scenario_loop(Scenario.from_dict(placed(tables, found.poses[i], found.directions[i, j])))
+        damping = float(loop.damping[0, 0])
+        limit = stability_interval(wall_loops(loop)[0], damping)
+        assert found.stiffness[i, j] == pytest.approx(limit.stiffness, rel=1e-8)
+        assert found.frequency[i, j] == pytest.approx(limit.frequency, rel=1e-6)
+
+
+def test_the_certificate_at_a_pose_agrees() -> None:
+    """Without damping `object_stiffer_by_factor` is the critical stiffness of a wall of 1 N/m."""
+    tables = display()
+    tables["run"] = {"duration": "0.02 s"}
+    found = workspace(tables, poses=60)
+    for i in (0, len(found.poses) // 2, found.least[0]):
+        j = int(np.argmin(found.stiffness[i]))
+        certificate = certify(placed(tables, found.poses[i], found.directions[i, j]))
+        assert certificate.margin["object_stiffer_by_factor"] == pytest.approx(found.stiffness[i, j], rel=1e-7)
+
+
+def test_the_simulated_arm_swings_where_the_map_says(delayed: tuple[dict[str, Any], Workspace]) -> None:
+    """1 % under the critical stiffness of a pose a nudge dies, 1 % above it grows: the nonlinear arm in full."""
+    tables, found = delayed
+    places = [(int(np.argmin(found.stiffness[:, axis])), axis) for axis in range(3)]
+    for i, axis in [*places, (len(found.poses) // 3, 2)]:
+        for share, grows in ((0.99, False), (1.01, True)):
+            pressed = placed(tables, found.poses[i], found.directions[i, axis])
+            stiffness = share * float(found.stiffness[i, axis])
+            held = {"stiffness": f"{stiffness!r} N/m", "damping": "1.5 N*s/m"}
+            one = {key: [text if k == axis else f"0 {text.split()[1]}" for k in range(3)] for key, text in held.items()}
+            pressed["object"] = {"kind": "spring", **one}  # held from both sides
+            push = ["0.001 N" if k == axis else "0 N" for k in range(3)]
+            pressed["operator"] = {**HAND, **TISSUE, "shape": "step", "force": push}
+            pressed["run"] = {"duration": "2 s", "substeps": 4}
+            trace = simulate(pressed)
+            assert (not trace.stable or growth(trace["tip"], 3) > 1) is grows
+
+
+def test_the_weakest_direction_is_found() -> None:
+    """No random direction is weaker than the map's by more than 3 %."""
+    rng = np.random.default_rng(1)
+    found = workspace(display(), poses=60)
+    law = Controller.gain(1.0, 1e-3)
+    loops = PoseLoops.of(ARM, found.poses, law, 1e-3, 0, HumanArm(0.15, 4.5, 560, 500, 0.5))
+    normals = rng.normal(size=(len(loops), 30, 3))
+    normals /= np.linalg.norm(normals, axis=2)[:, :, None]
+    searched = loops.critical_stiffness(normals, np.zeros((len(loops), 30)))[0].min(axis=1)
+    assert np.all(searched > 0.97 * found.worst)
+
+
+def test_turning_the_base_changes_nothing() -> None:
+    """Gravity and the hand are the same all round: the yaw may turn if the wall turns with it."""
+    law = Controller.gain(1.0, 1e-3)
+    poses = np.array([[yaw, 0.3, 0.2] for yaw in np.linspace(-1.2, 1.2, 7)])
+    loops = PoseLoops.of(ARM, poses, law, 1e-3, 1, HumanArm(0.15, 4.5, 560))
+    turned = np.array([[np.sin(yaw), 0.0, np.cos(yaw)] for yaw in poses[:, 0]])[:, None, :]
+    limits = loops.critical_stiffness(turned, np.full((7, 1), 2.0))[0]
+    assert limits == pytest.approx(limits[0, 0], rel=1e-9)
+
+
+def test_poses_lie_where_they_say(delayed: tuple[dict[str, Any], Workspace]) -> None:
+    """Tips are the poses' own, sections are planes through the start, the least is the least."""
+    _, found = delayed
+    assert ARM.forward(found.poses) == pytest.approx(found.tips, abs=1e-9)
+    assert found.tips[found.sections["y-z"]][:, 0] == pytest.approx(found.start[0], abs=1e-12)
+    assert found.tips[found.sections["x-z"]][:, 1] == pytest.approx(found.start[1], abs=1e-12)
+    assert found.stiffness[found.least] == found.stiffness.min()
+    assert f"{found.stiffness.min():.5g} N/m" in str(found)
+
+
+def test_nobody_holds_a_device_that_tips_over() -> None:
+    """A constant force holds the arm on a hilltop at most poses: no wall is stable there, and the map says so."""
+    found = workspace(display(operator={"kind": "none"}), poses=50)
+    assert found.falling > 0.5
+    assert "tips over" in str(found)
+    stiffness = found.stiffness.copy()
+    stiffness[1::2] = 700.0
+    assert "At the others walls up to 700 N/m are stable" in str(replace(found, stiffness=stiffness))
+    assert "Hatched" in workspace_page(found).html()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"operator": {"kind": "fixed"}}, "keeps the tip still"),
+        ({"device": {"name": "phantom-premium-1.5a", "model": "linear"}, "operator": {"kind": "none"}}, "nonlinear"),
+        (
+            {"servo": {"topology": "force_tracking"}, "operator": {"kind": "none"}, "reference": {"force": "1 N"}},
+            "impedance_display",
+        ),
+        ({"device": {"name": "slider"}, "start": {"pose": ["0 m"]},
+          "object": {"kind": "spring", "stiffness": "1 N/m"}}, "one joint"),
+    ],
+)  # fmt: skip
+def test_what_has_no_workspace_is_refused(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(StabilityError, match=says):
+        workspace(display(**change), poses=60)
+
+
+def test_workspace_from_the_command_line(tmp_path: Path) -> None:
+    """A device by its name; the page has its maps, the file every number; an unknown device is told in a sentence."""
+    runner = CliRunner()
+    asked = ["workspace", "phantom-premium-1.5a-rotors", "--poses", "60", "--out", str(tmp_path / "out")]
+    done = runner.invoke(app, asked)
+    assert done.exit_code == 0, done.output
+    assert "through fingertip tissue" in done.output
+    written = json.loads((tmp_path / "out" / "workspace.json").read_text("utf-8"))
+    assert written["least"]["stiffness_N_per_m"] == min(min(row) for row in written["stiffness_N_per_m"])
+    html = (tmp_path / "out" / "workspace.html").read_text("utf-8")
+    assert html.count("<svg") == 2
+    assert runner.invoke(app, ["workspace", "phantm", "--out", str(tmp_path / "none")]).exit_code == 2
+    assert not (tmp_path / "none").exists()

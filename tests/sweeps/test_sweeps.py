@@ -1,0 +1,333 @@
+"""Sweeps: cells are what `simulate` finds, the file is the same whoever fills it, and nothing done is lost."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import palpate
+import pytest
+from palpate.cli.main import app
+from palpate.errors import OutputError, ScenarioError
+from palpate.sweeps import SweepError, Verdict, merge, open_sweep, sweep
+from palpate.sweeps.axes import axes_of, with_value
+from palpate.sweeps.run import _run, dask_executor, plan_of
+from palpate.sweeps.store import FileStore
+from typer.testing import CliRunner
+
+SLIDER: dict[str, Any] = {
+    "title": "a wall in the hand",
+    "device": {"name": "slider"},
+    "servo": {"topology": "impedance_display"},
+    "operator": {
+        "kind": "arm",
+        "mass": "0.1 kg",
+        "damping": "1 N*s/m",
+        "stiffness": "200 N/m",
+        "shape": "step",
+        "force": ["-0.5 N", "0 N", "0 N"],
+        "stop": "20 ms",
+    },
+    "object": {"kind": "spring", "stiffness": "1 N/mm"},
+    "run": {"duration": "0.25 s"},
+}
+OVER: dict[str, Any] = {"object.damping": [0.0, 1.0], "object.stiffness": "100 N/m..20 N/mm:150 log"}
+
+
+def test_a_cell_is_what_simulate_finds() -> None:
+    found = sweep(
+        SLIDER, {"device.delay": [0, 2], "operator.mass": ["0.1 kg", "0.2 kg"], "object.stiffness": "1 N/mm..9 N/mm:5"}
+    )
+    assert found.shape == (2, 2, 5)
+    assert found.done == 1.0
+    for index in np.ndindex(found.shape):
+        tables: dict[str, Any] = SLIDER
+        for axis, i in zip(found.axes, index, strict=True):
+            tables = with_value(tables, axis, i)
+        trace = palpate.simulate(tables)
+        if trace.unstable_from is not None:
+            assert found["unstable_from"][index] == trace.unstable_from
+            assert found["verdict"][index] == Verdict.DIVERGES
+            continue
+        assert np.isnan(found["unstable_from"][index])
+        bend = np.linalg.norm(np.diff(trace["tip"], n=2, axis=0), axis=1)  # entry k - 2 belongs to sample k
+        assert found["oscillation_2"][index] == pytest.approx(bend[49:99].max(), rel=1e-6)
+        assert found["oscillation_4"][index] == pytest.approx(bend[149:199].max(), rel=1e-6)
+        assert found["oscillation_5"][index] == pytest.approx(bend[199:].max(), rel=1e-6)
+        assert found.unstable[index] == (bend[199:].max() > min(bend[49:99].max(), bend[149:199].max()))
+        assert found["ripple"][index] == pytest.approx(np.ptp(trace["tip"][-50:], axis=0).max() / 2, rel=1e-9)
+        assert found["peak_object_force"][index] == pytest.approx(
+            np.linalg.norm(trace["object_force"], axis=1).max(), rel=1e-9
+        )
+    assert found.unstable.any()
+    assert not found.unstable.all()
+
+
+def test_keys_without_a_lane_of_their_own_are_made_ready_anew() -> None:
+    """The servo period and a word change the whole setup; a designed controller follows its object."""
+    over = {
+        "object.stiffness": [500.0, 900.0],
+        "servo.period": ["0.5 ms", "1 ms"],
+        "object.coupling": "backward,bilinear",
+    }
+    found = sweep({**SLIDER, "object": {"stiffness": "1 N/mm", "damping": "2 N*s/m"}}, over)
+    assert found.shape == (2, 2, 2)
+    assert len({round(float(f), 12) for f in found["peak_object_force"].ravel()}) == 8
+    tracking = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "reference": {"force": "2 N"},
+        "object": {"stiffness": "1 N/mm"},
+        "controller": {"kind": "lead_lag"},
+        "run": {"duration": "20 ms"},
+    }
+    designed = sweep(tracking, {"object.stiffness": ["1 N/mm", "2 N/mm"]})
+    alone = palpate.simulate({**tracking, "object": {"stiffness": "2 N/mm"}})
+    assert designed["peak_object_force"][1] == pytest.approx(np.linalg.norm(alone["object_force"], axis=1).max())
+
+
+def test_the_file_does_not_depend_on_who_fills_it(tmp_path: Path) -> None:
+    """The core's threads, an executor, shards put together: the same bytes; draws have a generator for each cell."""
+    slider = {**SLIDER, "run": {"duration": "1 s"}}
+    random = {"operator.mass": "0.05 kg..0.3 kg", "operator.damping": "0.5 N*s/m..4 N*s/m"}
+    options: dict[str, Any] = {"random": random, "draws": 20, "seed": 7}
+    sweep(slider, OVER, out=tmp_path / "one.h5", workers=1, **options)
+    whole = (tmp_path / "one.h5").read_bytes()
+    with ThreadPoolExecutor(2) as pool:
+        sweep(slider, OVER, out=tmp_path / "two.h5", executor=pool, workers=2, **options)
+    assert (tmp_path / "two.h5").read_bytes() == whole
+    for part in (1, 2):
+        sweep(slider, OVER, out=tmp_path / f"part{part}.h5", shard=(part, 2), **options)
+    assert 0.0 < open_sweep(tmp_path / "part1.h5").done < 1.0
+    with pytest.raises(SweepError, match="done in none"):
+        merge([tmp_path / "part1.h5"], tmp_path / "merged.h5")
+    merge([tmp_path / "part1.h5", tmp_path / "part2.h5"], tmp_path / "merged.h5")
+    assert (tmp_path / "merged.h5").read_bytes() == whole
+    found = open_sweep(tmp_path / "one.h5")
+    assert found.shape == (2, 150, 20)
+    assert len(np.unique(found["peak_object_force"])) > 5900
+    other = sweep(slider, OVER, **{**options, "seed": 8})
+    assert not np.array_equal(other["peak_object_force"], found["peak_object_force"])
+
+
+def test_two_dask_workers_give_the_same_file_as_none(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    slider = {**SLIDER, "run": {"duration": "1 s"}}
+    over = {"object.damping": "0 N*s/m..2 N*s/m:10", "object.stiffness": "100 N/m..20 N/mm:1000 log"}
+    sweep(slider, over, out=tmp_path / "none.h5")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        arguments = [f"--over={key}={text}" for key, text in over.items()]
+        (tmp_path / "s.toml").write_text(palpate.stability.counter_example.to_toml(slider), "utf-8")
+        done = CliRunner().invoke(
+            app,
+            [
+                *("sweep", str(tmp_path / "s.toml"), *arguments, "--out", str(tmp_path / "dask.h5")),
+                *("--engine", "dask", "--scheduler", cluster.scheduler_address),
+            ],
+        )
+        assert done.exit_code == 0, done.output
+    assert "10,000 cells" in done.output
+    assert (tmp_path / "dask.h5").read_bytes() == (tmp_path / "none.h5").read_bytes()
+
+
+def test_a_scheduler_that_is_not_there_is_said(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(SweepError, match="no Dask scheduler answers at"),
+        dask_executor("tcp://127.0.0.1:9", timeout=1.0),
+    ):
+        pass
+
+
+KILLED = """
+import sys
+from palpate.sweeps import sweep
+from tests_sweeps_plan import SLIDER, OVER
+sweep(SLIDER, OVER, out=sys.argv[1], workers=1, progress=lambda text, share: print(text, flush=True))
+"""
+
+
+def test_killed_it_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Killed after its first chunks: they are kept, not run again, and the end is as if never killed."""
+    over = {"object.damping": "0 N*s/m..2 N*s/m:40", "object.stiffness": "100 N/m..20 N/mm:1500 log"}
+    (tmp_path / "tests_sweeps_plan.py").write_text(f"SLIDER = {SLIDER!r}\nOVER = {over!r}\n", "utf-8")
+    file = tmp_path / "killed.h5"
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n" + KILLED
+    run = subprocess.Popen([sys.executable, "-c", code, str(file)], stdout=subprocess.PIPE, text=True)
+    assert run.stdout is not None
+    run.stdout.readline()
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    run.stdout.close()
+    begun = open_sweep(file)
+    assert 0.0 < begun.done < 1.0
+    ran: list[tuple[int, int]] = []
+    plan = type(begun.plan)
+    original = plan.run
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "run", lambda self, a, b, threads=1: ran.append((a, b)) or original(self, a, b, threads))
+        ended = sweep(SLIDER, over, out=file)
+    assert ended.done == 1.0
+    assert len(ran) == round((1 - begun.done) * -(-begun.plan.count // begun.plan.chunk))
+    sweep(SLIDER, over, out=tmp_path / "whole.h5")
+    assert file.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+def test_a_disk_that_is_too_small_is_told_before_anything_is_run(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(palpate.stability.counter_example.to_toml(SLIDER), "utf-8")
+    arguments = ["sweep", str(path), "--over=object.stiffness=100 N/m..9 N/mm:5000", "--out", str(tmp_path / "out.h5")]
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20000, before[1]))
+    try:
+        done = CliRunner().invoke(app, arguments)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert done.exit_code == 2
+    assert "cannot be written" in done.output
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(SweepError, match="is no key of a scenario"):
+        sweep(SLIDER, {"stiffness": [1.0]})
+    with pytest.raises(ScenarioError, match="stifness"):
+        sweep(SLIDER, {"object.stifness": ["1 N/mm"]})
+    with pytest.raises(ScenarioError, match="must not be negative"):
+        sweep(SLIDER, {"object.damping": [1.0, -1.0]})
+    for text in ("50 N/m..150 N/m", "50 N/m...150 N/m:3", "50 N/m..150 N/m:-3", "50 N/m..150 N/m:2.5"):
+        with pytest.raises(SweepError, match="is no range; write both ends"):
+            sweep(SLIDER, {"object.stiffness": text})
+    with pytest.raises(SweepError, match="the most is"):
+        sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:99999999999"})
+    with pytest.raises(SweepError, match="no meshes and bodies"):
+        sweep(SLIDER, {"object.surface.stiffness": ["1 N/mm"]})
+    with pytest.raises(SweepError, match="no range to draw from"):
+        sweep(SLIDER, OVER, random={"operator.mass": "0.1 kg..0.2 kg:5"})
+    with pytest.raises(SweepError, match="the first number goes from 1"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "shard.h5", shard=(3, 2))
+    assert not (tmp_path / "shard.h5").exists()
+    for wrong in (3, (1, 2, 3), (1.0, 2.0), ("1", "2")):
+        with pytest.raises(SweepError, match=r"shard: .* it is two whole numbers"):
+            sweep(SLIDER, {"object.stiffness": [1.0]}, shard=wrong)  # type: ignore[arg-type]
+    with pytest.raises(OutputError, match="a file is named by text or a Path, not by 3"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=3)  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="a file is named by text or a Path, not by 3"):
+        open_sweep(3)  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="nothing to vary: give for example over="):
+        sweep(SLIDER, [1.0])  # type: ignore[arg-type]
+    for name in ("draws", "seed"):
+        with pytest.raises(SweepError, match=f"{name}: '3' is not a whole number"):
+            sweep(SLIDER, OVER, **{name: "3"})  # type: ignore[arg-type]
+    with pytest.raises(SweepError, match="a list of files is put together"):
+        merge("a.h5", tmp_path / "all.h5")
+    with pytest.raises(OutputError, match="is a folder"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path)
+    with pytest.raises(SweepError, match=r"none\.h5: there is no such file"):
+        merge([tmp_path / "none.h5"], tmp_path / "all.h5")
+    with pytest.raises(SweepError, match="a stiffness is needed"):
+        sweep(SLIDER, {"object.stiffness": ["3 kg"]})
+    with pytest.raises(SweepError, match="cannot be drawn at random"):
+        sweep(SLIDER, OVER, random={"servo.period": "1 ms..2 ms"})
+    with pytest.raises(SweepError, match="free to move"):
+        sweep({**SLIDER, "operator": {"kind": "fixed"}}, {"object.stiffness": [1.0]})
+    with pytest.raises(SweepError, match="the most is"):
+        sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:100000", "object.damping": "1 N*s/m..2 N*s/m:100000"})
+    sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
+    with pytest.raises(SweepError, match="another sweep"):
+        sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "a.h5")
+    with FileStore(tmp_path / "a.h5", plan_of(SLIDER, {"object.stiffness": [1.0]})):
+        code = "import sys; from palpate.sweeps import open_sweep; open_sweep(sys.argv[1])"
+        other = [sys.executable, "-c", code, str(tmp_path / "a.h5")]
+        done = subprocess.run(other, capture_output=True, text=True, check=False)
+        assert "is being written by another sweep" in done.stderr
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file["oscillation_4"]
+    with pytest.raises(SweepError, match="has no oscillation_4: another version wrote it"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path / "a.h5")
+    (tmp_path / "b.h5").write_text("no HDF5", "utf-8")
+    with pytest.raises(SweepError, match="something else"):
+        sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5")
+    with pytest.raises(OutputError):
+        sweep(SLIDER, {"object.stiffness": [2.0]}, out=tmp_path / "b.h5" / "c.h5")
+
+
+def test_the_command_line_says_what_it_needs(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(palpate.stability.counter_example.to_toml(SLIDER), "utf-8")
+    asked = ["sweep", str(path), "--over=object.stiffness=1 N/m,2 N/m", "--out", str(tmp_path / "out.h5")]
+    for more, says in (
+        (["--over=object.stiffness=3 N/m"], "object.stiffness is given twice"),
+        (["--scheduler=tcp://127.0.0.1:9"], "--scheduler is for --engine dask"),
+        (["--engine=dask"], "needs the scheduler's address"),
+        (["--engine=spark"], "choose threads, or dask"),
+        (["--shard=second"], "write it as 2/8"),
+    ):
+        done = CliRunner().invoke(app, [*asked, *more])
+        assert done.exit_code == 2
+        assert says in " ".join(done.output.split())
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_sweep_is_shown_in_a_line(tmp_path: Path) -> None:
+    """What varied, how many cells, and where they are; not the arrays."""
+    over = {"object.stiffness": [50.0, 60.0, 70.0], "object.damping": [0.0, 0.1]}
+    kept = "object.stiffness (3) × object.damping (2)"
+    assert repr(sweep(SLIDER, over)) == f"<Sweep: {kept}; 100% of 6 cells run>"
+    path = tmp_path / "part.h5"
+    assert repr(sweep(SLIDER, over, draws=4, out=path, shard=(2, 2))) == (
+        f"<Sweep: {kept}, 4 draws each; 0% of 24 cells run, in {path}>"
+    )
+
+
+def test_a_shard_without_cells_says_so_and_is_merged(tmp_path: Path) -> None:
+    """Cells go in chunks: of 2 cells all are the first shard's, and the second's file adds nothing."""
+    path = tmp_path / "s.toml"
+    path.write_text(palpate.stability.counter_example.to_toml(SLIDER), "utf-8")
+    said = []
+    for shard in ("1/2", "2/2"):
+        part = tmp_path / f"{shard[0]}.h5"
+        asked = ["sweep", str(path), "--over=object.stiffness=1 N/m,2 N/m", f"--shard={shard}", f"--out={part}"]
+        said.append(" ".join(CliRunner().invoke(app, asked).output.split()))
+    assert "die out" in said[0]
+    assert "nothing for shard 2/2 to run: the 2 cells are 1 chunk of up to" in said[1]
+    assert "shard 1 runs it all" in said[1]
+    assert "die out" not in said[1]
+    merge([tmp_path / "1.h5", tmp_path / "2.h5"], tmp_path / "all.h5")
+    assert open_sweep(tmp_path / "all.h5").done == 1.0
+
+
+def test_ranges_and_lists() -> None:
+    (axis,) = axes_of({"object.stiffness": "100 N/m..5 N/mm:3 log"})
+    np.testing.assert_allclose(axis.values, [100.0, np.sqrt(100.0 * 5000.0), 5000.0])
+    (axis,) = axes_of({"servo.period": "0.5 ms..2 ms:4"})
+    assert axis.text(1) == "0.001 s"
+    (axis,) = axes_of({"operator.force.z": ["1 N", "-2 N"]})
+    assert with_value(SLIDER, axis, 1)["operator"]["force"] == ["-0.5 N", "0 N", "-2.0 N"]
+
+
+def test_memory_does_not_grow_with_the_count(tmp_path: Path) -> None:
+    """Ten times the cells, stored in a file: what is held at once is a chunk."""
+    import tracemalloc
+
+    peaks = []
+    for count in (100, 1000):
+        over = {"object.damping": f"0 N*s/m..2 N*s/m:{count}", "object.stiffness": "100 N/m..20 N/mm:500 log"}
+        plan = plan_of({**SLIDER, "run": {"duration": "5 ms"}}, over)
+        with FileStore(tmp_path / f"{count}.h5", plan) as store:
+            chunks = store.missing()
+            tracemalloc.start()
+            _run(plan, chunks, store, None, 1, lambda _text, _share: None)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        assert store.path.stat().st_size > 90 * plan.count
+    assert peaks[1] < 1.3 * peaks[0]

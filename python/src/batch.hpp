@@ -1,13 +1,16 @@
 #pragma once
 
 /// Loops side by side in the lanes of this machine's vector registers, chosen when the program runs.
+#include <cstddef>
+#include <palpate/mechanism/registry.hpp>
 #include <palpate/servo/batch.hpp>
 
 namespace palpate::batch {
 
-/// As simulate_side_by_side, compiled for one width: 2 lanes run everywhere, 4 need AVX2, 8 need AVX-512 (F, DQ, VL).
-template <class Mechanism, int lanes>
-void run_lanes(const servo::JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force);
+/// Runs a servo::JobQueue of the mechanism at `index` in the registry, compiled for one width: 2 lanes run everywhere, 4 need AVX2, 8 need
+/// AVX-512 (F, DQ, VL).
+template <int lanes>
+void run_lanes(std::size_t index, const void* queue, int ticks, const double* reference, const double* operator_force);
 
 /// The widest that this machine and this build have.
 int most_lanes();

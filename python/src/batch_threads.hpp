@@ -10,17 +10,15 @@
 
 namespace palpate::batch {
 
-template <class Mechanism>
-using RunLanes = void (*)(const servo::JobQueue<Mechanism>&, int, const double*, const double*);
+using RunLanes = void (*)(std::size_t, const void*, int, const double*, const double*);
 
-template <class Mechanism>
-RunLanes<Mechanism> lanes_of(int lanes) {
+inline RunLanes lanes_of(int lanes) {
 #if defined(PALPATE_WIDE_LANES)
-  if (lanes == 8) return run_lanes<Mechanism, 8>;
-  if (lanes == 4) return run_lanes<Mechanism, 4>;
+  if (lanes == 8) return run_lanes<8>;
+  if (lanes == 4) return run_lanes<4>;
 #endif
   (void)lanes;
-  return run_lanes<Mechanism, 2>;
+  return run_lanes<2>;
 }
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
@@ -77,11 +75,16 @@ void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ti
                double* rows, int threads, int lanes) {
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
-  const RunLanes<Mechanism> run = lanes_of<Mechanism>(wide);
+  const RunLanes run = lanes_of(wide);
+  constexpr std::size_t index = mechanism::Registry::index_of<Mechanism>();
+  static_assert(index < mechanism::Registry::size, "batches run the mechanisms of the registry");
   std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
     JobScheduler<Mechanism, Setup, Cell> cells(base, cell, count, taken, rows);
-    while (cells.begin()) run(cells.queue(), ticks, reference, operator_force);
+    while (cells.begin()) {
+      const servo::JobQueue<Mechanism> queue = cells.queue();
+      run(index, &queue, ticks, reference, operator_force);
+    }
   };
   const auto most = static_cast<int>((count + wide - 1) / wide);
   std::vector<std::thread> others;

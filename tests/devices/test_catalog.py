@@ -46,7 +46,7 @@ def refusal(folder: Path, text: str) -> str:
 
 
 def test_the_catalogue_holds_what_the_documentation_names() -> None:
-    assert devices.names() == ["phantom-premium-1.5a", "phantom-premium-1.5a-rotors", "slider"]
+    assert devices.names() == ["haply-2diy", "phantom-premium-1.5a", "phantom-premium-1.5a-rotors", "slider"]
 
 
 @pytest.mark.parametrize("name", devices.names())
@@ -131,7 +131,7 @@ def test_a_variant_says_only_what_it_changes(tmp_path: Path) -> None:
         ("tip = {", "tipp = {", "unknown key mass.tipp; did you mean mass.tip?"),
         ("[mass]", "[masses]", "unknown key masses.tip; did you mean mass.tip?"),
         ('note = "with', 'notes = "with', "mass.tip: unknown key notes; there are value, source and note"),
-        ('"250 g"', '"-250 g"', "mass.tip is -0.25 kg; it cannot be negative"),
+        ('"250 g"', '"-250 g"', "mass.tip is -0.25 kg; it must be positive"),
         ('"250 g"', '"0 g"', "mass.tip is 0 kg; it must be positive"),
         ('"250 g"', '"250 mm"', 'mass.tip: "250 mm" is a length [m]; a mass is needed, for example "0.15 kg"'),
         ('"250 g"', "0.25", 'mass.tip: 0.25 has no unit, and a mass is needed; write it as "0.25 kg"'),
@@ -139,7 +139,8 @@ def test_a_variant_says_only_what_it_changes(tmp_path: Path) -> None:
         ('"250 g"', '"inf kg"', 'mass.tip: "inf kg" is not a finite number'),
         ('"0.3 N"', '"-0.3 N"', "friction.coulomb is -0.3 N; it cannot be negative"),
         ('"2 ms"', '"0 ms"', "servo_period is 0 s; it must be positive"),
-        ('mechanism = "slider"', 'mechanism = "hexapod"', 'mechanism must be "premium" or "slider", not \'hexapod\''),
+        ('mechanism = "slider"', 'mechanism = "hexapod"',
+         'mechanism must be "premium", "slider", "five_bar" or "tip_device", not \'hexapod\''),
         ('mechanism = "slider"\n', "", 'mechanism is missing; write mechanism = "…" at the top of the file'),
         ('name = "bench"\n', "", 'name is missing; write name = "…" at the top of the file'),
         ('viscous = { value = "2 N*s/m", source = "guess" }\n', "", "friction.viscous is missing (a value in N*s/m)"),

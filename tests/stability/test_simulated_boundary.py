@@ -38,7 +38,7 @@ def experiment(mass: float, damping: float, period: float, delay: int, arm: Huma
             "run": {"duration": f"{2 * period!r} s", "substeps": 8},
         }
     )
-    ready.setup.mechanism = _core.Slider(mass)
+    ready.setup.mechanism = _core.Slider({"mass.tip": [mass]})
     ready.setup.friction = ready.device.with_viscous([damping]).core_friction
     ready.setup.start_speed = np.array([1e-4])
     return ready

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -12,12 +11,13 @@ from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.devices.device import MECHANISMS, Device, Parameters
+from palpate.devices.device import Device, Parameters
+from palpate.devices.mechanisms import MECHANISMS, Field
 from palpate.errors import DeviceError, PalpateError
 from palpate.units import quantity, vector
 
@@ -68,54 +68,8 @@ class IdentifiedModel:
     c: NDArray[np.float64]
 
 
-class _Field(NamedTuple):
-    unit: str
-    size: int = 1
-    low: float = -math.inf  # the least value allowed
-    required: bool = True
-
-
-_INERTIA = _Field("kg*m^2", 3, 0.0)
-_DRIVE = {
-    "peak_force": _Field("N", 1, 0.0, False),
-    "continuous_force": _Field("N", 1, 0.0, False),
-    "thermal_time": _Field("s", 1, 0.0, False),
-}
-_PERIOD = _Field("s", 1, 0.0)
-
-# What a file of each mechanism may say, and in which unit: a name is "section.key", or a key at the file's top.
-FIELDS: dict[str, dict[str, _Field]] = {
-    "premium": {
-        "servo_period": _PERIOD,
-        **{f"geometry.{name}": _Field("m") for name in ("l1", "l2", "l3", "l5", "l6")},
-        **{f"mass.{name}": _Field("kg", 1, 0.0) for name in ("a", "c", "be", "df")},
-        **{f"inertia.{name}": _INERTIA for name in ("a", "c", "be", "df")},
-        "inertia.base": _Field("kg*m^2", 1, 0.0),
-        "friction.viscous": _Field("N*m*s/rad", 3, 0.0),
-        "friction.coulomb": _Field("N*m", 3, 0.0, False),
-        "friction.breakaway": _Field("N*m", 3, 0.0, False),
-        "friction.stribeck_speed": _Field("rad/s", 3, 0.0, False),
-        "drive.gear": _Field("", 3, 0.0, False),
-        "drive.encoder_counts": _Field("", 3, 0.0, False),
-        "drive.rotor_inertia": _Field("kg*m^2", 3, 0.0, False),
-        "drive.peak_torque": _Field("N*m", 3, 0.0, False),
-        **{f"drive.{name}": field for name, field in _DRIVE.items()},
-        "environment.gravity": _Field("m/s^2", 1, -math.inf, False),
-    },
-    "slider": {
-        "servo_period": _PERIOD,
-        "mass.tip": _Field("kg", 1, 0.0),
-        "friction.viscous": _Field("N*s/m", 1, 0.0),
-        "friction.coulomb": _Field("N", 1, 0.0, False),
-        "friction.breakaway": _Field("N", 1, 0.0, False),
-        "friction.stribeck_speed": _Field("m/s", 1, 0.0, False),
-        "drive.encoder_step": _Field("m", 1, 0.0, False),
-        **{f"drive.{name}": field for name, field in _DRIVE.items()},
-    },
-}
-_POSITIVE = {"servo_period", "geometry.l1", "geometry.l2", "mass.tip", "drive.gear", "drive.encoder_counts",
-             "drive.thermal_time", "friction.stribeck_speed", "drive.peak_force", "drive.continuous_force",
-             "drive.peak_torque"}  # fmt: skip
+# The numbers that a file of each mechanism may hold: a name is "section.key", or a key at the top of the file.
+FIELDS: dict[str, dict[str, Field]] = {name: mechanism.fields for name, mechanism in MECHANISMS.items()}
 _TEXTS = ("name", "description", "mechanism", "based_on", "identified_model")
 
 
@@ -237,7 +191,8 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
         if not isinstance(tables.get(key), str):
             raise DeviceError(f'{where}: {key} is missing; write {key} = "…" at the top of the file')
     if tables["mechanism"] not in MECHANISMS:
-        known = " or ".join(f'"{m}"' for m in MECHANISMS)
+        known = ", ".join(f'"{m}"' for m in MECHANISMS)
+        known = " or ".join(known.rsplit(", ", 1))
         raise DeviceError(f"{where}: mechanism must be {known}, not {tables['mechanism']!r}")
     return where, tables
 
@@ -287,7 +242,7 @@ def _numbers(where: str, tables: Mapping[str, Any]) -> list[Number]:
     return [_number(where, name, entry, fields[name], sources) for name, entry in entries.items()]
 
 
-def _number(where: str, name: str, entry: Any, field: _Field, sources: Mapping[str, str]) -> Number:
+def _number(where: str, name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> Number:
     at = f"{where}: {name}"
     if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
         raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs its source')
@@ -302,9 +257,9 @@ def _number(where: str, name: str, entry: Any, field: _Field, sources: Mapping[s
     else:
         values = (quantity(value, field.unit, at, error=DeviceError),)
     least = f"{min(values):g} {field.unit}".rstrip()
-    if min(values) < field.low:
+    if field.range == "nonnegative" and min(values) < 0.0:
         raise DeviceError(f"{at} is {least}; it cannot be negative")
-    if name in _POSITIVE and min(values) <= 0.0:
+    if field.range == "positive" and min(values) <= 0.0:
         raise DeviceError(f"{at} is {least}; it must be positive")
     source = str(entry["source"])
     shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)

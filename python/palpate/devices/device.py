@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate import _core
+from palpate.devices.mechanisms import MECHANISMS, Mechanism
 from palpate.errors import DeviceError, PoseError
 
-__all__ = ["MECHANISMS", "Device", "Parameters"]
+__all__ = ["Device", "Parameters"]
 
 Array = NDArray[np.float64]
-MECHANISMS = {"premium": 3, "slider": 1}  # mechanism: degrees of freedom
 
 
 @dataclass(frozen=True)
@@ -49,14 +48,14 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Device:
-    """A device. Angles q in rad and torques in N*m (m and N for the slider), tip positions in m, base frame.
+    """A device. Angles q in rad and torques in N*m (m and N for prismatic joints), tip positions in m, base frame.
 
-    Every method takes one state, (dof,), or a stack of them, (n, dof), and answers in kind.
+    Every method takes one state, (dof,), or a stack of them, (n, dof), and returns one result or a stack of results.
 
     Attributes:
-        name: as in the catalogue or the file.
+        name: as in the catalog or the file.
         description: one line.
-        mechanism: "premium" or "slider".
+        mechanism: name of the mechanism, a key of `palpate.devices.MECHANISMS`.
         parameters: every number in SI.
         identified_model: name or file of a linear model identified from measurements; None: there is none.
     """
@@ -68,9 +67,24 @@ class Device:
     identified_model: str | None = None
 
     @property
-    def dof(self) -> int:
-        """Degrees of freedom: 3 for the premium arm, 1 for the slider."""
+    def model(self) -> Mechanism:
+        """Mechanism of the device: joints, units and parameters."""
         return MECHANISMS[self.mechanism]
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return self.model.dof
+
+    @property
+    def joint_unit(self) -> str:
+        """Unit of the joint coordinates: "rad" or "m"."""
+        return self.model.joint_unit
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of the joint torques: "N*m" or "N"."""
+        return self.model.torque_unit
 
     # what the numbers are
 
@@ -99,8 +113,8 @@ class Device:
     @property
     def encoder_step(self) -> Array:
         """Angle of one encoder count (dof,), rad; 0 where the device has no encoder."""
-        if self.mechanism == "slider":
-            return self.parameters.many("drive.encoder_step", 1, 0.0)
+        if not self.model.revolute:
+            return self.parameters.many("drive.encoder_step", self.dof, 0.0)
         if "drive.encoder_counts" not in self.parameters.values:
             return np.zeros(self.dof)
         counts = self.parameters.many("drive.encoder_counts", self.dof)
@@ -173,17 +187,21 @@ class Device:
             raise DeviceError("friction.breakaway must not be below friction.coulomb: rest holds at least as well")
         angles = np.linspace(-np.pi, np.pi, 13)
         grid = np.array(np.meshgrid(*[angles] * self.dof)).reshape(self.dof, -1).T
-        if np.linalg.eigvalsh(self.mass_matrix(grid)).min() <= 0.0:
+        inertia = self.mass_matrix(grid)
+        inertia = inertia[np.isfinite(inertia).all(axis=(1, 2))]  # a closed loop has poses that it cannot take
+        if not len(inertia):
+            raise DeviceError("the mechanism cannot be assembled at any pose: check its lengths")
+        if np.linalg.eigvalsh(inertia).min() <= 0.0:
             raise DeviceError("the inertia matrix is not positive definite at every pose: check masses and inertias")
 
     # kinematics
 
     def forward(self, q: ArrayLike) -> Array:
-        """Return the tip position (3,), m (Hosseini-Zadeh 2004, 2.10), from where the tip is at q = 0."""
+        """Return the tip position (3,), m."""
         return self._call(self.core.forward, q)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Return dp/dq (3, dof), m/rad (2.8, 2.14 turned to the base frame): v = J qd and tau = J^T f."""
+        """Return dp/dq (3, dof), m/rad: v = J qd and tau = J^T f."""
         return self._call(self.core.jacobian, q)
 
     def tip_hessian(self, q: ArrayLike) -> Array:
@@ -193,11 +211,10 @@ class Device:
     def inverse(self, p: ArrayLike, near: ArrayLike | None = None) -> Array:
         """Return the pose whose tip is at p (3,), m.
 
-        Of the up to four poses (elbow either way, base turned or reaching over itself) the one nearest to `near`
-        (dof,), whole turns included; q = 0 if not given.
+        Of several poses, return the one nearest to `near` (dof,), whole turns included; q = 0 if not given.
 
         Raises:
-            PoseError: p is out of reach, on the yaw axis, not finite or has the wrong shape; the message says which.
+            PoseError: p is unreachable, not finite or has the wrong shape; the message says which.
         """
         points = np.asarray(p, dtype=float)
         if points.ndim == 2:
@@ -205,42 +222,26 @@ class Device:
         if points.shape != (3,) or not np.all(np.isfinite(points)):
             raise PoseError(f"inverse: a tip position is three finite numbers in m, not {points.tolist()}")
         close = np.zeros(self.dof) if near is None else self._state(near, "near")[0][0]
-        if self.mechanism == "slider":
-            if np.any(points[1:] != 0.0):
-                raise PoseError(f"inverse: the slider's tip stays on the x axis; y and z are {points[1:].tolist()} m")
-            return points[:1].copy()
-        poses = []
-        for behind in (False, True):
-            for elbow_down in (False, True):
-                code, q = self.core.inverse(points, behind, elbow_down)
-                if code != 0:
-                    raise PoseError(self._unreachable(code, points))
-                poses.append(close + np.angle(np.exp(1j * (np.asarray(q) - close))))
+        poses, reason = self.core.inverse(points, close)
+        if not len(poses):
+            at = np.array2string(points * 1e3, precision=1, separator=", ")
+            raise PoseError(f"inverse: the tip cannot be at {at} mm: {reason}")
+        if self.model.revolute:
+            poses = [close + np.angle(np.exp(1j * (q - close))) for q in poses]
         return np.asarray(min(poses, key=lambda q: float(np.sum((q - close) ** 2))), dtype=float)
-
-    def _unreachable(self, code: int, p: Array) -> str:
-        l1, l2 = self.parameters.one("geometry.l1"), self.parameters.one("geometry.l2")
-        distance = float(np.linalg.norm(p - np.array([0.0, l2, -l1])))
-        where = f"inverse: the tip cannot be at {np.array2string(p * 1e3, precision=1, separator=', ')} mm"
-        reason = {
-            1: f"{distance * 1e3:.1f} mm from the shoulder, and the arm reaches {(l1 + l2) * 1e3:.1f} mm",
-            2: f"{distance * 1e3:.1f} mm from the shoulder, and the folded arm keeps {abs(l1 - l2) * 1e3:.1f} mm away",
-            3: "it lies on the yaw axis, where the base angle is not determined",
-        }[code]
-        return f"{where}: {reason}"
 
     # dynamics: M(q) qdd + C(q, qd) qd + N(q) + friction = tau
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Return M(q) (dof, dof), kg*m^2 (2.62 to 2.66, with the sign of M23 that conserves energy)."""
+        """Return M(q) (dof, dof), kg*m^2."""
         return self._call(self.core.mass_matrix, q)
 
     def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
-        """Return C(q, qd) (dof, dof), kg*m^2/s (2.67 to 2.73), such that dM/dt - 2C is skew-symmetric."""
+        """Return C(q, qd) (dof, dof), kg*m^2/s, such that dM/dt - 2C is skew-symmetric."""
         return self._call(self.core.coriolis, q, qd)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Return N(q) (dof,), N*m: the torque that holds the arm against gravity (2.74, 2.75)."""
+        """Return N(q) (dof,), N*m: the torque that balances gravity."""
         return self._call(self.core.gravity, q)
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Any:
@@ -269,31 +270,19 @@ class Device:
     @cached_property
     def core(self) -> Any:
         """The core's mechanism: batched functions on (n, dof) rows, without checks."""
-        numbers = self.parameters
-        if self.mechanism == "slider":
-            return _core.Slider(numbers.one("mass.tip"))
-        p = _core.PremiumParameters()
-        for name in ("l1", "l2", "l3", "l5", "l6"):
-            setattr(p, name, numbers.one(f"geometry.{name}"))
-        for name in ("a", "c", "be", "df"):
-            setattr(p, f"mass_{name}", numbers.one(f"mass.{name}"))
-            setattr(p, f"inertia_{name}", numbers.many(f"inertia.{name}", 3))
-        p.inertia_base = numbers.one("inertia.base")
-        p.rotor_inertia = numbers.many("drive.rotor_inertia", 3, 0.0) * numbers.many("drive.gear", 3, 1.0) ** 2
-        p.gravity = numbers.one("environment.gravity", 9.81)
-        return _core.Premium(p)
+        return self.model.create(self.parameters.values)
 
     @cached_property
     def core_friction(self) -> Any:
         """The core's friction of these joints."""
-        friction = _core.PremiumFriction() if self.mechanism == "premium" else _core.SliderFriction()
+        friction = self.model.friction()
         friction.viscous, friction.coulomb = self.viscous, self.coulomb
         friction.breakaway, friction.stribeck_speed = self.breakaway, self.stribeck_speed
         return friction
 
     def setup(self) -> Any:
         """Return a new simulation setup of the core with this device's mechanism and friction in it."""
-        setup = _core.PremiumSetup() if self.mechanism == "premium" else _core.SliderSetup()
+        setup = self.model.setup()
         setup.mechanism, setup.friction = self.core, self.core_friction
         return setup
 

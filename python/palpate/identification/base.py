@@ -52,6 +52,19 @@ _PREMIUM: dict[str, tuple[str, str, dict[str, Any]]] = {
     ),
 }
 
+_SLIDER: dict[str, tuple[str, str, dict[str, Any]]] = {"m": ("kg", "moving mass", {"mass__tip": 1.0})}
+
+_BASE = {"premium": _PREMIUM, "slider": _SLIDER}  # base parameters by mechanism: unit, meaning, the fictitious device
+
+
+def _table(device: Device) -> dict[str, tuple[str, str, dict[str, Any]]]:
+    if device.mechanism not in _BASE:
+        known = " and ".join(_BASE)
+        raise RecordingError(
+            f"no base parameters are known for the mechanism {device.mechanism} of {device.name}; they are for {known}"
+        )
+    return _BASE[device.mechanism]
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -72,14 +85,12 @@ class Parameter:
 
 def base_parameters(device: Device) -> list[Parameter]:
     """Return the parameters of inertia and gravity of `device`'s mechanism, in order."""
-    if device.mechanism == "slider":
-        return [Parameter("m", "kg", "moving mass")]
-    return [Parameter(name, unit, meaning) for name, (unit, meaning, _) in _PREMIUM.items()]
+    return [Parameter(name, unit, meaning) for name, (unit, meaning, _) in _table(device).items()]
 
 
 def friction_parameters(device: Device, coulomb: bool = True) -> list[Parameter]:
     """Return viscous (and Coulomb) friction of each joint."""
-    torque, speed = ("N*m", "N*m*s/rad") if device.mechanism == "premium" else ("N", "N*s/m")
+    torque, speed = device.torque_unit, device.model.fields["friction.viscous"].unit
     joints = range(device.dof)
     out = [Parameter(f"k{j + 1}", speed, f"viscous friction of joint {j + 1}", j) for j in joints]
     if coulomb:
@@ -89,10 +100,9 @@ def friction_parameters(device: Device, coulomb: bool = True) -> list[Parameter]
 
 def fictitious(device: Device) -> list[Device]:
     """Return, for each base parameter, the device in which it alone is 1 and the rest, friction too, is 0."""
-    if device.mechanism == "slider":
-        return [replace(device, parameters=device.parameters.with_values(mass__tip=1.0))]
-    zero = device.parameters.with_values(**_ZERO)
-    return [replace(device, parameters=zero.with_values(**only)) for _, _, only in _PREMIUM.values()]
+    has = device.model.parameters
+    zero = device.parameters.with_values(**{k: v for k, v in _ZERO.items() if k.replace("__", ".") in has})
+    return [replace(device, parameters=zero.with_values(**only)) for _, _, only in _table(device).values()]
 
 
 def base_values(device: Device) -> Array:
@@ -132,7 +142,7 @@ def with_base_values(
     """
     names = [p.name for p in base_parameters(device)]
     want = dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True))
-    if device.mechanism == "slider":
+    if names == list(_SLIDER):
         out = replace(device, parameters=device.parameters.with_values(mass__tip=want["m"]))
     else:
         given = device.parameters

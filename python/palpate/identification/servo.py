@@ -20,13 +20,10 @@ from palpate.errors import RecordingError
 
 Array = NDArray[np.float64]
 
-PREMIUM_POSE = (0.0, 2.2305, 3.2776)  # rad: balances (0, .01, .01) N*m
-SLIDER_POSE = (0.0,)  # m
-
 
 def home(device: Device) -> Array:
     """Return the pose around which a device is identified unless another is asked for (dof,), rad or m."""
-    return np.array(PREMIUM_POSE if device.mechanism == "premium" else SLIDER_POSE)
+    return np.array(device.model.working_pose)
 
 
 @dataclass(frozen=True)

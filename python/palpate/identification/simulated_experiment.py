@@ -42,7 +42,7 @@ def default_excitation(device: Device, seed: int = 0) -> Excitation:
     Joint 1 gets twice as much: it is the most damped, and only its speed shows how M11 depends on the pose.
     """
     inertia = np.diag(device.mass_matrix(home(device)))
-    reach = np.array([1.0, 0.5, 0.6]) if device.mechanism == "premium" else np.array([0.02])
+    reach = np.resize([1.0, 0.5, 0.6] if device.model.revolute else [0.02], device.dof)
     peak = reach * inertia * (2 * np.pi * 2.0) ** 2 + 2.0 * device.coulomb
     return multisine(peak, (0.3, 6.0), lines=12, seed=seed, logarithmic=True)
 
@@ -50,7 +50,7 @@ def default_excitation(device: Device, seed: int = 0) -> Excitation:
 def default_sway(device: Device, duration: float, seed: int = 0) -> Excitation:
     """Return slow changes of the pose, below 0.35 Hz: they show how inertia and gravity change with it."""
     low = 1.0 / duration
-    reach = [0.4, 0.4, 0.7] if device.mechanism == "premium" else [0.01]
+    reach = np.resize([0.4, 0.4, 0.7] if device.model.revolute else [0.01], device.dof)
     return multisine(reach, (low, max(0.35, 4 * device.dof * low)), lines=2, seed=seed + 1)
 
 
@@ -115,10 +115,10 @@ def simulate_experiment(
         "excitation": excitation.describe(),
         "sway": None if sway is None else sway.describe(),
     }
-    units = ("rad", "N*m") if device.mechanism == "premium" else ("m", "N")
+    units = (device.joint_unit, device.torque_unit)
     time = np.asarray(np.arange(len(push)) * period, dtype=float)
     return Recording(time, run.reading, run.torque, period, metadata, injected, units)
 
 
 def _noise(device: Device) -> Noise:
-    return Noise() if device.mechanism == "premium" else Noise(angle=2e-6, torque=1e-3)
+    return Noise() if device.model.revolute else Noise(angle=2e-6, torque=1e-3)

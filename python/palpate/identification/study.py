@@ -126,8 +126,9 @@ def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
 
 
 def arx_structures(device: Device) -> list[Structure]:
-    """Return the structures tried: joint 1 by itself, joints 2 and 3 coupled (3.15), two to four samples deep."""
-    coupled = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 1]]) if device.mechanism == "premium" else np.ones((1, 1), int)
+    """Return the structures tried: joints coupled as in the mass matrix (3.15), two to four samples deep."""
+    poses = np.random.default_rng(0).uniform(-1.0, 1.0, (20, device.dof)) + device.model.working_pose
+    coupled = np.any(np.nan_to_num(device.mass_matrix(poses)) != 0.0, axis=0).astype(int)
     return [(n * coupled, n * coupled, coupled) for n in (2, 3, 4)]
 
 

@@ -430,7 +430,7 @@ class Scenario(Section):
                 raise ValueError(
                     'start: pose or tip is missing; write for example pose = ["0 rad", "2.2305 rad", "3.2776 rad"]'
                 )
-            self._fill("start", Start(pose=Pose((0.0,), "m")))
+            self._fill("start", Start(pose=Pose((0.0,), device.joint_unit)))
             return
         if pose is None:
             try:
@@ -438,7 +438,7 @@ class Scenario(Section):
             except PoseError as problem:
                 raise ValueError(f"start.tip: {str(problem).removeprefix('inverse: ')}") from None
             return
-        unit = "m" if device.mechanism == "slider" else "rad"
+        unit = device.joint_unit
         if len(pose) != device.dof:
             raise ValueError(f"start.pose: {len(pose)} values, but {device.name} has {device.dof} joints")
         if pose.unit != unit:

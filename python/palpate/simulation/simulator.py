@@ -144,7 +144,7 @@ class Simulation:
         return Trace.of(
             self._times(len(rows)),
             values,
-            units={"angle": "m", "velocity": "m/s", "torque": "N"} if device.mechanism == "slider" else None,
+            units=None if device.joint_unit == "rad" else {"angle": "m", "velocity": "m/s", "torque": "N"},
             unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
             metadata={
                 "scenario": self.scenario.to_dict(),

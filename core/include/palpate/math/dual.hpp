@@ -74,6 +74,22 @@ SineCosine<Dual<N, Value>> sincos(const Dual<N, Value>& x) {
 }
 
 template <int N, class Value>
+Dual<N, Value> sin(const Dual<N, Value>& x) {
+  return sincos(x).sine;
+}
+
+template <int N, class Value>
+Dual<N, Value> cos(const Dual<N, Value>& x) {
+  return sincos(x).cosine;
+}
+
+template <int N, class Value>
+Dual<N, Value> atan2(const Dual<N, Value>& y, const Dual<N, Value>& x) {
+  using std::atan2;
+  return {atan2(y.value, x.value), (y.gradient * x.value - x.gradient * y.value) / (x.value * x.value + y.value * y.value)};
+}
+
+template <int N, class Value>
 Dual<N, Value> sqrt(const Dual<N, Value>& x) {
   using std::sqrt;
   const Value root = sqrt(x.value);

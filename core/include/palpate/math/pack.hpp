@@ -273,6 +273,23 @@ template <int lanes>
   return out;
 }
 
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> sin(const Pack<lanes>& angle) noexcept {
+  return sincos(angle).sine;
+}
+
+template <int lanes>
+[[gnu::always_inline]] inline Pack<lanes> cos(const Pack<lanes>& angle) noexcept {
+  return sincos(angle).cosine;
+}
+
+template <int lanes>
+Pack<lanes> atan2(const Pack<lanes>& y, const Pack<lanes>& x) {
+  Pack<lanes> angle;
+  for (int i = 0; i < lanes; ++i) angle.set(i, std::atan2(y[i], x[i]));
+  return angle;
+}
+
 }  // namespace palpate::math
 
 namespace Eigen {

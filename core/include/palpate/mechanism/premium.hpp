@@ -10,6 +10,8 @@
 #include "palpate/math/select.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/inverse_kinematics.hpp"
+#include "palpate/mechanism/parameters.hpp"
 #include "palpate/mechanism/premium_inverse.hpp"
 
 namespace palpate::mechanism {
@@ -32,7 +34,8 @@ struct PremiumParameters {
   Vector3<> inertia_be = Vector3<>::Zero();     ///< about the joint, kg*m^2
   Vector3<> inertia_df = Vector3<>::Zero();     ///< about the joint, kg*m^2
   double inertia_base = 0.0;                    ///< base about the vertical, kg*m^2
-  Vector3<> rotor_inertia = Vector3<>::Zero();  ///< motor rotors reflected to the joints, N^2 J, kg*m^2
+  Vector3<> rotor_inertia = Vector3<>::Zero();  ///< of the motors, kg*m^2; reflected to the joints by gear^2
+  Vector3<> gear = Vector3<>::Ones();           ///< motor turns per joint turn
   double gravity = 9.81;                        ///< m/s^2
 };
 
@@ -44,15 +47,39 @@ struct PremiumParameters {
 class Premium {
  public:
   static constexpr int dof = 3;
+  using Parameters = PremiumParameters;
+  static constexpr const char* name = "premium";
+  static constexpr std::array joints = {JointKind::revolute, JointKind::revolute, JointKind::revolute};
+  static constexpr std::array working_pose = {0.0, 2.2305, 3.2776};  // torques (0, 0.01, 0.01) N*m balance gravity there
+  static constexpr std::array parameters = {
+      parameter<&Parameters::l1>("geometry.l1", "m", ParameterRange::positive, "upper arm"),
+      parameter<&Parameters::l2>("geometry.l2", "m", ParameterRange::positive, "forearm, elbow to tip"),
+      parameter<&Parameters::l3>("geometry.l3", "m", ParameterRange::any, "short side of the parallelogram"),
+      parameter<&Parameters::l5>("geometry.l5", "m", ParameterRange::any, "center of mass of be along the upper arm"),
+      parameter<&Parameters::l6>("geometry.l6", "m", ParameterRange::any, "center of mass of df along the forearm"),
+      parameter<&Parameters::mass_a>("mass.a", "kg", ParameterRange::nonnegative, "forearm tube"),
+      parameter<&Parameters::mass_c>("mass.c", "kg", ParameterRange::nonnegative, "parallel rod"),
+      parameter<&Parameters::mass_be>("mass.be", "kg", ParameterRange::nonnegative, "upper arm with its motor"),
+      parameter<&Parameters::mass_df>("mass.df", "kg", ParameterRange::nonnegative, "short link with its motor"),
+      parameter<&Parameters::inertia_a>("inertia.a", "kg*m^2", ParameterRange::nonnegative, "about the center of mass"),
+      parameter<&Parameters::inertia_c>("inertia.c", "kg*m^2", ParameterRange::nonnegative, "about the center of mass"),
+      parameter<&Parameters::inertia_be>("inertia.be", "kg*m^2", ParameterRange::nonnegative, "about the joint"),
+      parameter<&Parameters::inertia_df>("inertia.df", "kg*m^2", ParameterRange::nonnegative, "about the joint"),
+      parameter<&Parameters::inertia_base>("inertia.base", "kg*m^2", ParameterRange::nonnegative, "about the vertical"),
+      parameter<&Parameters::rotor_inertia>("drive.rotor_inertia", "kg*m^2", ParameterRange::nonnegative, "motor rotors", false),
+      parameter<&Parameters::gear>("drive.gear", "", ParameterRange::positive, "motor turns per joint turn", false),
+      parameter<&Parameters::gravity>("environment.gravity", "m/s^2", ParameterRange::any, "downward", false),
+  };
   template <class Scalar>
   using Angles = Joints<3, Scalar>;
 
   Premium() = default;
-  explicit Premium(const PremiumParameters& p)
+  explicit Premium(const Parameters& p)
       : l1_(p.l1),
         l2_(p.l2),
         n2_(0.5 * p.gravity * (2.0 * p.l1 * p.mass_a + 2.0 * p.l5 * p.mass_be + p.l1 * p.mass_c)),
         n3_(0.5 * p.gravity * (p.l2 * p.mass_a + 2.0 * p.l3 * p.mass_c - 2.0 * p.l6 * p.mass_df)) {
+    const Vector3<> rotor = p.rotor_inertia.cwiseProduct(p.gear.cwiseProduct(p.gear));
     const double upper = 0.125 * (4.0 * (p.inertia_be[1] - p.inertia_be[2] + p.inertia_c[1] - p.inertia_c[2]) +
                                   p.l1 * p.l1 * (4.0 * p.mass_a + p.mass_c));  // P/8
     const double fore = 0.125 * (-4.0 * (p.inertia_a[1] - p.inertia_a[2] + p.inertia_df[1] - p.inertia_df[2]) + p.l2 * p.l2 * p.mass_a +
@@ -61,14 +88,13 @@ class Premium {
                                        p.inertia_c[2] + p.inertia_df[1] + p.inertia_df[2]) +
                                 8.0 * p.inertia_base + 4.0 * p.l1 * p.l1 * p.mass_a + p.l2 * p.l2 * p.mass_a + p.l1 * p.l1 * p.mass_c +
                                 4.0 * p.l3 * p.l3 * p.mass_c) +
-                       p.rotor_inertia[0];
-    inertia_parameters_ = {
-        .level = yaw + upper - fore,
-        .upper = 2.0 * upper,
-        .fore = 2.0 * fore,
-        .both = 0.5 * p.l1 * (p.l2 * p.mass_a + p.l3 * p.mass_c),
-        .m22 = p.inertia_be[0] + p.inertia_c[0] + p.l1 * p.l1 * (p.mass_a + 0.25 * p.mass_c) + p.rotor_inertia[1],
-        .m33 = p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c + p.rotor_inertia[2]};
+                       rotor[0];
+    inertia_parameters_ = {.level = yaw + upper - fore,
+                           .upper = 2.0 * upper,
+                           .fore = 2.0 * fore,
+                           .both = 0.5 * p.l1 * (p.l2 * p.mass_a + p.l3 * p.mass_c),
+                           .m22 = p.inertia_be[0] + p.inertia_c[0] + p.l1 * p.l1 * (p.mass_a + 0.25 * p.mass_c) + rotor[1],
+                           .m33 = p.inertia_a[0] + p.inertia_df[0] + 0.25 * p.l2 * p.l2 * p.mass_a + p.l3 * p.l3 * p.mass_c + rotor[2]};
   }
 
   /// Inertia parameters of the mechanism [kg*m^2]:
@@ -344,9 +370,14 @@ class Premium {
     return acceleration(kinematics(q), qd, torque);
   }
 
-  /// Returns a pose [rad] whose tip is at `p` [m]; see PremiumInverse.
+  /// Returns one pose [rad] whose tip is at `p` [m]; see PremiumInverse.
   [[nodiscard]] PremiumInverse::Solution inverse(const Vector3<>& p, bool behind = false, bool elbow_down = false) const {
     return PremiumInverse{l1_, l2_}.solve(p, behind, elbow_down);
+  }
+
+  /// All poses whose tip is at `p` [m].
+  [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*near*/) const {
+    return PremiumInverse{l1_, l2_}.solve_all(p);
   }
 
  private:

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/inverse_kinematics.hpp"
 
 namespace palpate::mechanism {
 
@@ -45,6 +47,35 @@ struct PremiumInverse {
     const double alpha = side * clamped_acos((l1 * l1 + l2 * l2 - r2) / (2.0 * l1 * l2));
     const double theta2 = gamma + beta;
     return {Reach::reachable, Joints<3>(yaw, theta2, theta2 + alpha - 0.5 * std::numbers::pi)};
+  }
+
+  /// Returns all poses whose tip is at `p` [m].
+  [[nodiscard]] InverseKinematics<3> solve_all(const Vector3<>& p) const {
+    InverseKinematics<3> out;
+    for (const bool behind : {false, true}) {
+      for (const bool elbow_down : {false, true}) {
+        const Solution found = solve(p, behind, elbow_down);
+        if (found.reach != Reach::reachable) return {{}, explain(p, found.reach)};
+        out.poses.push_back(found.q);
+      }
+    }
+    return out;
+  }
+
+  /// Returns the reason why `p` [m] is unreachable as a sentence.
+  [[nodiscard]] std::string explain(const Vector3<>& p, Reach reach) const {
+    char text[96] = "";
+    const double distance = 1e3 * (p - Vector3<>(0.0, l2, -l1)).norm();
+    if (reach == Reach::too_far)
+      std::snprintf(text, sizeof text, "%.1f mm from the shoulder, and the arm reaches %.1f mm", distance, 1e3 * (l1 + l2));
+    else if (reach == Reach::too_close)
+      std::snprintf(text, sizeof text, "%.1f mm from the shoulder, and the folded arm keeps %.1f mm away", distance,
+                    1e3 * std::abs(l1 - l2));
+    else if (reach == Reach::on_yaw_axis)
+      return "it lies on the yaw axis, where the base angle is not determined";
+    else if (reach == Reach::not_finite)
+      return "it is not finite";
+    return text;
   }
 };
 

@@ -4,19 +4,33 @@
 
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/inverse_kinematics.hpp"
+#include "palpate/mechanism/parameters.hpp"
 
 namespace palpate::mechanism {
+
+struct SliderParameters {
+  double mass = 1.0;  ///< kg
+};
 
 /// One mass on one axis, the device of the literature on sampled walls (Colgate & Schenkel 1997; Gil, Avello, Rubio & Florez 2004).
 /// Its joint coordinate is the tip position x [m]. Its joint torque is the force along x [N].
 class Slider {
  public:
   static constexpr int dof = 1;
+  using Parameters = SliderParameters;
+  static constexpr const char* name = "slider";
+  static constexpr std::array joints = {JointKind::prismatic};
+  static constexpr std::array working_pose = {0.0};
+  static constexpr std::array parameters = {
+      parameter<&Parameters::mass>("mass.tip", "kg", ParameterRange::positive, "apparent mass"),
+  };
   template <class Scalar>
   using Angles = Joints<1, Scalar>;
 
   Slider() = default;
   explicit Slider(double mass) : mass_(mass) {}
+  explicit Slider(const Parameters& p) : mass_(p.mass) {}
 
   /// The kinematics cache is the joint coordinate.
   template <class Scalar>
@@ -125,6 +139,12 @@ class Slider {
   template <class Scalar>
   [[nodiscard]] Angles<Scalar> acceleration(const Angles<Scalar>& /*q*/, const Angles<Scalar>& /*qd*/, const Angles<Scalar>& force) const {
     return Angles<Scalar>(force[0] / mass_);
+  }
+
+  /// The pose whose tip is at `p` [m].
+  [[nodiscard]] InverseKinematics<1> inverse_kinematics(const Vector3<>& p, const Joints<1>& /*near*/) const {
+    if (p[1] != 0.0 || p[2] != 0.0) return {{}, "the tip of the slider stays on the x axis"};
+    return {{Joints<1>(p[0])}, {}};
   }
 
  private:

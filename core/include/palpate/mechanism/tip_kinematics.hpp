@@ -7,6 +7,7 @@
 #include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
+#include "palpate/mechanism/mechanism.hpp"
 
 namespace palpate::mechanism {
 
@@ -16,6 +17,7 @@ namespace palpate::mechanism {
 template <class Mechanism, class Scalar = double>
 class TipKinematics {
  public:
+  static_assert(MechanismCheck<Mechanism>::passed);
   static constexpr int dof = Mechanism::dof;
   using Angles = Joints<dof, Scalar>;
   using Vector = Vector3<Scalar>;

@@ -5,6 +5,7 @@
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
+#include "palpate/mechanism/mechanism.hpp"
 #include "palpate/plant/human_arm.hpp"
 #include "palpate/plant/joint_friction.hpp"
 
@@ -44,6 +45,7 @@ enum class HandCoupling { none, force_only, rigid, tissue };
 template <class Mechanism, class Scalar>
 class PlantDynamics {
  public:
+  static_assert(mechanism::MechanismCheck<Mechanism>::passed);
   static constexpr int dof = Mechanism::dof;
   using State = PlantState<dof, Scalar>;
   using Torque = Joints<dof, Scalar>;

@@ -34,7 +34,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     last = work.reference()[-1]
     prepared = build_simulation(work.scenario(substeps=1))
     rows, missing = [], []
-    widest = _core.most_lanes()
+    widest = _core.max_lanes()
     for number, (lanes, name) in enumerate(LANES.items()):
         tell(f"{lanes} lanes", 0.3 + 0.2 * number)
         if lanes > widest:

@@ -88,7 +88,7 @@ def _row(
     nodes = body.simulate_path(path, radius, outward=[0, 0, 1]).nodes
     axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
     times = []
-    assert not isinstance(body.core, _core.NonlinearBody)  # whose ticks are not all of its work
+    assert not isinstance(body.core, _core.HyperelasticBody)  # whose ticks are not all of its work
     for _ in range(3):
         body.core.reset()
         times.append(1e6 * np.asarray(body.core.time(path, axes, radius, False)))

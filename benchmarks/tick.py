@@ -70,15 +70,15 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     duration = 3.0 if effort.quick else 20.0
     tell("an organ of 2,000 nodes", 0.0)
     points, normals, areas, full = _organ()
-    core = _core.ElasticBody(points, normals, areas, full)
+    core = _core.ComplianceBody(points, normals, areas, full)
     rows: list[Row] = []
     cases = [("lead–lag", duration, False), ("LQG", duration, False), ("LQG", 3.0, True)]
     for number, (law, lasts, paced) in enumerate(cases):
         experiment = _experiment(lasts, law)
-        anchor = np.array(experiment.setup.anchor.point)
+        anchor = np.array(experiment.setup.wall.point)
         top = points[:, 2].max()
-        body = _core.TouchedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
-        experiment.setup.touch_body(body)
+        body = _core.PlacedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
+        experiment.setup.set_body(body)
         for drawn in (False, True):
             name = f"{law}{', paced' if paced else ''}"
             tell(f"{name}{', drawn' if drawn else ''}", 0.1 + (2 * number + drawn) * 0.9 / (2 * len(cases)))

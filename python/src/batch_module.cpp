@@ -118,7 +118,7 @@ int palpate::batch::most_lanes() {
 }
 
 void bind_batch(nb::module_& m) {
-  m.def("most_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
+  m.def("max_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
   const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
   palpate::mechanism::Registry::for_each([&m, doc]<class Mechanism>() {
     m.def("run_cells", &run_cells<Mechanism>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,

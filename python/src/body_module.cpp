@@ -184,7 +184,7 @@ auto new_points(std::size_t n, At at) {
 
 void bind_lattice(nb::module_& m) {
   using palpate::deformable::MassSpringModel;
-  bind_kind<MassSpringModel>(m, "LatticeBody")
+  bind_kind<MassSpringModel>(m, "MassSpringBody")
       .def(
           "__init__",
           [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
@@ -231,7 +231,7 @@ void bind_lattice(nb::module_& m) {
 
 void bind_spline(nb::module_& m) {
   using palpate::deformable::FreeFormDeformation;
-  bind_kind<FreeFormDeformation>(m, "SplineBody")
+  bind_kind<FreeFormDeformation>(m, "FreeFormBody")
       .def(
           "__init__",
           [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
@@ -264,7 +264,7 @@ void bind_spline(nb::module_& m) {
 
 void bind_body(nb::module_& m) {
   using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
-  nb::class_<BodyInLoop>(m, "BodyInLoop", "A body of any kind, as a servo loop takes it.");
+  nb::class_<BodyInLoop>(m, "DeformableBody", "A body of any kind, as a servo loop takes it.");
   nb::class_<SurfaceFrames>(m, "SurfaceFrames", "A thread that draws what a servo loop presses.")
       .def(
           "__init__",
@@ -284,10 +284,10 @@ void bind_body(nb::module_& m) {
             return nb::make_tuple(frame.number, frame.tick, rows);
           },
           "The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
-  nb::class_<PlacedBody>(m, "TouchedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
+  nb::class_<PlacedBody>(m, "PlacedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
       .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
            "turn"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
-  bind_kind<Compliance>(m, "ElasticBody")
+  bind_kind<Compliance>(m, "ComplianceBody")
       .def(
           "__init__",
           [](BodyCore<Compliance>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
@@ -313,7 +313,7 @@ void bind_body(nb::module_& m) {
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
           "instant"_a = 1.0, "creep"_a = 1.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
-  bind_kind<StandardLinearSolid>(m, "RelaxingBody")
+  bind_kind<StandardLinearSolid>(m, "StandardLinearSolidBody")
       .def(
           "__init__",
           [](BodyCore<StandardLinearSolid>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,

@@ -28,7 +28,7 @@ NB_MODULE(_core, m) {
 
   bind_loop_parts(m);
 
-  nb::class_<palpate::plant::HumanArm>(m, "Hand")
+  nb::class_<palpate::plant::HumanArm>(m, "HumanArm")
       .def(nb::init<>())
       .def_rw("mass", &palpate::plant::HumanArm::mass)
       .def_rw("damping", &palpate::plant::HumanArm::damping)

@@ -40,6 +40,6 @@ void add(const Columns<T>& to, const Columns<const T>& from, const Places& rows,
 
 void bind_front(nb::module_& m) {
   const char* const doc = "to[rows, columns] += from, columns in one piece (Fortran's order); lower: without what lies above the diagonal.";
-  m.def("add_at", add<double>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
-  m.def("add_at", add<float>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
+  m.def("scatter_add", add<double>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
+  m.def("scatter_add", add<float>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
 }

@@ -80,14 +80,14 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(nb::init<>())
       .def_rw("mechanism", &Setup::mechanism)
       .def_rw("friction", &Setup::friction)
-      .def_rw("hand", &Setup::human_arm)
+      .def_rw("human_arm", &Setup::human_arm)
       .def_prop_rw(
           "encoder_step", [](const Setup& s) { return s.encoder.step; },
           [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
       .def_rw("limits", &Setup::limits)
       .def_rw("delay", &Setup::delay)
       .def_prop_rw(
-          "anchor", [](Setup& s) -> palpate::object::SpringWallParameters& { return s.wall; },
+          "wall", [](Setup& s) -> palpate::object::SpringWallParameters& { return s.wall; },
           [](Setup& s, const palpate::object::SpringWallParameters& p) {
             s.wall.kind = p.kind;
             s.wall.point = p.point;
@@ -105,9 +105,9 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_prop_rw(
           "controller", [](const Setup& s) { return *s.controller.template get_if<palpate::control::StateSpace>(); },
           [](Setup& s, const palpate::control::StateSpace& c) { s.controller = c; })
-      .def_rw("hold", &Setup::gravity_compensation)
+      .def_rw("gravity_compensation", &Setup::gravity_compensation)
       .def_rw("frozen_kinematics", &Setup::frozen_kinematics)
-      .def_rw("held", &Setup::fixed)
+      .def_rw("fixed", &Setup::fixed)
       .def_rw("linear", &Setup::linear)
       .def_rw("plant_a", &Setup::plant_a)
       .def_rw("plant_b", &Setup::plant_b)
@@ -131,24 +131,24 @@ void bind_loop(nb::module_& m, const char* name) {
           },
           "ticks"_a, "How late each tick comes, 0 to `ticks`, s.")
       .def(
-          "touch",
+          "set_mesh",
           [](Setup& s, const TouchedSurface& t) {
             s.object = palpate::object::MeshObject(t.model(), t.radius);
             s.is_wall = false;
           },
           "surface"_a, "Put a mesh in the wall's place.")
       .def(
-          "touch_body",
+          "set_body",
           [](Setup& s, const PlacedBody& t) {
             s.placement = t.placement;
             s.is_wall = false;
           },
           "body"_a, nb::keep_alive<1, 2>(), "Put a deformable body in the wall's place.")
       .def(
-          "touch_python", [](Setup& s, nb::object part) { s.python_object(std::move(part)); }, "object"_a,
+          "set_python_object", [](Setup& s, nb::object part) { s.python_object(std::move(part)); }, "object"_a,
           "Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.")
       .def(
-          "control_python", [](Setup& s, nb::object part) { s.python_controller(std::move(part)); }, "controller"_a,
+          "set_python_controller", [](Setup& s, nb::object part) { s.python_controller(std::move(part)); }, "controller"_a,
           "Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.")
       .def(
           "watch", [](Setup& s, SurfaceFrames& f) { s.placement.contact_frames = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
@@ -239,7 +239,7 @@ void bind_loop(nb::module_& m, const char* name) {
 /// The types that loops of every mechanism share.
 inline void bind_loop_parts(nb::module_& m) {
   using palpate::object::SpringWallKind, palpate::object::SpringWallParameters, palpate::control::StateSpace;
-  nb::class_<SpringWallParameters> wall(m, "Anchor");
+  nb::class_<SpringWallParameters> wall(m, "SpringWallParameters");
   nb::enum_<SpringWallKind>(wall, "Kind")
       .value("none", SpringWallKind::none)
       .value("point", SpringWallKind::point)
@@ -249,7 +249,7 @@ inline void bind_loop_parts(nb::module_& m) {
       .def_rw("point", &SpringWallParameters::point)
       .def_rw("normal", &SpringWallParameters::normal);
 
-  nb::enum_<palpate::object::CouplingDifference>(m, "Difference")
+  nb::enum_<palpate::object::CouplingDifference>(m, "CouplingDifference")
       .value("backward", palpate::object::CouplingDifference::backward)
       .value("bilinear", palpate::object::CouplingDifference::bilinear);
 

@@ -167,7 +167,7 @@ Out step_row(const palpate::solid::PressedStep& step) {
 }
 
 void bind_pressed(nb::module_& m) {
-  nb::class_<PressedCore>(m, "PressedSolid")
+  nb::class_<PressedCore>(m, "QuasiStaticSolver")
       .def(
           "__init__",
           [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
@@ -301,7 +301,7 @@ struct NonlinearCore : BodyInLoop {
 };
 
 void bind_nonlinear(nb::module_& m) {
-  nb::class_<SolidFrames>(m, "SolidFrames", "Where the last slow step of a loop's body left its points.")
+  nb::class_<SolidFrames>(m, "DeformationFrames", "Where the last slow step of a loop's body left its points.")
       .def(nb::init<std::size_t>(), "points"_a)
       .def(
           "latest",
@@ -312,7 +312,7 @@ void bind_nonlinear(nb::module_& m) {
             return nb::make_tuple(moved.step, moved.tick, rows);
           },
           "The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.");
-  nb::class_<NonlinearCore, BodyInLoop>(m, "NonlinearBody")
+  nb::class_<NonlinearCore, BodyInLoop>(m, "HyperelasticBody")
       .def(
           "__init__",
           [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
@@ -389,7 +389,7 @@ void bind_nonlinear(nb::module_& m) {
 void bind_solid(nb::module_& m) {
   bind_pressed(m);
   bind_nonlinear(m);
-  nb::class_<SolidCore>(m, "Solid")
+  nb::class_<SolidCore>(m, "HyperelasticModel")
       .def(
           "__init__",
           [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,

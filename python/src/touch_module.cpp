@@ -67,10 +67,10 @@ TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::mes
 void bind_touch(nb::module_& m) {
   using palpate::mesh::Surface;
 
-  nb::enum_<palpate::mesh::FieldKind>(m, "Field")
+  nb::enum_<palpate::mesh::FieldKind>(m, "FieldKind")
       .value("discrete", palpate::mesh::FieldKind::discrete)
       .value("continuous", palpate::mesh::FieldKind::continuous);
-  nb::class_<Surface>(m, "TouchSurface")
+  nb::class_<Surface>(m, "Surface")
       .def(nb::init<>())
       .def_rw("stiffness", &Surface::stiffness)
       .def_rw("damping", &Surface::damping)
@@ -82,7 +82,7 @@ void bind_touch(nb::module_& m) {
       .def_rw("shading", &Surface::shading)
       .def_rw("period", &Surface::period);
 
-  nb::class_<TouchMesh>(m, "TouchMesh")
+  nb::class_<TouchMesh>(m, "TriangleMesh")
       .def(
           "__init__",
           [](TouchMesh* self, const Points& v, const Indices& t, bool open) { new (self) TouchMesh(points(v), triangles(t), open); },
@@ -137,7 +137,7 @@ void bind_touch(nb::module_& m) {
           "x"_a);
 
   m.def(
-      "mend_mesh",
+      "repair_mesh",
       [](const Points& v, const Indices& t) {
         std::vector<palpate::mesh::Triangle> list = triangles(t);
         const palpate::mesh::RepairReport done = palpate::mesh::repair_mesh(points(v), list);
@@ -148,7 +148,7 @@ void bind_touch(nb::module_& m) {
       },
       "vertices"_a, "triangles"_a);
 
-  nb::class_<TouchedSurface>(m, "TouchedSurface")
+  nb::class_<TouchedSurface>(m, "MeshModel")
       .def(
           "__init__",
           [](TouchedSurface* self, std::shared_ptr<const TouchMesh> mesh, const Surface& surface, double radius) {
@@ -156,7 +156,7 @@ void bind_touch(nb::module_& m) {
           },
           "mesh"_a, "surface"_a, "radius"_a);
 
-  nb::class_<TouchProxy>(m, "TouchProxy")
+  nb::class_<TouchProxy>(m, "Proxy")
       .def(
           "__init__",
           [](TouchProxy* self, std::shared_ptr<const TouchMesh> mesh, const Surface& surface, double radius) {

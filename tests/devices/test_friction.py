@@ -78,9 +78,9 @@ def test_swinging_on_a_spring_loses_four_friction_widths_a_period() -> None:
     # The spring is the operator's arm (no mass, no damper), so that no sampled wall comes in.
     device = SLIDER.with_friction(viscous=[0.0], coulomb=[f])
     setup = device.setup()
-    hand = setup.hand
+    hand = setup.human_arm
     hand.stiffness = k
-    setup.hand = hand
+    setup.human_arm = hand
     setup.start, setup.period, setup.substeps = np.array([0.0021]), 1e-4, 4
     rows, count, _ = setup.run(np.zeros((20_001, 3)), np.zeros((20_001, 3)))
     x, v = np.asarray(rows)[:count, 0], np.asarray(rows)[:count, 1]
@@ -124,8 +124,8 @@ def test_sticking_and_sliding_are_located_not_stepped_over(breakaway: float) -> 
     """An arm on a spring, swung so that its joints stop and start: one substep a millisecond finds what thirty find."""
     device = ROTORS.with_friction(coulomb=0.01, breakaway=breakaway, stribeck_speed=0.05)
     pose = [0.0, 2.2305, 3.2776]
-    anchor = _core.Anchor()
-    anchor.kind, anchor.point = _core.Anchor.Kind.point, device.forward(np.array(pose))
+    anchor = _core.SpringWallParameters()
+    anchor.kind, anchor.point = _core.SpringWallParameters.Kind.point, device.forward(np.array(pose))
     spring = {"anchor": anchor, "stiffness": [500.0] * 3, "damping": [2.0] * 3}
     push = 1.2 * np.sin(2 * np.pi * 3.0 * 1e-3 * np.arange(601))[:, None] * [1.0, 0.5, -0.7]
     found = [run(device, ticks=600, period=1e-3, start=pose, tip_force=push, substeps=n, **spring) for n in (1, 30)]

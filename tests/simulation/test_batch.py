@@ -129,10 +129,10 @@ def test_cells_have_their_own_delay_hand_and_start() -> None:
     columns["hand_mass"][4] = 0.0  # another shape of computation: it may not share a pack with the rest
     rows = np.asarray(_core.run_cells(setup, experiment.reference, experiment.operator, columns, count))
     for i, found in enumerate(rows):
-        hand = setup.hand
+        hand = setup.human_arm
         hand.mass, hand.damping = columns["hand_mass"][i, 0], columns["hand_damping"][i, 0]
         hand.stiffness = columns["hand_stiffness"][i, 0]
-        setup.hand, setup.delay = hand, i
+        setup.human_arm, setup.delay = hand, i
         setup.start, setup.stiffness = columns["start"][i], columns["stiffness"][i]
         alone, unstable_tick = experiment.run()
         assert found[0] == unstable_tick

@@ -69,7 +69,7 @@ def impedance_display() -> Any:
 
 def spring_at(point: ArrayLike) -> Any:
     """An object held from all sides at a point (3,), m."""
-    anchor = _core.Anchor()
-    anchor.kind = _core.Anchor.Kind.point
+    anchor = _core.SpringWallParameters()
+    anchor.kind = _core.SpringWallParameters.Kind.point
     anchor.point = np.asarray(point, float)
     return anchor

@@ -36,7 +36,7 @@ class Mesh:
         faces = _indices(triangles, len(points))
         told: list[str] = []
         if mend:
-            faces, degenerate, duplicate, turned = _core.mend_mesh(points, faces)
+            faces, degenerate, duplicate, turned = _core.repair_mesh(points, faces)
             for count, what in (
                 (degenerate, "without area dropped"),
                 (duplicate, "that were there twice dropped"),
@@ -52,7 +52,7 @@ class Mesh:
         self._mended = tuple(told)
         for array in (self.vertices, self.triangles):
             array.setflags(write=False)
-        self.core = _core.TouchMesh(self.vertices, self.triangles, self.open)
+        self.core = _core.TriangleMesh(self.vertices, self.triangles, self.open)
         if not self.core.usable:
             self._refuse()
 

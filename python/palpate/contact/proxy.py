@@ -30,7 +30,7 @@ class Proxy:
         self.mesh = mesh
         self.surface = Surface() if surface is None else surface
         self.radius = size
-        self.core = _core.TouchProxy(mesh.core, self.surface.core_for(mesh), size)
+        self.core = _core.Proxy(mesh.core, self.surface.core_for(mesh), size)
 
     def step(self, tip: ArrayLike) -> Contact:
         """Go one tick with the tip at `tip` (3,), m."""

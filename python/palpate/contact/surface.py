@@ -62,7 +62,7 @@ class Surface:
 
     def core_for(self, mesh: Mesh) -> Any:
         """Return the core's surface for `mesh`. Raises SurfaceError."""
-        core = _core.TouchSurface()
+        core = _core.Surface()
         core.stiffness = _list(self.stiffness, "stiffness", "N/m", mesh).tolist()
         core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
         core.tangential = -1.0 if self.tangential is None else number(self.tangential, "tangential", "N/m")
@@ -73,7 +73,7 @@ class Surface:
         core.period = number(self.period, "period", "s")
         if core.period <= 0.0:
             raise SurfaceError("period must be positive")
-        core.field = getattr(_core.Field, self.field)
+        core.field = getattr(_core.FieldKind, self.field)
         return core
 
 

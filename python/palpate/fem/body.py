@@ -47,12 +47,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Law = Literal["neo-hookean", "corotational"]
 Core = (
-    _core.ElasticBody
+    _core.ComplianceBody
     | _core.ModalBody
-    | _core.RelaxingBody
-    | _core.LatticeBody
-    | _core.SplineBody
-    | _core.NonlinearBody
+    | _core.StandardLinearSolidBody
+    | _core.MassSpringBody
+    | _core.FreeFormBody
+    | _core.HyperelasticBody
 )
 
 
@@ -173,7 +173,7 @@ class Body:
     @cached_property
     def core(self) -> Core:
         """The contact of one tip, in C++."""
-        return _core.ElasticBody(*self._arrays(), *self.kind.friction)
+        return _core.ComplianceBody(*self._arrays(), *self.kind.friction)
 
     def scaled_stiffness(self, factor: float | str) -> Body:
         """Return the same body, of the same kind, of a material `factor` times as stiff everywhere, which is exact.
@@ -312,7 +312,7 @@ class Body:
         )
         options = {"period": tick, "instantaneous_ratio": most, "retardation_time": late}
         viscous = Body(self.contents, self._kind("viscoelastic", options, static_friction, dynamic_friction))
-        viscous.core = _core.RelaxingBody(*self._arrays(), most, late, tick, *viscous.kind.friction)
+        viscous.core = _core.StandardLinearSolidBody(*self._arrays(), most, late, tick, *viscous.kind.friction)
         return viscous
 
     def mass_spring(
@@ -346,7 +346,7 @@ class Body:
             self._arrays(),
             self._patches(),
         )
-        springy.core = _core.LatticeBody(
+        springy.core = _core.MassSpringBody(
             nodes,
             normals,
             areas,
@@ -427,7 +427,7 @@ class Body:
             law = self._free_form_law(wide)
         shaped = Body(self.contents, self._kind("free_form", options, static_friction, dynamic_friction))
         shaped.free_form_law = law
-        shaped.core = _core.SplineBody(*self._arrays()[:3], *law, *shaped.kind.friction)
+        shaped.core = _core.FreeFormBody(*self._arrays()[:3], *law, *shaped.kind.friction)
         return shaped
 
     def hyperelastic(
@@ -464,7 +464,7 @@ class Body:
         on_surface = np.unique(self.volume.surface)
         begin, vertices, shares = self._patches()
         large = Body(contents, self._kind("hyperelastic", options, static_friction, dynamic_friction))
-        large.core = _core.NonlinearBody(
+        large.core = _core.HyperelasticBody(
             np.ascontiguousarray(contents.vertices),
             np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
             np.ascontiguousarray(contents.young / (2 * (1 + poisson))),
@@ -528,7 +528,7 @@ class Body:
                 or a lattice or a body under large displacements gives way so far that the tip loses it, or the latter
                 does not come to rest.
         """
-        if isinstance(self.core, _core.ModalBody | _core.RelaxingBody):
+        if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
             return Body(self.contents).indent(point, radius, depth, tip=tip)
         x = point_of(point)
         size, deep = positive(radius, "m", "radius"), press_depth(depth)
@@ -548,7 +548,7 @@ class Body:
         centre = at[0] + normal * ((size if tip == "sphere" else 0.0) - deep)
         self.core.reset()
         radii = deep / size
-        if isinstance(self.core, _core.NonlinearBody):
+        if isinstance(self.core, _core.HyperelasticBody):
             history = self._rest(self.core, centre, normal, deep, size, tip)
             return self._end_of_press(history, deep)
         if self.settling_period is None:  # a deep press goes in by less than the radius at a time
@@ -565,7 +565,7 @@ class Body:
         return self._end_of_press(history, deep)
 
     def _rest(
-        self, core: _core.NonlinearBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
+        self, core: _core.HyperelasticBody, centre: Array, normal: Array, deep: float, size: float, tip: Shape
     ) -> ContactHistory:
         """Press from one place of rest to the next, ten of them or four for each radius; refuse what does not rest."""
         parts = max(10, int(np.ceil(4.0 * deep / size)))
@@ -645,9 +645,9 @@ class Body:
         Of a lattice: where it is now; of a spline: that of the spline; under large displacements: at the last
         slow step.
         """
-        if isinstance(self.core, _core.NonlinearBody):
+        if isinstance(self.core, _core.HyperelasticBody):
             return np.asarray(self.shares @ self.core.displacement())
-        if isinstance(self.core, _core.LatticeBody | _core.SplineBody):
+        if isinstance(self.core, _core.MassSpringBody | _core.FreeFormBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.pressed()
         total = np.zeros(3 * len(self.nodes))

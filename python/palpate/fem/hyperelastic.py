@@ -64,7 +64,7 @@ class HyperelasticModel:
         self.elements = Elements(
             volume, material, parse_selectors(fixed), None if touch is None else parse_selector(touch), order=1
         )
-        self.core = _core.Solid(*self.arrays())
+        self.core = _core.HyperelasticModel(*self.arrays())
 
     def __repr__(self) -> str:
         return f"<Solid: {self.law}, of {self.elements.volume!r}>"

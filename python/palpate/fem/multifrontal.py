@@ -174,12 +174,12 @@ class MultifrontalSolver:
             here = _axes(child.rest[inside] - front.begin)
             there = _axes(np.searchsorted(front.rest, child.rest[~inside]))
             rows = _axes(np.searchsorted(front.loads, child.loads))
-            _core.add_at(own, given.stiffness[:cut, :cut], here, here, True)
-            _core.add_at(beside, given.stiffness[cut:, :cut], there, here)
-            _core.add_at(left.stiffness, given.stiffness[cut:, cut:], there, there, True)
-            _core.add_at(across, given.load[:, :cut], rows, here)
-            _core.add_at(left.load, given.load[:, cut:], rows, there)
-            _core.add_at(left.compliance, given.compliance, rows, rows, True)
+            _core.scatter_add(own, given.stiffness[:cut, :cut], here, here, True)
+            _core.scatter_add(beside, given.stiffness[cut:, :cut], there, here)
+            _core.scatter_add(left.stiffness, given.stiffness[cut:, cut:], there, there, True)
+            _core.scatter_add(across, given.load[:, :cut], rows, here)
+            _core.scatter_add(left.load, given.load[:, cut:], rows, there)
+            _core.scatter_add(left.compliance, given.compliance, rows, rows, True)
             trial[:, here] += given.trial[:, :cut]
             left.trial[:, there] += given.trial[:, cut:]
             left.energy[:] += given.energy

@@ -73,7 +73,7 @@ class QuasiStaticSolver:
         elements = solid.elements
         load = elements.load
         load.sort_indices()
-        self.core = _core.PressedSolid(
+        self.core = _core.QuasiStaticSolver(
             *solid.arrays(),
             np.ascontiguousarray(elements.touchable, dtype=np.int32),
             np.ascontiguousarray(elements.areas),

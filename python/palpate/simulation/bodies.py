@@ -57,7 +57,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
-def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
+def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
     """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
 
     Raises:
@@ -70,7 +70,7 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.TouchedBody:
     _check_start(scenario, choice, body)
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
     at = origin - turn @ origin_of(choice, body)
-    return _core.TouchedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+    return _core.PlacedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
 
 
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:

@@ -170,7 +170,7 @@ class Simulation:
 
     def _deflection(self, tip: Array) -> Array:
         """How far the tip has pushed the object in; without an object, how far it has moved."""
-        away = tip - np.array(self.setup.anchor.point)
+        away = tip - np.array(self.setup.wall.point)
         if self.scenario.object.kind != "wall":
             return np.asarray(away, dtype=float)
         normal = np.array(self.scenario.object.normal)
@@ -182,7 +182,7 @@ def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, contro
     setup.start = start
     setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
     setup.jitter, setup.seed = scenario.servo.jitter, scenario.run.seed
-    setup.hold = hold
+    setup.gravity_compensation = hold
     setup.frozen_kinematics = scenario.device.kinematics == "linear"
     setup.delay = scenario.device.delay
     if scenario.device.encoder:
@@ -219,9 +219,9 @@ def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, contro
 
 def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     touched = scenario.object
-    anchor = _core.Anchor()
-    kinds = {"spring": _core.Anchor.Kind.point, "wall": _core.Anchor.Kind.half_space}
-    anchor.kind = kinds.get(touched.kind, _core.Anchor.Kind.none)
+    anchor = _core.SpringWallParameters()
+    kinds = {"spring": _core.SpringWallParameters.Kind.point, "wall": _core.SpringWallParameters.Kind.half_space}
+    anchor.kind = kinds.get(touched.kind, _core.SpringWallParameters.Kind.none)
     # The object stands where the servo sees the tip: between two counts a stiff one would push at rest.
     step = device.encoder_step
     counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
@@ -229,22 +229,22 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
     anchor.point = device.forward(counted) + np.array(touched.position)
     if touched.normal is not None:
         anchor.normal = np.array(touched.normal)
-    setup.anchor = anchor
+    setup.wall = anchor
     if touched.mesh is not None:
         mesh, surface = touched_mesh(scenario, np.array(anchor.point))
-        setup.touch(_core.TouchedSurface(mesh.core, surface.core_for(mesh), touched.mesh.radius))
+        setup.set_mesh(_core.MeshModel(mesh.core, surface.core_for(mesh), touched.mesh.radius))
     if touched.body is not None:
-        setup.touch_body(touched_body(scenario, np.array(anchor.point)))
+        setup.set_body(touched_body(scenario, np.array(anchor.point)))
     if touched.stiffness is not None:
         setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
-    difference = _core.Difference
+    difference = _core.CouplingDifference
     setup.difference = difference.bilinear if touched.coupling == "bilinear" else difference.backward
 
 
 def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     operator = scenario.operator
     if operator.kind == "fixed":
-        setup.held = True
+        setup.fixed = True
     if operator.kind != "arm":
         return
     if scenario.device.model != "nonlinear":
@@ -252,13 +252,13 @@ def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
             f'operator.kind: an arm moves with the nonlinear device; with device.model = "{scenario.device.model}" '
             'use kind = "force"'
         )
-    hand = _core.Hand()
+    hand = _core.HumanArm()
     hand.mass, hand.damping, hand.stiffness = operator.mass or 0.0, operator.damping or 0.0, operator.stiffness or 0.0
     if operator.tissue_stiffness is not None:
         hand.tissue = True
         hand.tissue_stiffness, hand.tissue_damping = operator.tissue_stiffness, operator.tissue_damping or 0.0
     hand.rest = device.forward(start) + np.array(operator.rest)
-    setup.hand = hand
+    setup.human_arm = hand
 
 
 def _version() -> str:

@@ -44,11 +44,11 @@ class SurfaceFrames:
         if not 0.0 < rate < np.inf:
             raise BodyError(f"frames come at a positive rate in Hz, not {rate:g}")
         body = scenario_body(experiment.scenario)
-        self._core: _core.SolidFrames | _core.SurfaceFrames
+        self._core: _core.DeformationFrames | _core.SurfaceFrames
         self._shares: sparse.csr_matrix | None = None
-        if isinstance(body.core, _core.NonlinearBody):
+        if isinstance(body.core, _core.HyperelasticBody):
             self._shares = body.shares
-            self._core = _core.SolidFrames(self._shares.shape[1])
+            self._core = _core.DeformationFrames(self._shares.shape[1])
         else:
             self._core = _core.SurfaceFrames(np.ascontiguousarray(body.compliance), rate)
         experiment.setup.watch(self._core)

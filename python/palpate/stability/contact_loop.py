@@ -113,7 +113,7 @@ def _slope(scenario: Scenario, tip: Array) -> Array:
             body.core.reset()
         return np.array(body.simulate_path(place[None], choice.radius, outward=outward, tip=choice.tip).force[0])
 
-    large = isinstance(body.core, _core.NonlinearBody)
+    large = isinstance(body.core, _core.HyperelasticBody)
     if large:
         body.core.reset()
         body.simulate_path(way, choice.radius, outward=outward, tip=choice.tip)

@@ -124,7 +124,7 @@ def _freed(s: Scenario, loop: ScenarioLoop, ticks: int) -> Simulation:
     experiment = build_simulation(tables)
     device = experiment.device.with_friction(coulomb=0.0)
     experiment.setup.friction = device.core_friction
-    experiment.setup.anchor = _spring(device.forward(experiment.start))
+    experiment.setup.wall = _spring(device.forward(experiment.start))
     push, silent = np.zeros((2, ticks + 1, 3))
     push[:5] = PUSH * loop.directions.sum(axis=1) / math.sqrt(loop.directions.shape[1])
     tracking = not np.any(experiment.operator) and s.servo.topology == "force_tracking"
@@ -160,8 +160,8 @@ def _one(experiment: Simulation, stiffness: Array, damping: Array) -> tuple[floa
 
 
 def _spring(point: Array) -> Any:
-    anchor = _core.Anchor()
-    anchor.kind = _core.Anchor.Kind.point
+    anchor = _core.SpringWallParameters()
+    anchor.kind = _core.SpringWallParameters.Kind.point
     anchor.point = point
     return anchor
 

@@ -2,7 +2,7 @@
 
 #include <cstdlib>
 
-/// How often random tests are to repeat what they do, with other numbers: PALPATE_ROUNDS of the environment, once without it.
+/// Return the number of repetitions of random tests: the environment variable PALPATE_ROUNDS, or 1.
 inline int rounds() {
   const char* asked = std::getenv("PALPATE_ROUNDS");
   return asked != nullptr ? std::atoi(asked) : 1;

@@ -55,7 +55,7 @@ struct Mask {
   Bits bits{};
 
   Mask() = default;
-  Mask(Bits b) : bits(b) {}  // NOLINT(google-explicit-constructor): what a comparison of vectors gives
+  Mask(Bits b) : bits(b) {}                                          // NOLINT(google-explicit-constructor): result of a vector comparison
   Mask(bool all) : bits(Bits{} - static_cast<std::int64_t>(all)) {}  // NOLINT(google-explicit-constructor): constants mix with masks
 
   [[nodiscard]] bool operator[](int lane) const { return bits[lane] != 0; }

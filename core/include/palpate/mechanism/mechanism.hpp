@@ -260,17 +260,22 @@ concept HasPotential = requires(const M& m, const Joints<M::dof, Scalar>& q) {
   { m.potential(q) } -> std::same_as<Scalar>;
 };
 
-/// The kinematics and dynamics that servo, plant and analysis use. MechanismDefaults supplies them.
+/// The kinematics that a servo uses. MechanismDefaults supplies them.
 template <class M>
-concept HasMechanismFunctions = requires(const M& m, const Joints<M::dof>& q, const Vector3<>& v, KinematicsCacheOf<M>& cache) {
+concept HasKinematicFunctions = requires(const M& m, const Joints<M::dof>& q, const Vector3<>& v, KinematicsCacheOf<M>& cache) {
+  { m.forward(cache) } -> std::convertible_to<Vector3<>>;
+  { m.jacobian(q) } -> std::convertible_to<TipJacobian<M::dof>>;
+  { m.apply_jacobian_transpose(cache, v) } -> std::convertible_to<Joints<M::dof>>;
+};
+
+/// The dynamics and the incremental kinematics that plant and analysis use. MechanismDefaults supplies them.
+template <class M>
+concept HasDynamicFunctions = requires(const M& m, const Joints<M::dof>& q, const Vector3<>& v, KinematicsCacheOf<M>& cache) {
   m.kinematics_near(cache, q);
   m.advance(cache, q);
   m.advance_small(cache, q);
   { M::is_small(q) } -> std::convertible_to<bool>;
-  { m.forward(cache) } -> std::convertible_to<Vector3<>>;
-  { m.jacobian(q) } -> std::convertible_to<TipJacobian<M::dof>>;
   { m.velocity(cache, q) } -> std::convertible_to<Vector3<>>;
-  { m.apply_jacobian_transpose(cache, v) } -> std::convertible_to<Joints<M::dof>>;
   { m.dynamics(cache, m.inertia_parameters(0.1)).generalized_force(q, q) } -> std::convertible_to<Joints<M::dof>>;
   { m.dynamics(cache).inverse() * q } -> std::convertible_to<Joints<M::dof>>;
   { m.coriolis(q, q) } -> std::convertible_to<JointMatrix<M::dof>>;
@@ -279,25 +284,37 @@ concept HasMechanismFunctions = requires(const M& m, const Joints<M::dof>& q, co
   { m.inverse_kinematics(v, q) } -> std::convertible_to<InverseKinematics<M::dof>>;
 };
 
+/// The kinematics of a mechanism, which are enough for a servo on a real device.
+template <class M>
+concept KinematicMechanism = std::copyable<M> && std::default_initializable<M> && HasDof<M> && HasForward<M, double> &&
+                             HasForward<M, JointDual<M>> && HasKinematicFunctions<M>;
+
 /// A haptic mechanism: tip kinematics and rigid-body dynamics in joint space, on any scalar type.
 template <class M>
-concept Mechanism = std::copyable<M> && std::default_initializable<M> && HasDof<M> && HasForward<M, double> &&
-                    HasForward<M, JointDual<M>> && HasMassMatrix<M, double> && HasMassMatrix<M, JointDual<M>> && HasPotential<M, double> &&
-                    HasPotential<M, JointDual<M>> && HasMechanismFunctions<M>;
+concept Mechanism = KinematicMechanism<M> && HasMassMatrix<M, double> && HasMassMatrix<M, JointDual<M>> && HasPotential<M, double> &&
+                    HasPotential<M, JointDual<M>> && HasDynamicFunctions<M>;
 
-/// Explains why a class is no Mechanism, by assertions that name the missing function.
+/// Explains why a class is no KinematicMechanism, by assertions that name the missing function.
 template <class M>
-struct MechanismCheck {
+struct KinematicsCheck {
   static_assert(std::copyable<M> && std::default_initializable<M>, "a mechanism needs a default constructor and must be copyable");
   static_assert(HasDof<M>, "a mechanism needs `static constexpr int dof`; derive it from MechanismDefaults<Itself, dof>");
   static_assert(!HasDof<M> || HasForward<M, double>, "a mechanism needs `forward(const Joints<dof, Scalar>& q) const -> Vector3<Scalar>`");
   static_assert(!HasForward<M, double> || HasForward<M, JointDual<M>>, "`forward` must be a template on the scalar type");
+  static_assert(!HasDof<M> || HasKinematicFunctions<M>, "a mechanism must derive from MechanismDefaults<Itself, dof>");
+  static constexpr bool passed = true;
+};
+
+/// Explains why a class is no Mechanism.
+template <class M>
+struct MechanismCheck {
+  static_assert(KinematicsCheck<M>::passed);
   static_assert(!HasDof<M> || HasMassMatrix<M, double>,
                 "a mechanism needs `mass_matrix(const Joints<dof, Scalar>& q) const -> JointMatrix<dof, Scalar>`");
   static_assert(!HasMassMatrix<M, double> || HasMassMatrix<M, JointDual<M>>, "`mass_matrix` must be a template on the scalar type");
   static_assert(!HasDof<M> || HasPotential<M, double>, "a mechanism needs `potential(const Joints<dof, Scalar>& q) const -> Scalar`");
   static_assert(!HasPotential<M, double> || HasPotential<M, JointDual<M>>, "`potential` must be a template on the scalar type");
-  static_assert(!HasDof<M> || HasMechanismFunctions<M>, "a mechanism must derive from MechanismDefaults<Itself, dof>");
+  static_assert(!HasDof<M> || HasDynamicFunctions<M>, "a mechanism must derive from MechanismDefaults<Itself, dof>");
   static constexpr bool passed = true;
 };
 

@@ -148,8 +148,8 @@ class Premium {
     return {q, advance_joint(from.yaw, dq[0], q[0]), advance_joint(from.upper, dq[1], q[1]), advance_joint(from.fore, dq[2], q[2])};
   }
 
-  /// Returns the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the reference, its
-  /// sine and cosine are computed anew and the reference moves to `q`.
+  /// Returns the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the
+  /// reference, its sine and cosine are computed anew and the reference moves to `q`.
   template <class Scalar>
   [[nodiscard]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& reference, const Angles<Scalar>& q) const {
     using std::abs;

@@ -17,7 +17,7 @@ namespace palpate::mechanism {
 template <class Mechanism, class Scalar = double>
 class TipKinematics {
  public:
-  static_assert(MechanismCheck<Mechanism>::passed);
+  static_assert(KinematicsCheck<Mechanism>::passed);
   static constexpr int dof = Mechanism::dof;
   using Angles = Joints<dof, Scalar>;
   using Vector = Vector3<Scalar>;

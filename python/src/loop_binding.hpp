@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <palpate/palpate.hpp>
+#include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>
 #include <string>
 #include <thread>
@@ -182,6 +183,24 @@ void bind_loop(nb::module_& m, const char* name) {
           },
           "reference"_a, "operator_force"_a, "paced"_a,
           "How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.")
+      .def(
+          "outcome",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            if (self.fixed || self.linear) throw nb::value_error("an outcome is that of the nonlinear device, free to move");
+            const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();
+            auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::outcome_width<dof>)});
+            {
+              const nb::gil_scoped_release unlocked;
+              palpate::servo::simulate_outcome(loop, static_cast<int>(reference.shape(0)) - 1, reference.data(), operator_force.data(),
+                                               data);
+            }
+            self.fault->raise();
+            return row;
+          },
+          "reference"_a, "operator_force"_a, "Run the loop with any object and controller; return its outcome as a batch does.")
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {

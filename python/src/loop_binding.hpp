@@ -57,26 +57,39 @@ void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* refe
   }
 }
 
-template <class Mechanism>
-void bind_loop(nb::module_& m, const char* name) {
-  constexpr int dof = Mechanism::dof;
-  using Setup = LoopSetup<Mechanism>;
+/// Bind friction and limits of joints. Mechanisms with the same number of joints share these types.
+template <int dof>
+void bind_joint_types(nb::module_& m, const std::string& prefix) {
   using JointFriction = palpate::plant::JointFriction<dof>;
   using Limits = palpate::actuation::DriveLimits<dof>;
-  const std::string prefix = name;
-
-  nb::class_<JointFriction>(m, (prefix + "Friction").c_str())
+  const std::string friction = prefix + "Friction";
+  const std::string limits = prefix + "Limits";
+  if (const nb::handle bound = nb::type<JointFriction>(); bound.is_valid()) {
+    m.attr(friction.c_str()) = bound;
+    m.attr(limits.c_str()) = nb::type<Limits>();
+    return;
+  }
+  nb::class_<JointFriction>(m, friction.c_str())
       .def(nb::init<>())
       .def_rw("viscous", &JointFriction::viscous)
       .def_rw("coulomb", &JointFriction::coulomb)
       .def_rw("breakaway", &JointFriction::breakaway)
       .def_rw("stribeck_speed", &JointFriction::stribeck_speed);
-  nb::class_<Limits>(m, (prefix + "Limits").c_str())
+  nb::class_<Limits>(m, limits.c_str())
       .def(nb::init<>())
       .def_rw("peak_force", &Limits::peak_force)
       .def_rw("continuous_force", &Limits::continuous_force)
       .def_rw("thermal_time", &Limits::thermal_time)
       .def_rw("peak_torque", &Limits::peak_torque);
+}
+
+template <class Mechanism>
+void bind_loop(nb::module_& m, const char* name) {
+  constexpr int dof = Mechanism::dof;
+  using Setup = LoopSetup<Mechanism>;
+  const std::string prefix = name;
+
+  bind_joint_types<dof>(m, prefix);
   nb::class_<Setup>(m, (prefix + "Setup").c_str())
       .def(nb::init<>())
       .def_rw("mechanism", &Setup::mechanism)

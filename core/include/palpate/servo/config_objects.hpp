@@ -190,7 +190,7 @@ template <class Model>
   const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
   const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
   const auto modes = static_cast<std::int64_t>(frequencies.size());
-  const std::vector<float> shapes = modes == 1 ? from.blob<float>("shapes", 3 * count, 1) : from.blob<float>("shapes", 3 * count, modes);
+  const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
   if (reader.ok() && modes == 0) from.fail("frequencies", "must hold at least one mode");
   if (!reader.ok()) return nullptr;
   const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);

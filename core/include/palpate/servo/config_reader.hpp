@@ -154,10 +154,10 @@ class ConfigReader {
         }
         size.push_back(static_cast<std::int64_t>(n));
       }
-      const std::size_t rank = columns == 1 ? 1 : 2;
-      if (size.size() != rank || (rows >= 0 && size[0] != rows) || (rank == 2 && size[1] != columns)) {
+      if (size.size() == 1 && columns == 1) size.push_back(1);
+      if (size.size() != 2 || (rows >= 0 && size[0] != rows) || size[1] != columns) {
         about.fail("shape", "must be [" + (rows < 0 ? std::string("n") : std::to_string(rows)) +
-                                (rank == 2 ? ", " + std::to_string(columns) : "") + "]");
+                                (columns == 1 ? "" : ", " + std::to_string(columns)) + "]");
         return out;
       }
       const double expected = static_cast<double>(size[0]) * static_cast<double>(columns) * static_cast<double>(sizeof(T));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <charconv>
 #include <cstddef>
 #include <cstdint>
@@ -194,22 +195,10 @@ class JsonParser {
       if (!take_word("\\u") || !parse_hex(low) || low < 0xdc00 || low >= 0xe000) return false;
       point = 0x10000 + ((point - 0xd800) << 10) + (low - 0xdc00);
     }
-    const auto put = [&to](std::uint32_t byte) { to += static_cast<char>(static_cast<unsigned char>(byte)); };
-    if (point < 0x80) {
-      put(point);
-    } else if (point < 0x800) {
-      put(0xc0 | (point >> 6));
-      put(0x80 | (point & 0x3f));
-    } else {
-      if (point < 0x10000) {
-        put(0xe0 | (point >> 12));
-      } else {
-        put(0xf0 | (point >> 18));
-        put(0x80 | ((point >> 12) & 0x3f));
-      }
-      put(0x80 | ((point >> 6) & 0x3f));
-      put(0x80 | (point & 0x3f));
-    }
+    constexpr std::array<std::uint32_t, 4> lead = {0, 0xc0, 0xe0, 0xf0};
+    const std::size_t extra = point < 0x80 ? 0 : point < 0x800 ? 1 : point < 0x10000 ? 2 : 3;
+    to += static_cast<char>(lead[extra] | (point >> (6 * extra)));
+    for (std::size_t k = extra; k-- > 0;) to += static_cast<char>(0x80 | ((point >> (6 * k)) & 0x3f));
     return true;
   }
   bool parse_hex(std::uint32_t& out) noexcept {

@@ -48,7 +48,9 @@ class LoopConfig {
       for (const auto& [key, values] : parameters_)
         if (key == field.key) field.assign(parameters, values.data());
     out.mechanism = Mechanism(parameters);
-    const auto joints = [](const std::vector<double>& values) { return Joints<Mechanism::dof>(Eigen::Map<const Joints<Mechanism::dof>>(values.data())); };
+    const auto joints = [](const std::vector<double>& values) {
+      return Joints<Mechanism::dof>(Eigen::Map<const Joints<Mechanism::dof>>(values.data()));
+    };
     out.frozen_kinematics = frozen_kinematics_;
     out.encoder.step = joints(encoder_step_);
     out.limits.peak_force = peak_force_;
@@ -121,7 +123,8 @@ class LoopConfigLoader {
     const std::int64_t bytes = source_.size(file);
     if (bytes < 0) return refuse("there is no file loop.json; write the folder with `palpate resolve`");
     const JsonLimits limits;
-    if (static_cast<std::uint64_t>(bytes) > limits.text) return refuse("loop.json is longer than " + std::to_string(limits.text) + " bytes");
+    if (static_cast<std::uint64_t>(bytes) > limits.text)
+      return refuse("loop.json is longer than " + std::to_string(limits.text) + " bytes");
     std::string text(static_cast<std::size_t>(bytes), '\0');
     if (!source_.read(file, text.data(), text.size())) return refuse("loop.json cannot be read");
     const JsonDocument document = parse_json(text, limits);

@@ -14,6 +14,7 @@ from palpate.cli.command import one_sentence
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
 from palpate.cli.performance import performance
+from palpate.cli.resolve import resolve
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep
@@ -42,6 +43,7 @@ for function in (
     merge,
     identify,
     devices,
+    resolve,
 ):
     app.command()(one_sentence(function))
 

@@ -1,6 +1,7 @@
 """Simulation of a scenario's servo loop, and the trace that it returns."""
 
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.simulation.loop_config import resolve
 from palpate.simulation.simulator import Simulation, build_simulation, simulate
 from palpate.simulation.surface_frames import Frame, SurfaceFrames
 from palpate.simulation.trace import CHANNELS, Channel, Trace, TraceError
@@ -15,6 +16,7 @@ __all__ = [
     "Trace",
     "TraceError",
     "build_simulation",
+    "resolve",
     "scenario_loop",
     "simulate",
 ]

@@ -106,7 +106,7 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
         ('"3.5 N/mm"', '"3.5 N"',
          'cube.toml, line 16: object.stiffness: "3.5 N" is a force [N]; a stiffness is needed, for example "3.5 N/mm"'),
         ('"3.5 N/mm"', "3500",
-         'cube.toml, line 16: object.stiffness: 3500 has no unit, and a stiffness is needed; write it as "3500 N/mm"'),
+         'cube.toml, line 16: object.stiffness: 3500 has no unit, and a stiffness is needed; write it as "3500 N/m"'),
         ('"3.5 N/mm"', '"-3.5 N/mm"',
          'cube.toml, line 16: object.stiffness: "-3.5 N/mm" must not be negative'),
         ('"3.5 N/mm"', "nan",

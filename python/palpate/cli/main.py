@@ -14,6 +14,7 @@ from palpate.cli.command import one_sentence
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
 from palpate.cli.performance import performance
+from palpate.cli.new import new
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep
@@ -34,6 +35,7 @@ app = typer.Typer(
 
 for function in (
     run,
+    new,
     certify,
     zwidth,
     workspace,

@@ -81,7 +81,7 @@ def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
         ("1 Hz", "rad/s", "is a frequency"),
         ("1", "rad", "no unit, and an angle is needed"),
         ("2 %", "rad", "a plain number"),
-        (3500, "N/m", '3500 has no unit, and a stiffness is needed; write it as "3500 N/mm"'),
+        (3500, "N/m", '3500 has no unit, and a stiffness is needed; write it as "3500 N/m"'),
         ("3500", "N/m", "has no unit"),
         (math.nan, "N", "not a finite number"),
         (math.inf, "", "not a finite number"),

@@ -22,9 +22,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, SupportsFloat
 from palpate.errors import PalpateError, ScenarioError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from pint import UnitRegistry
 
-__all__ = ["parse", "parse_any", "parse_vector", "quantity", "to_si", "vector", "write"]
+__all__ = ["array_to_si", "parse", "parse_any", "parse_vector", "quantity", "to_si", "vector", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -83,6 +85,26 @@ def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[Palp
         with suppress(TypeError):  # an array of several
             return float(value)
     return quantity(value, unit, field, error=error)
+
+
+def array_to_si(value: Any, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> NDArray[np.float64]:
+    """Return numbers in the SI unit `unit` as an array: an array or list of numbers as it is, texts as `quantity`.
+
+    Text may stand alone or within a list, beside numbers. Raises `error` where an entry is no number and no quantity.
+    """
+    import numpy as np
+
+    def read(entry: Any) -> Any:
+        if isinstance(entry, str):
+            return quantity(entry, unit, field, error=error)
+        return [read(one) for one in entry] if isinstance(entry, (list, tuple)) else entry
+
+    try:
+        return np.asarray(read(value), dtype=float)
+    except (TypeError, ValueError) as problem:
+        if isinstance(problem, PalpateError):
+            raise
+        raise error(f"{field}: {_shown(value)} is not made of numbers; {_remedy(unit)}") from None
 
 
 def vector(
@@ -254,7 +276,8 @@ def _example(unit: str) -> str:
 
 
 def _example_unit(unit: str) -> str:
-    return _KINDS[unit][1].split(" ", 1)[1] if unit in _KINDS else unit
+    """Return the unit to write behind a bare number: in SI, as the number that a user of SI has in mind."""
+    return "GB" if unit == "byte" else unit
 
 
 def _article(noun: str) -> str:

@@ -13,6 +13,7 @@ from palpate.cli import body
 from palpate.cli.command import one_sentence
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
+from palpate.cli.new import new
 from palpate.cli.performance import performance
 from palpate.cli.resolve import resolve
 from palpate.cli.run import run
@@ -35,6 +36,7 @@ app = typer.Typer(
 
 for function in (
     run,
+    new,
     certify,
     zwidth,
     workspace,

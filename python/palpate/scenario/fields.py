@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer
@@ -20,6 +21,7 @@ __all__ = [
     "Frequency",
     "Length",
     "Matrix",
+    "MistakesError",
     "Number",
     "Number3",
     "OneDamping",
@@ -36,6 +38,28 @@ __all__ = [
 ]
 
 _Axes = tuple[float, float, float]
+
+
+class MistakesError(ValueError):
+    """Several mistakes that one check has found, each a sentence that begins with its field."""
+
+    def __init__(self, mistakes: Sequence[str]) -> None:
+        super().__init__("\n".join(mistakes))
+        self.mistakes = tuple(mistakes)
+
+    @classmethod
+    def collect(cls, *checks: Callable[[], object]) -> None:
+        """Run every check, and raise the mistakes that they found, if any."""
+        found: list[str] = []
+        for check in checks:
+            try:
+                check()
+            except cls as several:
+                found += several.mistakes
+            except ValueError as problem:
+                found.append(str(problem))
+        if found:
+            raise cls(found)
 
 
 class Section(BaseModel):

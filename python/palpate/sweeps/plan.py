@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.control.controller import Controller
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
@@ -223,7 +224,10 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
     if plan.tables.get("controller", {}).get("kind", "none") in ("none", "gain", "state_space"):
         return True
     ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
-    a, b = (build_simulation(with_value(plan.tables, axis, index)).controller.system for index in ends)
+    one, other = (build_simulation(with_value(plan.tables, axis, index)).controller for index in ends)
+    assert isinstance(one, Controller)  # a scenario's own is linear
+    assert isinstance(other, Controller)
+    a, b = one.system, other.system
     return all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
 
 

@@ -20,7 +20,7 @@ from palpate.devices.device import Device, Parameters
 from palpate.devices.mechanisms import MECHANISMS, Field
 from palpate.errors import DeviceError, PalpateError
 from palpate.files import find_line
-from palpate.units import quantity, vector
+from palpate.units import parse_quantity
 
 __all__ = ["IdentifiedModel", "Number", "identified_model", "load", "names", "read_numbers"]
 
@@ -157,7 +157,7 @@ def _identified(name: str, dof: int) -> IdentifiedModel:
 
 def _period(value: Any, where: str) -> float:
     """Return a sampling period in s."""
-    period = quantity(value, "s", f"{where}: period", error=DeviceError)
+    period = parse_quantity(value, "s", f"{where}: period", error=DeviceError)
     if not period > 0.0:
         raise DeviceError(f"{where}: period is {period:g} s; it must be positive")
     return period
@@ -279,9 +279,9 @@ def _number(name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> 
     if field.size > 1:
         if not isinstance(value, list):
             raise DeviceError(f"{at} needs {field.size} values in a list, one for each joint or axis")
-        values = vector(value, field.unit, at, field.size, error=DeviceError)
+        values = parse_quantity(value, field.unit, at, size=field.size, error=DeviceError)
     else:
-        values = (quantity(value, field.unit, at, error=DeviceError),)
+        values = (parse_quantity(value, field.unit, at, error=DeviceError),)
     least = f"{min(values):g} {field.unit}".rstrip()
     if field.range == "nonnegative" and min(values) < 0.0:
         raise DeviceError(f"{at} is {least}; it cannot be negative")

@@ -46,7 +46,7 @@ from palpate.scenario.fields import (
 from palpate.scenario.reader import find_line, lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
-from palpate.units import parse, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["Controller", "DeviceChoice", "Object", "Operator", "Run", "Scenario", "Servo", "Start"]
 
@@ -97,10 +97,10 @@ def _joints(value: object) -> tuple[tuple[float, ...], str]:
     if not entries:
         raise ValueError('a pose has one value per joint, ["0 rad", "2.2305 rad", "3.2776 rad"] or ["0 mm"]')
     try:
-        return tuple(parse(entry, "rad") for entry in entries), "rad"
+        return tuple(parse_quantity(entry, "rad") for entry in entries), "rad"
     except ValueError as problem:
         try:
-            return tuple(parse(entry, "m") for entry in entries), "m"
+            return tuple(parse_quantity(entry, "m") for entry in entries), "m"
         except ValueError:
             raise problem from None
 

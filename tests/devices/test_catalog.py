@@ -197,7 +197,7 @@ def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="it is not UTF-8 text"):
         devices.load(tmp_path / "noise.toml")
     told = refusal(tmp_path, 'name = "x"\nbased_on = "omega"\n')
-    assert told.startswith("based_on must be a device of the catalogue (phantom-premium-1.5a, ")
+    assert told.startswith("based_on must be a device of the catalogue (haply-2diy, phantom-premium-1.5a, ")
 
 
 def test_friction_can_be_changed_and_taken_away_but_not_made_negative() -> None:

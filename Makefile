@@ -1,40 +1,68 @@
-# Two commands on a fresh machine (Python 3.11+, a C++20 compiler, make): `make reproduce` and `make test`.
-# Each makes .venv and installs what it needs from the package index.
+# Two commands on a fresh machine (Python 3.11+, a C++20 compiler, make): `make run` and `make test`. `make help` lists the others.
+# Each target makes .venv and installs what it needs from the package index.
 
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11; do if $$p -c '' 2>/dev/null; then echo $$p; exit; fi; done; echo python3)
 BIN := .venv/bin
-CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake -type f)
+CORE := CMakeLists.txt pyproject.toml $(shell find core/include core/src python/src cmake -type f 2>/dev/null)
+CPP_FILES = $$(find core python/src examples -name '*.hpp' -o -name '*.cpp')
+PYTHON_FOLDERS = $(wildcard python experiments benchmarks tests examples/python)
 OUT ?= results
 JOBS ?= 2
+PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+FAST_TESTS = tests/test_import_graph.py tests/test_units.py tests/control tests/devices tests/linear tests/metrics tests/scenario
 
-.PHONY: reproduce test bench lint tidy format clean
+.DEFAULT_GOAL := help
+.PHONY: help run test check reproduce bench nightly docs wheel lint tidy format clean
 
-reproduce: .venv/installed
+help:  ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+
+run: .venv/installed  ## install, run the flagship scenario on a deformable body, print the report's path
+	$(BIN)/palpate run scenarios/palpate-phantom.toml --out $(OUT)/palpate-phantom
+	@echo "Report: $(abspath $(OUT))/palpate-phantom/report.html"
+
+test: .venv/test-installed  ## install the test dependencies, run all tests of Python and C++
+	$(PYTEST) --junit-xml=build/junit.xml
+
+check: lint .venv/test-installed  ## format, lint, types, import graph and fast tests: two minutes after installation
+	$(PYTEST) $(FAST_TESTS)
+
+reproduce: .venv/installed  ## compute every table and figure of the thesis, and check them
 	$(BIN)/python -m experiments.hosseini2004 --out $(OUT)
 
-test: .venv/test-installed
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
-
-bench: .venv/test-installed
+bench: .venv/test-installed  ## measure the speed of this machine
 	$(BIN)/python -m benchmarks
 
-lint: .venv/lint-installed
-	$(BIN)/ruff check python experiments benchmarks tests
-	$(BIN)/ruff format --check python experiments benchmarks tests
-	$(BIN)/mypy
-	$(BIN)/clang-format --dry-run --Werror $$(find core python/src -name '*.hpp' -o -name '*.cpp')
+nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, reproduce, bench
+	PALPATE_ROUNDS=10 PALPATE_NIGHTLY=1 $(PYTEST)
+	$(MAKE) reproduce bench
 
-tidy: .venv/lint-installed
+docs: .venv/docs-installed  ## build the documentation, then run its code blocks
+	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build
+	$(BIN)/python -m pytest tests/docs
+
+wheel: .venv/bin/python  ## build a wheel in dist/ and test it in a fresh virtual environment
+	rm -rf dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	$(BIN)/python tests/support/wheel_smoke_test.py dist/*.whl
+
+lint: .venv/lint-installed  ## check format, style and types
+	$(BIN)/ruff check $(PYTHON_FOLDERS)
+	$(BIN)/ruff format --check $(PYTHON_FOLDERS)
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror $(CPP_FILES)
+
+tidy: .venv/lint-installed  ## analyze the C++ core with clang-tidy
 	$(BIN)/cmake -S . -B build/tidy -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DPALPATE_TESTS=ON -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python >/dev/null
 	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/simulation_test.cpp  # includes and instantiates every header
 
-format: .venv/lint-installed
-	$(BIN)/ruff check --fix python experiments benchmarks tests
-	$(BIN)/ruff format python experiments benchmarks tests
-	$(BIN)/clang-format -i $$(find core python/src -name '*.hpp' -o -name '*.cpp')
+format: .venv/lint-installed  ## format Python and C++
+	$(BIN)/ruff check --fix $(PYTHON_FOLDERS)
+	$(BIN)/ruff format $(PYTHON_FOLDERS)
+	$(BIN)/clang-format -i $(CPP_FILES)
 
-clean:
-	rm -rf .venv build results
+clean:  ## remove everything that the other targets make
+	rm -rf .venv build dist results docs/_build
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
@@ -57,4 +85,13 @@ extra = $(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.to
 
 .venv/lint-installed: .venv/test-installed
 	$(call extra,lint)
+	@touch $@
+
+.venv/docs-installed: .venv/test-installed
+	$(call extra,docs)
+	@touch $@
+
+# Compilers for other machines: with them, tests/core/test_cross_compile.py runs.
+.venv/cross-installed: .venv/test-installed
+	$(call extra,cross)
 	@touch $@

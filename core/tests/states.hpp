@@ -1,5 +1,6 @@
 #pragma once
 
+#include <palpate/deformable.hpp>
 #include <palpate/palpate.hpp>
 #include <random>
 

@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <map>
+#include <palpate/deformable.hpp>
 #include <palpate/palpate.hpp>
 #include <string>
 #include <vector>

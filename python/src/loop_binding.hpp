@@ -10,6 +10,7 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <palpate/deformable.hpp>
 #include <palpate/palpate.hpp>
 #include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>

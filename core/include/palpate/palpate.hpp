@@ -1,21 +1,13 @@
 #pragma once
 
-/// The whole core. Including only the headers a program uses compiles several times faster.
+/// The whole core except the deformable bodies, which palpate/deformable.hpp includes.
+/// A program that includes only the headers it uses compiles faster.
 #include "palpate/actuation/delay.hpp"
 #include "palpate/actuation/drive_limits.hpp"
 #include "palpate/actuation/encoder.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
-#include "palpate/deformable/hyperelastic/corotational.hpp"
-#include "palpate/deformable/hyperelastic/neo_hookean.hpp"
-#include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
-#include "palpate/deformable/linear/compliance.hpp"
-#include "palpate/deformable/linear/free_form_deformation.hpp"
-#include "palpate/deformable/linear/mass_spring_model.hpp"
-#include "palpate/deformable/linear/modal.hpp"
-#include "palpate/deformable/linear/standard_linear_solid.hpp"
-#include "palpate/deformable/multirate/passive_model_switch.hpp"
 #include "palpate/math/dual.hpp"
 #include "palpate/math/latest_value.hpp"
 #include "palpate/math/sincos.hpp"
@@ -28,9 +20,6 @@
 #include "palpate/mesh/mesh_updater.hpp"
 #include "palpate/mesh/proxy.hpp"
 #include "palpate/object/any_object.hpp"
-#include "palpate/object/body_instance.hpp"
-#include "palpate/object/deformable_object.hpp"
-#include "palpate/object/hyperelastic_object.hpp"
 #include "palpate/object/mesh_object.hpp"
 #include "palpate/object/moving_frame.hpp"
 #include "palpate/object/scene.hpp"

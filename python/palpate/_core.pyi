@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 import enum
-from typing import Annotated, overload
+from typing import Annotated, TypeAlias, overload
 
 import numpy
 from numpy.typing import NDArray
@@ -568,10 +568,6 @@ class HumanArm:
     def rest(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
 class PremiumFriction:
-    @overload
-    def __init__(self) -> None: ...
-
-    @overload
     def __init__(self) -> None: ...
 
     @property
@@ -599,10 +595,6 @@ class PremiumFriction:
     def stribeck_speed(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
 class PremiumLimits:
-    @overload
-    def __init__(self) -> None: ...
-
-    @overload
     def __init__(self) -> None: ...
 
     @property
@@ -824,6 +816,11 @@ class PremiumSetup:
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
         How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
+
+    def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Run the loop with any object and controller; return its outcome as a batch does.
         """
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
@@ -1113,6 +1110,11 @@ class SliderSetup:
         How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
         """
 
+    def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Run the loop with any object and controller; return its outcome as a batch does.
+        """
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -1400,6 +1402,11 @@ class FiveBarSetup:
         How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
         """
 
+    def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Run the loop with any object and controller; return its outcome as a batch does.
+        """
+
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
@@ -1435,6 +1442,10 @@ class FiveBarLoop:
 
     @property
     def diverged(self) -> bool: ...
+
+TipDeviceFriction: TypeAlias = PremiumFriction
+
+TipDeviceLimits: TypeAlias = PremiumLimits
 
 class TipDeviceSetup:
     def __init__(self) -> None: ...
@@ -1631,6 +1642,11 @@ class TipDeviceSetup:
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
         How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
+
+    def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Run the loop with any object and controller; return its outcome as a batch does.
         """
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from palpate.simulation.simulator import build_simulation
 from palpate.sweeps import sweep
 from palpate.sweeps.outcomes import name_rows

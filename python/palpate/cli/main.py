@@ -13,8 +13,8 @@ from palpate.cli import body
 from palpate.cli.command import one_sentence
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
-from palpate.cli.performance import performance
 from palpate.cli.new import new
+from palpate.cli.performance import performance
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep

@@ -19,8 +19,8 @@ bench: .venv/test-installed
 	$(BIN)/python -m benchmarks
 
 lint: .venv/lint-installed
-	$(BIN)/ruff check python experiments benchmarks tests
-	$(BIN)/ruff format --check python experiments benchmarks tests
+	$(BIN)/ruff check python experiments benchmarks tests examples
+	$(BIN)/ruff format --check python experiments benchmarks tests examples
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run --Werror $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
@@ -29,8 +29,8 @@ tidy: .venv/lint-installed
 	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/simulation_test.cpp  # includes and instantiates every header
 
 format: .venv/lint-installed
-	$(BIN)/ruff check --fix python experiments benchmarks tests
-	$(BIN)/ruff format python experiments benchmarks tests
+	$(BIN)/ruff check --fix python experiments benchmarks tests examples
+	$(BIN)/ruff format python experiments benchmarks tests examples
 	$(BIN)/clang-format -i $$(find core python/src -name '*.hpp' -o -name '*.cpp')
 
 clean:

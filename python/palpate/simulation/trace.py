@@ -87,7 +87,7 @@ class Channel:
     description: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trace:
     """Channels of a run over one time axis.
 
@@ -200,6 +200,11 @@ class Trace:
         table = pd.DataFrame(columns(self._exported())).set_index("time [s]")
         table.attrs.update(self.metadata)
         return table
+
+    def __repr__(self) -> str:
+        end = f" to {self.time[-1]:g} s" if len(self) else ""
+        state = "" if self.unstable_from is None else f", diverged at {self.unstable_from:g} s"
+        return f"<Trace: {len(self)} samples{end}{state}; {', '.join(self.channels)}>"
 
     def plot(self, channel: str = "deflection", ax: Axes | None = None) -> Axes:
         """Draw a channel over the time and return its axes; components that stay zero are left out.

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +25,7 @@ from palpate.simulation.trace_export import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 __all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
@@ -53,6 +55,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "triangle": ("", "number of the touched triangle, -1 where apart"),
 }
 _FORMAT: Final = "palpate-trace-1"
+_JOINTS: Final = ("angle", "velocity", "torque")
 _HDF5: Final = (".h5", ".hdf5")
 # suffix: with which a file of that format begins
 _SIGNATURES: Final = {
@@ -84,7 +87,7 @@ class Channel:
     description: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trace:
     """Channels of a run over one time axis.
 
@@ -198,6 +201,52 @@ class Trace:
         table.attrs.update(self.metadata)
         return table
 
+    def __repr__(self) -> str:
+        end = f" to {self.time[-1]:g} s" if len(self) else ""
+        state = "" if self.unstable_from is None else f", diverged at {self.unstable_from:g} s"
+        return f"<Trace: {len(self)} samples{end}{state}; {', '.join(self.channels)}>"
+
+    def plot(self, channel: str = "deflection", ax: Axes | None = None) -> Axes:
+        """Draw a channel over the time and return its axes; components that stay zero are left out.
+
+        Args:
+            channel: its name, such as "object_force".
+            ax: axes of matplotlib to draw into; None: new ones of pyplot.
+
+        Raises:
+            KeyError: there is no such channel.
+        """
+        values = self[channel]
+        if ax is None:
+            from matplotlib import pyplot
+
+            ax = pyplot.subplots(figsize=(6.4, 3.2), layout="constrained")[1]
+        names = "xyz" if values.shape[1] == 3 and channel not in _JOINTS else "123"
+        shown = [i for i in range(values.shape[1]) if values[:, i].any()] or [0]
+        for i in shown:
+            ax.plot(self.time, values[:, i], label=names[i] if i < len(names) else str(i + 1))
+        unit = self.channels[channel].unit
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel(f"{channel.replace('_', ' ')} [{unit}]" if unit else channel.replace("_", " "))
+        if values.shape[1] > 1:
+            ax.legend()
+        return ax
+
+    def _repr_html_(self) -> str:
+        """Return a table of the channels, for a notebook."""
+        title = escape(str(self.scenario.get("title", "Trace")))
+        end = f"{self.time[-1]:g} s" if len(self) else "nothing"
+        state = f"diverged at {self.unstable_from:g} s" if self.unstable_from is not None else "ran to its end"
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{escape(c.unit)}</td><td>{_extent(c.values)}</td>"
+            f"<td>{escape(c.description)}</td></tr>"
+            for name, c in self.channels.items()
+        )
+        return (
+            f"<p><b>{title}</b>: {len(self)} samples to {end}, {state}</p><table><thead><tr><th>channel</th>"
+            f"<th>unit</th><th>least to largest</th><th>meaning</th></tr></thead><tbody>{rows}</tbody></table>"
+        )
+
     def _exported(self) -> Exported:
         channels = {name: (c.values, c.unit, c.description) for name, c in self.channels.items()}
         return Exported(self.time, channels, self.metadata, self.unstable_from)
@@ -258,6 +307,10 @@ class Trace:
             # What h5py raises for a damaged file, or one of another shape.
             raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
         return cls(time, channels, None if unstable is None else float(unstable), metadata)
+
+
+def _extent(values: Array) -> str:
+    return f"{values.min():.4g} to {values.max():.4g}" if values.size else ""
 
 
 def _check_format(file: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
@@ -73,6 +74,19 @@ class Certificate:
         if self.counter_example is not None:
             lines += ["", f"Counter-example: {self.counter_example.sentence}"]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the certificate for a notebook."""
+        margins = "".join(
+            f"<tr><td>{escape(_named(name))}</td><td>{value:.{_digits(name)}g}{escape(_unit(name))}</td></tr>"
+            for name, value in self.margin.items()
+        )
+        holds, method = ("".join(f"<li>{escape(one)}</li>" for one in part) for part in (self.assumptions, self.method))
+        example = "" if self.counter_example is None else f"<p>{escape(self.counter_example.sentence)}</p>"
+        return (
+            f"<p><b>{escape(self.title)}</b>: {escape(self.claim)}</p><table><tbody>{margins}</tbody></table>{example}"
+            f"<details><summary>Assumptions and method</summary><ul>{holds}</ul><ul>{method}</ul></details>"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the certificate as JSON can hold it; infinities become text."""

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.stability.boundaries import Boundary, stability_boundary, trace
 from palpate.stability.passivity import passive_stiffness
 from palpate.stability.simulated import SimulatedBoundary, simulated_boundary
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Corner", "ZWidth", "wall_loops", "zwidth"]
 
@@ -76,6 +80,39 @@ class ZWidth:
     corner: Corner | None = None
     never: tuple[str, ...] = ()
     min_stable_stiffness: float = 0.0
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the boundaries, stiffness over damping, with the scenario's object, and return the axes.
+
+        Args:
+            ax: axes of matplotlib to draw into; None: new ones of pyplot.
+        """
+        if ax is None:
+            from matplotlib import pyplot
+
+            ax = pyplot.subplots(figsize=(6.4, 4.0), layout="constrained")[1]
+        for name, curve in self.curves.items():
+            ax.plot(curve.damping, curve.stiffness / 1e3, label=name)
+        if self.passive is not None:
+            ax.plot(self.passive[0], self.passive[1] / 1e3, "--", label="passive")
+        ax.plot(self.here[0], self.here[1] / 1e3, "o", color="black", label="object")
+        ax.set_xlabel("damping [N*s/m]")
+        ax.set_ylabel("stiffness [N/mm]")
+        ax.legend()
+        return ax
+
+    def _repr_html_(self) -> str:
+        """Return a table of the boundaries, for a notebook."""
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{c.stiffness[0] / 1e3:.4g}</td><td>{c.stiffness.max() / 1e3:.4g}</td>"
+            f"<td>{c.damping[c.stiffness.argmax()]:.4g}</td></tr>"
+            for name, c in self.curves.items()
+        )
+        return (
+            f"<p><b>{escape(self.title)}</b>: stable walls; the object has {self.here[1] / 1e3:.4g} N/mm and "
+            f"{self.here[0]:.4g} N*s/m</p><table><thead><tr><th>operator</th><th>undamped [N/mm]</th>"
+            f"<th>largest [N/mm]</th><th>at damping [N*s/m]</th></tr></thead><tbody>{rows}</tbody></table>"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as JSON can hold them, in N/m and N s/m."""

@@ -1,4 +1,4 @@
-"""Text with units: what is read back is what was written, and a wrong dimension is never a number."""
+"""Text with units: writing and reading are inverse, and a wrong dimension is refused."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from palpate import devices
 from palpate.errors import DeviceError, ScenarioError
-from palpate.units import _KINDS, parse, quantity, vector, write
+from palpate.units import UNITS, parse_quantity, write
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @example(value=-0.0, unit="N")
 @example(value=5e-324, unit="N/m")
-@given(value=finite, unit=st.sampled_from(sorted(_KINDS)))
+@given(value=finite, unit=st.sampled_from(sorted(UNITS)))
 def test_writing_and_reading_gives_the_same_bits(value: float, unit: str) -> None:
     """Round trip: a trace carries its scenario as text and must run it again bit for bit."""
-    back = quantity(write(value, unit), unit, "field")
+    back = parse_quantity(write(value, unit), unit, "field")
     assert back == value
     assert math.copysign(1.0, back) == math.copysign(1.0, value)
 
@@ -27,21 +27,21 @@ def test_writing_and_reading_gives_the_same_bits(value: float, unit: str) -> Non
 @given(value=finite)
 def test_a_plain_number_stays_as_it_is(value: float) -> None:
     """Where no unit belongs, a bare number and its text are the same."""
-    assert parse(value, "") == parse(repr(value), "") == value
+    assert parse_quantity(value, "") == parse_quantity(repr(value), "") == value
 
 
 @pytest.mark.parametrize("value", ["0.3 mm", None, "nan", "a half", "1e999", "3 furlongz"])
-def test_a_plain_number_is_asked_for_without_an_example(value: object) -> None:
-    """Whoever asks for it may want a count, or less than 0.5: no number is right everywhere."""
+def test_message_for_a_plain_number_gives_no_example(value: object) -> None:
+    """The caller may want a count, or a value below 0.5: no example is right everywhere."""
     with pytest.raises(ValueError, match="a plain number") as caught:
-        parse(value, "")
+        parse_quantity(value, "")
     assert "0.5" not in str(caught.value)
 
 
-@pytest.mark.parametrize("unit", sorted(_KINDS))
+@pytest.mark.parametrize("unit", sorted(UNITS))
 def test_every_example_in_a_message_can_be_read(unit: str) -> None:
-    """An error tells what to write instead: that must itself be right."""
-    assert math.isfinite(parse(_KINDS[unit][1], unit))
+    """An error message gives a correct form as an example; that example must be valid."""
+    assert math.isfinite(parse_quantity(UNITS[unit][1], unit))
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_every_example_in_a_message_can_be_read(unit: str) -> None:
 )
 def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
     """Definitions of the SI: the double nearest to the exact conversion (pi and the pound to 1 ulp)."""
-    assert quantity(text, unit, "field") == pytest.approx(value, rel=3e-16)
+    assert parse_quantity(text, unit, "field") == pytest.approx(value, rel=3e-16)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
         ("1 Hz", "rad/s", "is a frequency"),
         ("1", "rad", "no unit, and an angle is needed"),
         ("2 %", "rad", "a plain number"),
-        (3500, "N/m", '3500 has no unit, and a stiffness is needed; write it as "3500 N/mm"'),
+        (3500, "N/m", '3500 has no unit, and a stiffness is needed; write it as "3500 N/m"'),
         ("3500", "N/m", "has no unit"),
         (math.nan, "N", "not a finite number"),
         (math.inf, "", "not a finite number"),
@@ -102,10 +102,10 @@ def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
         ([1], "N", "not a quantity"),
     ],
 )
-def test_what_is_no_quantity_is_refused_with_a_sentence(value: object, unit: str, says: str) -> None:
-    """Promise: bare, wrong, unknown or not finite, the field is named and the right form shown."""
+def test_invalid_quantities_are_refused_with_a_sentence(value: object, unit: str, says: str) -> None:
+    """The message names the field and shows the right form."""
     with pytest.raises(ScenarioError) as caught:
-        quantity(value, unit, "object.stiffness")
+        parse_quantity(value, unit, "object.stiffness", error=ScenarioError)
     message = str(caught.value)
     assert message.startswith("object.stiffness: ")
     assert says in message
@@ -116,7 +116,7 @@ def test_what_is_no_quantity_is_refused_with_a_sentence(value: object, unit: str
 def test_any_text_is_a_finite_number_or_an_error(text: str, unit: str) -> None:
     """No text ends in another exception, nor in a number that is not finite."""
     try:
-        value = parse(text, unit)
+        value = parse_quantity(text, unit)
     except ValueError:
         return
     assert math.isfinite(value)
@@ -124,29 +124,29 @@ def test_any_text_is_a_finite_number_or_an_error(text: str, unit: str) -> None:
 
 @pytest.mark.parametrize("text", ["1 __import__('os')", "1 N*(lambda: 0)()", "1 m**99999999", "1 m^9^9^9", "9**9**9 m"])
 def test_text_is_never_evaluated(text: str) -> None:
-    """Data, not code: an expression is no unit, and a tower of powers takes no time."""
+    """An expression is not a unit, and a tower of powers is refused without evaluating it."""
     with pytest.raises(ScenarioError):
-        quantity(text, "m", "field")
+        parse_quantity(text, "m", "field", error=ScenarioError)
 
 
 def test_one_value_stands_for_every_axis() -> None:
     """A vector is a list, or one value for all axes; another length is an error that counts."""
-    assert vector("1 mm", "m", "f") == (1e-3, 1e-3, 1e-3)
-    assert vector(["1 mm", "2 cm", "-3 m"], "m", "f") == (1e-3, 2e-2, -3.0)
+    assert parse_quantity("1 mm", "m", "f", size=3) == (1e-3, 1e-3, 1e-3)
+    assert parse_quantity(["1 mm", "2 cm", "-3 m"], "m", "f", size=3) == (1e-3, 2e-2, -3.0)
     with pytest.raises(ScenarioError, match="f: 2 values where 3 are needed"):
-        vector(["1 mm", "2 mm"], "m", "f")
+        parse_quantity(["1 mm", "2 mm"], "m", "f", size=3, error=ScenarioError)
 
 
 def test_the_caller_chooses_the_error() -> None:
     """A device file's mistake is a DeviceError."""
     with pytest.raises(DeviceError, match="mass"):
-        quantity("1 m", "kg", "mass.a", error=DeviceError)
+        parse_quantity("1 m", "kg", "mass.a", error=DeviceError)
 
 
-def test_a_catalogue_number_reads_as_it_is_written() -> None:
+def test_catalog_numbers_read_as_they_are_written() -> None:
     """The text of each number, read alone, is the device's value."""
     from palpate.devices.catalog import read_numbers
 
     for name in devices.names():
         for number in read_numbers(name):
-            assert tuple(parse(text, number.unit) for text in number.text.split(", ")) == number.values
+            assert tuple(parse_quantity(text, number.unit) for text in number.text.split(", ")) == number.values

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -71,6 +72,21 @@ TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
       EXPECT_EQ(row[width - 1], last[1]) << i;
     }
     EXPECT_EQ(lost, (count + 1) / 3);
+  }
+}
+
+// Law: a loop outside of lanes has the outcome of the same loop in a lane, bit for bit.
+TEST(Batch, ASingleLoopHasTheOutcomeOfItsLane) {
+  const std::vector<double> zeros(3 * (ticks + 1), 0.0);
+  JobScheduler cells{23, std::vector<double>(static_cast<std::size_t>(width * 23)), 0, {}};
+  palpate::servo::simulate_side_by_side<Slider, 4>({&JobScheduler::next, &cells}, ticks, zeros.data(), zeros.data());
+  for (int i = 0; i < 23; ++i) {
+    std::vector<double> row(width);
+    palpate::servo::simulate_outcome(cell(i), ticks, zeros.data(), zeros.data(), row.data());
+    for (int c = 0; c < width; ++c) {
+      const double lane = cells.rows[static_cast<std::size_t>(width * i + c)], alone = row[static_cast<std::size_t>(c)];
+      EXPECT_TRUE(lane == alone || (std::isnan(lane) && std::isnan(alone))) << i << " " << c;
+    }
   }
 }
 

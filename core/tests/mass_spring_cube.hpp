@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-// A cube of `side` cells of six tetrahedra, fixed below; springs along all edges.
+/// Cube of `side` cells of six tetrahedra, fixed at the bottom; springs along all edges.
 struct Cube {
   palpate::deformable::SpringNetworkData data;
   palpate::deformable::PatchWeights patches{{0}, {}, {}};

@@ -1,4 +1,4 @@
-// Masses and springs: against closed forms and dense algebra, and never giving out energy.
+// Mass-spring model: closed forms, dense algebra, passivity.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -41,8 +41,8 @@ TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
   EXPECT_FALSE(palpate::math::SupernodalCholesky(matrix).positive_definite());
 }
 
-// Forces are the slope of the stored energy at any deformation: central differences along random directions.
-TEST(SpringNetwork, ForceIsTheSlopeOfItsEnergy) {
+// Central differences of the energy along random directions, at large deformation.
+TEST(SpringNetwork, ForceIsTheGradientOfItsEnergy) {
   const Cube cube(2);
   palpate::deformable::SpringNetwork network(cube.data);
   std::mt19937 random(2);
@@ -61,8 +61,8 @@ TEST(SpringNetwork, ForceIsTheSlopeOfItsEnergy) {
   EXPECT_NEAR((energy(1e-4) - energy(-1e-4)) / 2e-4, expected, 1e-7 * std::abs(expected));
 }
 
-// The bound is above the springs' stiffness at any deformation, and above the whole near rest: no direction stores more.
-TEST(SpringNetwork, IsNowhereStifferThanItsBound) {
+// Near rest no displacement stores more energy than the bound.
+TEST(SpringNetwork, StiffnessIsBelowItsBound) {
   const Cube cube(2, false);
   palpate::deformable::SpringNetwork network(cube.data);
   const Eigen::MatrixXd bound = network.stiffness_bound();
@@ -77,8 +77,8 @@ TEST(SpringNetwork, IsNowhereStifferThanItsBound) {
   }
 }
 
-// With no part held, nothing stops it: dampers act between vertices only.
-TEST(MassSpringModel, FliesOnStraight) {
+// A free body keeps its velocity: the dampers act between vertices only.
+TEST(MassSpringModel, FreeBodyKeepsItsVelocity) {
   const Cube cube(1, false);
   auto mass_spring = cube.model(1e-3, 0.0, 5e-3);
   const palpate::math::Vector3<> speed(0.3, -0.2, 0.5);
@@ -89,8 +89,8 @@ TEST(MassSpringModel, FliesOnStraight) {
     EXPECT_LT((mass_spring.positions()[v] - cube.data.rest_positions[v] - speed).norm(), 1e-9);
 }
 
-// Left alone after a kick it comes to rest, and at no tick has it more energy; whatever the period, the stiffness and the kick.
-TEST(MassSpringModel, OnlyLosesEnergyWhenLeftAlone) {
+// After an initial velocity the energy never increases, for any period, stiffness and velocity.
+TEST(MassSpringModel, EnergyOfAFreeMotionNeverIncreases) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;
   for (const double period : {1e-4, 1e-3, 2e-2})

@@ -16,10 +16,10 @@ namespace {
 
 using palpate::control::AnyController;
 using palpate::control::TickInput;
-using palpate::mechanism::TipKinematics;
 using palpate::math::Joints;
 using palpate::math::Vector3;
 using palpate::mechanism::Premium;
+using palpate::mechanism::TipKinematics;
 using palpate::object::AnyObject;
 using palpate::object::ContactResult;
 using palpate::object::MeshModel;
@@ -144,7 +144,7 @@ struct HertzWall {
   using Scalar = double;
   double stiffness = 1e6;  // N/m^2
   double height = 0.0;     // m
-  ContactResult result;
+  ContactResult result{};
 
   const ContactResult& step(const TipState& tip) noexcept {
     const double depth = std::max(0.0, height - tip.position.z());

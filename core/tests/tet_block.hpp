@@ -4,7 +4,7 @@
 #include <palpate/deformable/hyperelastic/quasi_static_solver.hpp>
 #include <utility>
 
-/// A block of cubes cut into six tetrahedra each, its bottom held, its top to be touched.
+/// Block of cubes of six tetrahedra each; bottom fixed, top is the contact surface.
 struct TetBlock {
   int nx, ny, nz;
   double side = 5e-3;  // of a cube, m
@@ -36,7 +36,7 @@ struct TetBlock {
   [[nodiscard]] std::int32_t corner(int i, int j, int k, int c) const { return number(i + (c >> 2), j + ((c >> 1) & 1), k + (c & 1)); }
   [[nodiscard]] const palpate::math::Vector3<>& at(std::int32_t p) const { return mesh.points[static_cast<std::size_t>(p)]; }
 
-  /// A force on a node of the top goes to its point by half, and to its neighbours.
+  /// Half of the force on a top node acts on its point, the rest on the neighboring points.
   [[nodiscard]] palpate::deformable::TetSurface top() const {
     palpate::deformable::TetSurface surface;
     surface.patch_begin.push_back(0);

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from palpate.linear.linearization import linearize
     from palpate.metrics import summarize
     from palpate.scenario import Scenario
+    from palpate.simulation.loop import Loop
     from palpate.simulation.simulator import simulate
     from palpate.simulation.trace import Trace
     from palpate.sweeps import sweep
@@ -26,6 +27,7 @@ _LAZY_ATTRIBUTES = {
     "Contact": "palpate.contact",
     "Controller": "palpate.control.controller",
     "Device": "palpate.devices",
+    "Loop": "palpate.simulation.loop",
     "Mesh": "palpate.contact",
     "Proxy": "palpate.contact",
     "Scenario": "palpate.scenario",
@@ -57,6 +59,7 @@ __all__ = [
     "Contact",
     "Controller",
     "Device",
+    "Loop",
     "Mesh",
     "PalpateError",
     "Proxy",

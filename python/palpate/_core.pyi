@@ -8,7 +8,7 @@ import numpy
 from numpy.typing import NDArray
 
 
-class BodyInLoop:
+class DeformableBody:
     """A body of any kind, as a servo loop takes it."""
 
 class SurfaceFrames:
@@ -22,14 +22,14 @@ class SurfaceFrames:
         The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.
         """
 
-class TouchedBody:
+class PlacedBody:
     """
     A body, where it lies in the device's frame, and the tip that meets it.
     """
 
-    def __init__(self, body: BodyInLoop, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
+    def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
 
-class ElasticBody(BodyInLoop):
+class ComplianceBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -55,7 +55,7 @@ class ElasticBody(BodyInLoop):
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
-class ModalBody(BodyInLoop):
+class ModalBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float, instant: float = 1.0, creep: float = 1.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -81,7 +81,7 @@ class ModalBody(BodyInLoop):
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
-class RelaxingBody(BodyInLoop):
+class StandardLinearSolidBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instant: float, creep: float, period: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -107,7 +107,7 @@ class RelaxingBody(BodyInLoop):
         Where a node is along its inward normal after each period, m, under forces held over them, N.
         """
 
-class LatticeBody(BodyInLoop):
+class MassSpringBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], masses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], springs: Annotated[NDArray[numpy.int32], dict(shape=(None, 2), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int32], dict(shape=(None, 4), order='C', device='cpu', writable=False)], pressure: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shares: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -150,7 +150,7 @@ class LatticeBody(BodyInLoop):
     def held_back(self) -> int:
         """Periods that lost speed because they would have made energy."""
 
-class SplineBody(BodyInLoop):
+class FreeFormBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, give: float, layer: float, give_across: float, layer_across: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -180,15 +180,15 @@ class SplineBody(BodyInLoop):
         """Of the nodes (n, 3), m."""
 
 @overload
-def add_at(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None: ...
+def scatter_add(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None: ...
 
 @overload
-def add_at(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None:
+def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None:
     """
     to[rows, columns] += from, columns in one piece (Fortran's order); lower: without what lies above the diagonal.
     """
 
-class PressedSolid:
+class QuasiStaticSolver:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, every: int) -> NDArray[numpy.float64]:
@@ -222,7 +222,7 @@ class PressedSolid:
 
     def reset(self) -> None: ...
 
-class SolidFrames:
+class DeformationFrames:
     """Where the last slow step of a loop's body left its points."""
 
     def __init__(self, points: int) -> None: ...
@@ -232,7 +232,7 @@ class SolidFrames:
         The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.
         """
 
-class NonlinearBody(BodyInLoop):
+class HyperelasticBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int, every: int, ratio: float = 1.0, sway: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -255,7 +255,7 @@ class NonlinearBody(BodyInLoop):
 
     def reset(self) -> None: ...
 
-class Solid:
+class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
 
     def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
@@ -275,12 +275,12 @@ class Solid:
 
     def reset(self) -> None: ...
 
-class Field(enum.Enum):
+class FieldKind(enum.Enum):
     discrete = 0
 
     continuous = 1
 
-class TouchSurface:
+class Surface:
     def __init__(self) -> None: ...
 
     @property
@@ -320,10 +320,10 @@ class TouchSurface:
     def viscous(self, arg: float, /) -> None: ...
 
     @property
-    def field(self) -> Field: ...
+    def field(self) -> FieldKind: ...
 
     @field.setter
-    def field(self, arg: Field, /) -> None: ...
+    def field(self, arg: FieldKind, /) -> None: ...
 
     @property
     def shading(self) -> float: ...
@@ -337,7 +337,7 @@ class TouchSurface:
     @period.setter
     def period(self, arg: float, /) -> None: ...
 
-class TouchMesh:
+class TriangleMesh:
     def __init__(self, vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], open: bool) -> None: ...
 
     @property
@@ -362,13 +362,13 @@ class TouchMesh:
 
     def nearest(self, x: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
 
-def mend_mesh(vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
+def repair_mesh(vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
 
-class TouchedSurface:
-    def __init__(self, mesh: TouchMesh, surface: TouchSurface, radius: float) -> None: ...
+class MeshModel:
+    def __init__(self, mesh: TriangleMesh, surface: Surface, radius: float) -> None: ...
 
-class TouchProxy:
-    def __init__(self, mesh: TouchMesh, surface: TouchSurface, radius: float) -> None: ...
+class Proxy:
+    def __init__(self, mesh: TriangleMesh, surface: Surface, radius: float) -> None: ...
 
     def follow(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
         """
@@ -389,7 +389,140 @@ class TouchProxy:
     @property
     def sliding(self) -> bool: ...
 
-class Hand:
+class SpringWallParameters:
+    def __init__(self) -> None: ...
+
+    class Kind(enum.Enum):
+        none = 0
+
+        point = 1
+
+        half_space = 2
+
+    @property
+    def kind(self) -> SpringWallParameters.Kind: ...
+
+    @kind.setter
+    def kind(self, arg: SpringWallParameters.Kind, /) -> None: ...
+
+    @property
+    def point(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @point.setter
+    def point(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def normal(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @normal.setter
+    def normal(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+class CouplingDifference(enum.Enum):
+    backward = 0
+
+    bilinear = 1
+
+class StateSpace:
+    @overload
+    def __init__(self) -> None: ...
+
+    @overload
+    def __init__(self, a: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], b: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], c: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], d: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], antiwindup: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]) -> None: ...
+
+    @property
+    def order(self) -> int: ...
+
+    def output(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    def advance(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+class TickSignals:
+    """Signals of one servo tick: SI units, device frame."""
+
+    @property
+    def time(self) -> float:
+        """Since the first tick, s."""
+
+    @property
+    def reference(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """Force that the object should feel (3,), N."""
+
+    @property
+    def object_force(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """Force of the tip on the object (3,), N."""
+
+    @property
+    def deflection(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """Displacement of the touched surface (3,), m."""
+
+    @property
+    def tip(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """Measured tip position (3,), m."""
+
+    @property
+    def velocity(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """Tip velocity by backward difference (3,), m/s."""
+
+class TipSignals:
+    """The tip at one sample: SI units, device frame."""
+
+    @property
+    def time(self) -> float:
+        """Since the first sample, s."""
+
+    @property
+    def position(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """(3,), m."""
+
+    @property
+    def velocity(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """By backward difference (3,), m/s."""
+
+class ContactResult:
+    """Contact of the tip with an object at one sample."""
+
+    def __init__(self, force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], deflection: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')] = ..., normal: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')] = ..., depth: float = 0.0, stiffness: float = 0.0, touching: bool | None = None) -> None:
+        """
+        force: of the tip on the object, N. Without `touching` the tip touches if the force is not zero.
+        """
+
+    @property
+    def force(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @force.setter
+    def force(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def deflection(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @deflection.setter
+    def deflection(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def normal(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @normal.setter
+    def normal(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def depth(self) -> float: ...
+
+    @depth.setter
+    def depth(self, arg: float, /) -> None: ...
+
+    @property
+    def stiffness(self) -> float: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: float, /) -> None: ...
+
+    @property
+    def touching(self) -> bool: ...
+
+    @touching.setter
+    def touching(self, arg: bool, /) -> None: ...
+
+class HumanArm:
     def __init__(self) -> None: ...
 
     @property
@@ -434,156 +567,11 @@ class Hand:
     @rest.setter
     def rest(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
-class Anchor:
-    def __init__(self) -> None: ...
-
-    class Kind(enum.Enum):
-        none = 0
-
-        point = 1
-
-        half_space = 2
-
-    @property
-    def kind(self) -> Anchor.Kind: ...
-
-    @kind.setter
-    def kind(self, arg: Anchor.Kind, /) -> None: ...
-
-    @property
-    def point(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @point.setter
-    def point(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def normal(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @normal.setter
-    def normal(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-class Difference(enum.Enum):
-    backward = 0
-
-    bilinear = 1
-
-class StateSpace:
-    @overload
-    def __init__(self) -> None: ...
-
-    @overload
-    def __init__(self, a: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], b: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], c: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], d: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], antiwindup: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]) -> None: ...
-
-    @property
-    def order(self) -> int: ...
-
-    def output(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    def advance(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-class PremiumParameters:
-    def __init__(self) -> None: ...
-
-    @property
-    def l1(self) -> float: ...
-
-    @l1.setter
-    def l1(self, arg: float, /) -> None: ...
-
-    @property
-    def l2(self) -> float: ...
-
-    @l2.setter
-    def l2(self, arg: float, /) -> None: ...
-
-    @property
-    def l3(self) -> float: ...
-
-    @l3.setter
-    def l3(self, arg: float, /) -> None: ...
-
-    @property
-    def l5(self) -> float: ...
-
-    @l5.setter
-    def l5(self, arg: float, /) -> None: ...
-
-    @property
-    def l6(self) -> float: ...
-
-    @l6.setter
-    def l6(self, arg: float, /) -> None: ...
-
-    @property
-    def mass_a(self) -> float: ...
-
-    @mass_a.setter
-    def mass_a(self, arg: float, /) -> None: ...
-
-    @property
-    def mass_c(self) -> float: ...
-
-    @mass_c.setter
-    def mass_c(self, arg: float, /) -> None: ...
-
-    @property
-    def mass_be(self) -> float: ...
-
-    @mass_be.setter
-    def mass_be(self, arg: float, /) -> None: ...
-
-    @property
-    def mass_df(self) -> float: ...
-
-    @mass_df.setter
-    def mass_df(self, arg: float, /) -> None: ...
-
-    @property
-    def inertia_a(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @inertia_a.setter
-    def inertia_a(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def inertia_c(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @inertia_c.setter
-    def inertia_c(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def inertia_be(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @inertia_be.setter
-    def inertia_be(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def inertia_df(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @inertia_df.setter
-    def inertia_df(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def inertia_base(self) -> float: ...
-
-    @inertia_base.setter
-    def inertia_base(self, arg: float, /) -> None: ...
-
-    @property
-    def rotor_inertia(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @rotor_inertia.setter
-    def rotor_inertia(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def gravity(self) -> float: ...
-
-    @gravity.setter
-    def gravity(self, arg: float, /) -> None: ...
-
-def phantom_premium_1_5a() -> PremiumParameters:
-    """The C++ catalogue's entry."""
-
 class PremiumFriction:
+    @overload
+    def __init__(self) -> None: ...
+
+    @overload
     def __init__(self) -> None: ...
 
     @property
@@ -611,6 +599,10 @@ class PremiumFriction:
     def stribeck_speed(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
 class PremiumLimits:
+    @overload
+    def __init__(self) -> None: ...
+
+    @overload
     def __init__(self) -> None: ...
 
     @property
@@ -653,10 +645,10 @@ class PremiumSetup:
     def friction(self, arg: PremiumFriction, /) -> None: ...
 
     @property
-    def hand(self) -> Hand: ...
+    def human_arm(self) -> HumanArm: ...
 
-    @hand.setter
-    def hand(self, arg: Hand, /) -> None: ...
+    @human_arm.setter
+    def human_arm(self, arg: HumanArm, /) -> None: ...
 
     @property
     def encoder_step(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
@@ -677,10 +669,10 @@ class PremiumSetup:
     def delay(self, arg: int, /) -> None: ...
 
     @property
-    def anchor(self) -> Anchor: ...
+    def wall(self) -> SpringWallParameters: ...
 
-    @anchor.setter
-    def anchor(self, arg: Anchor, /) -> None: ...
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
 
     @property
     def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
@@ -695,10 +687,10 @@ class PremiumSetup:
     def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
     @property
-    def difference(self) -> Difference: ...
+    def difference(self) -> CouplingDifference: ...
 
     @difference.setter
-    def difference(self, arg: Difference, /) -> None: ...
+    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -707,10 +699,10 @@ class PremiumSetup:
     def controller(self, arg: StateSpace, /) -> None: ...
 
     @property
-    def hold(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+    def gravity_compensation(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
 
-    @hold.setter
-    def hold(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+    @gravity_compensation.setter
+    def gravity_compensation(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
     @property
     def frozen_kinematics(self) -> bool: ...
@@ -719,10 +711,10 @@ class PremiumSetup:
     def frozen_kinematics(self, arg: bool, /) -> None: ...
 
     @property
-    def held(self) -> bool: ...
+    def fixed(self) -> bool: ...
 
-    @held.setter
-    def held(self, arg: bool, /) -> None: ...
+    @fixed.setter
+    def fixed(self, arg: bool, /) -> None: ...
 
     @property
     def linear(self) -> bool: ...
@@ -805,19 +797,29 @@ class PremiumSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """How late each tick comes, 0 to `ticks`, s."""
 
-    def touch(self, surface: TouchedSurface) -> None:
-        """Puts a mesh in the anchor's place."""
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Put a mesh in the wall's place."""
 
-    def touch_body(self, body: TouchedBody) -> None:
-        """Puts a body that yields in the anchor's place."""
+    def set_body(self, body: PlacedBody) -> None:
+        """Put a deformable body in the wall's place."""
+
+    def set_python_object(self, object: object) -> None:
+        """
+        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        """
+
+    def set_python_controller(self, controller: object) -> None:
+        """
+        Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.
+        """
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Lets a thread draw the body that was put there."""
+        """Let a thread compute the displacement of the body that was put there."""
 
     @overload
-    def watch(self, frames: SolidFrames) -> None:
-        """Shows each slow step of the body that was put there."""
+    def watch(self, frames: DeformationFrames) -> None:
+        """Publish each model update of the body that was put there."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
@@ -828,6 +830,37 @@ class PremiumSetup:
         """
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
         """
+
+class PremiumLoop:
+    def __init__(self, setup: PremiumSetup) -> None: ...
+
+    def reset(self) -> None:
+        """Return to the first sample."""
+
+    def tick(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> NDArray[numpy.float64]:
+        """
+        Run the servo's tick at this sample; return its row, as `run` records it.
+        """
+
+    def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
+        """
+        Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    @property
+    def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @property
+    def speeds(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @property
+    def time(self) -> float: ...
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def diverged(self) -> bool: ...
 
 class SliderFriction:
     def __init__(self) -> None: ...
@@ -899,10 +932,10 @@ class SliderSetup:
     def friction(self, arg: SliderFriction, /) -> None: ...
 
     @property
-    def hand(self) -> Hand: ...
+    def human_arm(self) -> HumanArm: ...
 
-    @hand.setter
-    def hand(self, arg: Hand, /) -> None: ...
+    @human_arm.setter
+    def human_arm(self, arg: HumanArm, /) -> None: ...
 
     @property
     def encoder_step(self) -> Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]: ...
@@ -923,10 +956,10 @@ class SliderSetup:
     def delay(self, arg: int, /) -> None: ...
 
     @property
-    def anchor(self) -> Anchor: ...
+    def wall(self) -> SpringWallParameters: ...
 
-    @anchor.setter
-    def anchor(self, arg: Anchor, /) -> None: ...
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
 
     @property
     def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
@@ -941,10 +974,10 @@ class SliderSetup:
     def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
     @property
-    def difference(self) -> Difference: ...
+    def difference(self) -> CouplingDifference: ...
 
     @difference.setter
-    def difference(self, arg: Difference, /) -> None: ...
+    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -953,10 +986,10 @@ class SliderSetup:
     def controller(self, arg: StateSpace, /) -> None: ...
 
     @property
-    def hold(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+    def gravity_compensation(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
 
-    @hold.setter
-    def hold(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+    @gravity_compensation.setter
+    def gravity_compensation(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
     @property
     def frozen_kinematics(self) -> bool: ...
@@ -965,10 +998,10 @@ class SliderSetup:
     def frozen_kinematics(self, arg: bool, /) -> None: ...
 
     @property
-    def held(self) -> bool: ...
+    def fixed(self) -> bool: ...
 
-    @held.setter
-    def held(self, arg: bool, /) -> None: ...
+    @fixed.setter
+    def fixed(self, arg: bool, /) -> None: ...
 
     @property
     def linear(self) -> bool: ...
@@ -1051,19 +1084,29 @@ class SliderSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """How late each tick comes, 0 to `ticks`, s."""
 
-    def touch(self, surface: TouchedSurface) -> None:
-        """Puts a mesh in the anchor's place."""
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Put a mesh in the wall's place."""
 
-    def touch_body(self, body: TouchedBody) -> None:
-        """Puts a body that yields in the anchor's place."""
+    def set_body(self, body: PlacedBody) -> None:
+        """Put a deformable body in the wall's place."""
+
+    def set_python_object(self, object: object) -> None:
+        """
+        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        """
+
+    def set_python_controller(self, controller: object) -> None:
+        """
+        Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.
+        """
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Lets a thread draw the body that was put there."""
+        """Let a thread compute the displacement of the body that was put there."""
 
     @overload
-    def watch(self, frames: SolidFrames) -> None:
-        """Shows each slow step of the body that was put there."""
+    def watch(self, frames: DeformationFrames) -> None:
+        """Publish each model update of the body that was put there."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
@@ -1075,8 +1118,611 @@ class SliderSetup:
         Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
         """
 
+class SliderLoop:
+    def __init__(self, setup: SliderSetup) -> None: ...
+
+    def reset(self) -> None:
+        """Return to the first sample."""
+
+    def tick(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> NDArray[numpy.float64]:
+        """
+        Run the servo's tick at this sample; return its row, as `run` records it.
+        """
+
+    def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
+        """
+        Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    @property
+    def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]: ...
+
+    @property
+    def speeds(self) -> Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]: ...
+
+    @property
+    def time(self) -> float: ...
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def diverged(self) -> bool: ...
+
+class FiveBarFriction:
+    def __init__(self) -> None: ...
+
+    @property
+    def viscous(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @viscous.setter
+    def viscous(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def coulomb(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @coulomb.setter
+    def coulomb(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def breakaway(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @breakaway.setter
+    def breakaway(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def stribeck_speed(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @stribeck_speed.setter
+    def stribeck_speed(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+class FiveBarLimits:
+    def __init__(self) -> None: ...
+
+    @property
+    def peak_force(self) -> float: ...
+
+    @peak_force.setter
+    def peak_force(self, arg: float, /) -> None: ...
+
+    @property
+    def continuous_force(self) -> float: ...
+
+    @continuous_force.setter
+    def continuous_force(self, arg: float, /) -> None: ...
+
+    @property
+    def thermal_time(self) -> float: ...
+
+    @thermal_time.setter
+    def thermal_time(self, arg: float, /) -> None: ...
+
+    @property
+    def peak_torque(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @peak_torque.setter
+    def peak_torque(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+class FiveBarSetup:
+    def __init__(self) -> None: ...
+
+    @property
+    def mechanism(self) -> FiveBar: ...
+
+    @mechanism.setter
+    def mechanism(self, arg: FiveBar, /) -> None: ...
+
+    @property
+    def friction(self) -> FiveBarFriction: ...
+
+    @friction.setter
+    def friction(self, arg: FiveBarFriction, /) -> None: ...
+
+    @property
+    def human_arm(self) -> HumanArm: ...
+
+    @human_arm.setter
+    def human_arm(self, arg: HumanArm, /) -> None: ...
+
+    @property
+    def encoder_step(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @encoder_step.setter
+    def encoder_step(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def limits(self) -> FiveBarLimits: ...
+
+    @limits.setter
+    def limits(self, arg: FiveBarLimits, /) -> None: ...
+
+    @property
+    def delay(self) -> int: ...
+
+    @delay.setter
+    def delay(self, arg: int, /) -> None: ...
+
+    @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    @property
+    def controller(self) -> StateSpace: ...
+
+    @controller.setter
+    def controller(self, arg: StateSpace, /) -> None: ...
+
+    @property
+    def gravity_compensation(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @gravity_compensation.setter
+    def gravity_compensation(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def frozen_kinematics(self) -> bool: ...
+
+    @frozen_kinematics.setter
+    def frozen_kinematics(self, arg: bool, /) -> None: ...
+
+    @property
+    def fixed(self) -> bool: ...
+
+    @fixed.setter
+    def fixed(self, arg: bool, /) -> None: ...
+
+    @property
+    def linear(self) -> bool: ...
+
+    @linear.setter
+    def linear(self, arg: bool, /) -> None: ...
+
+    @property
+    def plant_a(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_a.setter
+    def plant_a(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def plant_b(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_b.setter
+    def plant_b(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def plant_c(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_c.setter
+    def plant_c(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def working_torque(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @working_torque.setter
+    def working_torque(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def start(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @start.setter
+    def start(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def start_speed(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @start_speed.setter
+    def start_speed(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> None: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @period.setter
+    def period(self, arg: float, /) -> None: ...
+
+    @property
+    def substeps(self) -> int: ...
+
+    @substeps.setter
+    def substeps(self, arg: int, /) -> None: ...
+
+    @property
+    def record_every(self) -> int: ...
+
+    @record_every.setter
+    def record_every(self, arg: int, /) -> None: ...
+
+    @property
+    def speed_limit(self) -> float: ...
+
+    @speed_limit.setter
+    def speed_limit(self, arg: float, /) -> None: ...
+
+    @property
+    def jitter(self) -> float: ...
+
+    @jitter.setter
+    def jitter(self, arg: float, /) -> None: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+    def lateness(self, ticks: int) -> NDArray[numpy.float64]:
+        """How late each tick comes, 0 to `ticks`, s."""
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Put a mesh in the wall's place."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Put a deformable body in the wall's place."""
+
+    def set_python_object(self, object: object) -> None:
+        """
+        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        """
+
+    def set_python_controller(self, controller: object) -> None:
+        """
+        Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.
+        """
+
+    @overload
+    def watch(self, frames: SurfaceFrames) -> None:
+        """Let a thread compute the displacement of the body that was put there."""
+
+    @overload
+    def watch(self, frames: DeformationFrames) -> None:
+        """Publish each model update of the body that was put there."""
+
+    def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
+        """
+        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
+
+    def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
+        """
+        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        """
+
+class FiveBarLoop:
+    def __init__(self, setup: FiveBarSetup) -> None: ...
+
+    def reset(self) -> None:
+        """Return to the first sample."""
+
+    def tick(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> NDArray[numpy.float64]:
+        """
+        Run the servo's tick at this sample; return its row, as `run` records it.
+        """
+
+    def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
+        """
+        Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    @property
+    def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @property
+    def speeds(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
+
+    @property
+    def time(self) -> float: ...
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def diverged(self) -> bool: ...
+
+class TipDeviceSetup:
+    def __init__(self) -> None: ...
+
+    @property
+    def mechanism(self) -> TipDevice: ...
+
+    @mechanism.setter
+    def mechanism(self, arg: TipDevice, /) -> None: ...
+
+    @property
+    def friction(self) -> PremiumFriction: ...
+
+    @friction.setter
+    def friction(self, arg: PremiumFriction, /) -> None: ...
+
+    @property
+    def human_arm(self) -> HumanArm: ...
+
+    @human_arm.setter
+    def human_arm(self, arg: HumanArm, /) -> None: ...
+
+    @property
+    def encoder_step(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @encoder_step.setter
+    def encoder_step(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def limits(self) -> PremiumLimits: ...
+
+    @limits.setter
+    def limits(self, arg: PremiumLimits, /) -> None: ...
+
+    @property
+    def delay(self) -> int: ...
+
+    @delay.setter
+    def delay(self, arg: int, /) -> None: ...
+
+    @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    @property
+    def controller(self) -> StateSpace: ...
+
+    @controller.setter
+    def controller(self, arg: StateSpace, /) -> None: ...
+
+    @property
+    def gravity_compensation(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @gravity_compensation.setter
+    def gravity_compensation(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def frozen_kinematics(self) -> bool: ...
+
+    @frozen_kinematics.setter
+    def frozen_kinematics(self, arg: bool, /) -> None: ...
+
+    @property
+    def fixed(self) -> bool: ...
+
+    @fixed.setter
+    def fixed(self, arg: bool, /) -> None: ...
+
+    @property
+    def linear(self) -> bool: ...
+
+    @linear.setter
+    def linear(self, arg: bool, /) -> None: ...
+
+    @property
+    def plant_a(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_a.setter
+    def plant_a(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def plant_b(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_b.setter
+    def plant_b(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def plant_c(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    @plant_c.setter
+    def plant_c(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], /) -> None: ...
+
+    @property
+    def working_torque(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @working_torque.setter
+    def working_torque(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def start(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @start.setter
+    def start(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def start_speed(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @start_speed.setter
+    def start_speed(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @period.setter
+    def period(self, arg: float, /) -> None: ...
+
+    @property
+    def substeps(self) -> int: ...
+
+    @substeps.setter
+    def substeps(self, arg: int, /) -> None: ...
+
+    @property
+    def record_every(self) -> int: ...
+
+    @record_every.setter
+    def record_every(self, arg: int, /) -> None: ...
+
+    @property
+    def speed_limit(self) -> float: ...
+
+    @speed_limit.setter
+    def speed_limit(self, arg: float, /) -> None: ...
+
+    @property
+    def jitter(self) -> float: ...
+
+    @jitter.setter
+    def jitter(self, arg: float, /) -> None: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+    def lateness(self, ticks: int) -> NDArray[numpy.float64]:
+        """How late each tick comes, 0 to `ticks`, s."""
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Put a mesh in the wall's place."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Put a deformable body in the wall's place."""
+
+    def set_python_object(self, object: object) -> None:
+        """
+        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        """
+
+    def set_python_controller(self, controller: object) -> None:
+        """
+        Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.
+        """
+
+    @overload
+    def watch(self, frames: SurfaceFrames) -> None:
+        """Let a thread compute the displacement of the body that was put there."""
+
+    @overload
+    def watch(self, frames: DeformationFrames) -> None:
+        """Publish each model update of the body that was put there."""
+
+    def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
+        """
+        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        """
+
+    def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
+        """
+        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        """
+
+class TipDeviceLoop:
+    def __init__(self, setup: TipDeviceSetup) -> None: ...
+
+    def reset(self) -> None:
+        """Return to the first sample."""
+
+    def tick(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> NDArray[numpy.float64]:
+        """
+        Run the servo's tick at this sample; return its row, as `run` records it.
+        """
+
+    def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
+        """
+        Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    @property
+    def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @property
+    def speeds(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @property
+    def time(self) -> float: ...
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def diverged(self) -> bool: ...
+
+class ParameterInfo:
+    @property
+    def key(self) -> str: ...
+
+    @property
+    def unit(self) -> str: ...
+
+    @property
+    def range(self) -> str: ...
+
+    @property
+    def description(self) -> str: ...
+
+    @property
+    def size(self) -> int: ...
+
+    @property
+    def required(self) -> bool: ...
+
+    @property
+    def default_value(self) -> list[float]: ...
+
+class MechanismInfo:
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def class_name(self) -> str: ...
+
+    @property
+    def dof(self) -> int: ...
+
+    @property
+    def joints(self) -> list[str]: ...
+
+    @property
+    def working_pose(self) -> list[float]: ...
+
+    @property
+    def parameters(self) -> list[ParameterInfo]: ...
+
+def mechanisms() -> list[MechanismInfo]:
+    """
+    Return the mechanisms of the registry with their joints and parameters.
+    """
+
+def phantom_premium_1_5a() -> dict[str, list[float]]:
+    """Return the parameters of the C++ catalog entry by key."""
+
 class Premium:
-    def __init__(self, arg: PremiumParameters, /) -> None: ...
+    def __init__(self, values: Mapping[str, Sequence[float]]) -> None:
+        """
+        Create the mechanism from its parameters in SI units; see mechanisms().
+        """
 
     def forward(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
 
@@ -1096,10 +1742,14 @@ class Premium:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], behind: bool, elbow_down: bool) -> tuple: ...
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
+        """Return (poses with the tip at p, reason why there are none)."""
 
 class Slider:
-    def __init__(self, mass: float) -> None: ...
+    def __init__(self, values: Mapping[str, Sequence[float]]) -> None:
+        """
+        Create the mechanism from its parameters in SI units; see mechanisms().
+        """
 
     def forward(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
 
@@ -1119,12 +1769,75 @@ class Slider:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-def most_lanes() -> int:
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]) -> tuple:
+        """Return (poses with the tip at p, reason why there are none)."""
+
+class FiveBar:
+    def __init__(self, values: Mapping[str, Sequence[float]]) -> None:
+        """
+        Create the mechanism from its parameters in SI units; see mechanisms().
+        """
+
+    def forward(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def jacobian(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def tip_hessian(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def mass_matrix(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def coriolis(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def gravity(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def energy(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def acceleration(self, arg0: FiveBarFriction, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]) -> tuple:
+        """Return (poses with the tip at p, reason why there are none)."""
+
+class TipDevice:
+    def __init__(self, values: Mapping[str, Sequence[float]]) -> None:
+        """
+        Create the mechanism from its parameters in SI units; see mechanisms().
+        """
+
+    def forward(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def jacobian(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def tip_hessian(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def mass_matrix(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def coriolis(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def gravity(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def energy(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def acceleration(self, arg0: PremiumFriction, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], /) -> NDArray[numpy.float64]: ...
+
+    def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
+
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
+        """Return (poses with the tip at p, reason why there are none)."""
+
+def max_lanes() -> int:
     """Loops that run side by side in one thread on this machine."""
 
 @overload
 def run_cells(base: PremiumSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object: ...
 
 @overload
-def run_cells(base: SliderSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object:
+def run_cells(base: SliderSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object: ...
+
+@overload
+def run_cells(base: FiveBarSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object: ...
+
+@overload
+def run_cells(base: TipDeviceSetup, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], columns: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]], count: int, threads: int = 1, lanes: int = 0) -> object:
     """Runs cells of one base setup; returns a row of outcomes for each."""

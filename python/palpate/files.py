@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: to a temporary name first, then put in place in one step."""
+"""Files that are written whole or not at all, and the lines of TOML files on which keys stand."""
 
 from __future__ import annotations
 
@@ -23,11 +23,14 @@ __all__ = [
     "check_readable",
     "check_suffix",
     "check_writable",
+    "find_line",
     "write_folder",
     "write_json",
 ]
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
+_HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
 Writer = Callable[[Path], object]
 
 
@@ -146,6 +149,64 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
         finally:
             shutil.rmtree(part, ignore_errors=True)
     return [target / name for name in writers]
+
+
+def find_line(text: str, field: Sequence[str | int]) -> int | None:
+    """Return the line (from 1) where `field`, such as ("object", "stiffness"), stands in TOML text.
+
+    Where the field itself is not written, the line of the innermost table around it; None if there is none.
+    """
+    wanted = tuple(part for part in field if isinstance(part, str))
+    best: tuple[int, int] | None = None  # how much of the path matched, line
+    table: tuple[str, ...] = ()
+    depth, fence = 0, ""  # inside a list that goes on over lines; inside a triple-quoted text
+    for number, line in enumerate(text.splitlines(), start=1):
+        here: tuple[str, ...] | None = None
+        if depth == 0 and not fence:
+            if header := _HEADER.match(line):
+                here = table = _parts(header[1])
+            elif key := _KEY.match(line):
+                here = (*table, *_parts(key[1]))
+        if here is not None:
+            # An inline table holds the field on its own line.
+            matched = len(here) if here == wanted[: len(here)] else 0
+            if matched and (best is None or matched > best[0]):
+                best = (matched, number)
+        depth, fence = _nesting(line, depth, fence)
+    return best[1] if best else None
+
+
+def _parts(dotted: str) -> tuple[str, ...]:
+    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _nesting(line: str, depth: int, fence: str) -> tuple[int, str]:
+    """Return bracket depth and open triple quote after a line."""
+    if _HEADER.match(line) and depth == 0 and not fence:
+        return 0, ""
+    quote, at = "", 0
+    while at < len(line):
+        three, char = line[at : at + 3], line[at]
+        if fence:
+            if three == fence:
+                fence, at = "", at + 2
+        elif quote:
+            if char == "\\" and quote == '"':
+                at += 1
+            elif char == quote:
+                quote = ""
+        elif three in ('"""', "'''"):
+            fence, at = three, at + 2
+        elif char in "\"'":
+            quote = char
+        elif char == "#":
+            break
+        elif char in "[{":
+            depth += 1
+        elif char in "]}":
+            depth = max(0, depth - 1)
+        at += 1
+    return depth, fence
 
 
 @contextmanager

@@ -1,8 +1,8 @@
-"""Text with a unit to a number in SI: `"3.5 N/mm"` becomes `3500.0` where a stiffness in N/m is asked for.
+"""Conversion of text with a unit to a number in SI: `"3.5 N/mm"` becomes `3500.0` in N/m.
 
-People write dimensional values as text with the unit beside the number. A bare number, a wrong dimension, a
-non-finite number or an unknown unit is refused with a sentence that says what to write instead. The text is
-data: it is matched against a pattern and looked up in pint's table of units, nothing in it is evaluated.
+Dimensional values are text with the unit beside the number. A number without a unit, a wrong dimension, a non-finite
+number or an unknown unit is refused with a message that shows the right form. The text is data: it is matched against
+a pattern and looked up in the unit table of pint, and never evaluated.
 
 pint takes half a second to import, so it is imported when the first unit is looked up.
 """
@@ -17,14 +17,16 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, SupportsFloat
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, SupportsFloat, overload
 
-from palpate.errors import PalpateError, ScenarioError
+from palpate.errors import ScenarioError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from pint import UnitRegistry
 
-__all__ = ["parse", "parse_any", "parse_vector", "quantity", "to_si", "vector", "write"]
+__all__ = ["UNITS", "array_to_si", "parse_quantity", "to_si", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -33,8 +35,8 @@ _NOT_FINITE: Final = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE
 _UNIT: Final = re.compile(r"(?:1\s*/\s*)?[A-Za-zµμ°%Ω][A-Za-zµμ°%Ω_0-9 */^().²³⁻¹-]*")
 _LONG_INTEGER: Final = re.compile(r"\d{3}")
 
-# What a unit measures, and an example of how to write it. The first entry of a dimension names it.
-_KINDS: Final[dict[str, tuple[str, str]]] = {
+# SI unit to (physical quantity, example of a value). The first entry of a dimension names the quantity.
+UNITS: Final[dict[str, tuple[str, str]]] = {
     "N/m": ("stiffness", "3.5 N/mm"),
     "N*s/m": ("damping", "4.5 N*s/m"),
     "N": ("force", "8.5 N"),
@@ -64,55 +66,90 @@ _KINDS: Final[dict[str, tuple[str, str]]] = {
 _PLAIN: Final = ("", "1")
 
 
-def quantity(value: object, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
-    """Return `value` as a finite number in `unit`, an SI unit such as "N/m", "rad" or "" (a plain number).
+def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[ValueError] = ScenarioError) -> float:
+    """Return `value` in the SI unit `unit`: a number unchanged, text as `parse_quantity` reads it.
 
-    `value` is text with a unit ("3.5 N/mm"); only where `unit` is "" may it be a number. `field` is where it
-    stands ("object.stiffness"), for the message. Raises `error` when it is bare, not finite, cannot be read,
-    or has another dimension.
+    Raises:
+        error: as `parse_quantity`; the message begins with `field`.
     """
-    try:
-        return parse(value, unit)
-    except ValueError as problem:
-        raise error(f"{field}: {problem}") from None
-
-
-def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[PalpateError] = ScenarioError) -> float:
-    """Return `value` in the SI unit `unit`: a number as it is, text as `quantity` reads it, which says what raises."""
     if isinstance(value, SupportsFloat) and not isinstance(value, bool):
-        with suppress(TypeError):  # an array of several
+        with suppress(TypeError):  # an array with several elements
             return float(value)
-    return quantity(value, unit, field, error=error)
+    return parse_quantity(value, unit, field, error=error)
 
 
-def vector(
-    value: object, unit: str, field: str, size: int = 3, *, error: type[PalpateError] = ScenarioError
-) -> tuple[float, ...]:
-    """Return `size` numbers in `unit`: from a list of `size` values, or one value for every axis.
+def array_to_si(value: Any, unit: str, field: str, *, error: type[ValueError] = ScenarioError) -> NDArray[np.float64]:
+    """Return numbers in the SI unit `unit` as an array: an array or list of numbers as it is, texts as `parse_quantity`.
 
-    Raises `error` as `quantity` does, and when the list has another length.
+    Text may stand alone or within a list, beside numbers. Raises `error` where an entry is no number and no quantity.
+    """
+    import numpy as np
+
+    def read(entry: Any) -> Any:
+        if isinstance(entry, str):
+            return parse_quantity(entry, unit, field, error=error)
+        return [read(one) for one in entry] if isinstance(entry, (list, tuple)) else entry
+
+    try:
+        return np.asarray(read(value), dtype=float)
+    except (TypeError, ValueError) as problem:
+        if isinstance(problem, error):
+            raise
+        raise error(f"{field}: {_shown(value)} is not made of numbers; {_remedy(unit)}") from None
+
+
+@overload
+def parse_quantity(value: object, unit: str, field: str = "", *, error: type[ValueError] = ValueError) -> float: ...
+
+
+@overload
+def parse_quantity(
+    value: object, unit: str, field: str = "", *, size: int, error: type[ValueError] = ValueError
+) -> tuple[float, ...]: ...
+
+
+def parse_quantity(
+    value: object, unit: str, field: str = "", *, size: int | None = None, error: type[ValueError] = ValueError
+) -> float | tuple[float, ...]:
+    """Return `value` as a finite number in `unit`, or as `size` of them.
+
+    Args:
+        value: text with a unit ("3.5 N/mm"), or a number where `unit` is "". With `size` also a list of `size` such
+            values; one value then stands for all of them.
+        unit: SI unit such as "N/m" or "rad"; "" for a plain number.
+        field: place of the value ("object.stiffness"), with which the message begins.
+        size: length of the vector; None for a single number.
+        error: exception to raise.
+
+    Raises:
+        error: the value has no unit, is not finite, cannot be read or has another dimension, or the list has another
+            length than `size`.
     """
     try:
-        return parse_vector(value, unit, size)
+        if size is None:
+            return _parse(value, unit)
+        if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
+            return (_parse(value, unit),) * size
+        if len(value) != size:
+            raise ValueError(f"{len(value)} values where {size} are needed, or one value for all axes")
+        return tuple(_parse(entry, unit) for entry in value)
     except ValueError as problem:
-        raise error(f"{field}: {problem}") from None
+        raise error(f"{field}: {problem}" if field else str(problem)) from None
 
 
 def write(value: float, unit: str) -> str:
-    """Return text that `quantity` reads back exactly: 3500.0 in N/m becomes "3500.0 N/m"."""
+    """Return text that `parse_quantity` reads back exactly: 3500.0 in N/m becomes "3500.0 N/m"."""
     return f"{float(value)!r} {unit}".rstrip()
 
 
-def parse(value: object, unit: str) -> float:
-    """As `quantity`, with a ValueError whose sentence does not name a field."""
+def _parse(value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise ValueError(f"{_shown(value)} is not a quantity; {_remedy(unit)}")
     if not isinstance(value, str):
         if not math.isfinite(value):
             raise ValueError(f"{value} is not a finite number; {_remedy(unit)}")
         if unit not in _PLAIN:
-            hint = f'"{value} {_example_unit(unit)}"'
-            raise ValueError(f"{value} has no unit, and {_article(_kind(unit))} is needed; write it as {hint}")
+            raise ValueError(_without_unit(str(value), str(value), unit))
         return float(value)
     if _NOT_FINITE.fullmatch(value):
         raise ValueError(f"{_shown(value)} is not a finite number; {_remedy(unit)}")
@@ -121,8 +158,7 @@ def parse(value: object, unit: str) -> float:
         raise ValueError(f"{_shown(value)} cannot be read as a {_form(unit)}; {_remedy(unit)}")
     number, written = match[1], match[2]
     if not written and unit not in _PLAIN:
-        hint = f'"{number} {_example_unit(unit)}"'
-        raise ValueError(f"{_shown(value)} has no unit, and {_article(_kind(unit))} is needed; write it as {hint}")
+        raise ValueError(_without_unit(_shown(value), number, unit))
     factor = Fraction(1) if written == unit or not written else _factor(written, unit, value)
     try:
         result = float(Fraction(number) * factor)
@@ -133,44 +169,27 @@ def parse(value: object, unit: str) -> float:
     return math.copysign(result, -1.0) if number.startswith("-") else result  # a fraction has no -0
 
 
-def parse_any(text: str) -> tuple[float, str]:
-    """Return a text's number in SI and its SI unit, of whatever it measures; ValueError when it cannot be read."""
-    for unit in ("", *_KINDS):
-        try:
-            return parse(text, unit), unit
-        except ValueError:
-            continue
-    raise ValueError(f'{_shown(text)} cannot be read as a number with a unit; write it as "100 N/m"')
-
-
-def parse_vector(value: object, unit: str, size: int = 3) -> tuple[float, ...]:
-    """As `vector`, with a ValueError whose sentence does not name a field."""
-    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-        if len(value) != size:
-            raise ValueError(f"{len(value)} values where {size} are needed, or one value for all axes")
-        return tuple(parse(entry, unit) for entry in value)
-    return (parse(value, unit),) * size
-
-
 def _factor(written: str, unit: str, value: str) -> Fraction:
-    """Size of one `written` unit in `unit`; ValueError when it is unknown or has another dimension."""
+    """Return the size of one `written` unit in `unit`; ValueError if it is unknown or has another dimension."""
     found = _look_up(written)
     if found is None:
         raise ValueError(f'{_shown(value)}: the unit "{written[:40]}" is not known; {_remedy(unit)}')
-    wanted = _NONE if unit in _PLAIN else _look_up(unit)
-    if wanted is None:
-        raise ValueError(f'the unit "{unit}" that is asked for is not known')
-    # An angle or a rate of angle without its radian hides mistakes ("2 %", "20 Hz");
-    # elsewhere (N*m/rad) the radian may be left out.
-    angular = wanted.radians != 0 and wanted.dimension <= {("[time]", wanted.power_of_time)}
-    if found.dimension != wanted.dimension or (angular and found.radians != wanted.radians):
+    target = _DIMENSIONLESS if unit in _PLAIN else _look_up(unit)
+    if target is None:
+        raise ValueError(f'the requested unit "{unit}" is not known')
+    # An angle or an angular rate must state its radian, because "2 %" and "20 Hz" are likely mistakes.
+    # Elsewhere (N*m/rad) the radian may be omitted.
+    angular = target.radians != 0 and target.dimension <= {("[time]", target.power_of_time)}
+    if found.dimension != target.dimension or (angular and found.radians != target.radians):
         example = "" if unit in _PLAIN else f", for example {_example(unit)}"
-        raise ValueError(f"{_shown(value)} is {_describe(written, found)}; {_article(_kind(unit))} is needed{example}")
-    return found.size / wanted.size
+        raise ValueError(
+            f"{_shown(value)} is {_describe(written, found)}; {_article(_measure(unit))} is needed{example}"
+        )
+    return found.size / target.size
 
 
 class _Unit(NamedTuple):
-    """What pint knows of a unit: its size in SI base units, its dimension, the power of the radian in it."""
+    """Size of a unit in SI base units, its dimension, and its power of the radian."""
 
     size: Fraction
     dimension: frozenset[tuple[str, Fraction]]
@@ -181,7 +200,7 @@ class _Unit(NamedTuple):
         return dict(self.dimension).get("[time]", Fraction(0))
 
 
-_NONE: Final = _Unit(Fraction(1), frozenset(), 0)
+_DIMENSIONLESS: Final = _Unit(Fraction(1), frozenset(), 0)
 
 
 @lru_cache(maxsize=1)
@@ -193,7 +212,7 @@ def _registry() -> UnitRegistry[Any]:
 
 @lru_cache(maxsize=512)
 def _look_up(unit: str) -> _Unit | None:
-    """Return the unit as pint knows it, or None when it does not, or when it has an offset (degC)."""
+    """Return the unit from the table of pint; None if it is unknown or has an offset (degC)."""
     unit = unit.replace("·", "*").replace("µ", "μ").replace("Ω", "ohm")
     if len(unit) > 60 or not _UNIT.fullmatch(unit) or _LONG_INTEGER.search(unit):
         return None
@@ -217,32 +236,37 @@ def _look_up(unit: str) -> _Unit | None:
 
 @lru_cache(maxsize=1)
 def _names() -> dict[tuple[frozenset[tuple[str, Fraction]], bool], tuple[str, str]]:
-    """(dimension, whether it turns) to (what it measures, SI unit); the first of _KINDS names a dimension."""
+    """Return the map from (dimension, has a radian) to (physical quantity, SI unit)."""
     names: dict[tuple[frozenset[tuple[str, Fraction]], bool], tuple[str, str]] = {}
-    for unit, (kind, _) in _KINDS.items():
+    for unit, (measure, _) in UNITS.items():
         found = _look_up(unit)
         if found is not None:
-            names.setdefault((found.dimension, found.radians != 0), (kind, unit))
+            names.setdefault((found.dimension, found.radians != 0), (measure, unit))
     return names
 
 
 def _describe(written: str, found: _Unit) -> str:
-    turns = found.radians != 0
-    named = _names().get((found.dimension, turns)) or _names().get((found.dimension, not turns))
-    if named is not None and (found.dimension or turns):
+    angular = found.radians != 0
+    named = _names().get((found.dimension, angular)) or _names().get((found.dimension, not angular))
+    if named is not None and (found.dimension or angular):
         return f"{_article(named[0])} [{named[1]}]"
     return "a plain number" if not found.dimension else f"in {written}"
 
 
-def _kind(unit: str) -> str:
+def _measure(unit: str) -> str:
     if unit in _PLAIN:
         return "plain number"
-    return _KINDS[unit][0] if unit in _KINDS else f"value in {unit}"
+    return UNITS[unit][0] if unit in UNITS else f"value in {unit}"
 
 
 def _remedy(unit: str) -> str:
-    """What to write instead; of plain numbers no example would be right everywhere: a count, a Poisson's ratio."""
+    """Return the remedy of a message; a plain number has no example, because none is valid everywhere."""
     return "write a plain number" if unit in _PLAIN else f"write it as {_example(unit)}"
+
+
+def _without_unit(shown: str, number: str, unit: str) -> str:
+    hint = f'"{number} {_example_unit(unit)}"'
+    return f"{shown} has no unit, and {_article(_measure(unit))} is needed; write it as {hint}"
 
 
 def _form(unit: str) -> str:
@@ -250,11 +274,12 @@ def _form(unit: str) -> str:
 
 
 def _example(unit: str) -> str:
-    return f'"{_KINDS[unit][1]}"' if unit in _KINDS else f'"1 {unit}"'
+    return f'"{UNITS[unit][1]}"' if unit in UNITS else f'"1 {unit}"'
 
 
 def _example_unit(unit: str) -> str:
-    return _KINDS[unit][1].split(" ", 1)[1] if unit in _KINDS else unit
+    """Return the unit to write behind a bare number: in SI, as the number that a user of SI has in mind."""
+    return "GB" if unit == "byte" else unit
 
 
 def _article(noun: str) -> str:

@@ -13,6 +13,7 @@
 #include <palpate/deformable.hpp>
 #include <palpate/mesh.hpp>
 #include <palpate/palpate.hpp>
+#include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>
 #include <string>
 #include <thread>
@@ -58,26 +59,39 @@ void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* refe
   }
 }
 
-template <class Mechanism>
-void bind_loop(nb::module_& m, const char* name) {
-  constexpr int dof = Mechanism::dof;
-  using Setup = LoopSetup<Mechanism>;
+/// Bind friction and limits of joints. Mechanisms with the same number of joints share these types.
+template <int dof>
+void bind_joint_types(nb::module_& m, const std::string& prefix) {
   using JointFriction = palpate::plant::JointFriction<dof>;
   using Limits = palpate::actuation::DriveLimits<dof>;
-  const std::string prefix = name;
-
-  nb::class_<JointFriction>(m, (prefix + "Friction").c_str())
+  const std::string friction = prefix + "Friction";
+  const std::string limits = prefix + "Limits";
+  if (const nb::handle bound = nb::type<JointFriction>(); bound.is_valid()) {
+    m.attr(friction.c_str()) = bound;
+    m.attr(limits.c_str()) = nb::type<Limits>();
+    return;
+  }
+  nb::class_<JointFriction>(m, friction.c_str())
       .def(nb::init<>())
       .def_rw("viscous", &JointFriction::viscous)
       .def_rw("coulomb", &JointFriction::coulomb)
       .def_rw("breakaway", &JointFriction::breakaway)
       .def_rw("stribeck_speed", &JointFriction::stribeck_speed);
-  nb::class_<Limits>(m, (prefix + "Limits").c_str())
+  nb::class_<Limits>(m, limits.c_str())
       .def(nb::init<>())
       .def_rw("peak_force", &Limits::peak_force)
       .def_rw("continuous_force", &Limits::continuous_force)
       .def_rw("thermal_time", &Limits::thermal_time)
       .def_rw("peak_torque", &Limits::peak_torque);
+}
+
+template <class Mechanism>
+void bind_loop(nb::module_& m, const char* name) {
+  constexpr int dof = Mechanism::dof;
+  using Setup = LoopSetup<Mechanism>;
+  const std::string prefix = name;
+
+  bind_joint_types<dof>(m, prefix);
   nb::class_<Setup>(m, (prefix + "Setup").c_str())
       .def(nb::init<>())
       .def_rw("mechanism", &Setup::mechanism)
@@ -171,6 +185,24 @@ void bind_loop(nb::module_& m, const char* name) {
           },
           "reference"_a, "operator_force"_a, "paced"_a,
           "How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.")
+      .def(
+          "outcome",
+          [](const Setup& self, const Rows& reference, const Rows& operator_force) {
+            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
+                operator_force.shape(1) != 3)
+              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            if (self.fixed || self.linear) throw nb::value_error("an outcome is that of the nonlinear device, free to move");
+            const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();
+            auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::outcome_width<dof>)});
+            {
+              const nb::gil_scoped_release unlocked;
+              palpate::servo::simulate_outcome(loop, static_cast<int>(reference.shape(0)) - 1, reference.data(), operator_force.data(),
+                                               data);
+            }
+            self.fault->raise();
+            return row;
+          },
+          "reference"_a, "operator_force"_a, "Run the loop with any object and controller; return its outcome as a batch does.")
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {

@@ -97,7 +97,7 @@ def examples(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     build = tmp_path_factory.mktemp("examples")
     paths = f"-DCMAKE_PREFIX_PATH={prefix};{eigen()}"
     configure(ROOT / "examples" / "cpp", build, paths, *UNOPTIMIZED, "-DCMAKE_CXX_FLAGS=-Werror -Wall -Wextra")
-    run(BIN / "ninja", "-C", build)
+    run(BIN / "ninja", "-C", build, *LAST)
     return build
 
 

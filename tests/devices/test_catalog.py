@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ def refusal(folder: Path, text: str) -> str:
     told = str(caught.value)
     assert str(path) in told
     assert "\n" not in told
-    return told.removeprefix(f"{path}: ")
+    return re.sub(r"^(, line \d+)?: ", "", told.removeprefix(str(path)))
 
 
 def test_the_catalogue_holds_what_the_documentation_names() -> None:
@@ -155,6 +156,20 @@ def test_a_mistake_in_a_file_is_told_with_file_and_field(tmp_path: Path, old: st
     assert refusal(tmp_path, SLIDER.replace(old, new)).startswith(says)
 
 
+def test_all_mistakes_of_a_file_are_in_one_answer_with_their_lines(tmp_path: Path) -> None:
+    text = SLIDER.replace('"250 g"', '"-250 g"').replace("coulomb =", "colomb =").replace('"2 N*s/m"', '"2 N"')
+    path = file(tmp_path, text)
+    with pytest.raises(DeviceError) as caught:
+        devices.load(path)
+    lines = {key: 1 + text[: text.index(key)].count("\n") for key in ("tip =", "viscous =", "colomb =")}
+    assert str(caught.value).splitlines() == [
+        f"{path}, line {lines['tip =']}: mass.tip is -0.25 kg; it must be positive",
+        f'{path}, line {lines["viscous ="]}: friction.viscous: "2 N" is a force [N]; a damping is needed, for example '
+        '"4.5 N*s/m"',
+        f"{path}, line {lines['colomb =']}: unknown key friction.colomb; did you mean friction.coulomb?",
+    ]
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -197,7 +212,7 @@ def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="it is not UTF-8 text"):
         devices.load(tmp_path / "noise.toml")
     told = refusal(tmp_path, 'name = "x"\nbased_on = "omega"\n')
-    assert told.startswith("based_on must be a device of the catalogue (phantom-premium-1.5a, ")
+    assert told.startswith("based_on must be a device of the catalogue (haply-2diy, phantom-premium-1.5a, ")
 
 
 def test_friction_can_be_changed_and_taken_away_but_not_made_negative() -> None:

@@ -126,7 +126,7 @@ def test_sticking_and_sliding_are_located_not_stepped_over(breakaway: float) -> 
     pose = [0.0, 2.2305, 3.2776]
     anchor = _core.SpringWallParameters()
     anchor.kind, anchor.point = _core.SpringWallParameters.Kind.point, device.forward(np.array(pose))
-    spring = {"anchor": anchor, "stiffness": [500.0] * 3, "damping": [2.0] * 3}
+    spring = {"wall": anchor, "stiffness": [500.0] * 3, "damping": [2.0] * 3}
     push = 1.2 * np.sin(2 * np.pi * 3.0 * 1e-3 * np.arange(601))[:, None] * [1.0, 0.5, -0.7]
     found = [run(device, ticks=600, period=1e-3, start=pose, tip_force=push, substeps=n, **spring) for n in (1, 30)]
     stuck = found[1].qd == 0.0

@@ -106,7 +106,7 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
         ('"3.5 N/mm"', '"3.5 N"',
          'cube.toml, line 16: object.stiffness: "3.5 N" is a force [N]; a stiffness is needed, for example "3.5 N/mm"'),
         ('"3.5 N/mm"', "3500",
-         'cube.toml, line 16: object.stiffness: 3500 has no unit, and a stiffness is needed; write it as "3500 N/mm"'),
+         'cube.toml, line 16: object.stiffness: 3500 has no unit, and a stiffness is needed; write it as "3500 N/m"'),
         ('"3.5 N/mm"', '"-3.5 N/mm"',
          'cube.toml, line 16: object.stiffness: "-3.5 N/mm" must not be negative'),
         ('"3.5 N/mm"', "nan",
@@ -125,7 +125,7 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
         ('[servo]', 'tip = "1 mm"\n[servo]', "cube.toml, line 6: start: give pose or tip, not both"),
         ('name = "phantom-premium-1.5a"', 'name = "phantom-premium-15a"',
          "cube.toml, line 4: device.name: there is no device 'phantom-premium-15a' in the catalogue "
-         "(phantom-premium-1.5a, phantom-premium-1.5a-rotors, slider); did you mean phantom-premium-1.5a? "
+         "(haply-2diy, phantom-premium-1.5a, phantom-premium-1.5a-rotors, slider); did you mean phantom-premium-1.5a? "
          "For your own, give the path of a .toml file"),
         ('name = "phantom-premium-1.5a"', 'name = "phantom-premium-1.5a"\nmodel = "non-linear"',
          'cube.toml, line 5: device.model: "non-linear" is not one of nonlinear, linear, experimental; '
@@ -253,6 +253,49 @@ def test_several_mistakes_are_told_together_in_the_files_order() -> None:
     """A person mends them in one go."""
     told = message(TEXT.replace('"0.1 s"', '"1 N"').replace('"3.5 N/mm"', '"1 s"').replace('"0.5 ms"', '"1 m"'))
     assert [line.split(":")[0] for line in told.splitlines()] == [f"cube.toml, line {n}" for n in (10, 16, 19)]
+
+
+def test_every_mistake_is_told_those_between_tables_too() -> None:
+    wrong = dict.fromkeys(("duration",), "1 m") | dict.fromkeys(("substeps", "record_every"), 0)
+    keys = "\n".join(f"{key} = {value!r}" for key, value in wrong.items()) + "\nseed = -1\nsed = 2\nsubstep = 3\n"
+    told = message(TEXT.split("[run]", maxsplit=1)[0] + "[run]\n" + keys)
+    assert [line.split(":")[0] for line in told.splitlines()] == [f"cube.toml, line {n}" for n in range(19, 25)]
+    several = display(servo={"jitter": "3 ms", "topology": "force_tracking"}, run={"duration": "0.1 ms"})
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_dict(several)
+    assert [sentence.split(":")[1].strip().split(" ")[0] for sentence in str(caught.value).splitlines()] == [
+        "reference",
+        "run.duration",
+        "servo.jitter",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"object.stifness": "1 N/mm"}, 'settings: unknown key "stifness" in [object]; did you mean stiffness?'),
+        ({"object.stiffness": "1 mm"}, 'settings: object.stiffness: "1 mm" is a length [m]; a stiffness is needed'),
+        ({"object.stiffness": 1000}, 'write it as "1000 N/m"'),
+        ({"title.size": 3}, "setting title.size: title is no table"),
+        ({"object.": 3}, "setting 'object.': a key has the form"),
+        ({"objects.stiffness": "1 N/mm"}, 'settings: unknown key "objects" in the scenario; did you mean object?'),
+    ],
+)
+def test_a_wrong_setting_is_told_as_one(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_text(TEXT, settings=settings)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_settings_replace_values_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "cube.toml"
+    path.write_text(TEXT, "utf-8")
+    scenario = Scenario.from_file(path, {"object.stiffness": "2 N/mm", "servo.period": "1 ms", "device.encoder": True})
+    assert scenario.object.stiffness == (2000.0,) * 3
+    assert scenario.period == 1e-3
+    assert scenario.device.encoder
+    assert Scenario.from_file(path).period == 5e-4
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)

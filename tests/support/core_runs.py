@@ -41,7 +41,7 @@ def run(device: Device, *, ticks: int, period: float, tip_force: ArrayLike = (0.
         ticks: servo periods.
         period: s.
         tip_force: force on the tip, N: constant (3,) or at each sample (ticks + 1, 3).
-        **fields: attributes of the core's setup (start, start_speed, hold, substeps, delay, anchor, ...).
+        **fields: attributes of the core's setup (start, start_speed, gravity_compensation, substeps, delay, wall, ...).
     """
     setup = device.setup()
     setup.period = period

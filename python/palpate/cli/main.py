@@ -13,7 +13,9 @@ from palpate.cli import body
 from palpate.cli.command import one_sentence
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
+from palpate.cli.new import new
 from palpate.cli.performance import performance
+from palpate.cli.resolve import resolve
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep
@@ -34,6 +36,7 @@ app = typer.Typer(
 
 for function in (
     run,
+    new,
     certify,
     zwidth,
     workspace,
@@ -42,6 +45,7 @@ for function in (
     merge,
     identify,
     devices,
+    resolve,
 ):
     app.command()(one_sentence(function))
 

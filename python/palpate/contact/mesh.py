@@ -13,7 +13,7 @@ from palpate import _core
 from palpate.contact.diagnosis import Diagnosis, lengths
 from palpate.errors import PalpateError
 from palpate.files import check_readable
-from palpate.units import parse
+from palpate.units import parse_quantity
 
 __all__ = ["Mesh", "MeshError"]
 
@@ -63,7 +63,7 @@ class Mesh:
         Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or has no triangles.
         """
         try:
-            scale = parse(f"1 {unit}", "m")
+            scale = parse_quantity(f"1 {unit}", "m")
         except ValueError:
             raise MeshError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
         vertices, triangles = _read(path)

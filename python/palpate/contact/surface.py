@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.contact.mesh import Mesh
 from palpate.errors import PalpateError
-from palpate.units import quantity, to_si
+from palpate.units import parse_quantity, to_si
 
 __all__ = ["SHADED_MOST", "Surface", "SurfaceError"]
 
@@ -102,7 +102,7 @@ def _coefficient(value: float, name: str) -> float:
 def _list(value: ArrayLike | str, name: str, unit: str, mesh: Mesh) -> NDArray[np.float64]:
     entries: Any = [value] if isinstance(value, str) else value
     if isinstance(entries, (list, tuple)):
-        entries = [quantity(e, unit, name, error=SurfaceError) if isinstance(e, str) else e for e in entries]
+        entries = [parse_quantity(e, unit, name, error=SurfaceError) if isinstance(e, str) else e for e in entries]
     numbers = np.atleast_1d(np.asarray(entries, dtype=float))
     allowed = (1, len(mesh.triangles), len(mesh.vertices))
     if numbers.ndim != 1 or len(numbers) not in allowed:

@@ -1,6 +1,7 @@
 """Controllers, their design from specifications, and the exact margins of the sampled loops that they close."""
 
 from palpate.control.controller import Controller
+from palpate.control.controller_forms import CommandController, as_controller, as_linear_controller
 from palpate.control.coupling import virtual_coupling
 from palpate.control.feedback_loop import closed_loop, closed_loop_matrix, loop_gain, spectral_radius
 from palpate.control.kalman_filter import KalmanFilter, kalman
@@ -9,10 +10,13 @@ from palpate.control.lqg_design import lqg
 from palpate.control.stability_margins import Margins, critical_gain, gain_interval, loop_margins, margins
 
 __all__ = [
+    "CommandController",
     "Compensator",
     "Controller",
     "KalmanFilter",
     "Margins",
+    "as_controller",
+    "as_linear_controller",
     "closed_loop",
     "closed_loop_matrix",
     "critical_gain",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import DesignError
+from palpate.units import to_si
 
 Array = NDArray[np.float64]
 
@@ -61,8 +62,9 @@ class Controller:
         return control.StateSpace(s.A, s.B[:, 3:], s.C, s.D[:, 3:], s.dt)
 
     @classmethod
-    def gain(cls, value: float | Array, period: float) -> Controller:
-        """Return u = value (F_ref - F_object); value in N/N, one number or three (x, y, z)."""
+    def gain(cls, value: float | Array, period: float | str) -> Controller:
+        """Return u = value (F_ref - F_object); value in N/N, one number or three; period in s, or text with a unit."""
+        period = to_si(period, "s", "gain: period", error=DesignError)
         k = np.diag(np.broadcast_to(np.asarray(value, dtype=float), (3,)))
         system = control.StateSpace([], [], [], np.hstack([k, -k]), period)
         return cls(system, None, "gain", {"gain": np.diag(k).tolist()})

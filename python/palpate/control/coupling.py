@@ -8,10 +8,14 @@ import control
 import numpy as np
 
 from palpate.errors import DesignError
+from palpate.units import to_si
 
 
 def virtual_coupling(
-    stiffness: float, damping: float, period: float, difference: Literal["backward", "bilinear"] = "backward"
+    stiffness: float | str,
+    damping: float | str,
+    period: float | str,
+    difference: Literal["backward", "bilinear"] = "backward",
 ) -> control.StateSpace:
     """Return K + B s, sampled, from deflection (m) to force of the tip on the object (N).
 
@@ -22,13 +26,16 @@ def virtual_coupling(
     With B = 0 both are the constant K and have no state.
 
     Args:
-        stiffness: K, N/m.
+        stiffness: K, N/m; each of the three may also be text with a unit.
         damping: B, N s/m.
         period: T, s.
 
     Raises:
         DesignError: a negative or not finite value, a period that is not positive, or another rule.
     """
+    stiffness = to_si(stiffness, "N/m", "virtual_coupling: stiffness", error=DesignError)
+    damping = to_si(damping, "N*s/m", "virtual_coupling: damping", error=DesignError)
+    period = to_si(period, "s", "virtual_coupling: period", error=DesignError)
     for name, value, unit in (("stiffness", stiffness, "N/m"), ("damping", damping, "N s/m")):
         if not np.isfinite(value) or value < 0:
             raise DesignError(f"virtual_coupling: {name} must be finite and not negative in {unit}, not {value}")

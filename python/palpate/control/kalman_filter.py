@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_discrete_are
 
 from palpate.errors import DesignError
+from palpate.units import array_to_si
 
 Array = NDArray[np.float64]
 
@@ -44,10 +45,10 @@ def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) 
     """
     a, b, c = plant.A, plant.B, plant.C
     n = len(a)
-    v = np.broadcast_to(np.asarray(noise, dtype=float), (c.shape[0],))
+    v = np.broadcast_to(array_to_si(noise, "N", "kalman: noise", error=DesignError), (c.shape[0],))
     if not np.all(np.isfinite(v)) or np.any(v <= 0):
         raise DesignError(f"kalman: measurement noise must be positive and finite in N, not {v.tolist()}")
-    w = np.asarray(disturbance, dtype=float)
+    w = array_to_si(disturbance, "N", "kalman: disturbance", error=DesignError)
     if not np.all(np.isfinite(w)):
         raise DesignError("kalman: the disturbance must be finite")
     q = w if w.ndim == 2 else b @ np.diag(np.broadcast_to(w, (b.shape[1],)) ** 2) @ b.T

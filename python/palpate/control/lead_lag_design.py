@@ -21,6 +21,7 @@ from palpate.control.controller import Controller
 from palpate.control.feedback_loop import active_axes, loop_gain, require_sampled, spectral_radius
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
+from palpate.units import array_to_si
 
 Array = NDArray[np.float64]
 AXES = "xyz"
@@ -69,7 +70,7 @@ def lead_lag(
         plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
             is left alone.
         crossover: frequency at which each loop's gain is 1, rad/s, one value or three (x, y, z).
-        phase_margin: of each loop with the others open, deg.
+        phase_margin: of each loop with the others open, deg. As text, these two have units: "180 rad/s", "60 deg".
         steady_error: largest |F_ref - F_object| / F_ref at rest, for the loop of each axis.
         decouple: put a constant matrix in front of the plant that makes its response at the crossover diagonal
             (for a mechanism: its apparent mass at the tip, relative to the axis's own). Else y and z stay coupled.
@@ -257,8 +258,15 @@ def _conditioning(system: control.StateSpace) -> Array | None:
     return np.asarray(system.B[:, 3:] @ np.linalg.pinv(system.D[:, 3:]), dtype=float)
 
 
+def _has_text(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, (list, tuple)) and all(isinstance(one, str) for one in value))
+
+
 def _three(value: ArrayLike, name: str, unit: str, low: float, high: float) -> Array:
-    v = np.asarray(value, dtype=float)
+    si = {"deg": "rad", "of F_ref": ""}.get(unit, unit)
+    v = array_to_si(value, si, f"lead_lag: {name}", error=DesignError)
+    if unit == "deg" and _has_text(value):
+        v = np.degrees(v)
     if v.shape not in ((), (3,)) or not np.all(np.isfinite(v)) or np.any(v <= low) or np.any(v >= high):
         raise DesignError(
             f"lead_lag: {name} must be one value or three between {low:g} and {high:.6g} {unit}, not {v.tolist()}"

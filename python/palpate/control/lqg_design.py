@@ -22,6 +22,7 @@ from palpate.control.controller import Controller
 from palpate.control.feedback_loop import active_axes, require_sampled
 from palpate.control.kalman_filter import kalman, require_stabilizable
 from palpate.errors import DesignError
+from palpate.units import to_si
 
 Array = NDArray[np.float64]
 
@@ -31,14 +32,16 @@ def lqg(
     *,
     integrators: bool = True,
     force_weight: float = 2.0,
-    speed_weight: float = 0.012,
-    integral_rate: float = 8.0,
+    speed_weight: float | str = 0.012,
+    integral_rate: float | str = 8.0,
     state_weight: ArrayLike | None = None,
     disturbance: ArrayLike = 1.0,
     noise: ArrayLike = 0.01,
-    windup_time: float = 0.01,
+    windup_time: float | str = 0.01,
 ) -> Controller:
     """Return an LQG controller for a sampled plant from tip force to object force.
+
+    Numbers are SI; a time, a rate or a force may also be text with a unit.
 
     Args:
         plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
@@ -59,6 +62,9 @@ def lqg(
             at rest (a zero at z = 1) though integrators are asked for, or a weight is out of range.
     """
     period = require_sampled(plant, "lqg")
+    speed_weight = to_si(speed_weight, "s", "lqg: speed_weight", error=DesignError)
+    integral_rate = to_si(integral_rate, "1/s", "lqg: integral_rate", error=DesignError)
+    windup_time = to_si(windup_time, "s", "lqg: windup_time", error=DesignError)
     for name, value in (("force_weight", force_weight), ("windup_time", windup_time)):
         if not np.isfinite(value) or value <= 0:
             raise DesignError(f"lqg: {name} must be positive and finite, not {value}")

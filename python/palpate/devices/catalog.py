@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from palpate.devices.device import Device, Parameters
 from palpate.devices.mechanisms import MECHANISMS, Field
 from palpate.errors import DeviceError, PalpateError
-from palpate.units import quantity, vector
+from palpate.files import find_line
+from palpate.units import parse_quantity
 
 __all__ = ["IdentifiedModel", "Number", "identified_model", "load", "names", "read_numbers"]
 
@@ -84,7 +85,8 @@ def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
 
     Raises:
         DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
-            dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source.
+            dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source. The
+            message has a line for each mistake, with file, line and key.
     """
     return name_or_path if isinstance(name_or_path, Device) else _device(*_text(name_or_path))
 
@@ -93,7 +95,7 @@ def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
 def _device(text: str, where: str) -> Device:
     """Read a device; a loop over scenarios asks for the same text again and again."""
     where, tables = _tables(text, where)
-    values = {number.key: number.values for number in _numbers(where, tables)}
+    values = {number.key: number.values for number in _numbers(where, tables, text)}
     name, description, mechanism = (str(tables[key]) for key in ("name", "description", "mechanism"))
     identified = tables.get("identified_model")
     if identified is not None and not isinstance(identified, str):
@@ -112,7 +114,8 @@ def read_numbers(name_or_path: str | os.PathLike[str]) -> list[Number]:
     Raises:
         DeviceError: as `load`.
     """
-    return _numbers(*_tables(*_text(name_or_path)))
+    text, where = _text(name_or_path)
+    return _numbers(*_tables(text, where), text)
 
 
 def identified_model(device: Device) -> IdentifiedModel:
@@ -154,7 +157,7 @@ def _identified(name: str, dof: int) -> IdentifiedModel:
 
 def _period(value: Any, where: str) -> float:
     """Return a sampling period in s."""
-    period = quantity(value, "s", f"{where}: period", error=DeviceError)
+    period = parse_quantity(value, "s", f"{where}: period", error=DeviceError)
     if not period > 0.0:
         raise DeviceError(f"{where}: period is {period:g} s; it must be positive")
     return period
@@ -187,9 +190,11 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
         for key, value in tables.items():
             below[key] = {**below.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
         tables = below
-    for key in ("name", "description", "mechanism"):
-        if not isinstance(tables.get(key), str):
-            raise DeviceError(f'{where}: {key} is missing; write {key} = "…" at the top of the file')
+    absent = [key for key in ("name", "description", "mechanism") if not isinstance(tables.get(key), str)]
+    if absent:
+        raise DeviceError(
+            "\n".join(f'{where}: {key} is missing; write {key} = "…" at the top of the file' for key in absent)
+        )
     if tables["mechanism"] not in MECHANISMS:
         known = ", ".join(f'"{m}"' for m in MECHANISMS)
         known = " or ".join(known.rsplit(", ", 1))
@@ -221,7 +226,13 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         raise DeviceError(f"{path}: the device file cannot be read: {reason}") from None
 
 
-def _numbers(where: str, tables: Mapping[str, Any]) -> list[Number]:
+def _place(where: str, text: str, key: str) -> str:
+    """Return file and line of a key, for messages."""
+    line = find_line(text, key.split("."))
+    return where if line is None else f"{where}, line {line}"
+
+
+def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
     fields = FIELDS[tables["mechanism"]]
     sources = tables.get("sources", {})
     entries: dict[str, Any] = {}
@@ -232,18 +243,33 @@ def _numbers(where: str, tables: Mapping[str, Any]) -> list[Number]:
             entries[name] = value
         else:
             entries.update({f"{name}.{key}": entry for key, entry in value.items()})
+    mistakes: list[tuple[int, str]] = []
+
+    def add(name: str, sentence: str) -> None:
+        mistakes.append((find_line(text, name.split(".")) or 0, f"{_place(where, text, name)}: {sentence}"))
+
     for name in entries:
         if name not in fields:
             close = difflib.get_close_matches(name, fields, 1)
-            raise DeviceError(f"{where}: unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
-    missing = [name for name, field in fields.items() if field.required and name not in entries]
-    if missing:
-        raise DeviceError(f"{where}: {missing[0]} is missing (a value in {fields[missing[0]].unit})")
-    return [_number(where, name, entry, fields[name], sources) for name, entry in entries.items()]
+            add(name, f"unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
+    meant = {match for name in entries if name not in fields for match in difflib.get_close_matches(name, fields, 1)}
+    for name, field in fields.items():
+        if field.required and name not in entries and name not in meant:
+            add(name, f"{name} is missing (a value in {field.unit})")
+    numbers = []
+    for name, entry in entries.items():
+        if name in fields:
+            try:
+                numbers.append(_number(name, entry, fields[name], sources))
+            except DeviceError as problem:
+                add(name, str(problem))
+    if mistakes:
+        raise DeviceError("\n".join(sentence for _, sentence in sorted(mistakes)))
+    return numbers
 
 
-def _number(where: str, name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> Number:
-    at = f"{where}: {name}"
+def _number(name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> Number:
+    at = name
     if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
         raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs its source')
     unknown = set(entry) - {"value", "source", "note"}
@@ -253,9 +279,9 @@ def _number(where: str, name: str, entry: Any, field: Field, sources: Mapping[st
     if field.size > 1:
         if not isinstance(value, list):
             raise DeviceError(f"{at} needs {field.size} values in a list, one for each joint or axis")
-        values = vector(value, field.unit, at, field.size, error=DeviceError)
+        values = parse_quantity(value, field.unit, at, size=field.size, error=DeviceError)
     else:
-        values = (quantity(value, field.unit, at, error=DeviceError),)
+        values = (parse_quantity(value, field.unit, at, error=DeviceError),)
     least = f"{min(values):g} {field.unit}".rstrip()
     if field.range == "nonnegative" and min(values) < 0.0:
         raise DeviceError(f"{at} is {least}; it cannot be negative")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.devices.mechanisms import MECHANISMS, Mechanism
 from palpate.errors import DeviceError, PoseError
+from palpate.units import array_to_si
 
 __all__ = ["Device", "Parameters"]
 
@@ -50,6 +51,7 @@ class Parameters:
 class Device:
     """A device. Angles q in rad and torques in N*m (m and N for prismatic joints), tip positions in m, base frame.
 
+    Numbers are SI. A list may also hold text with a unit: `device.forward(["0 deg", "120 deg", "190 deg"])`.
     Every method takes one state, (dof,), or a stack of them, (n, dof), and returns one result or a stack of results.
 
     Attributes:
@@ -169,7 +171,9 @@ class Device:
             breakaway = coulomb
         given = {"viscous": viscous, "coulomb": coulomb, "breakaway": breakaway, "stribeck_speed": stribeck_speed}
         new = {
-            f"friction__{key}": np.broadcast_to(np.asarray(value, dtype=float), (self.dof,))
+            f"friction__{key}": np.broadcast_to(
+                array_to_si(value, self.model.fields[f"friction.{key}"].unit, key, error=DeviceError), (self.dof,)
+            )
             for key, value in given.items()
             if value is not None
         }
@@ -216,7 +220,7 @@ class Device:
         Raises:
             PoseError: p is unreachable, not finite or has the wrong shape; the message says which.
         """
-        points = np.asarray(p, dtype=float)
+        points = array_to_si(p, "m", "inverse: p", error=PoseError)
         if points.ndim == 2:
             return np.array([self.inverse(point, near) for point in points]).reshape(-1, self.dof)
         if points.shape != (3,) or not np.all(np.isfinite(points)):
@@ -288,7 +292,8 @@ class Device:
 
     def _state(self, value: ArrayLike, name: str) -> tuple[Array, bool]:
         """Return `value` as contiguous rows (n, dof), and whether it was stacked."""
-        rows = np.ascontiguousarray(value, dtype=float)
+        unit = self.torque_unit if name == "tau" else self.joint_unit + ("/s" if name == "qd" else "")
+        rows = np.ascontiguousarray(array_to_si(value, unit, name, error=PoseError))
         if rows.ndim not in (1, 2) or rows.shape[-1] != self.dof:
             wanted = f"({self.dof},) or (n, {self.dof})"
             raise PoseError(f"{name} must have shape {wanted} for {self.name}, not {rows.shape}")

@@ -97,6 +97,10 @@ class Mechanism:
         """Return a new simulation setup of the core."""
         return getattr(_core, f"{self.class_name}Setup")()
 
+    def loop(self, setup: Any) -> Any:
+        """Return a new loop of the core at its first sample, for stepping."""
+        return getattr(_core, f"{self.class_name}Loop")(setup)
+
 
 def _mechanism(info: Any) -> Mechanism:
     parameters = {p.key: Field(p.unit, p.size, p.range, p.required, p.description) for p in info.parameters}

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import PoseError
 from palpate.fem.errors import BodyError
-from palpate.units import parse, to_si
+from palpate.units import parse_quantity, to_si
 
 __all__ = [
     "check_finite",
@@ -73,7 +73,7 @@ def press_depth(depth: float | str) -> float:
 def unit_of_length(unit: str) -> float:
     """Return how many m the unit is, such as "mm"; BodyError if it is none."""
     try:
-        return parse(f"1 {unit}", "m")
+        return parse_quantity(f"1 {unit}", "m")
     except ValueError:
         raise BodyError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.fem.checks import length, lengths, positive
 from palpate.fem.errors import BodyError
-from palpate.units import quantity
+from palpate.units import parse_quantity
 
 __all__ = ["Selector", "box", "half_space", "on_surface", "parse_selector", "parse_selectors", "sphere"]
 
@@ -116,7 +116,7 @@ def _groups(words: list[str], between: str, text: str) -> tuple[list[float], lis
         if word == between:
             group = before
         elif _NUMBER.fullmatch(word):
-            group.insert(0, quantity(f"{word} {unit}".rstrip(), "m", f'"{text}"', error=BodyError))
+            group.insert(0, parse_quantity(f"{word} {unit}".rstrip(), "m", f'"{text}"', error=BodyError))
         else:
             unit = word
     return before, after

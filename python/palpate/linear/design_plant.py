@@ -19,7 +19,7 @@ def rendering_plant(
     q: ArrayLike,
     *,
     stiffness: ArrayLike,
-    period: float,
+    period: float | str,
     method: Literal["zoh", "tustin", "series"] = "zoh",
 ) -> control.StateSpace:
     """Return the sampled plant from tip force u (3, N) to object force K (p - p0) (3, N) about the pose ``q``.
@@ -28,7 +28,7 @@ def rendering_plant(
     pose is in the model.
 
     Args:
-        q: pose (dof,), rad.
+        q: pose (dof,), rad; this and the next two may be text with units as well.
         stiffness: K, N/m, one value or three (x, y, z).
         period: servo period, s.
         method: as in ``discretize``; "zoh" is what the servo loop does.

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.linalg import expm
 
 from palpate.errors import DesignError
+from palpate.units import to_si
 
 
 def discretize(
     sys: control.StateSpace,
-    period: float,
+    period: float | str,
     method: Literal["zoh", "tustin", "series"] = "zoh",
     *,
     order: int = 4,
@@ -30,7 +31,7 @@ def discretize(
 
     Args:
         sys: continuous state space (n states, m inputs, p outputs).
-        period: T, s, positive.
+        period: T, s, positive; or text such as "0.5 ms".
         order: number of nested terms of the series, at least 2; its error is O((AT)^(order+1)).
 
     Raises:
@@ -39,6 +40,7 @@ def discretize(
     """
     if not sys.isctime(strict=False) or sys.isdtime(strict=True):
         raise DesignError(f"discretize: the system is sampled already (dt = {sys.dt}); pass a continuous one")
+    period = to_si(period, "s", "discretize: period", error=DesignError)
     if not np.isfinite(period) or period <= 0:
         raise DesignError(f"discretize: the period must be positive and finite in s, not {period}")
     a, b, c, d = sys.A, sys.B, sys.C, sys.D

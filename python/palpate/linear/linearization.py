@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.devices import Device, load
 from palpate.errors import PoseError
+from palpate.units import array_to_si
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
@@ -33,6 +34,7 @@ def linearize(
     """Return the continuous linear model of small deviations from the pose ``q``.
 
     States are (dq, dqd), 2*dof of them, in rad and rad/s (m and m/s for a prismatic device).
+    Numbers are SI; `q` to `stiffness` may also be text with a unit, or a list of such texts.
 
     Args:
         device: a device, or its name in the catalogue or the path of its file.
@@ -60,9 +62,12 @@ def linearize(
     """
     device = load(device)
     n = device.dof
-    pose = _vector(q, n, "q", "rad")
-    speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", "rad/s")
-    torque = np.asarray(device.gravity(pose), dtype=float) if tau is None else _vector(tau, n, "tau", "N m")
+    joint = device.joint_unit
+    pose = _vector(q, n, "q", joint)
+    speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", f"{joint}/s")
+    torque = (
+        np.asarray(device.gravity(pose), dtype=float) if tau is None else _vector(tau, n, "tau", device.torque_unit)
+    )
     a_q, a_v, a_tau = (np.asarray(d, dtype=float) for d in device.linearization(pose, speed, torque))
     jacobian = np.asarray(device.jacobian(pose), dtype=float)
 
@@ -83,7 +88,7 @@ def linearize(
     if outputs == "object_force":
         if stiffness is None:
             raise PoseError('linearize: outputs="object_force" needs the object\'s stiffness in N/m')
-        k = np.broadcast_to(np.asarray(stiffness, dtype=float), (3,))
+        k = np.broadcast_to(array_to_si(stiffness, "N/m", "linearize: stiffness", error=PoseError), (3,))
         if not np.all(np.isfinite(k)) or np.any(k < 0):
             raise PoseError(f"linearize: stiffness must be finite and not negative in N/m, not {k.tolist()}")
         position, output_names = k[:, None] * jacobian, [f"object_force[{a}]" for a in AXES]
@@ -124,7 +129,7 @@ def require_regular(jacobian: Array, pose: Array, limit: float = 1e-9) -> None:
 
 
 def _vector(value: ArrayLike, n: int, name: str, unit: str) -> Array:
-    v = np.asarray(value, dtype=float)
+    v = array_to_si(value, unit, name, error=PoseError)
     if v.shape != (n,):
         raise PoseError(f"{name} must be {n} values in {unit}, not an array of shape {v.shape}")
     if not np.all(np.isfinite(v)):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from palpate.simulation.trace import Trace
-from palpate.units import parse
+from palpate.units import parse_quantity
 
 __all__ = ["LAST", "RIPPLE_BAND", "SlidingMetrics", "sliding_metrics"]
 
@@ -132,7 +132,7 @@ def _record_every(trace: Trace) -> int:
 
 def _tangential(trace: Trace) -> float | None:
     text = trace.scenario.get("object", {}).get("surface", {}).get("tangential")
-    return None if text is None else parse(text, "N/m")
+    return None if text is None else parse_quantity(text, "N/m")
 
 
 def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, on: NDArray[np.bool_]) -> Array | None:

@@ -17,6 +17,7 @@ from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse
 from palpate.metrics.vibration import Ripple, ripple
 from palpate.scenario import Scenario
+from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import scenario_arm
 from palpate.simulation.simulator import simulate
 
@@ -128,19 +129,22 @@ class Performance:
 
 
 def measure_performance(
-    scenario: Scenario | Mapping[str, Any] | str | Path, *, progress: Progress | None = None
+    scenario: Scenario | Mapping[str, Any] | str | Path, *, controller: Any = None, progress: Progress | None = None
 ) -> Performance:
     """Return what a hand feels of a scenario's loop at its start, and the ripple of its run's quietest half second.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
+            Python function has no linear model and is refused.
+        progress: called with a text and the share done.
 
     Raises:
         StabilityError: it touches no spring or wall, or its device has no motion between samples.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     tell = progress or (lambda _text, _share: None)
-    if isinstance(scenario, Scenario):
-        s = scenario
-    else:
-        s = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    s = read_scenario(scenario, controller)
     loop = LoopResponse.of(s)
     tell("what the hand feels", 0.1)
     along = tuple(_along(loop, n, s) for n in loop.directions())

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
 from palpate.scenario.fields import Angle3, Length, Number, OneLength, Position3, Pressure, Section, Size3, Whole
-from palpate.units import parse, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["KINDS", "BodyChoice"]
 
@@ -145,7 +145,7 @@ class BodyChoice(Section):
             if key not in known:
                 raise ValueError(f'unknown key "{key}"; {kind} takes {", ".join(known)}')
             try:
-                options[key] = parse(value, known[key].unit)
+                options[key] = parse_quantity(value, known[key].unit)
             except ValueError as problem:
                 raise ValueError(f"{key}: {problem}") from None
             if not known[key].fits(options[key]):

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Mapping
 from typing import Any, Final
 
-from palpate.units import parse, parse_vector, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["options_text", "sort_options"]
 
@@ -66,7 +66,9 @@ def _value(kind: str, key: str, value: Any) -> Any:
             raise ValueError(f"{key}: {value!r} is neither true nor false")
         return value
     try:
-        return parse_vector(value, unit, 3) if axes and isinstance(value, (list, tuple)) else parse(value, unit)
+        if axes and isinstance(value, (list, tuple)):
+            return parse_quantity(value, unit, size=3)
+        return parse_quantity(value, unit)
     except ValueError as problem:
         raise ValueError(f"{key}: {problem}") from None
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 
-from palpate.units import parse, parse_vector, write
+from palpate.units import parse_quantity, write
 
 __all__ = [
     "Angle",
@@ -20,6 +21,7 @@ __all__ = [
     "Frequency",
     "Length",
     "Matrix",
+    "MistakesError",
     "Number",
     "Number3",
     "OneDamping",
@@ -38,6 +40,28 @@ __all__ = [
 _Axes = tuple[float, float, float]
 
 
+class MistakesError(ValueError):
+    """Several mistakes that one check has found, each a sentence that begins with its field."""
+
+    def __init__(self, mistakes: Sequence[str]) -> None:
+        super().__init__("\n".join(mistakes))
+        self.mistakes = tuple(mistakes)
+
+    @classmethod
+    def collect(cls, *checks: Callable[[], object]) -> None:
+        """Run every check, and raise the mistakes that they found, if any."""
+        found: list[str] = []
+        for check in checks:
+            try:
+                check()
+            except cls as several:
+                found += several.mistakes
+            except ValueError as problem:
+                found.append(str(problem))
+        if found:
+            raise cls(found)
+
+
 class Section(BaseModel):
     """One table of a scenario: unknown keys are refused, values cannot change afterwards."""
 
@@ -46,14 +70,14 @@ class Section(BaseModel):
 
 def _scalar(unit: str) -> tuple[BeforeValidator, PlainSerializer]:
     return (
-        BeforeValidator(lambda value: parse(value, unit)),
+        BeforeValidator(lambda value: parse_quantity(value, unit)),
         PlainSerializer(lambda value: None if value is None else write(value, unit)),
     )
 
 
 def _axes(unit: str) -> tuple[BeforeValidator, PlainSerializer]:
     return (
-        BeforeValidator(lambda value: parse_vector(value, unit, 3)),
+        BeforeValidator(lambda value: parse_quantity(value, unit, size=3)),
         PlainSerializer(lambda values: None if values is None else [write(value, unit) for value in values]),
     )
 
@@ -97,14 +121,14 @@ def _flag(value: object) -> bool:
 def _numbers(value: object) -> tuple[float, float, float]:
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise ValueError(f"{value!r} is not a list of three plain numbers, such as [0, 0, 1]")
-    x, y, z = (parse(entry, "") for entry in value)
+    x, y, z = (parse_quantity(entry, "") for entry in value)
     return x, y, z
 
 
 def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     if not isinstance(value, (list, tuple)) or not all(isinstance(row, (list, tuple)) for row in value):
         raise ValueError("a matrix is a list of rows of plain numbers, such as [[1.0, 0.0], [0.0, 1.0]]")
-    rows = tuple(tuple(parse(entry, "") for entry in row) for row in value)
+    rows = tuple(tuple(parse_quantity(entry, "") for entry in row) for row in value)
     if len({len(row) for row in rows}) > 1:
         raise ValueError(f"the rows of a matrix must be equally long; they have {[len(row) for row in rows]} entries")
     if not all(math.isfinite(entry) for row in rows for entry in row):

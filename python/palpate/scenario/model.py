@@ -32,6 +32,7 @@ from palpate.scenario.fields import (
     Duration,
     Flag,
     Matrix,
+    MistakesError,
     Number3,
     OneDamping,
     OneMass,
@@ -42,10 +43,10 @@ from palpate.scenario.fields import (
     Time,
     Whole,
 )
-from palpate.scenario.reader import find_line, read_file, read_text, validate
+from palpate.scenario.reader import find_line, lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
-from palpate.units import parse, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["Controller", "DeviceChoice", "Object", "Operator", "Run", "Scenario", "Servo", "Start"]
 
@@ -96,10 +97,10 @@ def _joints(value: object) -> tuple[tuple[float, ...], str]:
     if not entries:
         raise ValueError('a pose has one value per joint, ["0 rad", "2.2305 rad", "3.2776 rad"] or ["0 mm"]')
     try:
-        return tuple(parse(entry, "rad") for entry in entries), "rad"
+        return tuple(parse_quantity(entry, "rad") for entry in entries), "rad"
     except ValueError as problem:
         try:
-            return tuple(parse(entry, "m") for entry in entries), "m"
+            return tuple(parse_quantity(entry, "m") for entry in entries), "m"
         except ValueError:
             raise problem from None
 
@@ -397,13 +398,23 @@ class Scenario(Section):
         device = self.load_device()
         if self.servo.period is None:
             self._fill("servo", self.servo.model_copy(update={"period": device.servo_period}))
-        self._check_start(device)
-        self._check_topology()
+        MistakesError.collect(
+            lambda: self._check_start(device),
+            self._check_topology,
+            lambda: self._check_model(device),
+            self._check_jitter,
+            self._check_length,
+        )
+        return self
+
+    def _check_model(self, device: Device) -> None:
         if self.device.model == "experimental" and device.identified_model is None:
             raise ValueError(
                 f'device.model: "experimental" is the identified model of a device, and {device.name} has none; '
                 'use "nonlinear" or "linear"'
             )
+
+    def _check_jitter(self) -> None:
         if self.servo.jitter >= self.period:
             raise ValueError(
                 f"servo.jitter: a tick may come late by less than a servo period ({write(self.period, 's')}), "
@@ -414,6 +425,8 @@ class Scenario(Section):
                 f'servo.jitter: a sampled model knows no time between ticks; write device.model = "nonlinear", '
                 f'not "{self.device.model}"'
             )
+
+    def _check_length(self) -> None:
         ticks = self.run.duration / self.period
         if ticks < 1.0:
             raise ValueError("run.duration: shorter than one servo period")
@@ -421,7 +434,6 @@ class Scenario(Section):
             raise ValueError("run.duration: more than 20 million servo periods; that would not fit in memory")
         if ticks / self.run.record_every > 5e6:
             raise ValueError("run.duration: more than 5 million samples; raise run.record_every")
-        return self
 
     def _check_start(self, device: Device) -> None:
         pose, tip = self.start.pose, self.start.tip
@@ -495,21 +507,33 @@ class Scenario(Section):
         return self.model_dump(mode="json", exclude_unset=True, exclude_none=True)
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Scenario:
+    def from_file(cls, path: str | Path, settings: Mapping[str, Any] | None = None) -> Scenario:
         """Read a TOML file; the path of a device's file in it is relative to it.
 
+        Args:
+            path: of the file.
+            settings: values to use instead of the file's, by dotted key: {"object.stiffness": "2 N/mm"}.
+
         Raises:
-            ScenarioError: the file cannot be read, or has a mistake; the message has file, line and field.
+            ScenarioError: the file cannot be read, or has mistakes; the message has file, line and field of each.
         """
         text, name, base = read_file(path)
-        scenario = cls.from_text(text, name, base)
+        scenario = cls.from_text(text, name, base, settings)
         scenario._source = name
         return scenario
 
     @classmethod
-    def from_text(cls, text: str, name: str = "scenario", base: str | Path | None = None) -> Scenario:
+    def from_text(
+        cls,
+        text: str,
+        name: str = "scenario",
+        base: str | Path | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> Scenario:
         """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths."""
-        scenario = validate(cls, read_text(text, name), name, text, base)
+        settings = settings or {}
+        tables = lay_settings(read_text(text, name), settings)
+        scenario = validate(cls, tables, name, text, base, settings)
         scenario._text, scenario._name = text, name
         return scenario
 

@@ -5,21 +5,20 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from palpate.errors import ScenarioError
-from palpate.files import HDF5_SIGNATURE, as_path
+from palpate.files import HDF5_SIGNATURE, as_path, find_line
+from palpate.scenario.fields import MistakesError
 
-__all__ = ["ScenarioText", "find_line", "read_file", "read_text", "validate"]
+__all__ = ["ScenarioText", "find_line", "lay_settings", "read_file", "read_text", "validate"]
 
 Model = TypeVar("Model", bound=BaseModel)
 _LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
-_HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
-_KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
 _FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing| has no meaning)")
 _UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
 
@@ -83,66 +82,35 @@ def read_text(text: str, name: str) -> dict[str, Any]:
         raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
 
 
-def find_line(text: str, field: Sequence[str | int]) -> int | None:
-    """Return the line (from 1) where `field`, such as ("object", "stiffness"), stands in TOML text.
+def lay_settings(tables: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables with other values: each setting has a dotted key, such as "object.stiffness".
 
-    Where the field itself is not written, the line of the innermost table around it; None if there is none.
+    Raises:
+        ScenarioError: a key leads through what is no table.
     """
-    wanted = tuple(part for part in field if isinstance(part, str))
-    best: tuple[int, int] | None = None  # how much of the path matched, line
-    table: tuple[str, ...] = ()
-    depth, fence = 0, ""  # inside a list that goes on over lines; inside a triple-quoted text
-    for number, line in enumerate(text.splitlines(), start=1):
-        here: tuple[str, ...] | None = None
-        if depth == 0 and not fence:
-            if header := _HEADER.match(line):
-                here = table = _parts(header[1])
-            elif key := _KEY.match(line):
-                here = (*table, *_parts(key[1]))
-        if here is not None:
-            # An inline table holds the field on its own line.
-            matched = len(here) if here == wanted[: len(here)] else 0
-            if matched and (best is None or matched > best[0]):
-                best = (matched, number)
-        depth, fence = _nesting(line, depth, fence)
-    return best[1] if best else None
-
-
-def _parts(dotted: str) -> tuple[str, ...]:
-    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
-
-
-def _nesting(line: str, depth: int, fence: str) -> tuple[int, str]:
-    """Return bracket depth and open triple quote after a line."""
-    if _HEADER.match(line) and depth == 0 and not fence:
-        return 0, ""
-    quote, at = "", 0
-    while at < len(line):
-        three, char = line[at : at + 3], line[at]
-        if fence:
-            if three == fence:
-                fence, at = "", at + 2
-        elif quote:
-            if char == "\\" and quote == '"':
-                at += 1
-            elif char == quote:
-                quote = ""
-        elif three in ('"""', "'''"):
-            fence, at = three, at + 2
-        elif char in "\"'":
-            quote = char
-        elif char == "#":
-            break
-        elif char in "[{":
-            depth += 1
-        elif char in "]}":
-            depth = max(0, depth - 1)
-        at += 1
-    return depth, fence
+    out = dict(tables)
+    for key, value in settings.items():
+        *path, last = key.split(".")
+        table = out
+        for depth, part in enumerate(path, start=1):
+            below = table.get(part, {})
+            if not isinstance(below, Mapping):
+                raise ScenarioError(f"setting {key}: {'.'.join(path[:depth])} is no table")
+            table[part] = dict(below)
+            table = table[part]
+        if not all((*path, last)):
+            raise ScenarioError(f'setting {key!r}: a key has the form "object.stiffness"')
+        table[last] = value
+    return out
 
 
 def validate(
-    model: type[Model], tables: Mapping[str, Any], name: str, text: str | None, base: str | Path | None
+    model: type[Model],
+    tables: Mapping[str, Any],
+    name: str,
+    text: str | None,
+    base: str | Path | None,
+    settings: Collection[str] = (),
 ) -> Model:
     """Return the model of a scenario's tables.
 
@@ -152,9 +120,10 @@ def validate(
         name: of the file, for messages.
         text: of the file, in which lines are found; None if there is none.
         base: folder of relative paths.
+        settings: dotted keys that were not read from the file.
 
     Raises:
-        ScenarioError: the tables have a mistake.
+        ScenarioError: the tables have mistakes; the message has a line for each, in the order of the file.
     """
     if not isinstance(tables, Mapping):
         raise ScenarioError(f"a scenario's tables are a mapping of them by name, not {tables!r}")
@@ -168,17 +137,28 @@ def validate(
         for error in errors:
             if error["type"] == "missing" and error["loc"] in meant:
                 continue  # it is there, misspelt
-            field, sentence = _sentence(model, error)
-            line = find_line(text, field) if text is not None else None
-            place = name if line is None else f"{name}, line {line}"
-            sentences[line or 0, f"{place}: {sentence}"] = None
-        raise ScenarioError("\n".join(sentence for _, sentence in sorted(sentences)[:5])) from None
+            for field, sentence in _sentences(model, error):
+                line = find_line(text, field) if text is not None else None
+                dotted = ".".join(str(part) for part in field)
+                own = any(f"{dotted}.".startswith(f"{key}.") for key in settings)
+                own = own or (line is None and any(key.startswith(f"{dotted}.") for key in settings))
+                line = None if own else line
+                place = "settings" if own else name if line is None else f"{name}, line {line}"
+                sentences[line or 0, f"{place}: {sentence}"] = None
+        raise ScenarioError("\n".join(sentence for _, sentence in sorted(sentences))) from None
 
 
 def _meant(scenario: type[BaseModel], field: tuple[str | int, ...]) -> tuple[str | int, ...] | None:
     """Return the known field that a misspelt one stands for."""
     close = difflib.get_close_matches(str(field[-1]), _keys_of(scenario, field[:-1]), 1)
     return (*field[:-1], close[0]) if close else None
+
+
+def _sentences(scenario: type[BaseModel], error: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield the field and the sentence of each mistake in an error: a check of several fields may find several."""
+    found = error.get("ctx", {}).get("error")
+    for one in found.mistakes if isinstance(found, MistakesError) else [found]:
+        yield _sentence(scenario, error if one is None else {**error, "ctx": {"error": one}})
 
 
 def _sentence(scenario: type[BaseModel], error: Any) -> tuple[tuple[str | int, ...], str]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
 from palpate.scenario.fields import Duration, Force3, Frequency, Section, Time
-from palpate.units import parse, parse_vector, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["Row", "Signal"]
 
@@ -23,8 +23,8 @@ def _table(value: object) -> tuple[Row, ...]:
     for number, row in enumerate(value, start=1):
         if not isinstance(row, (list, tuple)) or len(row) != 4:
             raise ValueError(f'row {number} must be a time and three forces, ["0.1 s", "1 N", "0 N", "0 N"]')
-        x, y, z = parse_vector(row[1:], "N", 3)
-        rows.append((parse(row[0], "s"), x, y, z))
+        x, y, z = parse_quantity(row[1:], "N", size=3)
+        rows.append((parse_quantity(row[0], "s"), x, y, z))
         if number > 1 and rows[-1][0] <= rows[-2][0]:
             raise ValueError(f"the time of row {number} ({row[0]}) is not after that of the row before")
     return tuple(rows)

@@ -23,7 +23,7 @@ from palpate.scenario.fields import (
     Size3,
     Whole,
 )
-from palpate.units import parse, write
+from palpate.units import parse_quantity, write
 
 __all__ = ["MeshChoice", "SurfaceChoice"]
 
@@ -88,7 +88,7 @@ def _values(value: object) -> tuple[float, ...]:
     entries = list(value) if isinstance(value, (list, tuple)) else [value]
     if not entries:
         raise ValueError('there must be at least one value, such as "1 N/mm"')
-    numbers = tuple(parse(entry, "N/m") for entry in entries)
+    numbers = tuple(parse_quantity(entry, "N/m") for entry in entries)
     if min(numbers) < 0.0:
         raise ValueError("must not be negative")
     return numbers

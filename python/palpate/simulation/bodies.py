@@ -24,7 +24,7 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from palpate.fem import Body
 
-__all__ = ["Pressed", "cache_path", "pressed_at", "scenario_body", "touched_body"]
+__all__ = ["Pressed", "cache_path", "place_body", "pressed_at", "scenario_body", "touched_body"]
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
@@ -61,6 +61,25 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
     """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
 
     Raises:
+        ScenarioError: as `place_body`.
+    """
+    choice = scenario.object.body
+    assert choice is not None
+    body, at, turn = place_body(scenario, origin)
+    return _core.PlacedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+
+
+def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
+    """Return the body of an object of kind "body", and its pose in the device's frame.
+
+    Args:
+        scenario: its object is a body.
+        origin: position of the body's own origin (3,), m.
+
+    Returns:
+        The body, the origin of its frame (3,), m, and its rotation (3, 3), body frame to device frame.
+
+    Raises:
         ScenarioError: the body cannot be read or made, it cannot be of the kind that is asked for, or all of the tip
             begins inside of it.
     """
@@ -69,8 +88,7 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
     body = scenario_body(scenario)
     _check_start(scenario, choice, body)
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
-    at = origin - turn @ origin_of(choice, body)
-    return _core.PlacedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+    return body, origin - turn @ origin_of(choice, body), turn
 
 
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:

@@ -1,17 +1,22 @@
-"""From a scenario's [controller] table to the controller that runs."""
+"""From a scenario's [controller] table to the controller that runs, and back."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.control.controller import Controller
+from palpate.control.controller_forms import as_linear_controller
 from palpate.devices import Device
-from palpate.scenario import Scenario
+from palpate.scenario import ControllerChoice, Scenario
 from palpate.simulation.controller_design import design_for
 
-__all__ = ["build_controller"]
+__all__ = ["build_controller", "read_scenario", "with_controller"]
 
 
 def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float64]) -> Controller:
@@ -32,3 +37,35 @@ def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float
         antiwindup = None if table.antiwindup is None else np.array(table.antiwindup, float)
         return Controller(control.StateSpace(a, b, c, d, period), antiwindup, "state_space")
     return design_for(table.kind, table.options, device, start, scenario.object.stiffness, period)
+
+
+def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Scenario:
+    """Return a scenario from any form that a caller may give, with a linear controller in it if one is given.
+
+    Raises:
+        ScenarioError: the scenario has a mistake.
+        DesignError: the controller is not linear, or does not fit.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    return scenario if controller is None else with_controller(scenario, controller)
+
+
+def with_controller(scenario: Scenario, controller: Any) -> Scenario:
+    """Return the scenario with a linear controller (see `as_linear_controller`) written into its [controller].
+
+    Raises:
+        DesignError: the controller is not linear, or does not fit.
+    """
+    law = as_linear_controller(controller, scenario.period)
+    system = law.system
+    d = np.asarray(system.D, dtype=float)
+    gain = np.diag(d[:, :3])
+    if not system.nstates and np.array_equal(d, np.hstack([np.diag(gain), -np.diag(gain)])) and gain.min() >= 0.0:
+        choice = ControllerChoice(kind="gain", gain=tuple(gain.tolist()))
+    else:
+        matrices = {name: np.asarray(getattr(system, name), dtype=float).tolist() for name in "ABCD"}
+        if law.antiwindup is not None and system.nstates:
+            matrices["antiwindup"] = np.asarray(law.antiwindup, dtype=float).tolist()
+        choice = ControllerChoice(kind="state_space", **matrices)
+    return scenario.model_copy(update={"controller": choice})

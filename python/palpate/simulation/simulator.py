@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 
 from palpate import _core
 from palpate.control.controller import Controller
+from palpate.control.controller_forms import PythonController, as_controller
 from palpate.devices import Device
-from palpate.errors import ScenarioError
+from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
-from palpate.scenario import Scenario
+from palpate.scenario import Object, Scenario
 from palpate.simulation.bodies import touched_body
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.meshes import touched_mesh
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
+from palpate.simulation.user_object import PythonObject, as_object
 
 __all__ = ["Simulation", "build_simulation", "simulate"]
 
@@ -32,32 +34,42 @@ BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "s
 BEYOND = 1e100  # in any unit: its square is still a number
 
 
-def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None) -> Trace:
+def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None) -> Trace:
     """Run a scenario and return its trace.
 
     The same scenario gives the same trace, bit for bit, on one machine.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
-        controller: runs instead of the one that [controller] describes; sampled with the servo period.
+        controller: runs instead of the one that [controller] describes. A Controller; a python-control StateSpace or
+            TransferFunction from [F_ref; F_object] (6) to the force (3); one with a single input and output, which
+            acts on F_ref - F_object of each axis, or a list of three such for x, y and z; a function
+            f(tick) -> force (3,), N; or an object with `command(tick)`, and if needed `applied(force)` and `reset()`.
+            A continuous system is discretized by the bilinear rule with the scenario's servo period.
+            A tick has `time`, `reference`, `object_force`, `deflection`, `tip` and `velocity`.
+        object: is touched instead of the one that [object] describes. A function f(tip) -> force of the tip on the
+            object (3,), N, or an object with `step(tip)`, and if needed `reset()`. The tip has `time`, `position` and
+            `velocity`. The scenario of the trace then says kind = "none".
+
+    An error in the user's code ends the run and is raised as it is, with a note that gives the time.
 
     Raises:
-        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` has
-            another period.
+        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` or
+            `object` has another form or period, or returns no finite force.
         PoseError: the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller].
     """
-    simulation = build_simulation(scenario, controller)
+    simulation = build_simulation(scenario, controller, object)
     return simulation.trace(*simulation.run())
 
 
 def build_simulation(
-    scenario: Scenario | Mapping[str, Any] | str | Path, controller: Controller | None = None
+    scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None
 ) -> Simulation:
     """Return a scenario made ready to run, as `simulate` would run it: for running it many times."""
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
-    return Simulation.of(scenario, controller)
+    return Simulation.of(scenario, controller, object)
 
 
 @dataclass(frozen=True)
@@ -68,54 +80,71 @@ class Simulation:
     device: Device
     start: Array
     hold: Array
-    controller: Controller
+    controller: Controller | PythonController
     setup: Any
     reference: Array
     operator: Array
+    user_object: PythonObject | None = None
 
     @classmethod
-    def of(cls, scenario: Scenario, controller: Controller | None) -> Simulation:
-        """Build what the scenario describes, around `controller` if given."""
-        if controller is not None and not isinstance(controller, Controller):
-            raise ScenarioError(
-                f"controller: a palpate.Controller, or None for that of the scenario, not {controller!r}"
-            )
+    def of(cls, scenario: Scenario, controller: Any = None, object: Any = None) -> Simulation:
+        """Build what the scenario describes, with `controller` and `object` instead of its own if given."""
         device = scenario.load_device()
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         hold = np.zeros(3)
         if scenario.servo.gravity_compensation:
             hold = static_tip_force(device.jacobian(start), device.gravity(start))
-        chosen = build_controller(scenario, device, start) if controller is None else controller
-        if abs(chosen.period - scenario.period) > 1e-9 * scenario.period:
-            raise ScenarioError(
-                f"servo.period is {scenario.period:g} s, but the controller is sampled every {chosen.period:g} s"
-            )
+        chosen = build_controller(scenario, device, start) if controller is None else _chosen(controller, scenario)
+        touched = None if object is None else as_object(object)
+        if touched is not None:
+            scenario = scenario.model_copy(update={"object": Object(kind="none")})
         ticks = round(scenario.run.duration / scenario.period)
         time = scenario.period * np.arange(ticks + 1)
         silent = np.zeros((ticks + 1, 3))
         reference = silent if scenario.reference is None else scenario.reference.values(time)
         operator = scenario.operator.values(time) if scenario.operator.moves else silent
         setup = _setup(scenario, device, start, hold, chosen)
-        return cls(scenario, device, start, hold, chosen, setup, np.ascontiguousarray(reference), operator)
+        if touched is not None:
+            setup.set_python_object(touched)
+        reference = np.ascontiguousarray(reference)
+        return cls(scenario, device, start, hold, chosen, setup, reference, operator, touched)
 
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
         A row has 3 dof + 11 numbers, on a mesh 9 and on a body 7 more.
         """
+        self.restart()
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
         return np.asarray(rows)[:count], unstable_tick
 
-    def trace(self, rows: Array, unstable_tick: int) -> Trace:
-        """Name the core's columns and add what follows from them."""
-        device, dof = self.device, self.device.dof
+    def restart(self) -> None:
+        """Reset the controller and the object if they are the user's own Python code."""
+        if isinstance(self.controller, PythonController):
+            self.controller.restart()
+        if self.user_object is not None:
+            self.user_object.restart()
+
+    def columns(self, rows: Array) -> list[Array]:
+        """Split rows (n, k) into q, qd, object force, command, torque, operator force, touching, saturated, contact."""
+        dof = self.device.dof
+        return np.split(rows, np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1]), axis=1)
+
+    def trace(self, rows: Array, unstable_tick: int, reference: Array | None = None) -> Trace:
+        """Name the core's columns and add what follows from them.
+
+        Args:
+            rows: of the core, (n, k).
+            unstable_tick: at which the loop diverged; -1: it did not.
+            reference: at each row (n, 3), N; None: the scenario's.
+        """
+        device = self.device
         every = self.scenario.run.record_every
         wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
         if len(wild):  # the force ran away within one sample, before the speed that the core watches
             rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
-        edges = np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1])
-        q, qd, object_force, command, torque, operator, touching, saturated, met = np.split(rows, edges, axis=1)
-        tip = self._tip(q)
+        q, qd, object_force, command, torque, operator, touching, saturated, met = self.columns(rows)
+        tip = self.tip(q)
         if self.scenario.operator.kind == "fixed":
             # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
             needed = device.gravity(q) - torque
@@ -128,7 +157,7 @@ class Simulation:
             "object_force": object_force,
             "command_force": command,
             "torque": torque,
-            "reference_force": self.reference[::every][: len(rows)],
+            "reference_force": (self.reference[::every] if reference is None else reference)[: len(rows)],
             "operator_force": operator,
             "touching": touching,
             "saturated": saturated,
@@ -150,6 +179,7 @@ class Simulation:
                 "scenario": self.scenario.to_dict(),
                 "version": _version(),
                 "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
+                **({} if self.user_object is None else {"object": {"kind": "python", **self.user_object.notes}}),
             },
         )
 
@@ -161,7 +191,7 @@ class Simulation:
             time = time + np.asarray(self.setup.lateness((rows - 1) * every))[::every]
         return np.asarray(time, dtype=float)
 
-    def _tip(self, q: Array) -> Array:
+    def tip(self, q: Array) -> Array:
         """Tip positions as the servo computes them, before the encoders' rounding."""
         if self.scenario.device.kinematics == "linear":
             shift = (q - self.start) @ np.asarray(self.device.jacobian(self.start)).T
@@ -177,7 +207,9 @@ class Simulation:
         return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
 
 
-def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, controller: Controller) -> Any:
+def _setup(
+    scenario: Scenario, device: Device, start: Array, hold: Array, controller: Controller | PythonController
+) -> Any:
     setup = device.setup()
     setup.start = start
     setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
@@ -199,22 +231,37 @@ def _setup(scenario: Scenario, device: Device, start: Array, hold: Array, contro
         setup.limits = limits
     _touch(setup, scenario, device, start)
     _hold(setup, scenario, device, start)
-    system = controller.system
-    none = np.zeros((system.nstates, 3))
-    antiwindup = none if controller.antiwindup is None else controller.antiwindup
-    setup.controller = _core.StateSpace(
-        np.asarray(system.A, float).reshape(system.nstates, system.nstates),
-        np.asarray(system.B, float).reshape(system.nstates, 6),
-        np.asarray(system.C, float).reshape(3, system.nstates),
-        np.asarray(system.D, float),
-        antiwindup,
-    )
+    if isinstance(controller, PythonController):
+        setup.set_python_controller(controller)
+    else:
+        setup.controller = _state_space(controller)
     if scenario.device.model != "nonlinear":
         plant = sampled_plant(scenario.device.model, device, start, scenario.period)
         setup.linear = True
         setup.plant_a, setup.plant_b, setup.plant_c = plant.a, plant.b, plant.c
         setup.working_torque = plant.working_torque
     return setup
+
+
+def _chosen(controller: Any, scenario: Scenario) -> Controller | PythonController:
+    """Return the controller that the caller gave instead of the scenario's."""
+    try:
+        return as_controller(controller, scenario.period)
+    except DesignError as problem:
+        raise ScenarioError(str(problem)) from None
+
+
+def _state_space(controller: Controller) -> _core.StateSpace:
+    system = controller.system
+    none = np.zeros((system.nstates, 3))
+    antiwindup = none if controller.antiwindup is None else controller.antiwindup
+    return _core.StateSpace(
+        np.asarray(system.A, float).reshape(system.nstates, system.nstates),
+        np.asarray(system.B, float).reshape(system.nstates, 6),
+        np.asarray(system.C, float).reshape(3, system.nstates),
+        np.asarray(system.D, float),
+        antiwindup,
+    )
 
 
 def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:

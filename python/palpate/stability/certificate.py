@@ -16,6 +16,7 @@ from palpate.control.stability_margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
 from palpate.files import atomic_write, check_suffix
 from palpate.scenario import Scenario
+from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
@@ -89,7 +90,7 @@ class Certificate:
         return atomic_write(file, lambda part: part.write_text(text, encoding="utf-8"))
 
 
-def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
+def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Certificate:
     """Return the certificate of a scenario's servo loop.
 
     The loop is linearised where it rests (at the start, and where the run comes to rest), sampled exactly, and judged
@@ -100,12 +101,15 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. It
+            is written into the scenario of the certificate. A Python function has no linear model and is refused.
 
     Raises:
-        ScenarioError, DesignError, PoseError: the scenario has a mistake.
+        ScenarioError, DesignError, PoseError: the scenario has a mistake, or the controller is not linear or does not
+            fit.
         StabilityError: it has no loop to judge (nothing is touched, or the tip is held still).
     """
-    s = scenario if isinstance(scenario, Scenario) else _read(scenario)
+    s = read_scenario(scenario, controller)
     loop = scenario_loop(s)
     radius, criteria = check_stability(loop)
     if len(set(criteria.values())) > 1 or abs(radius - 1) < 1e-12:
@@ -113,10 +117,6 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path) -> Certificate:
     if radius >= 1:
         return _unstable(s, loop, radius, criteria)
     return _stable(s, loop, radius, criteria)
-
-
-def _read(scenario: Mapping[str, Any] | str | Path) -> Scenario:
-    return Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
 
 
 def check_stability(loop: ScenarioLoop) -> tuple[float, dict[str, bool]]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate import _core
-from palpate.control.controller import Controller
+from palpate.control.controller_forms import as_linear_controller
 from palpate.control.stability_margins import gain_interval
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
@@ -58,14 +59,14 @@ class ContactStability:
         return self.stiffness * self.stiffness_margin
 
 
-def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | None = None) -> ContactStability:
+def contact_stability(trace: Trace, row: int = -1, *, controller: Any = None) -> ContactStability:
     """Judge the loop of a trace on a body, linearised at sample `row`, where the tip rests in contact.
 
     The contact counts as a touched wall, as stiff as it is there; a body of a kind with a memory as it is within one
     period. Limits and encoder counts are left out.
 
     Args:
-        controller: that ran instead of the scenario's.
+        controller: that ran instead of the scenario's; linear.
 
     Raises:
         StabilityError: the scenario has no body, or the tip is apart at that sample.
@@ -89,7 +90,9 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Controller | N
         pose=trace["angle"][row],
         tip_force=trace["command_force"][row],
         operator_force=trace["operator_force"][row],
-        controller=build_controller(scenario, device, start) if controller is None else controller,
+        controller=build_controller(scenario, device, start)
+        if controller is None
+        else as_linear_controller(controller, scenario.period),
     )
     radius, criteria = check_stability(loop)
     factor = gain_interval(loop.gain())[1] if radius < 1.0 else float("nan")

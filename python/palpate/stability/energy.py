@@ -7,12 +7,14 @@ the way before it: its sign can be wrong, and an observer built on it never acts
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import not_negative, positive
 from palpate.errors import StabilityError
+from palpate.simulation.user_object import as_object
 
 __all__ = ["EnergyObserver", "PassivityController", "naive_energy", "zoh_energy"]
 
@@ -75,22 +77,47 @@ class EnergyObserver:
 class PassivityController:
     """Adds damping, never more than the cap, when the display has given energy that it never got.
 
+    With an `object` it stands between the tip and that object in a simulated loop, and acts along `normal`:
+    `palpate.simulate(scenario, object=PassivityController(..., object=wall))`.
+
     Args:
         period: T, s.
-        largest_damping: cap of the injected damping, N s/m. Sampled damping above the device's limits destabilises by
+        largest_damping: cap of the injected damping, N s/m. Sampled damping above the device's limits destabilizes by
             itself: keep it at half of mass/period or less.
         credit: energy, J, that the display may give before it is damped.
+        object: as for `palpate.simulate`; needed in a loop only.
+        normal: direction along which the energy is observed (3,); its length does not matter.
 
     Raises:
-        StabilityError: a period that is not positive, a negative cap or credit.
+        StabilityError: a period that is not positive, a negative cap or credit, a normal of no length.
     """
 
-    def __init__(self, period: float, largest_damping: float, credit: float = 0.0) -> None:
+    def __init__(
+        self,
+        period: float,
+        largest_damping: float,
+        credit: float = 0.0,
+        *,
+        object: Any = None,
+        normal: ArrayLike = (1.0, 0.0, 0.0),
+    ) -> None:
         self.period = positive(period, "period", "s")
         self.largest = not_negative(largest_damping, "largest_damping", "N s/m")
         self.credit = not_negative(credit, "credit", "J")
+        self.object = None if object is None else as_object(object)
+        direction = np.asarray(normal, dtype=float)
+        length = float(np.linalg.norm(direction))
+        if direction.shape != (3,) or not 0.0 < length < np.inf:
+            raise StabilityError(f"normal must be three finite numbers that are not all zero, not {normal!r}")
+        self.normal = direction / length
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the energy and the motion so far; reset the object behind."""
         self.observer = EnergyObserver()
         self._position: float | None = None
+        if self.object is not None:
+            self.object.restart()
 
     def force(self, position: float, wall: float) -> float:
         """Return the force (N) on the tip at a sample: the wall's force ``wall`` (N), damped if energy is owed."""
@@ -104,3 +131,16 @@ class PassivityController:
         command = wall - damping * velocity
         self.observer.set_force(command)
         return command
+
+    def step(self, tip: Any) -> Array:
+        """Return the force of the tip on the object (3,), N, at a sample of a simulated loop.
+
+        Raises:
+            StabilityError: there is no object behind.
+        """
+        if self.object is None:
+            raise StabilityError("a PassivityController in a loop needs the object behind it: give object=...")
+        answer = self.object.step(tip)
+        contact = np.asarray(getattr(answer, "force", answer), dtype=float)
+        wall = -float(contact @ self.normal)  # on the tip
+        return contact - (self.force(float(tip.position @ self.normal), wall) - wall) * self.normal

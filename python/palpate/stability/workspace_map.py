@@ -303,18 +303,15 @@ def _pose(device: Device, tip: Array, start: Array, hinge: Array, reach: float) 
     if np.linalg.norm(tip - hinge) > reach:
         return None
     elbow, side = np.linalg.det(device.jacobian(start)), _radius(device, start)
-    for behind in (False, True):
-        for elbow_down in (False, True):
-            code, q = device.core.inverse(tip, behind, elbow_down)
-            if code != 0:
-                return None
-            near = start + np.angle(np.exp(1j * (np.asarray(q) - start)))
-            if abs(near[0] - start[0]) > TURN + 1e-9 or _radius(device, near) * side <= 0:
-                continue
-            jacobian = device.jacobian(near)
-            sizes = np.linalg.svd(jacobian, compute_uv=False)
-            if np.linalg.det(jacobian) * elbow > 0 and sizes[-1] >= SINGULAR * sizes[0]:
-                return np.asarray(near, dtype=float)
+    poses, _ = device.core.inverse(tip, start)
+    for q in poses:
+        near = start + np.angle(np.exp(1j * (np.asarray(q) - start)))
+        if abs(near[0] - start[0]) > TURN + 1e-9 or _radius(device, near) * side <= 0:
+            continue
+        jacobian = device.jacobian(near)
+        sizes = np.linalg.svd(jacobian, compute_uv=False)
+        if np.linalg.det(jacobian) * elbow > 0 and sizes[-1] >= SINGULAR * sizes[0]:
+            return np.asarray(near, dtype=float)
     return None
 
 

@@ -18,6 +18,7 @@ from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
 from palpate.scenario import Scenario
+from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.stability.boundaries import Boundary, stability_boundary, trace
 from palpate.stability.passivity import passive_stiffness
@@ -124,6 +125,7 @@ def _numbers(found: SimulatedBoundary | None) -> dict[str, Any] | None:
 def zwidth(
     scenario: Scenario | Mapping[str, Any] | str | Path,
     *,
+    controller: Any = None,
     simulated: bool = True,
     progress: Progress | None = None,
 ) -> ZWidth:
@@ -134,6 +136,8 @@ def zwidth(
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
+            Python function has no linear model and is refused.
         simulated: whether to find the boundary by simulation as well.
         progress: called with a text and the share done.
 
@@ -142,10 +146,7 @@ def zwidth(
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     tell = progress or (lambda _text, _share: None)
-    if isinstance(scenario, Scenario):
-        s = scenario
-    else:
-        s = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    s = read_scenario(scenario, controller)
     own = scenario_loop(s)
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
-from palpate.units import parse, parse_any, write
+from palpate.units import UNITS, parse_quantity, write
 
 __all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
 
@@ -104,7 +104,7 @@ def limits_of(path: str, text: Any) -> tuple[float, float]:
     if len(parts) != 2 or ":" in text or parts[1].startswith("."):
         raise SweepError(f'{path}: "{text}" is no range to draw from; write its two ends, as in "0.05 kg..0.3 kg"')
     try:
-        low, high = parse(parts[0], unit), parse(parts[1], unit)
+        low, high = parse_quantity(parts[0], unit), parse_quantity(parts[1], unit)
     except ValueError as problem:
         raise SweepError(f"{path}: {problem}") from None
     if not low <= high:
@@ -196,8 +196,19 @@ def _value(value: Any, unit: str | None) -> tuple[Any, str]:
 
 
 def _quantity(text: str, unit: str | None) -> tuple[float, str]:
-    """Return a text's number in SI, and its unit."""
-    return parse_any(text) if unit is None else (parse(text, unit), unit)
+    """Return the number of a text in SI, and its SI unit; any unit where ``unit`` is None.
+
+    Raises:
+        ValueError: the text has another dimension, or no dimension that is known.
+    """
+    if unit is not None:
+        return parse_quantity(text, unit), unit
+    for known in ("", *UNITS):
+        try:
+            return parse_quantity(text, known), known
+        except ValueError:
+            continue
+    raise ValueError(f'"{text}" cannot be read as a number with a unit; write it as "100 N/m"')
 
 
 def _written(value: Any, unit: str) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.control.controller import Controller
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
@@ -119,6 +121,8 @@ class Plan:
     def run_cells(self, cells: NDArray[np.int64], threads: int = 1) -> dict[str, Array]:
         """Run the cells of these numbers and return their outcomes by name of QUANTITIES."""
         text = self.text()
+        if not _runs_in_lanes(self.tables):
+            return self._run_singly(cells, threads)
         indices = dict(zip([axis.path for axis in self.axes], np.unravel_index(cells, self.shape), strict=False))
         lane, shape = _split(text)
         combination = np.zeros(len(cells), dtype=np.int64)
@@ -143,6 +147,17 @@ class Plan:
                 whole = out.setdefault(name, np.empty((len(cells), *values.shape[1:])))
                 whole[here] = values
         return out
+
+    def _run_singly(self, cells: NDArray[np.int64], threads: int) -> dict[str, Array]:
+        """Run cells one loop at a time: for meshes and bodies, whose contact does not run in SIMD lanes."""
+
+        def outcome(cell: int) -> Array:
+            simulation = build_simulation(self.scenario(cell))
+            return np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
+
+        with ThreadPoolExecutor(max(threads, 1)) as pool:
+            rows = np.array(list(pool.map(outcome, [int(cell) for cell in cells])))
+        return name_rows(rows, self.period)
 
     def scenario(self, cell: int) -> Scenario:
         """Return the scenario of one cell, by its number: run alone it finds what the cell found."""
@@ -181,9 +196,12 @@ def _check(tables: Mapping[str, Any]) -> Simulation:
         raise SweepError(f'device.model: a sweep runs the "nonlinear" device, not its "{scenario.device.model}" model')
     if scenario.operator.kind == "fixed":
         raise SweepError('operator.kind: a sweep runs a device that is free to move; "fixed" keeps the tip still')
-    if scenario.object.kind not in ("none", "spring", "wall"):
-        raise SweepError(f'object.kind: a sweep runs springs and walls, not "{scenario.object.kind}"')
     return experiment
+
+
+def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:
+    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls."""
+    return Scenario.from_dict(tables).object.kind in ("none", "spring", "wall")
 
 
 @lru_cache(maxsize=64)
@@ -206,7 +224,10 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
     if plan.tables.get("controller", {}).get("kind", "none") in ("none", "gain", "state_space"):
         return True
     ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
-    a, b = (build_simulation(with_value(plan.tables, axis, index)).controller.system for index in ends)
+    one, other = (build_simulation(with_value(plan.tables, axis, index)).controller for index in ends)
+    assert isinstance(one, Controller)  # a scenario's own is linear
+    assert isinstance(other, Controller)
+    a, b = one.system, other.system
     return all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
 
 

@@ -223,6 +223,7 @@ class MechanismDefaults {
 
 // What a mechanism has to define, one concept per function, so that MechanismCheck can name the missing one.
 
+/// A class with a number of joints `dof`.
 template <class M>
 concept HasDof = requires {
   { M::dof } -> std::convertible_to<int>;
@@ -245,16 +246,19 @@ template <class T, class Scalar, int rows, int columns>
 concept MatrixOf = std::same_as<typename std::remove_cvref_t<T>::Scalar, Scalar> && std::remove_cvref_t<T>::RowsAtCompileTime == rows &&
                    std::remove_cvref_t<T>::ColsAtCompileTime == columns;
 
+/// A class with forward kinematics on `Scalar`.
 template <class M, class Scalar>
 concept HasForward = requires(const M& m, const Joints<M::dof, Scalar>& q) {
   { m.forward(q) } -> MatrixOf<Scalar, 3, 1>;
 };
 
+/// A class with a mass matrix on `Scalar`.
 template <class M, class Scalar>
 concept HasMassMatrix = requires(const M& m, const Joints<M::dof, Scalar>& q) {
   { m.mass_matrix(q) } -> MatrixOf<Scalar, M::dof, M::dof>;
 };
 
+/// A class with a potential energy on `Scalar`.
 template <class M, class Scalar>
 concept HasPotential = requires(const M& m, const Joints<M::dof, Scalar>& q) {
   { m.potential(q) } -> std::same_as<Scalar>;

@@ -5,8 +5,10 @@
 
 namespace palpate::mechanism {
 
+/// Kind of a joint: its coordinate is an angle [rad] or a displacement [m].
 enum class JointKind { revolute, prismatic };
 
+/// Values that a parameter allows.
 enum class ParameterRange { any, nonnegative, positive };
 
 /// One parameter of a mechanism as device files name it.

@@ -13,31 +13,9 @@
 #include "palpate/mechanism/inverse_kinematics.hpp"
 #include "palpate/mechanism/parameters.hpp"
 #include "palpate/mechanism/premium_inverse.hpp"
+#include "palpate/mechanism/premium_parameters.hpp"
 
 namespace palpate::mechanism {
-
-/// Geometry and inertia of a PHANToM Premium: a base that yaws and carries a parallelogram linkage (Cavusoglu, Feygin & Tendick 2002;
-/// Hosseini-Zadeh 2004, ch. 2). Segment inertias are diagonal in segment axes. Those of `be` and `df` are about the joint axis, so their
-/// centers of mass only enter gravity.
-struct PremiumParameters {
-  double l1 = 0.0;                              ///< upper arm, m
-  double l2 = 0.0;                              ///< forearm, elbow to tip, m
-  double l3 = 0.0;                              ///< short side of the parallelogram, m
-  double l5 = 0.0;                              ///< center of mass of segment be along the upper arm, m
-  double l6 = 0.0;                              ///< center of mass of segment df along the forearm, m
-  double mass_a = 0.0;                          ///< forearm tube, kg
-  double mass_c = 0.0;                          ///< parallel rod, kg
-  double mass_be = 0.0;                         ///< upper arm with its motor, kg
-  double mass_df = 0.0;                         ///< short link with its motor, kg
-  Vector3<> inertia_a = Vector3<>::Zero();      ///< about the center of mass (xx, yy, zz), kg*m^2
-  Vector3<> inertia_c = Vector3<>::Zero();      ///< about the center of mass, kg*m^2
-  Vector3<> inertia_be = Vector3<>::Zero();     ///< about the joint, kg*m^2
-  Vector3<> inertia_df = Vector3<>::Zero();     ///< about the joint, kg*m^2
-  double inertia_base = 0.0;                    ///< base about the vertical, kg*m^2
-  Vector3<> rotor_inertia = Vector3<>::Zero();  ///< of the motors, kg*m^2; reflected to the joints by gear^2
-  Vector3<> gear = Vector3<>::Ones();           ///< motor turns per joint turn
-  double gravity = 9.81;                        ///< m/s^2
-};
 
 /// Kinematics and dynamics of the PHANToM Premium.
 ///
@@ -51,25 +29,7 @@ class Premium {
   static constexpr const char* name = "premium";
   static constexpr std::array joints = {JointKind::revolute, JointKind::revolute, JointKind::revolute};
   static constexpr std::array working_pose = {0.0, 2.2305, 3.2776};  // torques (0, 0.01, 0.01) N*m balance gravity there
-  static constexpr std::array parameters = {
-      parameter<&Parameters::l1>("geometry.l1", "m", ParameterRange::positive, "upper arm"),
-      parameter<&Parameters::l2>("geometry.l2", "m", ParameterRange::positive, "forearm, elbow to tip"),
-      parameter<&Parameters::l3>("geometry.l3", "m", ParameterRange::any, "short side of the parallelogram"),
-      parameter<&Parameters::l5>("geometry.l5", "m", ParameterRange::any, "center of mass of be along the upper arm"),
-      parameter<&Parameters::l6>("geometry.l6", "m", ParameterRange::any, "center of mass of df along the forearm"),
-      parameter<&Parameters::mass_a>("mass.a", "kg", ParameterRange::nonnegative, "forearm tube"),
-      parameter<&Parameters::mass_c>("mass.c", "kg", ParameterRange::nonnegative, "parallel rod"),
-      parameter<&Parameters::mass_be>("mass.be", "kg", ParameterRange::nonnegative, "upper arm with its motor"),
-      parameter<&Parameters::mass_df>("mass.df", "kg", ParameterRange::nonnegative, "short link with its motor"),
-      parameter<&Parameters::inertia_a>("inertia.a", "kg*m^2", ParameterRange::nonnegative, "about the center of mass"),
-      parameter<&Parameters::inertia_c>("inertia.c", "kg*m^2", ParameterRange::nonnegative, "about the center of mass"),
-      parameter<&Parameters::inertia_be>("inertia.be", "kg*m^2", ParameterRange::nonnegative, "about the joint"),
-      parameter<&Parameters::inertia_df>("inertia.df", "kg*m^2", ParameterRange::nonnegative, "about the joint"),
-      parameter<&Parameters::inertia_base>("inertia.base", "kg*m^2", ParameterRange::nonnegative, "about the vertical"),
-      parameter<&Parameters::rotor_inertia>("drive.rotor_inertia", "kg*m^2", ParameterRange::nonnegative, "motor rotors", false),
-      parameter<&Parameters::gear>("drive.gear", "", ParameterRange::positive, "motor turns per joint turn", false),
-      parameter<&Parameters::gravity>("environment.gravity", "m/s^2", ParameterRange::any, "downward", false),
-  };
+  static constexpr auto& parameters = premium_parameters;
   template <class Scalar>
   using Angles = Joints<3, Scalar>;
 

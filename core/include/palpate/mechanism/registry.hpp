@@ -30,6 +30,7 @@ template <class M>
   return true;
 }
 
+/// A list of mechanism types with operations on each.
 template <class... Mechanisms>
 struct MechanismList {
   static_assert((MechanismCheck<Mechanisms>::passed && ...));

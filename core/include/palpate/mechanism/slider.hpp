@@ -9,6 +9,7 @@
 
 namespace palpate::mechanism {
 
+/// Parameters of a Slider.
 struct SliderParameters {
   double mass = 1.0;  ///< kg
 };

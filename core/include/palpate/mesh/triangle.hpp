@@ -37,6 +37,7 @@ enum class Feature : std::uint8_t { edge0, edge1, edge2, corner0, corner1, corne
   return has_vertex(f.vertex[i]) && (is_corner(feature) || has_vertex(f.vertex[(i + 1) % 3]));
 }
 
+/// Point of a face nearest to a query point, and the feature it lies on.
 struct NearestPoint {
   Vector3<> point = Vector3<>::Zero();  ///< m
   Feature feature = Feature::inside;

@@ -68,26 +68,41 @@ struct JobQueue {
 
 namespace detail {
 
-/// Watches loops side by side, each at its own tick. A swing is the largest second difference of the tip's position over a fifth of the
+/// Set a value that is not in lanes.
+inline void set_lane(double& value, int /*lane*/, double one) noexcept { value = one; }
+template <int rows, int columns>
+void set_lane(Eigen::Matrix<double, rows, columns>& value, int /*lane*/, const Eigen::Matrix<double, rows, columns>& one) noexcept {
+  value = one;
+}
+
+/// Return the value of one lane.
+inline double lane_of(double value, int /*lane*/) noexcept { return value; }
+template <int lanes>
+double lane_of(const Pack<lanes>& value, int lane) noexcept {
+  return value[lane];
+}
+
+/// Measures loops side by side, each at its own tick, or one loop (Scalar double). A swing is the largest second difference of the tip's position over a fifth of the
 /// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest,
 /// over the last fifth.
-template <class Mechanism, int lanes>
+template <class Mechanism, class Number>
 class StabilityMonitor {
  public:
   static constexpr int dof = Mechanism::dof;
-  using Scalar = Pack<lanes>;
-  using Where = Mask<lanes>;
+  using Scalar = Number;
+  using Where = Condition<Scalar>;
   using Vector = Vector3<Scalar>;
 
   explicit StabilityMonitor(int ticks) : ticks_(ticks) {}
 
   /// Starts anew in one lane, with the tip at `tip` [m].
   void set_lane(int lane, const Vector3<>& tip) noexcept {
+    using detail::set_lane;
     using math::set_lane;
     for (Vector* v : {&start_, &before_, &last_}) set_lane(*v, lane, tip);
     for (Vector* v : {&lowest_, &highest_, &steady_}) set_lane(*v, lane, Vector3<>(Vector3<>::Zero()));
-    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_}) x->set(lane, 0.0);
-    share_before_.set(lane, 1.0);
+    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_}) set_lane(*x, lane, 0.0);
+    set_lane(share_before_, lane, 1.0);
   }
 
   /// The tick `k` of each lane.
@@ -118,20 +133,20 @@ class StabilityMonitor {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const double samples = ended ? ticks_ + 1.0 : std::max(unstable, 1.0);
     double ripple = 0.0;
-    for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (highest_[i][lane] - lowest_[i][lane]));
+    for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (lane_of(highest_[i], lane) - lane_of(lowest_[i], lane)));
     row[0] = unstable;
-    row[1] = std::sqrt(early_[lane]);
-    row[2] = ended ? std::sqrt(prior_[lane]) : unknown;
-    row[3] = ended ? std::sqrt(late_[lane]) : unknown;
+    row[1] = std::sqrt(lane_of(early_, lane));
+    row[2] = ended ? std::sqrt(lane_of(prior_, lane)) : unknown;
+    row[3] = ended ? std::sqrt(lane_of(late_, lane)) : unknown;
     row[4] = ended ? ripple : unknown;
-    for (int i = 0; i < 3; ++i) row[5 + i] = ended ? steady_[i][lane] / fifth : unknown;
-    row[8] = std::sqrt(object_force_[lane]);
-    row[9] = std::sqrt(command_[lane]);
-    row[10] = touching_[lane] / samples;
-    row[11] = saturated_[lane] / samples;
+    for (int i = 0; i < 3; ++i) row[5 + i] = ended ? lane_of(steady_[i], lane) / fifth : unknown;
+    row[8] = std::sqrt(lane_of(object_force_, lane));
+    row[9] = std::sqrt(lane_of(command_, lane));
+    row[10] = lane_of(touching_, lane) / samples;
+    row[11] = lane_of(saturated_, lane) / samples;
     for (int i = 0; i < dof; ++i) {
-      row[12 + i] = ended ? q_[i][lane] : unknown;
-      row[12 + dof + i] = ended ? qd_[i][lane] : unknown;
+      row[12 + i] = ended ? lane_of(q_[i], lane) : unknown;
+      row[12 + dof + i] = ended ? lane_of(qd_[i], lane) : unknown;
     }
   }
 
@@ -290,7 +305,7 @@ class LaneRunner {
   Servo<Mechanism, object::BasicSpringWall<Scalar>, control::BasicStateSpace<Scalar>> servo_;
   MovingPlant<Mechanism, Scalar> plant_;
   actuation::TickSchedule<Scalar> clock_;
-  StabilityMonitor<Mechanism, lanes> watch_;
+  StabilityMonitor<Mechanism, Pack<lanes>> watch_;
   Scalar tick_ = 0.0;
   bool together_ = true;
   int running_ = 0;
@@ -304,6 +319,44 @@ template <class Mechanism, int lanes>
 void simulate_side_by_side(const JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force) {
   if (const BatchJob<Mechanism>* first = queue.next(queue.owner))
     detail::LaneRunner<Mechanism, lanes>(queue, *first, ticks).run(reference, operator_force);
+}
+
+namespace detail {
+
+/// Shows a single loop to a StabilityMonitor.
+template <class Mechanism>
+class SingleLoopMonitor {
+ public:
+  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks) {
+    monitor_.set_lane(0, s.mechanism.forward(s.start));
+  }
+
+  template <class Plant, class Servo>
+  void see(const Plant& plant, const Servo& servo, const Vector3<>& /*force*/) noexcept {
+    monitor_.see(tick_, plant, servo, clock_);
+    tick_ += 1.0;
+    clock_.tick();
+  }
+  void lost(int tick) noexcept { unstable_ = tick; }
+  void write(double* row) const noexcept { monitor_.write(0, unstable_, row); }
+
+ private:
+  actuation::TickSchedule<double> clock_;
+  StabilityMonitor<Mechanism, double> monitor_;
+  double tick_ = 0.0;
+  double unstable_ = -1.0;
+};
+
+}  // namespace detail
+
+/// Run one loop with a moving plant and any object and controller; write its outcome as a batch does, outcome_width<dof> numbers.
+template <class Mechanism>
+void simulate_outcome(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
+                      double* row) noexcept {
+  detail::SingleLoopMonitor<Mechanism> monitor(setup, ticks);
+  detail::MovingPlant<Mechanism> plant(setup);
+  detail::run(setup, plant, ticks, reference, operator_force, monitor);
+  monitor.write(row);
 }
 
 }  // namespace palpate::servo

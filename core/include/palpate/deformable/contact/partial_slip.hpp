@@ -56,7 +56,7 @@ class PartialSlip {
   /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes with `forces` [N]. `coverages` are the covered
   /// fractions of the nodes' patches.
   template <class Surface, class Model>
-  void step(const Surface& surface, const Model& model, const std::int32_t* pressed, const double* forces, const double* coverages,
+  void step(const Surface& surface, const Model& model, const std::int32_t* contact_nodes, const double* forces, const double* coverages,
             int count, const Vector3<>& tip_motion) noexcept {
     if (count == 0) return reset();
     const double mu = sliding_ ? friction_.mu_dynamic : friction_.mu_static;
@@ -66,7 +66,7 @@ class PartialSlip {
     if constexpr (has_memory<Model>)
       for (int s = 0; s < count_; ++s) advance_memory(model, s);
     for (int c = 0; c < count; ++c) {
-      const int s = slot_for(model, pressed[c]);
+      const int s = slot_for(model, contact_nodes[c]);
       if (s < 0) continue;
       set_coverage(s, coverages[c]);
       cone_radius_[at(s)] = mu * forces[c];

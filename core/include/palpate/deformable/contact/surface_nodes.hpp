@@ -104,14 +104,14 @@ class SurfaceNodes {
     return tangent_bases_[static_cast<std::size_t>(i)];
   }
 
-  /// Call `visit(node, depth)` for each node below or near the tip surface; contact_at() defines which nodes take part. `deep` is the
+  /// Call `visit(node, depth)` for each node below or near the tip surface; contact_at() defines which nodes take part. `last_depth` is the
   /// penetration of the previous step [m]: it extends the search, so that nodes behind the tip are not lost. Groups for which
   /// `skip(group, depth)` returns true are not visited; `depth` is an upper bound of the penetration of their nodes.
   template <class Skip, class Visit>
-  void query_tip(const Tip& tip, double deep, Skip skip, Visit visit) const noexcept {
+  void query_tip(const Tip& tip, double last_depth, Skip skip, Visit visit) const noexcept {
     const bool flat = tip.kind == Tip::Kind::flat;
-    const double reach = flat ? tip.radius + 0.5 * max_patch_width_ : tip.radius + 0.5 * deep;
-    for_each_group(tip.center, tip.center + deep * tip.outward, reach, [&](std::size_t number) {
+    const double reach = flat ? tip.radius + 0.5 * max_patch_width_ : tip.radius + 0.5 * last_depth;
+    for_each_group(tip.center, tip.center + last_depth * tip.outward, reach, [&](std::size_t number) {
       const Group& g = groups_[number];
       if (skip(number, flat ? max_depth_under_flat(tip, g) : max_depth_in_sphere(tip, g))) return;
       for (std::int32_t k = g.begin; k < g.end; ++k) {

@@ -226,9 +226,9 @@ class MassSpringModel {
         bool limited = fraction < 1.0;
         if (energy() > allowed + rounding && kinetic_ > 0.0) {
           limited = true;
-          const double left = std::max(allowed - potential_, 0.0) / kinetic_;
-          for (Vector3<>& v : velocity_) v *= std::sqrt(left);
-          kinetic_ *= left;
+          const double kinetic_fraction = std::max(allowed - potential_, 0.0) / kinetic_;
+          for (Vector3<>& v : velocity_) v *= std::sqrt(kinetic_fraction);
+          kinetic_ *= kinetic_fraction;
         }
         limited_steps_ += limited ? 1 : 0;
         return;

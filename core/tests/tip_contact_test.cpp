@@ -1,4 +1,4 @@
-// Bodies that yield: one-sided contact against brute force, and against Boussinesq's half-space.
+// Contact of a rigid tip with an elastic half-space: Hertz, Sneddon, energy gradient; queries of the surface nodes.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -7,102 +7,15 @@
 #include <palpate/deformable/linear/compliance.hpp>
 #include <palpate/object/body_instance.hpp>
 #include <random>
+#include <type_traits>
+#include <vector>
 
 namespace {
 
-using palpate::deformable::ContactLcp;
 using palpate::math::Vector3;
 
-Eigen::MatrixXd random_compliance(int n, std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(n, n, [&] { return normal(random); });
-  return a * a.transpose() + 0.05 * Eigen::MatrixXd::Identity(n, n);
-}
-
-void load_lcp(ContactLcp& solver, const Eigen::MatrixXd& c, const Eigen::VectorXd& g) {
-  for (int i = 0; i < g.size(); ++i) {
-    solver.depth(i) = g[i];
-    for (int j = 0; j < g.size(); ++j) solver.compliance(i, j) = c(i, j);
-  }
-}
-
-// Every one of the 2^n sets of pressed places is tried: exactly one is right, and it is the one found.
-TEST(ContactLcp, FindsWhatTryingAllSetsFinds) {
-  std::mt19937 random(3);
-  std::normal_distribution<double> normal;
-  for (int trial = 0; trial < 200; ++trial) {
-    const int n = 6;
-    const Eigen::MatrixXd c = random_compliance(n, random);
-    const Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
-    ContactLcp solver;
-    load_lcp(solver, c, g);
-    solver.reset(n, [&](int a) { return ((trial >> a) & 1) != 0; });  // whatever is tried first
-    ASSERT_TRUE(solver.solve());
-    int right = 0;
-    for (int set = 0; set < (1 << n); ++set) {
-      std::vector<int> in;
-      for (int a = 0; a < n; ++a)
-        if ((set >> a) & 1) in.push_back(a);
-      Eigen::VectorXd f = Eigen::VectorXd::Zero(n);
-      if (!in.empty()) {
-        const Eigen::MatrixXd part = c(in, in);
-        const Eigen::VectorXd some = part.ldlt().solve(Eigen::VectorXd(g(in)));
-        for (std::size_t k = 0; k < in.size(); ++k) f[in[k]] = some[static_cast<int>(k)];
-      }
-      if (f.minCoeff() < 0.0 || (c * f - g).minCoeff() < -1e-12) continue;
-      ++right;
-      for (int a = 0; a < n; ++a) EXPECT_NEAR(solver.force(a), f[a], 1e-9 * (1.0 + f.norm()));
-    }
-    EXPECT_EQ(right, 1);
-  }
-}
-
-// The conditions themselves, on full-size contacts that change from step to step with the factor kept.
-TEST(ContactLcp, HoldsItsConditionsWhileDepthsChange) {
-  std::mt19937 random(4);
-  std::normal_distribution<double> normal;
-  for (const int n : {1, 30, ContactLcp::capacity}) {
-    const Eigen::MatrixXd c = random_compliance(n, random);
-    Eigen::VectorXd g = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
-    ContactLcp solver;
-    load_lcp(solver, c, g);
-    solver.reset(n, [](int) { return false; });
-    for (int step = 0; step < 50; ++step) {
-      ASSERT_TRUE(solver.solve());
-      Eigen::VectorXd f(n);
-      for (int a = 0; a < n; ++a) f[a] = solver.force(a);
-      const Eigen::VectorXd gap = c * f - g;
-      EXPECT_GE(f.minCoeff(), 0.0);
-      EXPECT_GE(gap.minCoeff(), -1e-7 * g.norm());
-      EXPECT_LE(f.cwiseProduct(gap).cwiseAbs().maxCoeff(), 1e-7 * (1.0 + f.norm() * g.norm()));
-      for (int a = 0; a < n; ++a) {
-        g[a] += 0.2 * normal(random);
-        solver.depth(a) = g[a];
-      }
-    }
-  }
-}
-
-// A place that is left, and one that is met, change sides in one move: a second look finds nothing wrong.
-TEST(ContactLcp, LooksTwiceWhereOnePlaceComesOrGoes) {
-  std::mt19937 random(5);
-  const int n = 30;
-  const Eigen::MatrixXd c = Eigen::MatrixXd::Identity(n, n) + 1e-3 * random_compliance(n, random);
-  ContactLcp solver;
-  load_lcp(solver, c, Eigen::VectorXd::Ones(n));
-  solver.reset(n, [](int) { return true; });
-  ASSERT_TRUE(solver.solve());
-  EXPECT_EQ(solver.iterations(), 1);
-  for (const double depth : {-1.0, 1.0}) {
-    solver.depth(7) = depth;
-    ASSERT_TRUE(solver.solve());
-    EXPECT_EQ(solver.iterations(), 2);
-    EXPECT_EQ(solver.force(7) > 0.0, depth > 0.0);
-  }
-}
-
-/// The top of an elastic half-space, z up: mean displacement of square patches query_tip even pressure on another, by Love's closed form at
-/// centres for the own patch and Boussinesq's point load elsewhere. Nothing here comes from finite elements.
+/// Surface of an elastic half-space, z up: mean displacement of square patches under uniform pressure on another, by Love's closed form at
+/// the center for the patch itself and Boussinesq's point load elsewhere. Independent of finite elements.
 struct HalfSpace {
   double modulus, width;  // E / (1 - nu^2), Pa; m
   palpate::deformable::SurfaceNodes nodes;
@@ -126,7 +39,7 @@ struct HalfSpace {
 };
 
 // Hertz 1882: F = 4/3 E* sqrt(R) d^(3/2), contact radius sqrt(R d).
-TEST(TipContact, OnAHalfSpaceIsHertzs) {
+TEST(TipContact, SphereOnHalfSpaceMatchesHertz) {
   HalfSpace space(41, 0.5e-3, 20e3);
   palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
   palpate::deformable::Tip tip;
@@ -144,8 +57,8 @@ TEST(TipContact, OnAHalfSpaceIsHertzs) {
   EXPECT_EQ(contact.last().force.norm(), 0.0);
 }
 
-// Sneddon 1946: a flat end of radius a has the stiffness 2 a E*, wherever it stands between the nodes.
-TEST(TipContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
+// Sneddon 1946: a flat end of radius a has the stiffness 2 a E*, for any position between the nodes.
+TEST(TipContact, FlatEndOnHalfSpaceMatchesSneddon) {
   HalfSpace space(41, 1e-3, 20e3);
   palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
   palpate::deformable::Tip tip;
@@ -157,8 +70,8 @@ TEST(TipContact, OfAFlatEndOnAHalfSpaceIsSneddons) {
   }
 }
 
-// The force is the slope of the energy: compared by central differences, for both tips, where nodes come and go.
-TEST(TipContact, ForceIsTheSlopeOfItsEnergy) {
+// Central differences of the energy, for both tips, with a changing contact set.
+TEST(TipContact, ForceIsTheGradientOfItsEnergy) {
   HalfSpace space(31, 1e-3, 20e3);
   std::mt19937 random(8);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -185,9 +98,9 @@ TEST(TipContact, ForceIsTheSlopeOfItsEnergy) {
   }
 }
 
-// However deep the tip, through the surface and on for four radii: the force grows with each step, it is the slope of the energy, and down,
-// aside and up again give back what they took.
-TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
+// Penetration to four radii: the force increases with each step and is the energy gradient; the closed path down, sideways and up does no
+// net work.
+TEST(TipContact, ForceIsConservativeAtAnyDepth) {
   HalfSpace space(41, 1e-3, 20e3);
   for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
     palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
@@ -237,8 +150,17 @@ TEST(TipContact, GoesOnPressingHoweverDeepTheTip) {
   }
 }
 
-// Nodes on the far side of a thin plate are not query_tip the tip.
-TEST(SurfaceNodes, OnTheFarSideAreNotUnderTheTip) {
+// Contacts keep a reference to the nodes: temporaries are rejected.
+using palpate::deformable::Compliance, palpate::deformable::SurfaceNodes;
+static_assert(std::is_constructible_v<palpate::deformable::TipContact<Compliance>, const SurfaceNodes&, Compliance&>);
+static_assert(!std::is_constructible_v<palpate::deformable::TipContact<Compliance>, SurfaceNodes, Compliance&>);
+static_assert(!std::is_constructible_v<palpate::deformable::TipContact<Compliance>, const SurfaceNodes, Compliance&>);
+static_assert(!std::is_constructible_v<palpate::deformable::TipContact<Compliance>, SurfaceNodes&, Compliance>);
+static_assert(std::is_constructible_v<palpate::object::LinearBodyObject<Compliance>, const SurfaceNodes&, Compliance>);
+static_assert(!std::is_constructible_v<palpate::object::LinearBodyObject<Compliance>, SurfaceNodes, Compliance>);
+
+// Nodes on the far side of a thin plate are not returned.
+TEST(SurfaceNodes, QueryIgnoresTheFarSide) {
   const std::vector<palpate::math::Vector3<>> points{{0, 0, 0}, {0, 0, -1e-3}};
   const std::vector<palpate::math::Vector3<>> normals{palpate::math::Vector3<>::UnitZ(), -palpate::math::Vector3<>::UnitZ()};
   const palpate::deformable::SurfaceNodes nodes(points, normals, {1e-6, 1e-6});
@@ -255,12 +177,12 @@ TEST(SurfaceNodes, OnTheFarSideAreNotUnderTheTip) {
   nodes.query_tip(tip, [&](std::int32_t, double) { FAIL(); });
 }
 
-// A sphere that goes round a ball, out of contact and in again on the way, is pushed outward everywhere, and as hard on the far side as
-// where it began: the direction that it faces follows it. The ball lies turned and away from the origin.
-TEST(BodyInstance, ASphereGoesRoundABall) {
+// A sphere circles a ball and leaves contact repeatedly. The force points outward everywhere with constant magnitude: the contact normal
+// follows the tip. The body frame is rotated and translated.
+TEST(BodyInstance, ContactNormalFollowsASphereAroundABall) {
   const int n = 1000;
   std::vector<Vector3<>> points, normals;
-  for (int i = 0; i < n; ++i) {  // Fibonacci's lattice
+  for (int i = 0; i < n; ++i) {  // Fibonacci lattice
     const double z = 1.0 - (2.0 * i + 1.0) / n, r = std::sqrt(1.0 - z * z), turn = 2.399963229728653 * i;
     normals.emplace_back(r * std::cos(turn), r * std::sin(turn), z);
     points.push_back(0.015 * normals.back());
@@ -295,7 +217,7 @@ TEST(BodyInstance, ASphereGoesRoundABall) {
     EXPECT_NEAR(force.norm(), first, 0.25 * first);
   }
   EXPECT_EQ(apart, 800);
-  // a loop begins with the body at rest, whatever an earlier one left behind
+  // A new instance starts at rest, independent of earlier ones.
   const palpate::object::BodyInstance again(touched);
   EXPECT_EQ(again.body().last().nodes, 0);
 }

@@ -1,4 +1,4 @@
-// The servo's tick on a solid's snapshots takes no memory, also when a new one comes; the slow steps may.
+// Servo ticks on local models do not allocate, including model switches; model updates may.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace {
 
-TEST(SolidNoAllocation, InATickOfTwoTips) {
+TEST(HyperelasticNoAllocation, InATickOfTwoTips) {
   const TetBlock block(8, 6, 3, 8e3, 0.4);
   palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), {});
   auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
@@ -48,8 +48,8 @@ struct Solver {
   [[nodiscard]] std::unique_ptr<Solver> clone_at_rest() const { return std::make_unique<Solver>(*this); }
 };
 
-// The arm swings its tip over the solid, in and out of it, with either tip; slow steps in turn, outside of the ticks.
-TEST(SolidNoAllocation, InAServoTickOnASolid) {
+// The arm moves its tip in and out of the body, with both tip kinds; model updates are synchronous, outside the ticks.
+TEST(HyperelasticNoAllocation, InAServoTick) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const TetBlock block(8, 6, 3, 8e3, 0.4);
   const auto body = std::make_shared<palpate::object::HyperelasticObject<Solver>>(

@@ -1,4 +1,4 @@
-// Bodies with inertia and with retardation_time: against closed forms, and never giving out energy.
+// Modal model, elastic and viscoelastic: closed forms and passivity.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -7,30 +7,14 @@
 #include <complex>
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/modal.hpp>
-#include <palpate/deformable/linear/standard_linear_solid.hpp>
 #include <random>
 
+#include "modal_bodies.hpp"
 #include "rounds.hpp"
 
 namespace {
 
-// One node with one mode and a compliance that is that mode's: a damped oscillator on a stop.
-struct Oscillator {
-  double frequency = 60.0, mass = 0.02;
-  palpate::deformable::SurfaceNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
-
-  [[nodiscard]] std::vector<float> full(double extra) const {
-    const auto c = static_cast<float>(1.0 / (mass * frequency * frequency) + extra);
-    return {c, 0, 0, 0, c, 0, 0, 0, c};
-  }
-  [[nodiscard]] palpate::deformable::Modal modal(double period, double alpha, double beta, double extra = 0.0,
-                                                 double instantaneous_ratio = 1.0, double retardation_time = 1.0) const {
-    const std::vector<float> shapes{0, 0, static_cast<float>(1.0 / std::sqrt(mass))};
-    return {nodes, full(extra).data(), shapes.data(), {frequency}, period, alpha, beta, instantaneous_ratio, retardation_time};
-  }
-};
-
-// Under-, critically and over-damped: the step response of a mass on a spring and a damper, at any period.
+// Under-, critically and overdamped: step response of a mass on a spring and damper, at any period.
 TEST(Modal, StepResponseIsTheClosedForm) {
   const Oscillator o;
   for (const double ratio : {0.05, 1.0, 4.0}) {
@@ -58,8 +42,8 @@ TEST(Modal, StepResponseIsTheClosedForm) {
   }
 }
 
-// What the modes leave out is there at once; held for long, a force gives the deflection of the full compliance.
-TEST(Modal, HeldForLongItIsTheFullCompliance) {
+// The static correction acts immediately; the static limit is the full compliance.
+TEST(Modal, StaticLimitIsTheFullCompliance) {
   const Oscillator o;
   const double extra = 3e-3, force = 0.2, period = 1e-3;
   palpate::deformable::Modal modal = o.modal(period, 40.0, 0.0, extra);
@@ -70,8 +54,8 @@ TEST(Modal, HeldForLongItIsTheFullCompliance) {
               1e-6);
 }
 
-// A tip that dances on the body: energy that went in at the tip covers what the body holds, at every tick.
-TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
+// Random indentation: at every tick the work of the tip is at least the energy of the body.
+TEST(Modal, EnergyDoesNotExceedTheWorkOfTheTip) {
   const Oscillator o;
   for (const auto& [extra, alpha] : {std::pair{0.0, 0.0}, std::pair{2e-3, 0.0}, std::pair{2e-3, 60.0}}) {
     palpate::deformable::Modal modal = o.modal(1e-3, alpha, 0.0, extra);
@@ -90,7 +74,7 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
       in += f * (now - before);
       before = now;
       pressed += a.touching ? 1 : 0;
-      const double single = 1e-7 * static_cast<double>(o.full(extra)[0]) * f * f;  // precision of the compliance
+      const double single = 1e-7 * static_cast<double>(o.full(extra)[0]) * f * f;  // single precision of the compliance
       ASSERT_NEAR(a.energy, modal.energy() + 0.5 * extra * f * f, single);
       ASSERT_LE(modal.energy() + 0.5 * extra * f * f, in + 1e-6 * (std::abs(in) + 1e-6)) << k;
     }
@@ -99,8 +83,8 @@ TEST(Modal, HoldsNoMoreEnergyThanThePressingTipPutIn) {
   }
 }
 
-// A mass on a standard linear solid: the step response by the three roots of its characteristic equation, in closed form.
-TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
+// Mass on a standard linear solid: step response from the three roots of the characteristic equation.
+TEST(Modal, ViscoelasticStepResponseIsTheClosedForm) {
   const Oscillator o;
   const double instantaneous_ratio = 2.5, force = 0.5, w = o.frequency;
   for (const double retardation_time : {2e-3, 0.05, 2.0})
@@ -124,13 +108,12 @@ TEST(Modal, OnAStandardLinearSolidItsStepResponseIsTheClosedForm) {
       }
 }
 
-// The same against the equations themselves, in 2,000 Runge-Kutta steps a period, query_tip a force that changes; with what the modes leave
-// out.
-TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
+// Against 2,000 Runge-Kutta steps per period under a varying force, including the static correction.
+TEST(Modal, ViscoelasticResponseMatchesNumericalIntegration) {
   const Oscillator o;
   const double instantaneous_ratio = 3.0, retardation_time = 0.02, period = 1e-3, extra = 2e-3, w = o.frequency, alpha = 20.0;
   palpate::deformable::Modal modal = o.modal(period, alpha, 0.0, extra, instantaneous_ratio, retardation_time);
-  Eigen::Vector4d x = Eigen::Vector4d::Zero();  // place, speed, dashpot, creep of what is left out
+  Eigen::Vector4d x = Eigen::Vector4d::Zero();  // displacement, velocity, dashpot, creep of the static correction
   double force = 0.0;
   const auto rate = [&](const Eigen::Vector4d& s) {
     return Eigen::Vector4d(s[1], force / o.mass - alpha * s[1] - w * w * (s[0] + (instantaneous_ratio - 1.0) * (s[0] - s[2])),
@@ -153,8 +136,8 @@ TEST(Modal, OnAStandardLinearSolidItFollowsItsEquations) {
   }
 }
 
-// Random closed presses on masses that retardation_time, lifting and coming back: at no time has more come out than was put in.
-TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
+// Random closed paths: at no time is the work negative or less than the stored energy.
+TEST(Modal, ViscoelasticBodyIsPassiveOverClosedPaths) {
   const Oscillator o;
   palpate::deformable::Modal modal = o.modal(1e-3, 0.0, 0.0, 1e-3, 3.0, 0.02);
   palpate::deformable::TipContact<palpate::deformable::Modal> contact(o.nodes, modal);
@@ -188,8 +171,8 @@ TEST(Modal, OnAStandardLinearSolidGivesOutNoEnergyOverClosedPaths) {
   EXPECT_LT(pressed, 90000 * rounds());
 }
 
-// Nodes that need not ask all modes are not asked: what is pressed, and how much, is what asking every node gives.
-TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
+// The bounds on free displacements do not change the contact.
+TEST(Modal, BoundsDoNotChangeTheContact) {
   const int side = 13, modes = 90;
   const double width = 1e-3;
   std::vector<palpate::math::Vector3<>> points;
@@ -211,7 +194,7 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
     }
   const palpate::deformable::SurfaceNodes nodes(points, std::vector<palpate::math::Vector3<>>(n, palpate::math::Vector3<>::UnitZ()),
                                                 std::vector<double>(n, width * width));
-  /// The same without the short cut.
+  /// The same model without bounds.
   struct Asked {
     palpate::deformable::Modal modal;
     [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const { return modal.compliance(i, j); }
@@ -245,59 +228,9 @@ TEST(Modal, FindsTheSameContactAsAskingEveryNode) {
   EXPECT_GT(spared, 1000);
 }
 
-/// Nine nodes of a surface, with modes and what they leave out.
-struct Nine {
-  static constexpr int nodes = 9, modes = 5;
-  palpate::deformable::SurfaceNodes at;
-  Eigen::MatrixXd shapes{nodes, modes}, left{nodes, nodes};  // along the inward normals
-  std::vector<double> frequencies;
-  std::vector<float> full = std::vector<float>(9 * nodes * nodes, 0.0F), waves = std::vector<float>(3 * nodes * modes, 0.0F);
-
-  Nine() {
-    std::vector<palpate::math::Vector3<>> points;
-    for (int i = 0; i < nodes; ++i) points.emplace_back(2e-3 * (i % 3 - 1), 2e-3 * (i / 3 - 1), 0.0);
-    at = palpate::deformable::SurfaceNodes(points, std::vector<palpate::math::Vector3<>>(nodes, palpate::math::Vector3<>::UnitZ()),
-                                           std::vector<double>(nodes, 4e-6));
-    for (int k = 0; k < modes; ++k) frequencies.push_back(150.0 + 90.0 * k);
-    for (int i = 0; i < nodes; ++i)
-      for (int k = 0; k < modes; ++k) {
-        const auto wave = static_cast<float>(6.0 * std::cos(0.7 * k * i + 0.3 * k));
-        waves[static_cast<std::size_t>((3 * i + 2) * modes + k)] = wave;
-        shapes(i, k) = -static_cast<double>(wave);
-      }
-    for (int i = 0; i < nodes; ++i)
-      for (int j = 0; j < nodes; ++j) {
-        left(i, j) = 1e-6 / ((points[static_cast<std::size_t>(i)] - points[static_cast<std::size_t>(j)]).norm() + 1e-3);  // as Boussinesq's
-        double c = left(i, j);
-        for (int k = 0; k < modes; ++k) c += shapes(i, k) * shapes(j, k) / std::pow(frequencies[static_cast<std::size_t>(k)], 2);
-        full[static_cast<std::size_t>((3 * i + 2) * 3 * nodes + 3 * j + 2)] = static_cast<float>(c);
-      }
-  }
-  [[nodiscard]] Eigen::MatrixXd whole() const {
-    Eigen::MatrixXd c(nodes, nodes);
-    for (int i = 0; i < nodes; ++i)
-      for (int j = 0; j < nodes; ++j) c(i, j) = static_cast<double>(full[static_cast<std::size_t>((3 * i + 2) * 3 * nodes + 3 * j + 2)]);
-    return c;
-  }
-};
-
-/// Leads a sphere that dances over a body and lifts from it; see(forces on all nodes, N, answer) at each tick.
-template <class Kind, class See>
-void dance(const palpate::deformable::SurfaceNodes& nodes, Kind& kind, int ticks, See see) {
-  palpate::deformable::TipContact<Kind> contact(nodes, kind);
-  palpate::deformable::Tip tip;
-  for (int k = 0; k < ticks; ++k) {
-    tip.center = {1.5e-3 * std::sin(0.031 * k), 1.2e-3 * std::cos(0.023 * k), tip.radius - 1.2e-3 * std::sin(0.02 * k)};
-    const palpate::deformable::ContactResult& a = contact.step(tip);
-    Eigen::VectorXd force = Eigen::VectorXd::Zero(nodes.size());
-    for (int c = 0; c < a.nodes; ++c) force[contact.contact_nodes()[c]] = contact.forces()[c];
-    see(force, a);
-  }
-}
-
-// Without damping nothing is lost but by the steps of the force, half of what each moves at once: what the modes leave out is a spring that
-// a step of force sets moving and that has no inertia. Modes, energy and work by closed forms of their own.
-TEST(Modal, WithoutDampingLosesOnlyWhatStepsOfTheForceDo) {
+// Undamped modes lose energy only through force steps on the massless correction: half of f.C f of each step. Modes, energy and work are
+// computed independently in closed form.
+TEST(Modal, UndampedLossIsThatOfForceSteps) {
   const Nine nine;
   const double period = 1e-3;
   palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, period, 0.0, 0.0);
@@ -325,8 +258,8 @@ TEST(Modal, WithoutDampingLosesOnlyWhatStepsOfTheForceDo) {
   EXPECT_GT(most, 1e-5);
 }
 
-// Damped and held for long, of a standard linear solid or not: what a spring of the full compliance stores.
-TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
+// Elastic and viscoelastic: the static limit stores the energy of the full compliance.
+TEST(Modal, StaticLimitStoresTheEnergyOfTheFullCompliance) {
   const Nine nine;
   for (const double instantaneous_ratio : {1.0, 3.0}) {
     palpate::deformable::Modal modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 100.0, 1e-3, instantaneous_ratio,
@@ -341,109 +274,6 @@ TEST(Modal, HeldForLongStoresWhatTheFullComplianceDoes) {
     ASSERT_GT(a.nodes, 3);
     EXPECT_NEAR(a.energy, 0.5 * force.dot(nine.whole() * force), 1e-5 * a.energy);
   }
-}
-
-// The springs of a standard linear solid, by its other form (Maxwell's: one spring at last, beside it one in line with a dashpot), and what
-// is lost: in each tick what the dashpots take, in closed form, and what the step of the force does.
-TEST(StandardLinearSolid, LosesWhatItsDashpotsTake) {
-  const Nine nine;
-  const double instantaneous_ratio = 3.0, retardation_time = 0.05, period = 1e-3, late = 1.0 - 1.0 / instantaneous_ratio,
-               stays = std::exp(-period / retardation_time);
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(nine.at, nine.full.data()), instantaneous_ratio,
-                                                retardation_time, period);
-  const Eigen::MatrixXd c = nine.whole(), stiffness = c.inverse();
-  Eigen::VectorXd q = Eigen::VectorXd::Zero(Nine::nodes), place = q, before = q;
-  double held = 0.0, most = 0.0, lost = 0.0;
-  dance(nine.at, body, 3000, [&](const Eigen::VectorXd& f, const palpate::deformable::ContactResult& a) {
-    const Eigen::VectorXd behind = late * f - q;
-    q += (1.0 - stays) * behind;
-    const Eigen::VectorXd now = c * (f / instantaneous_ratio + q), spring = now - c * q / late;
-    most = std::max(most, a.energy);
-    ASSERT_NEAR(a.energy, 0.5 * now.dot(stiffness * now) + 0.5 * (instantaneous_ratio - 1.0) * spring.dot(stiffness * spring), 2e-5 * most);
-    const double dashpots = 0.5 * (1.0 - stays * stays) / late * behind.dot(c * behind);
-    const double step = 0.5 / instantaneous_ratio * (f - before).dot(c * (f - before));
-    ASSERT_NEAR(f.dot(now - place) - (a.energy - held), dashpots + step, 2e-5 * most);
-    lost += dashpots;
-    held = a.energy;
-    place = now;
-    before = f;
-  });
-  EXPECT_GT(lost, 0.5 * most);
-}
-
-// Pressed in a step and held for ever: what the spring at last stores stays, all else is lost; let go, all of it.
-TEST(StandardLinearSolid, KeepsOfAStepWhatItsSpringAtLastStores) {
-  const Oscillator o;
-  const double instantaneous_ratio = 3.0, c = 1.0 / (o.mass * o.frequency * o.frequency), depth = 1e-3;
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instantaneous_ratio, 0.02,
-                                                1e-5);
-  palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
-  palpate::deformable::Tip tip;
-  tip.center = {0, 0, tip.radius - depth};
-  EXPECT_NEAR(contact.step(tip).energy, 0.5 * instantaneous_ratio * depth * depth / c, 4e-3 * depth * depth / c);
-  for (int k = 0; k < 20000; ++k) contact.step(tip);
-  EXPECT_NEAR(contact.last().energy, 0.5 * depth * depth / c, 1e-6 * depth * depth / c);
-  tip.center.z() += 2.0 * depth;
-  const double left = contact.step(tip).energy;  // both springs of Kelvin's form hold the same force: that in line with them lets go
-  EXPECT_NEAR(left, 0.5 * (1.0 - 1.0 / instantaneous_ratio) * depth * depth / c, 1e-3 * depth * depth / c);
-  for (int k = 0; k < 20000; ++k) contact.step(tip);
-  EXPECT_LT(contact.last().energy, 1e-8 * left);
-}
-
-// Creep query_tip a constant force and relaxation at a constant depth, by their exponentials.
-TEST(StandardLinearSolid, CreepsAndRelaxesAsAStandardLinearSolid) {
-  const Oscillator o;
-  const double instantaneous_ratio = 3.0, retardation_time = 0.2, period = 1e-3, c = 1.0 / (o.mass * o.frequency * o.frequency);
-  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), instantaneous_ratio,
-                                                retardation_time, period);
-  const std::int32_t node = 0;
-  const double force = 0.4;
-  for (int k = 1; k <= 1000; ++k) {
-    const double found = body.free_displacement(0) + body.compliance(0, 0) * force;
-    ASSERT_NEAR(found, c * force * (1.0 - (1.0 - 1.0 / instantaneous_ratio) * std::exp(-k * period / retardation_time)), 1e-6 * c);
-    body.advance(&node, &force, 1);
-  }
-  // At a constant depth the force falls from instantaneous_ratio to one, with the time retardation_time / instantaneous_ratio; a held force
-  // lags by half a period.
-  body.reset();
-  palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
-  palpate::deformable::Tip tip;
-  const double depth = 1e-3;
-  tip.center = {0, 0, tip.radius - depth};
-  for (int k = 0; k <= 1000; ++k) {
-    const double t = (k + 0.5) * period;
-    ASSERT_NEAR(contact.step(tip).force.z(),
-                depth / c * (1.0 + (instantaneous_ratio - 1.0) * std::exp(-t * instantaneous_ratio / retardation_time)), 0.02 * depth / c);
-  }
-}
-
-// Random closed pressing: work in is never negative, and it is lost, not only stored.
-TEST(StandardLinearSolid, GivesOutNoEnergyOverClosedPaths) {
-  const Oscillator o;
-  std::mt19937 random(6);
-  std::normal_distribution<double> normal;
-  double lost = 0.0;
-  for (int path = 0; path < 1000 * rounds(); ++path) {
-    palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), 3.0, 0.02, 1e-3);
-    palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
-    palpate::deformable::Tip tip;
-    const double a = 1e-3 * normal(random), b = 1e-3 * normal(random), c = 5e-4 * normal(random);
-    double in = 0.0, most = 0.0, before = 0.0;
-    const int ticks = 100;
-    for (int k = 1; k <= ticks; ++k) {
-      const double s = 2.0 * M_PI * k / ticks, depth = a * (1.0 - std::cos(s)) + b * std::sin(s) + c * std::sin(3.0 * s);
-      tip.center = {0, 0, tip.radius - depth};
-      const double rest = body.free_displacement(0);
-      const palpate::deformable::ContactResult& answer = contact.step(tip);
-      const double now = answer.touching ? depth : rest;
-      in += answer.force.z() * (now - before);
-      before = now;
-      most = std::max(most, in);
-    }
-    ASSERT_GE(in, -1e-12 * (1.0 + most));
-    lost += in;
-  }
-  EXPECT_GT(lost, 0.0);
 }
 
 }  // namespace

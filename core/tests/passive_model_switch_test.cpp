@@ -1,4 +1,4 @@
-// Solids under large displacements, pressed through snapshots: statics, compliance, and the account of the servo's energy.
+// Passive switching of local models: energy balance of the tank, symmetry of the compliance.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,31 +11,9 @@
 
 namespace {
 
-// Under a load that bends it far, Newton's steps end at rest, the last ones with quadratic speed, and the energy has only fallen.
-TEST(Solids, NewtonComesToRestUnderALargeLoad) {
-  const TetBlock block(2, 2, 6, 1e4, 0.4);
-  palpate::deformable::HyperelasticModel<palpate::deformable::NeoHookean, 2> solid(block.mesh);
-  std::vector<double> load(solid.unknowns(), 0.0);
-  for (std::int32_t i = 0; i < solid.free_nodes(); ++i)
-    if (block.at(solid.point_of(i)).z() > 6 * block.side - 1e-9) load[3 * static_cast<std::size_t>(i)] = 2e-3;
-  double total = 0.0, residual = 0.0;
-  for (int k = 0; k < 30; ++k) {
-    const auto step = solid.step(load.data(), 1e-4F, 200);
-    residual = step.residual;
-    double now = solid.energy();
-    for (std::size_t i = 0; i < load.size(); ++i) now -= load[i] * solid.displacement()[i];
-    ASSERT_LE(now, total + 1e-12);
-    total = now;
-  }
-  EXPECT_LT(residual, 1e-11);
-  double far = 0.0;
-  for (std::size_t i = 0; i < solid.unknowns(); i += 3) far = std::max(far, solid.displacement()[i]);
-  EXPECT_GT(far, 8e-3);
-}
-
-// Two tips that dance on it with solver steps in turn: what they put in is the potential and what is saved, neither is negative, and every
-// snapshot's compliance is symmetric with a positive diagonal. (Each tick goes half of a random step, for the sum's sake.)
-TEST(Solids, TipsGetOutNoMoreThanTheyPutIn) {
+// Two tips in random motion with synchronous model updates: their work equals potential plus tank level, both nonnegative, and each model's
+// compliance is symmetric with a positive diagonal. (Each random step takes two ticks, for an accurate sum.)
+TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
   const TetBlock block(8, 6, 4, 8e3, 0.4);
   palpate::deformable::SolverOptions options;
   options.nodes_per_tip = 16;
@@ -84,7 +62,7 @@ TEST(Solids, TipsGetOutNoMoreThanTheyPutIn) {
   EXPECT_GT(touched, 2000);
   EXPECT_LT(touched, 12000);
   EXPECT_GT(most, 1e-4);
-  EXPECT_LT(error, 0.015 * most);  // the sum of finite steps
+  EXPECT_LT(error, 0.015 * most);  // quadrature error of the work
 }
 
 }  // namespace

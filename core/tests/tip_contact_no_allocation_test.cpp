@@ -1,4 +1,4 @@
-// A tick of a body takes no memory: this program's own allocation functions count every call.
+// A tick on a body does not allocate: this program's own allocation functions count every call.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -14,7 +14,7 @@
 
 namespace {
 
-/// A flat square of nodes, 1 mm apart, that gives way like a half-space.
+/// Flat square of nodes, 1 mm apart, with a compliance like a half-space's.
 struct Square {
   static constexpr int side = 21;
   static constexpr double width = 1e-3;
@@ -64,7 +64,7 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
   }
 }
 
-// The arm swings its tip over the body, in and out of it, with either tip.
+// The arm moves its tip in and out of the body, with both tip kinds.
 TEST(BodyNoAllocation, InAServoTickOnABody) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const Square square;
@@ -100,7 +100,7 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
   }
 }
 
-TEST(BodyNoAllocation, InATickOfALattice) {
+TEST(BodyNoAllocation, InATickOfAMassSpringModel) {
   const Cube cube(4);
   palpate::deformable::MassSpringModel model = cube.model(1e-3, 1.0, 1e-3);
   palpate::deformable::TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, model);

@@ -1,4 +1,4 @@
-// A tip that drags a body's surface along: against Mindlin, Cattaneo, Coulomb, and the conservation of energy.
+// Friction of a tip on an elastic surface: Mindlin, Cattaneo, Coulomb, passivity.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -17,8 +17,8 @@ namespace {
 using palpate::deformable::ContactResult, palpate::deformable::TipContact, palpate::deformable::SurfaceNodes, palpate::deformable::Tip,
     palpate::deformable::DryFriction, palpate::math::Vector3;
 
-/// The top of an elastic half-space, z up, in square patches: Boussinesq's and Cerruti's point forces between patches, and their mean over
-/// a patch by itself (1 / r: 2.9730 / w; by symmetry x^2 / r^3: half of that). Nothing here comes from finite elements.
+/// Surface of an elastic half-space, z up, in square patches: Boussinesq's and Cerruti's point forces between patches, and the mean over a
+/// patch for itself (1 / r: 2.9730 / w; by symmetry x^2 / r^3: half of that). Independent of finite elements.
 struct HalfSpace {
   double shear, poisson, width;  // Pa; m
   std::vector<Vector3<>> points;
@@ -50,8 +50,8 @@ struct HalfSpace {
   static void reset() {}
 };
 
-// Mindlin 1949: a flat end of radius a that sticks has the tangential stiffness 8 G a / (2 - nu).
-TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
+// Mindlin 1949: a sticking flat end of radius a has the tangential stiffness 8 G a / (2 - nu).
+TEST(PartialSlip, StickingFlatEndMatchesMindlin) {
   for (const double poisson : {0.0, 0.3, 0.45}) {
     HalfSpace space(41, 1e-3, 5e3, poisson);
     Tip tip;
@@ -64,16 +64,16 @@ TEST(PartialSlip, OfAFlatEndThatSticksIsMindlins) {
       EXPECT_EQ(contact.last().friction.norm(), 0.0);
       const double way = 1e-5;
       tip.center.x() += way;
-      for (int k = 0; k < 20; ++k) contact.step(tip);  // what the sweeps leave over is made up for
+      for (int k = 0; k < 20; ++k) contact.step(tip);  // the residual of the sweeps is carried over
       EXPECT_NEAR(-contact.last().friction.x(), 8.0 * 5e3 * tip.radius / (2.0 - poisson) * way, 0.04 * -contact.last().friction.x())
           << poisson << " " << aside;
     }
   }
 }
 
-// Cattaneo 1938, Mindlin 1949: a sphere pressed by P and dragged; it slips from the edge inwards. The way that it can be dragged before all
-// of it slides is 3 mu P (2 - nu) / (16 G a).
-TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
+// Cattaneo 1938, Mindlin 1949: a sphere under normal force P slips from the edge inwards. Full sliding begins at the displacement
+// 3 mu P (2 - nu) / (16 G a).
+TEST(PartialSlip, SphereMatchesCattaneoAndMindlin) {
   const double shear = 5e3, poisson = 0.4, mu = 0.2;
   HalfSpace space(21, 1.3e-3, shear, poisson);
   TipContact<HalfSpace> contact(space.nodes, space, {mu, mu});
@@ -93,7 +93,7 @@ TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
     ASSERT_NEAR(found, expected, 0.03) << k;
     ASSERT_TRUE((k > 90 && k < 110) || contact.last().sliding == (k >= 110)) << k;
   }
-  // Mindlin & Deresiewicz 1953: going back, the same curve from there at twice the scale.
+  // Mindlin & Deresiewicz 1953: the unloading curve is the loading curve at twice the scale.
   const Vector3<> turn = tip.center;
   for (int k = 1; k <= 220; ++k) {
     const double way = full * k / 100.0;
@@ -103,8 +103,8 @@ TEST(PartialSlip, OfASphereIsCattaneosAndMindlins) {
   }
 }
 
-// What the step's problem asks for, at every node: inside the cone it goes with the tip, on it the slip is along the force.
-TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
+// Optimality at every node: no slip inside the cone, slip parallel to the force on it.
+TEST(PartialSlip, SatisfiesCoulombsLawAtEveryNode) {
   const double mu = 0.5;
   HalfSpace space(21, 1e-3, 5e3, 0.45);
   std::mt19937 random(12);
@@ -125,7 +125,7 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
     if (step == 0) way.setZero();
     slip.step(space.nodes, space, pressed.data(), forces.data(), covers.data(), count, way);
     for (std::size_t c = 0; c < pressed.size(); ++c) {
-      Eigen::Vector2d moved = Eigen::Vector2d::Zero();  // by the forces, from scratch
+      Eigen::Vector2d moved = Eigen::Vector2d::Zero();  // recomputed from the forces
       for (const std::int32_t j : pressed) moved += space.tangential(pressed[c], j) * slip.force(j);
       ASSERT_NEAR((moved - slip.displacement(pressed[c])).norm(), 0.0, 1e-12);
       const Eigen::Vector2d q = slip.force(pressed[c]);
@@ -137,7 +137,7 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
       } else {
         ++slid;
         ASSERT_GE(lag.dot(q), -1e-7 * q.norm());
-        // Along the force, as far as one step's forces tell: they have not turned within it.
+        // Parallel up to the rotation of the force within the step.
         ASSERT_LE(std::abs(lag.x() * q.y() - lag.y() * q.x()), 2e-2 * lag.norm() * q.norm() + 1e-7 * q.norm());
       }
     }
@@ -146,8 +146,8 @@ TEST(PartialSlip, KeepsCoulombsLawAtEveryNode) {
   EXPECT_GT(slid, 200);
 }
 
-// Without friction nothing changes, to the last bit; with it the normal forces do not.
-TEST(TipContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
+// Zero friction is bitwise equal to no friction; friction does not change the normal forces.
+TEST(TipContact, FrictionDoesNotChangeTheNormalForces) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
   TipContact<HalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}), rough(space.nodes, space, {0.6, 0.4});
   Tip tip;
@@ -164,8 +164,8 @@ TEST(TipContact, WithoutFrictionIsAsBeforeAndWithItPressesTheSame) {
   }
 }
 
-// Held still, the force stays as it is; pushed on, it breaks away at the static coefficient and goes on with the dynamic one.
-TEST(TipContact, HoldsBreaksAwayAndSlides) {
+// A resting tip keeps its force. A moving one breaks away at the static coefficient and slides at the dynamic one.
+TEST(TipContact, SticksBreaksAwayAndSlides) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
   TipContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
   Tip tip;
@@ -187,7 +187,7 @@ TEST(TipContact, HoldsBreaksAwayAndSlides) {
   for (int k = 0; k < 2000; ++k) contact.step(tip);
   EXPECT_LT((contact.last().force - force).norm(), 1e-9 * force.norm());
   EXPECT_FALSE(contact.last().sliding);
-  // And it breaks away again from there.
+  // It breaks away again from there.
   most = 0.0;
   for (int k = 0; k < 300; ++k) {
     tip.center.x() += 1e-5;
@@ -197,8 +197,8 @@ TEST(TipContact, HoldsBreaksAwayAndSlides) {
   EXPECT_NEAR(most, 0.8, 2e-3);
 }
 
-// A slide in steps of a micrometre: nodes come and go, and the force moves no more than the path lets it.
-TEST(TipContact, NodesComeAndGoWithoutASTepOfFriction) {
+// Sliding in steps of a micrometer: nodes enter and leave without a jump of the friction force.
+TEST(TipContact, FrictionIsContinuousAsNodesEnterAndLeave) {
   HalfSpace space(31, 1e-3, 5e3, 0.45);
   for (const auto kind : {Tip::Kind::sphere, Tip::Kind::flat}) {
     TipContact<HalfSpace> contact(space.nodes, space, {0.5, 0.5});
@@ -218,14 +218,14 @@ TEST(TipContact, NodesComeAndGoWithoutASTepOfFriction) {
       least = std::min(least, contact.last().nodes);
       greatest = std::max(greatest, contact.last().nodes);
     }
-    // Mindlin's stiffness lets it rise by this in a micrometre; nothing else may be faster.
+    // Bound on the change per micrometer: Mindlin's stiffness.
     EXPECT_LT(most, 1.3 * 8.0 * 5e3 * tip.radius / 1.55 * 1e-6);
     EXPECT_GT(largest, 500.0 * most);
     EXPECT_LT(least, greatest);
   }
 }
 
-/// The compliance of a half-space in full, row 3 x node + axis, as a body of finite elements has it; normal and tangential do not mix.
+/// Full compliance of a half-space, row 3 x node + axis, without coupling between normal and tangential directions.
 std::vector<float> full(const HalfSpace& space) {
   const std::size_t n = space.points.size();
   std::vector<float> c(9 * n * n);
@@ -241,10 +241,9 @@ std::vector<float> full(const HalfSpace& space) {
   return c;
 }
 
-// Random closed paths (ten rounds are ten thousand), pressing, sliding, lifting and coming back: what the tip has given to friction covers
-// what is stored there, at every tick. The normal part is the slope of an energy and is tested as such; it is the same with and without
-// friction.
-TEST(TipContact, FrictionGivesOutNoWorkOverClosedPaths) {
+// Random closed paths (1,000 per round) with sticking, sliding and lift-off: at every tick the work against friction is at least the energy
+// stored by it. The normal part is conservative and the same with and without friction.
+TEST(TipContact, FrictionIsPassiveOverClosedPaths) {
   const HalfSpace space(4, 1e-3, 5e3, 0.3);
   palpate::deformable::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
   TipContact<palpate::deformable::Compliance> smooth(space.nodes, plain), rough(space.nodes, draggable, {0.7, 0.5});
@@ -279,8 +278,8 @@ TEST(TipContact, FrictionGivesOutNoWorkOverClosedPaths) {
   EXPECT_GT(std::min({stuck, slid, free}), paths);
 }
 
-// Turned in space and numbered otherwise, with other tangents at every node, it is the same body.
-TEST(TipContact, WithFrictionTurnsWithTheBody) {
+// Invariance under rotation of the body, node order and choice of tangent bases.
+TEST(TipContact, FrictionIsInvariantUnderRotation) {
   using Block = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
   HalfSpace space(17, 1e-3, 5e3, 0.45);
   const std::size_t n = space.points.size();
@@ -317,8 +316,8 @@ TEST(TipContact, WithFrictionTurnsWithTheBody) {
   }
 }
 
-// A standard linear solid that a sphere drags aside: the tangential force starts `instant` times as large as it is at last.
-TEST(TipContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
+// Tangential step on a standard linear solid: the initial force is instantaneous_ratio times the long-term force.
+TEST(TipContact, ViscoelasticBodyRelaxesTangentially) {
   const HalfSpace space(15, 1e-3, 5e3, 0.45);
   palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
   palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
@@ -337,8 +336,8 @@ TEST(TipContact, ARelaxingBodyRelaxesAlongTheSurfaceToo) {
   EXPECT_NEAR(contact.last().friction.x(), last, 1e-3 * std::abs(last));
 }
 
-// Under a flat end, too, whose edge crosses patches: at last all of it is as stiff as the elastic body, along the normal and the surface.
-TEST(TipContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
+// Flat end whose edge crosses patches: the long-term stiffness is that of the elastic body, normal and tangential.
+TEST(TipContact, ViscoelasticBodyUnderAFlatEndHasTheLongTermStiffness) {
   const HalfSpace space(15, 1e-3, 5e3, 0.45);
   palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
   palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
@@ -358,8 +357,8 @@ TEST(TipContact, ARelaxingBodyUnderAFlatEndIsAtLastTheElasticOne) {
   EXPECT_NEAR(contact.last().friction.x(), still.last().friction.x(), 5e-3 * std::abs(still.last().friction.x()));
 }
 
-// What a flat end's edge feels of patches that creep is the slope of what they store: no closed path gives work.
-TEST(TipContact, ARelaxingBodyGivesAFlatEndNothing) {
+// The edge of a flat end on creeping patches: no closed path gains work.
+TEST(TipContact, ViscoelasticBodyUnderAFlatEndIsPassive) {
   const HalfSpace space(13, 1e-3, 5e3, 0.45);
   palpate::deformable::StandardLinearSolid relaxing(palpate::deformable::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05,
                                                     1e-3);

@@ -1,4 +1,4 @@
-// Friction on bodies with inertia, on lattices and on splines: closed forms, Coulomb's cone, and no energy out of any path.
+// Friction on modal, mass-spring and free-form models: closed forms, Coulomb's cone, passivity.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -19,7 +19,7 @@ namespace {
 using palpate::deformable::ContactResult, palpate::deformable::TipContact, palpate::deformable::SurfaceNodes, palpate::deformable::Tip,
     palpate::math::Vector3;
 
-/// One node that yields along its normal without inertia, and along x and y as one mode each on top of `extra`.
+/// One node, massless along its normal, with one mode along each of x and y on top of the compliance `extra`.
 struct OneMode {
   double frequency = 60.0, mass = 0.02, normal = 1e-3, extra = 1e-4;
   SurfaceNodes nodes{{{0, 0, 0}}, {{0, 0, 1}}, {1e-6}};
@@ -34,8 +34,8 @@ struct OneMode {
   }
 };
 
-// A tip that runs away from the node: it is tangential_force by mu N all the while, and so answers as a mass on a spring to a step.
-TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
+// A tip that moves faster than the node: constant friction mu N, i.e. a force step on a mass and spring.
+TEST(ModalFriction, OfAFastTipIsAForceStep) {
   const OneMode o;
   const double depth = 1e-3, mu = 0.4, period = 1e-3, drag = mu * depth / o.normal;
   palpate::deformable::Modal modal = o.modal(period, 0.0);
@@ -46,7 +46,7 @@ TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
   tip.center = {0, 0, -depth};
   contact.step(tip);
   for (int k = 1; k <= 200; ++k) {
-    tip.center.x() += 2e-3;  // quicker than the mass is anywhere
+    tip.center.x() += 2e-3;  // faster than the mass at any time
     const ContactResult& a = contact.step(tip);
     ASSERT_NEAR(a.friction.x(), -drag, 1e-7);
     ASSERT_NEAR(a.force.z(), depth / o.normal, 1e-6);
@@ -56,7 +56,7 @@ TEST(ModalFriction, OfATipThatRunsAwayIsAStepOnAMassAndASpring) {
   }
 }
 
-// Dragged slowly, with the mass well damped: a spring up to mu N, at the static coefficient, and then at the dynamic one.
+// Slow motion with strong damping: elastic up to mu_static N, then mu_dynamic N.
 TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
   const OneMode o;
   for (const double instantaneous_ratio : {1.0, 2.0}) {
@@ -75,7 +75,7 @@ TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
       const ContactResult& a = contact.step(tip);
       if (a.sliding && broke < 0) broke = k;
       ASSERT_LE(-a.friction.x(), (broke < 0 ? 0.5 : 0.51) * press * (1.0 + 1e-6));
-      // Damping and retardation_time ask for this much more at a steady speed.
+      // Additional force of damping and creep at constant velocity.
       if (broke < 0 && k > 500) {
         ASSERT_NEAR(-a.friction.x() * o.along(), tip.center.x() + lag, 2e-6) << k;
       }
@@ -85,7 +85,7 @@ TEST(ModalFriction, OfASlowTipIsASpringUpToTheCone) {
   }
 }
 
-/// Sixteen nodes on a cap, with modes and what they leave out at random.
+/// Sixteen nodes on a spherical cap with random modes and static correction.
 struct Cap {
   static constexpr int side = 4, modes = 12;
   std::vector<Vector3<>> points, normals;
@@ -119,7 +119,7 @@ struct Cap {
   }
 };
 
-/// A closed path at random, clear of the body at its beginning and its end.
+/// Random closed path, out of contact at its start and end.
 struct Path {
   Eigen::Matrix<double, 3, 4> waves;
 
@@ -140,8 +140,8 @@ struct Counts {
   [[nodiscard]] int least() const { return std::min({stuck, slid, free}); }
 };
 
-/// Leads a tip, by turns a sphere and a flat end, over a path on a body without and with friction, from rest. At each tick
-/// see(tip, without, with, in, most): what the tip has given to friction until then and the most of that so far, J. Returns the last.
+/// Move a tip (sphere for even, flat end for odd `number`) along a path on a body without and with friction, from rest. At each tick call
+/// see(tip, without, with, in, most): work against friction so far and its maximum, J. Return the final work.
 template <class Kind, class See>
 double follow(TipContact<Kind>& smooth, TipContact<Kind>& rough, const Path& path, int number, int ticks, See see) {
   Tip tip;
@@ -163,9 +163,9 @@ double follow(TipContact<Kind>& smooth, TipContact<Kind>& rough, const Path& pat
   return in;
 }
 
-// What the tip gives to friction covers at every tick what the body holds along the surface: the same body without friction beside it holds
-// the rest. Elastic and of a standard linear solid.
-TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
+// At every tick the work against friction is at least the tangential energy of the body: its energy minus that of the same body without
+// friction. Elastic and viscoelastic.
+TEST(ModalFriction, IsPassiveOverClosedPaths) {
   const Cap cap;
   std::mt19937 random(32);
   for (const double instantaneous_ratio : {1.0, 2.5}) {
@@ -189,8 +189,8 @@ TEST(ModalFriction, GivesOutNoWorkOverClosedPaths) {
   }
 }
 
-// Without memory, on a curved surface, with either tip: as on a compliance.
-TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
+// No memory, curved surface, both tips.
+TEST(FreeFormFriction, IsPassiveOverClosedPaths) {
   const Cap cap;
   palpate::deformable::FreeFormDeformation spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
   TipContact<palpate::deformable::FreeFormDeformation> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
@@ -200,8 +200,7 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   for (int number = 0; number < 60 * rounds(); ++number)
     lost += follow(smooth, rough, Path(random), number, 200,
                    [&](const Tip& tip, const ContactResult& a, const ContactResult& b, double in, double most) {
-                     const double slack =
-                         tip.kind == Tip::Kind::sphere ? 1e-6 : 2e-2;  // an edge that crosses patches is felt in finite steps
+                     const double slack = tip.kind == Tip::Kind::sphere ? 1e-6 : 2e-2;  // a flat end's edge crosses patches in finite steps
                      ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number;
                      counts.see(b);
                    });
@@ -209,9 +208,8 @@ TEST(SplineFriction, GivesOutNoWorkOverClosedPaths) {
   EXPECT_GT(counts.least(), 200);
 }
 
-// A model's nodes really move along the surface: the tip gives friction at least what the nodes take, and the body never has more than
-// what all forces on its nodes have done.
-TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
+// The work against friction is at least the work done on the nodes, and the body's energy never exceeds the work of all nodal forces.
+TEST(MassSpringFriction, IsPassiveOverClosedPaths) {
   const Cube cube(3);
   palpate::deformable::MassSpringModel model = cube.model(1e-3, 0.0, 1e-4);
   TipContact<palpate::deformable::MassSpringModel> contact(cube.nodes, model, {0.7, 0.5});
@@ -245,7 +243,7 @@ TEST(LatticeFriction, GivesOutNoWorkOverClosedPaths) {
       if (k > 0) in -= a.friction.dot(tip.center - place);
       place = tip.center;
       most = std::max(most, std::abs(in));
-      ASSERT_GE(in, along - 1e-4 * most - 1e-13) << number << " " << k;  // the friction's sweeps leave that much over
+      ASSERT_GE(in, along - 1e-4 * most - 1e-13) << number << " " << k;  // residual of the friction sweeps
       ASSERT_EQ(a.energy, model.energy());
       ASSERT_LE(model.energy(), all + 1e-6 * std::abs(all) + 1e-15);
       counts.see(a);

@@ -1,0 +1,225 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/linear/compliance.hpp"
+#include "palpate/deformable/linear/free_form_deformation.hpp"
+#include "palpate/deformable/linear/mass_spring_model.hpp"
+#include "palpate/deformable/linear/modal.hpp"
+#include "palpate/deformable/linear/standard_linear_solid.hpp"
+#include "palpate/object/any_object.hpp"
+#include "palpate/object/body_instance.hpp"
+#include "palpate/object/deformable_object.hpp"
+#include "palpate/object/mesh_object.hpp"
+#include "palpate/object/spring_wall.hpp"
+#include "palpate/servo/config_reader.hpp"
+
+namespace palpate::servo::detail {
+
+using Section = ConfigReader::Section;
+
+[[nodiscard]] inline object::AnyObject read_spring_wall(const Section& from) {
+  using Kind = object::SpringWallKind;
+  using Difference = object::CouplingDifference;
+  constexpr std::array kinds = {Kind::none, Kind::point, Kind::half_space};
+  object::SpringWallParameters p;
+  p.kind = kinds[from.choice("shape", {"none", "point", "half_space"})];
+  p.point = from.vector("point");
+  p.normal = from.vector("normal");
+  p.stiffness = from.vector("stiffness");
+  p.damping = from.vector("damping");
+  p.difference = from.choice("difference", {"backward", "bilinear"}) == 0 ? Difference::backward : Difference::bilinear;
+  return object::SpringWall(p);
+}
+
+/// Return rows of indices from 0 to `below` - 1.
+template <std::size_t width>
+[[nodiscard]] std::vector<std::array<std::int32_t, width>> read_indices(const Section& from, const char* key, std::size_t below) {
+  const std::vector<std::int32_t> flat = from.blob<std::int32_t>(key, -1, static_cast<std::int64_t>(width));
+  std::vector<std::array<std::int32_t, width>> out(flat.size() / width);
+  for (std::size_t i = 0; i < flat.size(); ++i) {
+    if (flat[i] < 0 || static_cast<std::size_t>(flat[i]) >= below) {
+      from.fail(key, "holds the index " + std::to_string(flat[i]) + ", which does not exist");
+      return {};
+    }
+    out[i / width][i % width] = flat[i];
+  }
+  return out;
+}
+
+[[nodiscard]] inline object::AnyObject read_mesh(ConfigReader& reader, const Section& from) {
+  const double radius = from.number("radius", 0.0, 1e3);
+  const bool open = from.flag("open");
+  std::vector<Vector3<>> vertices = from.points("vertices");
+  std::vector<mesh::Triangle> triangles = read_indices<3>(from, "triangles", vertices.size());
+  const Section laid = from.section("surface");
+  mesh::Surface surface;
+  surface.stiffness = laid.blob<double>("stiffness", -1, 1);
+  surface.damping = laid.blob<double>("damping", -1, 1);
+  surface.tangential = laid.number("tangential");
+  surface.static_friction = laid.nonnegative_or_infinite("static_friction");
+  surface.dynamic_friction = laid.nonnegative_or_infinite("dynamic_friction");
+  surface.viscous = laid.number("viscous");
+  surface.field = laid.choice("field", {"discrete", "continuous"}) == 0 ? mesh::FieldKind::discrete : mesh::FieldKind::continuous;
+  surface.shading = laid.number("shading");
+  surface.period = laid.positive("period");
+  if (!reader.ok()) return {};
+  mesh::TriangleMesh mesh(std::move(vertices), std::move(triangles), open);
+  if (!mesh.usable()) {
+    from.fail("triangles", "do not form a usable mesh");
+    return {};
+  }
+  object::MeshModel model = object::MeshModel::make(std::move(mesh), surface);
+  if (!model) {
+    from.fail("surface", "does not fit the mesh");
+    return {};
+  }
+  return object::MeshObject(std::move(model), radius);
+}
+
+/// A linear body with the nodes that it refers to.
+template <class Model>
+struct OwningBody {
+  deformable::SurfaceNodes nodes;
+  object::LinearBodyObject<Model> body;
+
+  OwningBody(deformable::SurfaceNodes at, const Model& model, deformable::DryFriction friction)
+      : nodes(std::move(at)), body(nodes, model, friction) {}
+};
+
+/// Return a body that owns its nodes; copies at rest refer to the same nodes, so the placement must keep this one.
+template <class Model>
+[[nodiscard]] std::shared_ptr<const object::DeformableObject> own(deformable::SurfaceNodes nodes, const Model& model,
+                                                                  deformable::DryFriction friction) {
+  const auto owner = std::make_shared<const OwningBody<Model>>(std::move(nodes), model, friction);
+  return {owner, &owner->body};
+}
+
+[[nodiscard]] inline deformable::SpringNetworkData read_network(const Section& from) {
+  deformable::SpringNetworkData out;
+  out.rest_positions = from.points("positions");
+  const std::size_t count = out.rest_positions.size();
+  const auto vertices = static_cast<std::int64_t>(count);
+  out.masses = from.blob<double>("masses", vertices, 1);
+  out.fixed = from.blob<std::uint8_t>("fixed", vertices, 1);
+  out.springs = read_indices<2>(from, "springs", count);
+  out.stiffness = from.blob<double>("stiffness", static_cast<std::int64_t>(out.springs.size()), 1);
+  out.tetrahedra = read_indices<4>(from, "tetrahedra", count);
+  out.pressure = from.blob<double>("pressure", vertices, 1);
+  return out;
+}
+
+[[nodiscard]] inline deformable::PatchWeights read_patches(ConfigReader& reader, const Section& from, std::int64_t nodes,
+                                                           std::size_t vertices) {
+  deformable::PatchWeights out;
+  out.begin = from.blob<std::int32_t>("patch_begin", nodes + 1, 1);
+  out.weights = from.blob<double>("patch_weights", -1, 1);
+  const auto entries = static_cast<std::int64_t>(out.weights.size());
+  for (const auto& row : read_indices<1>(from, "patch_vertices", vertices)) out.vertices.push_back(row[0]);
+  if (!reader.ok()) return out;
+  if (static_cast<std::int64_t>(out.vertices.size()) != entries || out.begin.front() != 0 || out.begin.back() != entries ||
+      !std::is_sorted(out.begin.begin(), out.begin.end()))
+    from.fail("patch_begin", "does not fit the patches' vertices and weights");
+  return out;
+}
+
+[[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_body(ConfigReader& reader, const Section& from) {
+  using deformable::SurfaceNodes;
+  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "free_form"};
+  const std::string model = models[from.choice("model", models)];
+  const deformable::DryFriction friction = {from.number("static_friction", 0.0, 1e6), from.number("dynamic_friction", 0.0, 1e6)};
+  const std::vector<Vector3<>> points = from.points("points");
+  const auto count = static_cast<std::int64_t>(points.size());
+  const std::vector<Vector3<>> normals = from.points("normals", count);
+  const std::vector<double> areas = from.blob<double>("areas", count, 1);
+  if (!reader.ok()) return nullptr;
+  if (friction.mu_dynamic > friction.mu_static) from.fail("dynamic_friction", "exceeds static_friction");
+  if (count == 0 || count > 1'000'000) from.fail("points", "must be 1 to a million nodes");
+  bool usable = true;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    usable = usable && points[k].allFinite() && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && std::isfinite(areas[k]);
+  }
+  if (!usable) from.fail("points", "need finite positions, unit normals and positive areas");
+  if (!reader.ok()) return nullptr;
+  SurfaceNodes nodes(points, normals, areas);
+  if (model == "free_form") {
+    const double spacing = from.positive("spacing");
+    const deformable::FreeFormData normal = {from.number("control_compliance"), from.number("surface_layer")};
+    const deformable::FreeFormData tangential = {from.number("tangential_control_compliance"), from.number("tangential_surface_layer")};
+    if (!reader.ok()) return nullptr;
+    const deformable::FreeFormDeformation body(nodes, areas, spacing, normal, tangential);
+    return own(std::move(nodes), body, friction);
+  }
+  if (model == "mass_spring") {
+    const double period = from.positive("period");
+    const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+    deformable::SpringNetworkData network = read_network(from);
+    deformable::PatchWeights patches = read_patches(reader, from, count, network.rest_positions.size());
+    if (!reader.ok()) return nullptr;
+    const deformable::MassSpringModel body(nodes, std::move(network), std::move(patches), period, alpha, beta);
+    if (!body.definite()) {
+      from.fail("masses", "and volumes of a network must be positive");
+      return nullptr;
+    }
+    return own(std::move(nodes), body, friction);
+  }
+  const std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
+  const bool rough = friction.mu_static > 0.0;
+  if (model == "compliance") {
+    if (!reader.ok()) return nullptr;
+    const deformable::Compliance body(nodes, full.data(), rough);
+    return own(std::move(nodes), body, friction);
+  }
+  const double period = from.positive("period");
+  const double ratio = from.number("instantaneous_ratio", 1.0, 1e12), retardation = from.positive("retardation_time");
+  if (model == "standard_linear_solid") {
+    if (!reader.ok()) return nullptr;
+    const deformable::StandardLinearSolid body(deformable::Compliance(nodes, full.data(), rough), ratio, retardation, period);
+    return own(std::move(nodes), body, friction);
+  }
+  const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+  const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
+  const auto modes = static_cast<std::int64_t>(frequencies.size());
+  const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
+  if (reader.ok() && modes == 0) from.fail("frequencies", "must hold at least one mode");
+  if (!reader.ok()) return nullptr;
+  const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
+  return own(std::move(nodes), body, friction);
+}
+
+[[nodiscard]] inline object::AnyObject read_placed_body(ConfigReader& reader, const Section& from) {
+  object::BodyPlacement placement;
+  const Section pose = from.section("placement");
+  placement.origin = pose.vector("origin");
+  const std::vector<double> rotation = pose.numbers("rotation", 9);
+  placement.rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.data());
+  placement.tip = pose.choice("tip", {"sphere", "flat"}) == 0 ? deformable::Tip::Kind::sphere : deformable::Tip::Kind::flat;
+  placement.radius = pose.positive("radius");
+  placement.body = read_body(reader, from);
+  if (!reader.ok() || !placement.body) return {};
+  return object::BodyInstance(std::move(placement));
+}
+
+/// Build the object that the tip touches. It owns everything that it refers to.
+[[nodiscard]] inline object::AnyObject read_object(ConfigReader& reader, const Section& from) {
+  switch (from.choice("kind", {"spring_wall", "mesh", "body"})) {
+    case 1:
+      return read_mesh(reader, from);
+    case 2:
+      return read_placed_body(reader, from);
+    default:
+      return read_spring_wall(from);
+  }
+}
+
+}  // namespace palpate::servo::detail

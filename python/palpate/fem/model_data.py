@@ -1,0 +1,82 @@
+"""The data that a body's model is built from in the core, for programs that build it without Python."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.fem.body import Body
+from palpate.fem.errors import BodyError
+
+__all__ = ["ModelData", "model_data"]
+
+Arrays = dict[str, NDArray[Any]]
+
+
+class ModelData(NamedTuple):
+    """Arguments of a linear body model of the core.
+
+    Attributes:
+        model: "compliance", "modal", "standard_linear_solid", "mass_spring" or "free_form".
+        parameters: numbers of the model in SI, static and dynamic friction included.
+        arrays: by name; float64, float32, int32 or uint8.
+    """
+
+    model: str
+    parameters: dict[str, float]
+    arrays: Arrays
+
+
+def model_data(body: Body) -> ModelData:
+    """Return the data of a linear body's model.
+
+    Raises:
+        BodyError: the body is hyperelastic.
+    """
+    points, normals, areas, compliance = body._arrays()
+    options = {key: float(value) for key, value in body.kind.options.items() if not isinstance(value, str)}
+    static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
+    parameters = {"static_friction": static, "dynamic_friction": dynamic}
+    arrays: Arrays = {"points": points, "normals": normals, "areas": areas}
+    name = body.kind.name
+    if name == "free_form":
+        law = body.free_form_law
+        parameters |= {
+            "spacing": law.spacing,
+            "control_compliance": law.give,
+            "surface_layer": law.layer,
+            "tangential_control_compliance": law.give_across,
+            "tangential_surface_layer": law.layer_across,
+        }
+        return ModelData("free_form", parameters, arrays)
+    if name == "mass_spring":
+        return ModelData("mass_spring", parameters | options, arrays | _network(body))
+    arrays["compliance"] = compliance
+    if name == "compliance":
+        return ModelData("compliance", parameters, arrays)
+    if name == "viscoelastic":
+        return ModelData("standard_linear_solid", parameters | options, arrays)
+    if name == "modal":
+        arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
+        return ModelData("modal", parameters | options, arrays)
+    raise BodyError(f"a body of the kind {name} has no linear model")
+
+
+def _network(body: Body) -> Arrays:
+    """Return the masses, springs, volumes and patches of a mass-spring model."""
+    network = body.spring_network
+    begin, vertices, weights = body._patches()
+    return {
+        "positions": network.places,
+        "masses": network.masses,
+        "fixed": np.asarray(body.contents.held, dtype=np.uint8),
+        "springs": np.asarray(network.springs, dtype=np.int32).reshape(-1, 2),
+        "stiffness": network.stiffness,
+        "tetrahedra": np.asarray(network.tetrahedra, dtype=np.int32).reshape(-1, 4),
+        "pressure": network.pressure,
+        "patch_begin": begin,
+        "patch_vertices": vertices,
+        "patch_weights": weights,
+    }

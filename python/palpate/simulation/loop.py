@@ -1,0 +1,265 @@
+"""The servo loop of a scenario, stepped by the caller: one sample at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate.errors import ScenarioError
+from palpate.scenario import Scenario
+from palpate.simulation.simulator import BEYOND, Simulation, build_simulation
+from palpate.simulation.trace import Trace
+
+__all__ = ["Loop", "Sample"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Signals of one sample of a loop. SI units, device frame.
+
+    Attributes:
+        time: s.
+        tip: (3,), m; velocity: of the tip (3,), m/s.
+        angles: of the joints (dof,), rad or m; speeds: (dof,), rad/s or m/s.
+        object_force: of the tip on the object (3,), N.
+        command: tip force of the controller after the drive's limits, without the gravity compensation (3,), N.
+        torque: of the motors at the joints (dof,), N*m or N.
+        reference: reference force (3,), N.
+        operator_force: force of the operator on the tip (3,), N; nan if the tip is fixed.
+        touching: whether the tip touches the object.
+        saturated: whether the drive is at a limit.
+        diverged: whether the loop has diverged within the period after this sample.
+    """
+
+    time: float
+    tip: Array
+    velocity: Array
+    angles: Array
+    speeds: Array
+    object_force: Array
+    command: Array
+    torque: Array
+    reference: Array
+    operator_force: Array
+    touching: bool
+    saturated: bool
+    diverged: bool
+
+
+class Loop:
+    """The servo loop of a scenario, for stepping it by hand: in a notebook, or from a program of one's own.
+
+    Stepped with the scenario's own signals it gives the trace of `palpate.simulate`, bit for bit.
+
+    Example:
+        loop = palpate.Loop("scenarios/press-stiff-cube-lqg.toml")
+        for _ in range(100):
+            sample = loop.step()
+        print(sample.time, sample.object_force)
+    """
+
+    def __init__(
+        self, scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None
+    ) -> None:
+        """Make the loop ready at its first sample; arguments and errors as `palpate.simulate`."""
+        self._simulation: Simulation = build_simulation(scenario, controller, object)
+        self.reset()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Return to the first sample.
+
+        Args:
+            seed: of the jitter, 0 to 2^53; None: the last one.
+        """
+        simulation = self._simulation
+        if seed is not None:
+            simulation.setup.seed = int(seed)
+        simulation.restart()
+        self._core = simulation.device.model.loop(simulation.setup)
+        self._rows: list[Array] = []
+        self._references: list[Array] = []
+        self._last: Sample | None = None
+        self._unstable_tick = -1
+        self._lateness = np.zeros(0)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that is run."""
+        return self._simulation.scenario
+
+    @property
+    def period(self) -> float:
+        """Servo period, s."""
+        return self.scenario.period
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the scenario's run, the first and the last included."""
+        return len(self._simulation.reference)
+
+    @property
+    def count(self) -> int:
+        """Number of samples since the first: the index of the next one."""
+        return int(self._core.count)
+
+    @property
+    def time(self) -> float:
+        """Time of the next sample, s."""
+        return float(self._core.time)
+
+    @property
+    def done(self) -> bool:
+        """Whether every sample of the scenario's run has been stepped, or the loop has diverged."""
+        return self.diverged or self.count >= self.samples
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the loop has diverged; it cannot be stepped until `reset`."""
+        return self._unstable_tick >= 0
+
+    @property
+    def angles(self) -> Array:
+        """Joint coordinates now (dof,), rad or m."""
+        return np.asarray(self._core.angles, dtype=float)
+
+    @property
+    def speeds(self) -> Array:
+        """Joint velocities now (dof,), rad/s or m/s."""
+        return np.asarray(self._core.speeds, dtype=float)
+
+    @property
+    def tip(self) -> Array:
+        """Tip position now (3,), m."""
+        return np.asarray(self._simulation.tip(self.angles[None])[0], dtype=float)
+
+    @property
+    def velocity(self) -> Array:
+        """Tip velocity now (3,), m/s."""
+        return self._tip_velocity(self.angles, self.speeds)
+
+    @property
+    def last(self) -> Sample | None:
+        """The last sample that was stepped; None before the first step."""
+        return self._last
+
+    @property
+    def observation(self) -> Array:
+        """Tip position (m) and velocity (m/s) now, object force of the last sample and reference now (N), (12,)."""
+        force = np.zeros(3) if self._last is None else self._last.object_force
+        wanted = self._simulation.reference[min(self.count, self.samples - 1)]
+        return np.concatenate([self.tip, self.velocity, force, wanted])
+
+    @property
+    def trace(self) -> Trace:
+        """Trace of the samples since the first, every `run.record_every` of them."""
+        # `simulate` ends with its last sample and does not see the period after it.
+        unstable = -1 if self._unstable_tick == self.samples else self._unstable_tick
+        simulation = self._simulation
+        width = 3 * simulation.device.dof + 11
+        rows = np.array(self._rows) if self._rows else np.zeros((0, width))
+        return simulation.trace(rows, unstable, np.array(self._references).reshape(-1, 3))
+
+    def step(self, force: ArrayLike | None = None, reference: ArrayLike | None = None) -> Sample:
+        """Run the servo at this sample, move the device by one period, and return the signals of the sample.
+
+        Args:
+            force: of the operator on the tip (3,), N, held over the period; None: the scenario's. After the end of its
+                run the scenario's signals keep their last value.
+            reference: reference force (3,), N; None: the scenario's.
+
+        Raises:
+            ScenarioError: the loop has diverged, a force is not three finite numbers, the tip is fixed and cannot be
+                pushed, or the user's controller or object returned no finite force.
+        """
+        time = self.time
+        row, wanted = self._step(force, reference)
+        q, qd, object_force, command, torque, operator, touching, saturated, _ = (
+            part[0] for part in self._simulation.columns(row[None])
+        )
+        if self.scenario.operator.kind == "fixed":
+            operator = np.full(3, np.nan)
+        tip, velocity = self._simulation.tip(q[None])[0], self._tip_velocity(q, qd)
+        self._last = Sample(
+            time, tip, velocity, q, qd, object_force, command, torque, wanted, operator,
+            bool(touching[0]), bool(saturated[0]), self.diverged,
+        )  # fmt: skip
+        return self._last
+
+    def run(self, steps: int | None = None) -> Trace:
+        """Step with the scenario's own signals, and return the trace since the first sample.
+
+        Args:
+            steps: number of samples; None: to the end of the scenario's run. A loop that diverges ends sooner.
+        """
+        left = max(self.samples - self.count, 0) if steps is None else steps
+        for _ in range(left):
+            if self.diverged:
+                break
+            self._step(None, None)
+        return self.trace
+
+    def _step(self, force: ArrayLike | None, reference: ArrayLike | None) -> tuple[Array, Array]:
+        """Return the core's row of this sample, and the reference force (3,), N."""
+        if self.diverged:
+            raise ScenarioError(f"the loop diverged at {self._unstable_tick * self.period:g} s; call reset() first")
+        tick, last = self.count, self.samples - 1
+        wanted = self._simulation.reference[min(tick, last)] if reference is None else _force(reference, "reference")
+        if force is None:
+            begin, end = self._operator_force(tick)
+        elif self.scenario.operator.kind == "fixed":
+            raise ScenarioError('force: the tip is fixed and cannot be pushed; give operator.kind = "force" or "arm"')
+        else:
+            begin = end = _force(force, "force")
+        row = np.asarray(self._core.tick(wanted, begin))
+        if tick % self.scenario.run.record_every == 0:
+            self._rows.append(row)
+            self._references.append(wanted)
+            if not (np.abs(row) < BEYOND).all():
+                self._unstable_tick = tick
+                return row, wanted
+        if not self._core.advance(begin, end):
+            self._unstable_tick = tick + 1
+        return row, wanted
+
+    def _operator_force(self, tick: int) -> tuple[Array, Array]:
+        """Return the scenario's force of the operator (3,), N, at this sample and at the next, late as they come."""
+        late, later = self._late(tick), self._late(tick + 1)
+        return self._force_after(tick, late), self._force_after(tick + 1, later)
+
+    def _force_after(self, tick: int, late: float) -> Array:
+        table, last = self._simulation.operator, self.samples - 1
+        here, following = table[min(tick, last)], table[min(tick + 1, last)]
+        if self.scenario.servo.jitter == 0.0:
+            return np.asarray(here, dtype=float)
+        return np.asarray(here + (late / self.period) * (following - here), dtype=float)
+
+    def _late(self, tick: int) -> float:
+        """Return how late a sample comes, s."""
+        if self.scenario.servo.jitter == 0.0:
+            return 0.0
+        if tick >= len(self._lateness):
+            self._lateness = np.asarray(self._simulation.setup.lateness(max(2 * tick, self.samples)))
+        return float(self._lateness[tick])
+
+    def _tip_velocity(self, q: Array, qd: Array) -> Array:
+        """Return the velocity of the tip (3,), m/s, with the Jacobian that the servo uses."""
+        simulation = self._simulation
+        at = simulation.start if self.scenario.device.kinematics == "linear" else q
+        return np.asarray(simulation.device.jacobian(at) @ qd, dtype=float)
+
+
+def _force(value: ArrayLike, name: str) -> Array:
+    try:
+        force = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{name}: three numbers, N, not {value!r}") from None
+    if force.shape != (3,) or not np.isfinite(force).all():
+        raise ScenarioError(f"{name}: three finite numbers, N, not {force.tolist()}")
+    return force

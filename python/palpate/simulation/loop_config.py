@@ -1,0 +1,313 @@
+"""Resolve a scenario to plain data, so that the C++ core runs its loop without Python."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import tempfile
+import zlib
+from collections.abc import Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.control.controller import Controller
+from palpate.errors import OutputError
+from palpate.fem.errors import BodyError
+from palpate.fem.model_data import model_data
+from palpate.files import as_path
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import place_body
+from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.simulator import Simulation, build_simulation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["FORMAT", "VERSION", "resolve"]
+
+FORMAT: Final = "palpate loop"
+VERSION: Final = 1
+_DTYPES: Final = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "uint8": "|u1"}
+_LARGEST: Final = 2**32  # bytes of one blob
+_ORDER: Final = 1000  # states of a controller or a sampled plant
+
+
+def resolve(
+    scenario: Scenario | Mapping[str, Any] | str | Path, folder: str | Path, controller: Controller | None = None
+) -> Path:
+    """Write a scenario's loop as plain data that the C++ core loads and runs; return the folder.
+
+    The folder holds `loop.json` and binary blobs; docs/reference/loop-config.md describes them. It is written under a
+    temporary name and then renamed. An existing folder is replaced if it is empty or holds a resolved loop.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        folder: to write.
+        controller: replaces the one that [controller] describes.
+
+    Raises:
+        ScenarioError: as `simulate`, or the object cannot be resolved: a hyperelastic body.
+        OutputError: the folder cannot be written, or holds other files.
+    """
+    simulation = build_simulation(scenario, controller)
+    target = as_path(folder, OutputError)
+    _check_replaceable(target)
+    with _folder(target) as part:
+        blobs = _Blobs(part)
+        document = _document(simulation, blobs)
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        (part / "loop.json").write_text(text, "utf-8")
+    return target
+
+
+class _Blobs:
+    """Writes arrays into a folder and describes them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def write(self, name: str, array: ArrayLike, dtype: str = "float64") -> dict[str, Any]:
+        """Write an array, row by row; return what `loop.json` says about it."""
+        values = np.ascontiguousarray(array, dtype=_DTYPES[dtype])
+        data = values.tobytes()
+        if len(data) > _LARGEST:
+            raise OutputError(f"{name}: {len(data)} bytes; a blob has at most {_LARGEST}")
+        file = f"{name}.{dtype}"
+        (self.folder / file).write_bytes(data)
+        return {
+            "file": file,
+            "dtype": dtype,
+            "shape": list(values.shape),
+            "bytes": len(data),
+            "crc32": f"{zlib.crc32(data):08x}",
+        }
+
+    def signal(self, name: str, values: NDArray[np.float64]) -> dict[str, Any] | None:
+        """Write a force at each sample (ticks + 1, 3), N; None if it is zero throughout."""
+        return self.write(name, values) if np.any(values) else None
+
+
+def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
+    from palpate import __version__
+
+    scenario, device, setup = simulation.scenario, simulation.device, simulation.setup
+    known = device.model.parameters
+    parameters = {key: _list(values) for key, values in device.parameters.values.items() if key in known}
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "written_by": f"palpate {__version__}",
+        "title": scenario.title,
+        "mechanism": {"name": device.model.name, "parameters": parameters},
+        "servo": _servo(setup),
+        "plant": _plant(setup),
+        "object": _object(simulation, blobs),
+        "controller": _controller(simulation.controller),
+        "run": {
+            "ticks": len(simulation.reference) - 1,
+            "record_every": setup.record_every,
+            "reference": blobs.signal("reference", simulation.reference),
+            "operator_force": blobs.signal("operator_force", simulation.operator),
+        },
+    }
+
+
+def _servo(setup: Any) -> dict[str, Any]:
+    limits = setup.limits
+    return {
+        "period": setup.period,
+        "delay": setup.delay,
+        "start": _list(setup.start),
+        "gravity_compensation": _list(setup.gravity_compensation),
+        "frozen_kinematics": setup.frozen_kinematics,
+        "encoder_step": _list(setup.encoder_step),
+        "limits": {
+            "peak_force": _finite(limits.peak_force),
+            "continuous_force": _finite(limits.continuous_force),
+            "thermal_time": limits.thermal_time,
+            "peak_torque": [_finite(value) for value in _list(limits.peak_torque)],
+        },
+    }
+
+
+def _plant(setup: Any) -> dict[str, Any]:
+    friction, arm = setup.friction, setup.human_arm
+    kind = "fixed" if setup.fixed else "sampled" if setup.linear else "nonlinear"
+    table: dict[str, Any] = {
+        "kind": kind,
+        "start_speed": _list(setup.start_speed),
+        "substeps": setup.substeps,
+        "jitter": setup.jitter,
+        "seed": setup.seed,
+        "speed_limit": setup.speed_limit,
+        "friction": {
+            name: _list(getattr(friction, name)) for name in ("viscous", "coulomb", "breakaway", "stribeck_speed")
+        },
+        "human_arm": {
+            "mass": arm.mass,
+            "damping": arm.damping,
+            "stiffness": arm.stiffness,
+            "tissue": arm.tissue,
+            "tissue_stiffness": arm.tissue_stiffness,
+            "tissue_damping": arm.tissue_damping,
+            "rest": _list(arm.rest),
+        },
+    }
+    if kind == "sampled":
+        table["model"] = {
+            "order": _order(len(np.asarray(setup.plant_a)), "the sampled plant"),
+            "a": _list(setup.plant_a),
+            "b": _list(setup.plant_b),
+            "c": _list(setup.plant_c),
+            "working_torque": _list(setup.working_torque),
+        }
+    return table
+
+
+def _controller(controller: Controller) -> dict[str, Any]:
+    system = controller.system
+    order = _order(system.nstates, "the controller")
+    none = np.zeros((order, 3))
+    return {
+        "kind": "state_space",
+        "order": order,
+        "a": _list(system.A),
+        "b": _list(system.B),
+        "c": _list(system.C),
+        "d": _list(system.D),
+        "antiwindup": _list(none if controller.antiwindup is None else controller.antiwindup),
+    }
+
+
+def _object(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
+    touched = simulation.scenario.object
+    if touched.mesh is not None:
+        return _mesh(simulation, blobs)
+    if touched.body is not None:
+        return _body(simulation, blobs)
+    setup = simulation.setup
+    kinds = _core.SpringWallParameters.Kind
+    shapes = {kinds.none: "none", kinds.point: "point", kinds.half_space: "half_space"}
+    backward = setup.difference == _core.CouplingDifference.backward
+    return {
+        "kind": "spring_wall",
+        "shape": shapes[setup.wall.kind],
+        "point": _list(setup.wall.point),
+        "normal": _list(setup.wall.normal),
+        "stiffness": _list(setup.stiffness),
+        "damping": _list(setup.damping),
+        "difference": "backward" if backward else "bilinear",
+    }
+
+
+def _mesh(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
+    choice = simulation.scenario.object.mesh
+    assert choice is not None
+    mesh, surface = touched_mesh(simulation.scenario, np.array(simulation.setup.wall.point))
+    core = surface.core_for(mesh)
+    return {
+        "kind": "mesh",
+        "radius": choice.radius,
+        "open": mesh.open,
+        "vertices": blobs.write("vertices", mesh.vertices),
+        "triangles": blobs.write("triangles", mesh.triangles, "int32"),
+        "surface": {
+            "stiffness": blobs.write("stiffness", core.stiffness),
+            "damping": blobs.write("damping", core.damping),
+            "tangential": core.tangential,
+            "static_friction": _finite(core.static_friction),
+            "dynamic_friction": _finite(core.dynamic_friction),
+            "viscous": core.viscous,
+            "field": "discrete" if core.field == _core.FieldKind.discrete else "continuous",
+            "shading": core.shading,
+            "period": core.period,
+        },
+    }
+
+
+def _body(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
+    scenario = simulation.scenario
+    choice = scenario.object.body
+    assert choice is not None
+    body, origin, rotation = place_body(scenario, np.array(simulation.setup.wall.point))
+    try:
+        data = model_data(body)
+    except BodyError:
+        raise scenario.mistake(
+            "object.body.kind",
+            f'a body of the kind "{choice.kind}" cannot be resolved to plain data; choose a linear kind, such as '
+            '"compliance"',
+        ) from None
+    dtypes = {name: array.dtype.name for name, array in data.arrays.items()}
+    return {
+        "kind": "body",
+        "model": data.model,
+        "placement": {
+            "origin": _list(origin),
+            "rotation": _list(rotation),
+            "tip": choice.tip,
+            "radius": choice.radius,
+        },
+        **data.parameters,
+        **{name: blobs.write(name, array, dtypes[name]) for name, array in data.arrays.items()},
+    }
+
+
+def _order(order: int, name: str) -> int:
+    if order > _ORDER:
+        raise OutputError(f"{name} has {order} states; a resolved loop has at most {_ORDER}")
+    return order
+
+
+def _list(values: ArrayLike) -> list[float]:
+    """Return the numbers of an array as a flat list, row by row."""
+    return [float(value) for value in np.asarray(values, dtype=float).reshape(-1)]
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None for infinity, which JSON cannot hold."""
+    return None if math.isinf(value) else float(value)
+
+
+def _check_replaceable(target: Path) -> None:
+    """Refuse a target that is a file or a folder of something else."""
+    if target.is_symlink() or (target.exists() and not target.is_dir()):
+        raise OutputError(f"{target}: cannot be written: it is a file or a link, not a folder")
+    if not target.is_dir() or not any(target.iterdir()):
+        return
+    try:
+        found = json.loads((target / "loop.json").read_text("utf-8"))
+        ours = isinstance(found, dict) and found.get("format") == FORMAT
+    except (OSError, ValueError):
+        ours = False
+    if not ours:
+        raise OutputError(f"{target}: the folder holds other files; name an empty or a new one")
+
+
+@contextmanager
+def _folder(target: Path) -> Iterator[Path]:
+    """Yield a temporary folder that takes the target's name once it is complete; on any failure leave nothing."""
+    part: Path | None = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
+        part.chmod(0o755)
+        yield part
+        if target.is_dir():
+            old = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
+            target.replace(old)
+            part.replace(target)
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            part.replace(target)
+    except OSError as problem:
+        raise OutputError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
+    finally:
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)

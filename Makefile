@@ -44,7 +44,10 @@ docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 wheel: .venv/bin/python  ## build a wheel in dist/ and test it in a fresh virtual environment
 	rm -rf dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
-	$(BIN)/python tests/support/wheel_smoke_test.py dist/*.whl
+	rm -rf build/wheel-venv
+	$(PYTHON) -m venv build/wheel-venv
+	build/wheel-venv/bin/python -m pip install --quiet dist/*.whl
+	cd build && wheel-venv/bin/python ../tests/support/wheel_smoke_test.py
 
 lint: .venv/lint-installed  ## check format, style and types
 	$(BIN)/ruff check $(PYTHON_FOLDERS)

@@ -1,6 +1,7 @@
-"""The core compiles for other machines: ARM Linux, Windows and WebAssembly. Needs zig, as `pip install ziglang` provides it.
+"""The core compiles for other machines: ARM Linux, Windows and WebAssembly. Needs `pip install ziglang`.
 
-Each target compiles a servo loop with a wall from the smallest set of headers; with PALPATE_NIGHTLY=1, the umbrella headers too.
+Each target compiles a servo loop with a wall from the smallest set of headers. With PALPATE_NIGHTLY=1, each also
+compiles the umbrella headers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The installed C++ package: found by CMake and pkg-config, before and after its folder is moved; and the examples, built with it."""
+"""The installed C++ package: found by CMake and pkg-config, after its folder is moved; and the examples."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Every Python block of README.md and docs/ runs, page by page from top to bottom; every complete C++ program compiles.
 
-A page is one program: its blocks share their names. It runs in an empty folder, with figures that are not shown and without a network.
+A page is one program: its blocks share their names. It runs in an empty folder, without a network, and shows no
+figure.
 Pages in SLOW run in `make nightly` only (PALPATE_NIGHTLY=1).
 """
 
@@ -60,7 +61,15 @@ def test_python_blocks_run(page: Path, tmp_path: Path) -> None:
     source = tmp_path / "page.py"
     source.write_text(f"{OFFLINE}\nexec(compile({program(page)!r}, {str(page)!r}, 'exec'))\n", "utf-8")
     environment = {**os.environ, "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, source], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, source],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -73,6 +82,16 @@ def test_complete_cpp_programs_compile(page: Path, line: int, code: str, tmp_pat
     source.write_text(f'#line {line} "{page}"\n{code}', "utf-8")
     located = subprocess.run([sys.executable, "-m", "cmeel", "cmake"], capture_output=True, text=True, check=True)
     eigen = Path(located.stdout.strip().split(";")[0]) / "include" / "eigen3"
-    options = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-I", ROOT / "core" / "include", "-isystem", eigen]
+    options = [
+        "-std=c++20",
+        "-fsyntax-only",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-I",
+        ROOT / "core" / "include",
+        "-isystem",
+        eigen,
+    ]
     done = subprocess.run([os.environ.get("CXX", "c++"), *options, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

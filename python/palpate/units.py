@@ -79,7 +79,7 @@ def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[Valu
 
 
 def array_to_si(value: Any, unit: str, field: str, *, error: type[ValueError] = ScenarioError) -> NDArray[np.float64]:
-    """Return numbers in the SI unit `unit` as an array: an array or list of numbers as it is, texts as `parse_quantity`.
+    """Return numbers in the SI unit `unit` as an array: numbers unchanged, texts as `parse_quantity` reads them.
 
     Text may stand alone or within a list, beside numbers. Raises `error` where an entry is no number and no quantity.
     """

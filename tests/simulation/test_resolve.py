@@ -189,7 +189,7 @@ def test_every_double_is_kept(tmp_path: Path) -> None:
 
 
 def test_a_hyperelastic_body_is_refused_and_nothing_is_written(block: Path, tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="object.body.kind: .*neo-hookean.* cannot be resolved"):
+    with pytest.raises(ScenarioError, match=r"object.body.kind: .*neo-hookean.* cannot be resolved"):
         resolve(press(block, kind="neo-hookean"), tmp_path / "loop")
     assert list(tmp_path.iterdir()) == []
 

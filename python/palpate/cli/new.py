@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from enum import Enum
+from enum import StrEnum
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Final
@@ -17,7 +17,7 @@ from palpate.files import atomic_write
 __all__ = ["Template", "new"]
 
 
-class Template(str, Enum):
+class Template(StrEnum):
     """What `palpate new` writes."""
 
     device = "device"

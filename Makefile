@@ -3,7 +3,7 @@
 
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11; do if $$p -c '' 2>/dev/null; then echo $$p; exit; fi; done; echo python3)
 BIN := .venv/bin
-CORE := CMakeLists.txt pyproject.toml $(shell find core/include core/src python/src cmake -type f 2>/dev/null)
+CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake -type f)
 CPP_FILES = $$(find core python/src examples -name '*.hpp' -o -name '*.cpp')
 PYTHON_FOLDERS = $(wildcard python experiments benchmarks tests examples/python)
 OUT ?= results

@@ -3,7 +3,7 @@
 
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11; do if $$p -c '' 2>/dev/null; then echo $$p; exit; fi; done; echo python3)
 BIN := .venv/bin
-CORE := CMakeLists.txt pyproject.toml $(shell find core/include core/src python/src cmake -type f 2>/dev/null)
+CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake -type f)
 CPP_FILES = $$(find core python/src examples -name '*.hpp' -o -name '*.cpp')
 PYTHON_FOLDERS = $(wildcard python experiments benchmarks tests examples/python)
 OUT ?= results
@@ -44,7 +44,10 @@ docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 wheel: .venv/bin/python  ## build a wheel in dist/ and test it in a fresh virtual environment
 	rm -rf dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
-	$(BIN)/python tests/support/wheel_smoke_test.py dist/*.whl
+	rm -rf build/wheel-venv
+	$(PYTHON) -m venv build/wheel-venv
+	build/wheel-venv/bin/python -m pip install --quiet dist/*.whl
+	cd build && wheel-venv/bin/python ../tests/support/wheel_smoke_test.py
 
 lint: .venv/lint-installed  ## check format, style and types
 	$(BIN)/ruff check $(PYTHON_FOLDERS)

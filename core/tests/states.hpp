@@ -1,6 +1,7 @@
 #pragma once
 
 #include <palpate/deformable.hpp>
+#include <palpate/mesh.hpp>
 #include <palpate/palpate.hpp>
 #include <random>
 

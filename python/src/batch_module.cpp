@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <palpate/deformable.hpp>
+#include <palpate/mesh.hpp>
 #include <palpate/palpate.hpp>
 #include <string>
 #include <vector>

@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <palpate/deformable.hpp>
+#include <palpate/mesh.hpp>
 #include <palpate/palpate.hpp>
 #include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>

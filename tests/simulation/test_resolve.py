@@ -45,7 +45,7 @@ def program() -> Path:
     found = f"-DCMAKE_PREFIX_PATH={build / 'prefix'};{eigen}"
     options = (found, "-DCMAKE_CXX_FLAGS_RELEASE=-O2")
     command(BIN / "cmake", "-S", ROOT / "examples" / "cpp", "-B", build / "run", "-G", "Ninja", ninja, *options)
-    command(BIN / "ninja", "-C", build / "run")
+    command(BIN / "ninja", "-C", build / "run", "run_loop")
     return build / "run" / "run_loop"
 
 

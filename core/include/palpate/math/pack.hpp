@@ -7,8 +7,11 @@
 #include <cstdint>
 #include <cstring>
 
-#if defined(__SSE2__)
+// <immintrin.h> takes half a second to compile, so only where more than SSE2 is used.
+#if defined(__AVX__)
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>
 #endif
 
 #include "palpate/math/select.hpp"

@@ -63,7 +63,7 @@ class Loop {
   [[nodiscard]] Joints<dof> speeds() const noexcept {
     return std::visit([](const auto& plant) { return Joints<dof>(plant.speeds()); }, plant_);
   }
-  [[nodiscard]] int count() const noexcept { return count_; }                                       ///< samples since the first
+  [[nodiscard]] int count() const noexcept { return count_; }                                           ///< samples since the first
   [[nodiscard]] double time() const noexcept { return count_ * setup_.period + schedule_.lateness(); }  ///< of this sample, s
   [[nodiscard]] bool diverged() const noexcept { return diverged_; }
   [[nodiscard]] const LoopServo& servo() const noexcept { return servo_; }

@@ -11,10 +11,11 @@
 #include "palpate/actuation/encoder.hpp"
 #include "palpate/control/controller.hpp"
 #include "palpate/control/state_space.hpp"
+#include "palpate/math/inline.hpp"
 #include "palpate/math/vector.hpp"
-#include "palpate/object/contact_object.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/mechanism/tip_kinematics.hpp"
+#include "palpate/object/contact_object.hpp"
 
 namespace palpate::servo {
 
@@ -86,21 +87,7 @@ class Servo {
 
   Servo() = default;
   /// Build a loop that owns its object and its controller. The setup must have no fault().
-  explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {})
-      : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
-                                        : mechanism::TipKinematics<Mechanism>(s.mechanism)),
-        encoder_(s.encoder),
-        object_(std::move(object)),
-        controller_(std::move(controller)),
-        drive_(s.limits, s.period),
-        gravity_compensation_(s.gravity_compensation),
-        delay_(s.delay, torque_at_rest(s.start)),
-        rate_(1.0 / s.period),
-        period_(s.period),
-        exact_encoders_(!s.frozen_kinematics && s.encoder.exact()) {
-    tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
-    if constexpr (is_scalar) object::start(object_, tick_.tip);
-  }
+  explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {});
 
   /// Build the same loop for lanes; each lane is set by set_lane().
   template <class OneObject, class OneController>
@@ -124,40 +111,21 @@ class Servo {
   /// Run one tick, one period after the last.
   /// @param angles     joint angles [rad]
   /// @param reference  force that the object should feel [N]; zero for an impedance display
-  const Tick& tick(const Angles& angles, const Vector& reference) noexcept {
-    kinematics_.update(encoder_.read(angles));
-    return finish_tick(reference, rate_);
-  }
+  const Tick& tick(const Angles& angles, const Vector& reference) noexcept;
 
   /// Run one tick, `elapsed` [s] after the last: object damping and velocities use the true time. The controller's own dynamics still
   /// assume the period.
-  const Tick& tick(const Angles& angles, const Vector& reference, double elapsed) noexcept {
-    kinematics_.update(encoder_.read(angles));
-    return finish_tick(reference, elapsed > 0.0 ? 1.0 / elapsed : rate_);
-  }
+  const Tick& tick(const Angles& angles, const Vector& reference, double elapsed) noexcept;
 
   /// Run one tick with the kinematics `at` of the angles, if the caller has them: exact encoders need not compute them again.
-  const Tick& tick(const Angles& angles, const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept {
-    if (!exact_encoders_) return tick(angles, reference);
-    kinematics_.update(at);
-    return finish_tick(reference, rate_);
-  }
+  const Tick& tick(const Angles& angles, const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at, const Vector& reference) noexcept;
 
   /// Update the object after a tick in virtual time (for example the slow model of a deformable body). May allocate. In real time a worker
   /// thread does this work.
   void update() { object::update(object_); }
 
   /// Return to the state before the first tick, at the pose `start` [rad].
-  void reset(const Angles& start) noexcept {
-    object::reset(object_);
-    control::reset(controller_);
-    drive_.reset();
-    delay_.reset(torque_at_rest(start));
-    tick_ = {};
-    tick_.tip = kinematics_.tip();
-    count_ = 0;
-    if constexpr (is_scalar) object::start(object_, tick_.tip);
-  }
+  void reset(const Angles& start) noexcept;
 
   /// Signals of the last tick.
   [[nodiscard]] const Tick& last() const noexcept { return tick_; }
@@ -197,23 +165,9 @@ class Servo {
   }
 
   /// Limit the tip force `wanted` [N] to what the drive can give; return its torques [N*m].
-  Angles limit(Vector& wanted) noexcept {
-    const Vector asked = wanted;
-    wanted = drive_.limit_force(asked);
-    Angles torque = kinematics_.torque(wanted);
-    const Scalar scale = drive_.torque_scale(torque);
-    const auto limited = scale < Scalar(1.0);
-    torque = select_each(limited, Angles(torque * scale), torque);
-    wanted = select_each(limited, Vector(wanted * scale), wanted);
-    for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (wanted[i] != asked[i]);
-    return torque;
-  }
+  Angles limit(Vector& wanted) noexcept;
 
-  Angles torque_at_rest(const Angles& start) {
-    kinematics_.update(start);
-    const Angles torque = kinematics_.torque(gravity_compensation_);
-    return drive_.torque_scale(torque) * torque;
-  }
+  Angles torque_at_rest(const Angles& start);
 
   mechanism::TipKinematics<Mechanism, Scalar> kinematics_;
   actuation::Encoder<dof, Scalar> encoder_;
@@ -228,5 +182,76 @@ class Servo {
   std::int64_t count_ = 0;  // ticks
   Tick tick_;
 };
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE Servo<Mechanism, Object, Controller>::Servo(const ServoSetup<Mechanism>& s, Object object, Controller controller)
+    : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
+                                      : mechanism::TipKinematics<Mechanism>(s.mechanism)),
+      encoder_(s.encoder),
+      object_(std::move(object)),
+      controller_(std::move(controller)),
+      drive_(s.limits, s.period),
+      gravity_compensation_(s.gravity_compensation),
+      delay_(s.delay, torque_at_rest(s.start)),
+      rate_(1.0 / s.period),
+      period_(s.period),
+      exact_encoders_(!s.frozen_kinematics && s.encoder.exact()) {
+  tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
+  if constexpr (is_scalar) object::start(object_, tick_.tip);
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference) noexcept -> const Tick& {
+  kinematics_.update(encoder_.read(angles));
+  return finish_tick(reference, rate_);
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference,
+                                                               double elapsed) noexcept -> const Tick& {
+  kinematics_.update(encoder_.read(angles));
+  return finish_tick(reference, elapsed > 0.0 ? 1.0 / elapsed : rate_);
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles,
+                                                               const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at,
+                                                               const Vector& reference) noexcept -> const Tick& {
+  if (!exact_encoders_) return tick(angles, reference);
+  kinematics_.update(at);
+  return finish_tick(reference, rate_);
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE void Servo<Mechanism, Object, Controller>::reset(const Angles& start) noexcept {
+  object::reset(object_);
+  control::reset(controller_);
+  drive_.reset();
+  delay_.reset(torque_at_rest(start));
+  tick_ = {};
+  tick_.tip = kinematics_.tip();
+  count_ = 0;
+  if constexpr (is_scalar) object::start(object_, tick_.tip);
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::limit(Vector& wanted) noexcept -> Angles {
+  const Vector asked = wanted;
+  wanted = drive_.limit_force(asked);
+  Angles torque = kinematics_.torque(wanted);
+  const Scalar scale = drive_.torque_scale(torque);
+  const auto limited = scale < Scalar(1.0);
+  torque = select_each(limited, Angles(torque * scale), torque);
+  wanted = select_each(limited, Vector(wanted * scale), wanted);
+  for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (wanted[i] != asked[i]);
+  return torque;
+}
+
+template <class Mechanism, class Object, class Controller>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::torque_at_rest(const Angles& start) -> Angles {
+  kinematics_.update(start);
+  const Angles torque = kinematics_.torque(gravity_compensation_);
+  return drive_.torque_scale(torque) * torque;
+}
 
 }  // namespace palpate::servo

@@ -9,8 +9,8 @@
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
-#include "palpate/object/any_object.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
+#include "palpate/object/any_object.hpp"
 #include "palpate/plant/plant_integrator.hpp"
 #include "palpate/plant/sampled_plant.hpp"
 #include "palpate/servo/servo.hpp"

@@ -1,0 +1,97 @@
+"""Every Python block of README.md and docs/ runs, page by page from top to bottom; every complete C++ program compiles.
+
+A page is one program: its blocks share their names. It runs in an empty folder, without a network, and shows no
+figure.
+Pages in SLOW run in `make nightly` only (PALPATE_NIGHTLY=1).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)]
+SLOW: set[str] = set()  # pages, by their paths from the root, that take more than 15 s
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
+
+# Runs in front of a page's blocks: every attempt to reach another machine fails.
+OFFLINE = """
+import socket
+import warnings
+
+def _offline(*_):
+    raise OSError("code blocks of the documentation must not use the network")
+
+socket.socket.connect = _offline
+warnings.simplefilter("ignore")
+"""
+
+
+def blocks(page: Path, language: str) -> list[tuple[int, str]]:
+    """The code blocks of a page in a language, each with the line of the page at which its code begins."""
+    text = page.read_text("utf-8")
+    found = re.finditer(rf"^( *)```{language}\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL)
+    return [(text.count("\n", 0, match.start(2)) + 1, textwrap.dedent(match[2])) for match in found]
+
+
+def program(page: Path) -> str:
+    """The blocks of a page as one program, its lines at the lines of the page so that a traceback names them."""
+    lines: list[str] = []
+    for first, code in blocks(page, "python"):
+        lines += [""] * (first - 1 - len(lines)) + code.splitlines()
+    return "\n".join(lines)
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=name)
+def test_python_blocks_run(page: Path, tmp_path: Path) -> None:
+    if name(page) in SLOW and not NIGHTLY:
+        pytest.skip("slow page: PALPATE_NIGHTLY=1 runs it")
+    (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
+    source = tmp_path / "page.py"
+    source.write_text(f"{OFFLINE}\nexec(compile({program(page)!r}, {str(page)!r}, 'exec'))\n", "utf-8")
+    environment = {**os.environ, "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, source],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+PROGRAMS = [(page, line, code) for page in PAGES for line, code in blocks(page, "cpp") if "int main(" in code]
+
+
+@pytest.mark.parametrize(("page", "line", "code"), PROGRAMS, ids=[f"{name(page)}:{line}" for page, line, _ in PROGRAMS])
+def test_complete_cpp_programs_compile(page: Path, line: int, code: str, tmp_path: Path) -> None:
+    source = tmp_path / "page.cpp"
+    source.write_text(f'#line {line} "{page}"\n{code}', "utf-8")
+    located = subprocess.run([sys.executable, "-m", "cmeel", "cmake"], capture_output=True, text=True, check=True)
+    eigen = Path(located.stdout.strip().split(";")[0]) / "include" / "eigen3"
+    options = [
+        "-std=c++20",
+        "-fsyntax-only",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-I",
+        ROOT / "core" / "include",
+        "-isystem",
+        eigen,
+    ]
+    done = subprocess.run([os.environ.get("CXX", "c++"), *options, source], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

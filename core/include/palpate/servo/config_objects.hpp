@@ -145,15 +145,18 @@ template <class Model>
   if (friction.mu_dynamic > friction.mu_static) from.fail("dynamic_friction", "exceeds static_friction");
   if (count == 0 || count > 1'000'000) from.fail("points", "must be 1 to a million nodes");
   bool usable = true;
+  double farthest = 0.0;
   for (std::int64_t i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    usable = usable && points[k].allFinite() && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && std::isfinite(areas[k]);
+    farthest = std::max(farthest, points[k].cwiseAbs().maxCoeff());
+    usable =
+        usable && points[k].cwiseAbs().maxCoeff() < 1e6 && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && areas[k] < 1e12;
   }
-  if (!usable) from.fail("points", "need finite positions, unit normals and positive areas");
+  if (!usable) from.fail("points", "need positions within 1000 km, unit normals and positive areas");
   if (!reader.ok()) return nullptr;
   SurfaceNodes nodes(points, normals, areas);
   if (model == "free_form") {
-    const double spacing = from.positive("spacing");
+    const double spacing = from.number("spacing", farthest * 1e-6, 1e6);
     const deformable::FreeFormData normal = {from.number("control_compliance"), from.number("surface_layer")};
     const deformable::FreeFormData tangential = {from.number("tangential_control_compliance"), from.number("tangential_surface_layer")};
     if (!reader.ok()) return nullptr;
@@ -191,7 +194,8 @@ template <class Model>
   const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
   const auto modes = static_cast<std::int64_t>(frequencies.size());
   const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
-  if (reader.ok() && modes == 0) from.fail("frequencies", "must hold at least one mode");
+  if (reader.ok() && (modes == 0 || !(*std::min_element(frequencies.begin(), frequencies.end()) > 0.0)))
+    from.fail("frequencies", "must hold at least one mode, and positive numbers only");
   if (!reader.ok()) return nullptr;
   const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
   return own(std::move(nodes), body, friction);
@@ -204,7 +208,7 @@ template <class Model>
   const std::vector<double> rotation = pose.numbers("rotation", 9);
   placement.rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.data());
   placement.tip = pose.choice("tip", {"sphere", "flat"}) == 0 ? deformable::Tip::Kind::sphere : deformable::Tip::Kind::flat;
-  placement.radius = pose.positive("radius");
+  placement.radius = pose.number("radius", 1e-9, 1e3);
   placement.body = read_body(reader, from);
   if (!reader.ok() || !placement.body) return {};
   return object::BodyInstance(std::move(placement));

@@ -71,7 +71,7 @@ template <std::size_t width>
   surface.viscous = laid.number("viscous");
   surface.field = laid.choice("field", {"discrete", "continuous"}) == 0 ? mesh::FieldKind::discrete : mesh::FieldKind::continuous;
   surface.shading = laid.number("shading");
-  surface.period = laid.positive("period");
+  surface.period = laid.number("period", 1e-9, 1e3);
   if (!reader.ok()) return {};
   mesh::TriangleMesh mesh(std::move(vertices), std::move(triangles), open);
   if (!mesh.usable()) {
@@ -164,10 +164,12 @@ template <class Model>
     return own(std::move(nodes), body, friction);
   }
   if (model == "mass_spring") {
-    const double period = from.positive("period");
-    const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+    const double period = from.number("period", 1e-9, 1e3);
+    const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
     deformable::SpringNetworkData network = read_network(from);
     deformable::PatchWeights patches = read_patches(reader, from, count, network.rest_positions.size());
+    if (4e-9 * static_cast<double>(count) * static_cast<double>(network.rest_positions.size()) > 4.0)
+      from.fail("positions", "and nodes are too many: the model would take more than 4 GB");
     if (!reader.ok()) return nullptr;
     const deformable::MassSpringModel body(nodes, std::move(network), std::move(patches), period, alpha, beta);
     if (!body.definite()) {
@@ -183,19 +185,19 @@ template <class Model>
     const deformable::Compliance body(nodes, full.data(), rough);
     return own(std::move(nodes), body, friction);
   }
-  const double period = from.positive("period");
-  const double ratio = from.number("instantaneous_ratio", 1.0, 1e12), retardation = from.positive("retardation_time");
+  const double period = from.number("period", 1e-9, 1e3);
+  const double ratio = from.number("instantaneous_ratio", 1.0, 1e9), retardation = from.number("retardation_time", 1e-9, 1e9);
   if (model == "standard_linear_solid") {
     if (!reader.ok()) return nullptr;
     const deformable::StandardLinearSolid body(deformable::Compliance(nodes, full.data(), rough), ratio, retardation, period);
     return own(std::move(nodes), body, friction);
   }
-  const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+  const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
   const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
   const auto modes = static_cast<std::int64_t>(frequencies.size());
   const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
-  if (reader.ok() && (modes == 0 || !(*std::min_element(frequencies.begin(), frequencies.end()) > 0.0)))
-    from.fail("frequencies", "must hold at least one mode, and positive numbers only");
+  const bool in_range = std::all_of(frequencies.begin(), frequencies.end(), [](double w) { return w > 1e-9 && w < 1e9; });
+  if (modes == 0 || !in_range) from.fail("frequencies", "must hold at least one mode, and numbers from 1e-9 to 1e9 rad/s only");
   if (!reader.ok()) return nullptr;
   const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
   return own(std::move(nodes), body, friction);

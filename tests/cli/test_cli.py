@@ -80,6 +80,17 @@ def test_run_of_a_diverging_loop_says_from_when_and_keeps_the_trace(tmp_path: Pa
     assert all(np.isfinite(channel.values).all() for channel in trace.channels.values())
 
 
+def test_resolve_writes_a_folder_of_plain_data(tmp_path: Path) -> None:
+    """Exit code 0 and the files' names; a folder of other files is left alone with exit code 2."""
+    code, text = palpate("resolve", scenario(tmp_path), "--out", tmp_path / "loop")
+    assert code == 0
+    assert f"{tmp_path / 'loop' / 'loop.json'}" in text
+    assert sorted(file.name for file in (tmp_path / "loop").iterdir()) == ["loop.json", "reference.float64"]
+    code, text = palpate("resolve", scenario(tmp_path), "--out", tmp_path)
+    assert code == 2
+    assert "the folder holds other files" in text
+
+
 def test_a_mistake_ends_in_one_sentence_with_file_line_and_field(tmp_path: Path) -> None:
     """Exit code 2; nothing is written."""
     path = scenario(tmp_path, "3.5 N")
@@ -207,7 +218,7 @@ def test_identify_makes_a_recording_and_reads_it(tmp_path: Path) -> None:
     assert mass["value"] == pytest.approx(0.060, rel=0.05)
 
 
-@pytest.mark.parametrize("command", ["run", "certify", "zwidth", "workspace", "performance", "sweep"])
+@pytest.mark.parametrize("command", ["run", "certify", "zwidth", "workspace", "performance", "sweep", "resolve"])
 def test_help_tells_where_files_go(command: str) -> None:
     """Nothing in angle brackets is used: the help's renderer takes it for a tag and leaves it out."""
     code, said = palpate(command, "--help")

@@ -16,7 +16,9 @@ def resolve(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to write; by default loop/ in results/ and the scenario's name."),
+        typer.Option(
+            "--out", "-o", help="Folder to write; if not given, results/ and in it the scenario's name and loop/."
+        ),
     ] = None,
 ) -> None:
     """Resolve a scenario to plain data that the C++ core runs without Python.

@@ -9,6 +9,7 @@ import tempfile
 import zlib
 from collections.abc import Mapping
 from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -94,15 +95,13 @@ class _Blobs:
 
 
 def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
-    from palpate import __version__
-
     scenario, device, setup = simulation.scenario, simulation.device, simulation.setup
     known = device.model.parameters
     parameters = {key: _list(values) for key, values in device.parameters.values.items() if key in known}
     return {
         "format": FORMAT,
         "version": VERSION,
-        "written_by": f"palpate {__version__}",
+        "written_by": _written_by(),
         "title": scenario.title,
         "mechanism": {"name": device.model.name, "parameters": parameters},
         "servo": _servo(setup),
@@ -116,6 +115,13 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
             "operator_force": blobs.signal("operator_force", simulation.operator),
         },
     }
+
+
+def _written_by() -> str:
+    try:
+        return f"palpate {version('palpate')}"
+    except PackageNotFoundError:  # run from a source tree that is not installed
+        return "palpate"
 
 
 def _servo(setup: Any) -> dict[str, Any]:

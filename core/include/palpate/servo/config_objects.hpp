@@ -71,7 +71,7 @@ template <std::size_t width>
   surface.viscous = laid.number("viscous");
   surface.field = laid.choice("field", {"discrete", "continuous"}) == 0 ? mesh::FieldKind::discrete : mesh::FieldKind::continuous;
   surface.shading = laid.number("shading");
-  surface.period = laid.positive("period");
+  surface.period = laid.number("period", 1e-9, 1e3);
   if (!reader.ok()) return {};
   mesh::TriangleMesh mesh(std::move(vertices), std::move(triangles), open);
   if (!mesh.usable()) {
@@ -145,15 +145,18 @@ template <class Model>
   if (friction.mu_dynamic > friction.mu_static) from.fail("dynamic_friction", "exceeds static_friction");
   if (count == 0 || count > 1'000'000) from.fail("points", "must be 1 to a million nodes");
   bool usable = true;
+  double farthest = 0.0;
   for (std::int64_t i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    usable = usable && points[k].allFinite() && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && std::isfinite(areas[k]);
+    farthest = std::max(farthest, points[k].cwiseAbs().maxCoeff());
+    usable =
+        usable && points[k].cwiseAbs().maxCoeff() < 1e6 && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && areas[k] < 1e12;
   }
-  if (!usable) from.fail("points", "need finite positions, unit normals and positive areas");
+  if (!usable) from.fail("points", "need positions within 1000 km, unit normals and positive areas");
   if (!reader.ok()) return nullptr;
   SurfaceNodes nodes(points, normals, areas);
   if (model == "free_form") {
-    const double spacing = from.positive("spacing");
+    const double spacing = from.number("spacing", farthest * 1e-6, 1e6);
     const deformable::FreeFormData normal = {from.number("control_compliance"), from.number("surface_layer")};
     const deformable::FreeFormData tangential = {from.number("tangential_control_compliance"), from.number("tangential_surface_layer")};
     if (!reader.ok()) return nullptr;
@@ -161,10 +164,12 @@ template <class Model>
     return own(std::move(nodes), body, friction);
   }
   if (model == "mass_spring") {
-    const double period = from.positive("period");
-    const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+    const double period = from.number("period", 1e-9, 1e3);
+    const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
     deformable::SpringNetworkData network = read_network(from);
     deformable::PatchWeights patches = read_patches(reader, from, count, network.rest_positions.size());
+    if (4e-9 * static_cast<double>(count) * static_cast<double>(network.rest_positions.size()) > 4.0)
+      from.fail("positions", "and nodes are too many: the model would take more than 4 GB");
     if (!reader.ok()) return nullptr;
     const deformable::MassSpringModel body(nodes, std::move(network), std::move(patches), period, alpha, beta);
     if (!body.definite()) {
@@ -180,18 +185,19 @@ template <class Model>
     const deformable::Compliance body(nodes, full.data(), rough);
     return own(std::move(nodes), body, friction);
   }
-  const double period = from.positive("period");
-  const double ratio = from.number("instantaneous_ratio", 1.0, 1e12), retardation = from.positive("retardation_time");
+  const double period = from.number("period", 1e-9, 1e3);
+  const double ratio = from.number("instantaneous_ratio", 1.0, 1e9), retardation = from.number("retardation_time", 1e-9, 1e9);
   if (model == "standard_linear_solid") {
     if (!reader.ok()) return nullptr;
     const deformable::StandardLinearSolid body(deformable::Compliance(nodes, full.data(), rough), ratio, retardation, period);
     return own(std::move(nodes), body, friction);
   }
-  const double alpha = from.number("rayleigh_alpha", 0.0, 1e12), beta = from.number("rayleigh_beta", 0.0, 1e12);
+  const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
   const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
   const auto modes = static_cast<std::int64_t>(frequencies.size());
   const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
-  if (reader.ok() && modes == 0) from.fail("frequencies", "must hold at least one mode");
+  const bool in_range = std::all_of(frequencies.begin(), frequencies.end(), [](double w) { return w > 1e-9 && w < 1e9; });
+  if (modes == 0 || !in_range) from.fail("frequencies", "must hold at least one mode, and numbers from 1e-9 to 1e9 rad/s only");
   if (!reader.ok()) return nullptr;
   const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
   return own(std::move(nodes), body, friction);
@@ -204,7 +210,7 @@ template <class Model>
   const std::vector<double> rotation = pose.numbers("rotation", 9);
   placement.rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation.data());
   placement.tip = pose.choice("tip", {"sphere", "flat"}) == 0 ? deformable::Tip::Kind::sphere : deformable::Tip::Kind::flat;
-  placement.radius = pose.positive("radius");
+  placement.radius = pose.number("radius", 1e-9, 1e3);
   placement.body = read_body(reader, from);
   if (!reader.ok() || !placement.body) return {};
   return object::BodyInstance(std::move(placement));

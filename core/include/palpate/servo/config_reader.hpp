@@ -1,12 +1,15 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -180,6 +183,11 @@ class ConfigReader {
         out.clear();
         return about.refuse("the file \"" + file + "\" is damaged: its checksum is " + found + " instead of " + checksum, out);
       }
+      if constexpr (std::is_floating_point_v<T>)
+        if (!std::all_of(out.begin(), out.end(), [](T x) { return std::isfinite(x); })) {
+          out.clear();
+          return about.refuse("the file \"" + file + "\" holds a number that is not finite", out);
+        }
       return out;
     }
 

@@ -164,10 +164,19 @@ class LoopConfigLoader {
         if (std::none_of(M::parameters.begin(), M::parameters.end(), [&](const auto& field) { return key == field.key; }))
           given.fail(key.c_str(), "is no parameter of this mechanism");
       for (const auto& field : M::parameters)
-        if (field.required || given.has(field.key))
-          config_.parameters_.emplace_back(field.key, given.numbers(field.key, static_cast<std::size_t>(field.size)));
+        if (field.required || given.has(field.key)) read_parameter(given, field);
     });
     if (reader_.ok() && config_.dof == 0) from.fail("name", "is \"" + config_.mechanism + "\", which this version does not know");
+  }
+
+  template <class Field>
+  void read_parameter(const Section& from, const Field& field) {
+    std::vector<double> values = from.numbers(field.key, static_cast<std::size_t>(field.size));
+    for (const double value : values) {
+      if (field.range == mechanism::ParameterRange::positive && !(value > 0.0)) from.fail(field.key, "must be positive");
+      if (field.range == mechanism::ParameterRange::nonnegative && !(value >= 0.0)) from.fail(field.key, "must not be negative");
+    }
+    config_.parameters_.emplace_back(field.key, std::move(values));
   }
 
   std::vector<double> joints(const Section& from, const char* key, bool infinite = false) {
@@ -181,7 +190,7 @@ class LoopConfigLoader {
   }
 
   void read_servo(const Section& from) {
-    config_.period_ = from.positive("period");
+    config_.period_ = from.number("period", 1e-9, 1e3);
     config_.delay_ = static_cast<int>(from.integer("delay", 0, 64));
     config_.start_ = joints(from, "start");
     config_.gravity_compensation_ = from.vector("gravity_compensation");

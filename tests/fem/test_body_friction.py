@@ -152,7 +152,7 @@ def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body)
     nodes, _ = rough.core.pressed()
     begin, vertices, shares = small._patches()
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(small.nodes), len(small.contents.vertices)))[nodes]
-    free = np.flatnonzero(np.repeat(~small.contents.held, 3))
+    free = np.flatnonzero(np.repeat(~small.contents.dirichlet, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
     yields = full @ splu(small.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
     aside = small.nodes[nodes] - path[0]

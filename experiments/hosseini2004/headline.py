@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from palpate.plotting.figures import thin
-from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report import Page
 
 from experiments.hosseini2004.cases import design
@@ -52,7 +52,7 @@ def _error(loop: Loop) -> float:
 def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     figure, rows = new_figure(1, 2, width=9.0, height=3.6, sharex=False)
     left, right = rows[0]
-    for loop, colour in zip(lqg, COLOURS, strict=False):
+    for loop, colour in zip(lqg, COLORS, strict=False):
         left.plot(*thin(loop.time * 1e3, loop.deflection[:, 2]), color=colour)
         left.axhline(loop.ideal, color=INK, linestyle=(0, (4, 3)), linewidth=0.8, zorder=1)
         left.annotate(
@@ -70,8 +70,8 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     left.set_xlabel("time [ms]")
     left.set_ylabel("deflection along z [mm]")
     left.set_title("8.5 N on cubes, nonlinear arm", **TITLE)
-    ours = {"lead–lag, palpate": (lead_lag, COLOURS[1], "o"), "LQG, palpate": (lqg, COLOURS[0], "o")}
-    for column, (label, colour) in enumerate((("lead–lag, thesis", COLOURS[1]), ("LQG, thesis", COLOURS[0])), start=1):
+    ours = {"lead–lag, palpate": (lead_lag, COLORS[1], "o"), "LQG, palpate": (lqg, COLORS[0], "o")}
+    for column, (label, colour) in enumerate((("lead–lag, thesis", COLORS[1]), ("LQG, thesis", COLORS[0])), start=1):
         errors = []
         for k in SOFT_TO_STIFF:
             deflection = float(printed(f"tab5.1-{k:.1f}").rows[0][column])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from palpate.plotting.body_contact import deformed
 from palpate.plotting.figures import forces, thin
-from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.simulation.bodies import pressed_at
@@ -143,7 +143,7 @@ def margin_figure(held: Sequence[PressResult]) -> Figure:
     """Return the stiffness of each contact and the critical one against Young's modulus."""
     figure, rows = new_figure(1, 1, height=3.0)
     panel = rows[0][0]
-    for law, colour in zip(LAWS, COLOURS, strict=False):
+    for law, colour in zip(LAWS, COLORS, strict=False):
         mine = [(one.young / 1e3, one.contact) for one in held if one.law == law and one.contact is not None]
         if not mine:
             continue
@@ -168,8 +168,8 @@ def felt_figure(sweep: PalpationSweep) -> Figure:
     panel.fill_between(
         1e3 * plain.place, plain.stiffness, (1.0 + JND) * plain.stiffness, color=FAINT, alpha=0.22, linewidth=0
     )
-    panel.plot(*thin(1e3 * plain.place, plain.stiffness), color=COLOURS[1], label="without the nodule")
-    panel.plot(*thin(1e3 * lump.place, lump.stiffness), color=COLOURS[0], label="with the nodule")
+    panel.plot(*thin(1e3 * plain.place, plain.stiffness), color=COLORS[1], label="without the nodule")
+    panel.plot(*thin(1e3 * lump.place, lump.stiffness), color=COLORS[0], label="with the nodule")
     for side in (-7.5, 7.5):
         panel.axvline(side, color=INK, linestyle=_DASHED, linewidth=0.9)
     panel.annotate("nodule", (0.0, 0.05), xycoords=("data", "axes fraction"), ha="center", fontsize=9, color=INK)

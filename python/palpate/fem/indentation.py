@@ -153,7 +153,8 @@ class IndentableBody(CondensedBody):
                 break
         else:
             warnings.warn("the body did not settle in 5 s: add damping", BodyWarning, stacklevel=4)
-        return ContactHistory(*(values[-1:] for values in history))
+        force, deflection, energy, nodes, friction = history
+        return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:])
 
     def simulate_path(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: TipShape = "sphere"

@@ -1,4 +1,4 @@
-"""The thesis's figures, drawn from our own runs."""
+"""Figures of the thesis, drawn from simulations."""
 
 from __future__ import annotations
 

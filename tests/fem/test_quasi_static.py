@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import fem as bodies
 from palpate.errors import PoseError
 from palpate.fem import BodyError, HyperelasticModel, Law, Material, QuasiStaticSolver, block
-from palpate.fem.body import Shape
+from palpate.fem.checks import TipShape
 from palpate.fem.selectors import half_space
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ SLIM = block((0.02, 0.02, 0.03), 0.005)
 
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
-def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law, tip: Shape) -> None:
+def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law, tip: TipShape) -> None:
     """Under the forces alone it would fall, so its exact tangent is no longer positive: at rest still.
 
     The force is that of the solid's own assembly; a sphere's is the slope of its energy (a flat end's edge stores some

@@ -107,7 +107,11 @@ class Body(IndentableBody):
             *self._arrays(),
             np.ascontiguousarray(self.contents.shapes),
             np.ascontiguousarray(self.contents.frequencies),
-            *options.values(),
+            options["period"],
+            options["rayleigh_alpha"],
+            options["rayleigh_beta"],
+            options["instantaneous_ratio"],
+            options["retardation_time"],
             *body.kind.friction,
         )
         return body
@@ -130,13 +134,11 @@ class Body(IndentableBody):
         Raises:
             BodyError: a number is out of range.
         """
-        tick = tick_period(period)
-        solid = {
-            "instantaneous_ratio": stiffness_ratio(instantaneous_ratio),
-            "retardation_time": positive(retardation_time, "s", "retardation_time"),
-        }
-        body = self._with_model("viscoelastic", {"period": tick, **solid}, static_friction, dynamic_friction)
-        body.core = _core.StandardLinearSolidBody(*self._arrays(), *solid.values(), tick, *body.kind.friction)
+        tick, ratio = tick_period(period), stiffness_ratio(instantaneous_ratio)
+        time = positive(retardation_time, "s", "retardation_time")
+        options = {"period": tick, "instantaneous_ratio": ratio, "retardation_time": time}
+        body = self._with_model("viscoelastic", options, static_friction, dynamic_friction)
+        body.core = _core.StandardLinearSolidBody(*self._arrays(), ratio, time, tick, *body.kind.friction)
         return body
 
     def mass_spring(
@@ -180,7 +182,9 @@ class Body(IndentableBody):
             np.ascontiguousarray(network.tetrahedra, dtype=np.int32),
             network.pressure,
             *self._patches(),
-            *options.values(),
+            options["period"],
+            options["rayleigh_alpha"],
+            options["rayleigh_beta"],
             *body.kind.friction,
         )
         return body

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,7 +92,7 @@ def body_energy(trace: Trace) -> Figure:
     tank = trace["saved_energy"][:, 0]
     if tank.any():
         total = 1e3 * (trace["stored_energy"][:, 0] + tank)
-        style = {"linestyle": (0, (1, 2)), "linewidth": 2.4}
+        style: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 2.4}
         panel.plot(*thin(trace.time, total), color=COLORS[1], label="stored and in the energy tank", **style)
     panel.set(xlabel="time [s]", ylabel="energy [mJ]")
     panel.legend(loc="best")

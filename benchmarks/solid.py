@@ -57,7 +57,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                     "tick_without_p99.9_us": float(np.percentile(off.ticks[deep], 99.9) * 1e6),
                     "late_p99.9_us": float(np.percentile(on.late, 99.9) * 1e6),
                     "late_without_p99.9_us": float(np.percentile(off.late, 99.9) * 1e6),
-                    "waiting_ticks": int(on.touches.waits.sum()),
+                    "waiting_ticks": int(on.touches.tank_empty.sum()),
                 }
             )
     return Rows(rows)

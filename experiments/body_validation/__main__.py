@@ -13,26 +13,26 @@ __all__ = ["app", "validate"]
 
 
 def validate(
-    paths: Annotated[int, typer.Option("--paths", help="Random closed paths for each kind of body.")] = 10_000,
+    paths: Annotated[int, typer.Option("--paths", help="Number of random closed paths for each model.")] = 10_000,
 ) -> None:
     """Compare bodies with converged finite elements, with Hertz, and with conservation of energy; takes minutes.
 
     Example: python -m experiments.body_validation
     """
-    with progress("starting") as tell:
+    with progress("starting") as report:
         from experiments.body_validation.validation import validate as run
 
-        rows = run(tell, paths=paths)
-    missed = False
+        rows = run(report, paths=paths)
+    failed = False
     for row in rows:
-        good = abs(row["off"]) <= row["asked"]
-        missed = missed or not good
+        good = abs(row["deviation"]) <= row["tolerance"]
+        failed = failed or not good
         output.print(
-            f"  [{'green' if good else 'red'}]{100 * row['off']:+.2g} %[/] {escape(row['what'])} "
-            f"[dim](asked: within {100 * row['asked']:g} %)[/]",
+            f"  [{'green' if good else 'red'}]{100 * row['deviation']:+.2g} %[/] {escape(row['name'])} "
+            f"[dim](tolerance: {100 * row['tolerance']:g} %)[/]",
             soft_wrap=True,
         )
-    if missed:
+    if failed:
         raise typer.Exit(1)
 
 

@@ -1,7 +1,7 @@
-"""A rigid flat end on the bonded block by finite elements alone, fine enough to be a reference for bodies.
+"""Reference solution by finite elements: a rigid flat end bonded to a block that is fixed at its bottom.
 
-There is neither a contact nor a condensation here: the nodes under the end go down as one. The mesh is round where the
-end is, its lines follow the end's edge and draw together towards it, where the stress is singular; a quarter is solved.
+The nodes under the end have one common displacement, so there is no contact and no condensation. The mesh follows the
+circular edge of the end and is graded toward it, where the stress is singular. One quarter is solved.
 """
 
 from __future__ import annotations
@@ -20,56 +20,56 @@ __all__ = ["HEIGHT", "POISSON", "SIDE", "YOUNG", "extrapolate", "stiffness"]
 
 Array = NDArray[np.float64]
 YOUNG, POISSON, SIDE, HEIGHT = 20e3, 0.45, 0.1, 0.05  # Pa, -, m, m: of the block
-_GRADING = 3.0  # the edge's stress grows as 1 / sqrt(distance): cells that shrink like this keep most of the order
-_CORE = 0.4  # half side of the square in the middle of the end, over the end's radius
+_GRADING = 3.0  # exponent of the cell size; preserves most of the order under a stress of 1 / sqrt(distance)
+_CORE = 0.4  # half side of the central square over the radius of the end
 
 
 def stiffness(radius: float, cells: int) -> float:
-    """Return force over depth, N/m, for `cells` rings of cells under the end; it falls towards the limit."""
+    """Return force over depth, N/m, with `cells` rings of cells under the end; it converges from above."""
     volume, edge = _quarter(radius, cells)
     end = Selector("end", lambda x: (x[:, 2] > HEIGHT - 1e-9) & (np.hypot(x[:, 0], x[:, 1]) < edge * (1 + 1e-6)))
     elements = Elements(volume, Material(YOUNG, POISSON), [half_space("z", "<", 1e-9)], end)
     x = elements.nodes
-    under = np.flatnonzero(np.diff(elements.load.tocsr().indptr))  # the nodes of all triangles of the end
+    under = np.flatnonzero(np.diff(elements.load.tocsr().indptr))  # nodes of the triangles under the end
     moved = 3 * under + 2
     mirrored = np.concatenate([3 * np.flatnonzero(x[:, axis] < 1e-9) + axis for axis in (0, 1)])
     free = np.setdiff1d(elements.free, np.concatenate([moved, mirrored]))
-    pushed = np.asarray(elements.stiffness[:, moved].sum(axis=1)).ravel()  # all by one metre
-    rest = Factor(elements.stiffness[free][:, free]).solve(-pushed[free][:, None]).ravel()
-    return 4.0 * float(pushed[moved].sum() + (elements.stiffness[moved][:, free] @ rest).sum())
+    load = np.asarray(elements.stiffness[:, moved].sum(axis=1)).ravel()  # per unit displacement of the end
+    displacement = Factor(elements.stiffness[free][:, free]).solve(-load[free][:, None]).ravel()
+    return 4.0 * float(load[moved].sum() + (elements.stiffness[moved][:, free] @ displacement).sum())
 
 
 def extrapolate(values: Sequence[float], ratio: float) -> tuple[float, float]:
-    """Return the limit of three values on meshes each `ratio` times finer, and the observed order (Richardson)."""
+    """Return the limit of values on three meshes, refined by `ratio`, and the observed order (Richardson)."""
     coarse, middle, fine = values
     order = float(np.log((coarse - middle) / (middle - fine)) / np.log(ratio))
     return fine - (middle - fine) / (ratio**order - 1.0), order
 
 
 def _quarter(radius: float, cells: int) -> tuple[Volume, float]:
-    """A quarter of the block, x and y from the end's axis; and the radius of the corners of the end's edge.
+    """Return the mesh of a quarter of the block, with the origin on the axis, and the radius of the end's corners, m.
 
-    A square in the middle and rings around it, round at the end's edge and square at the side. The edge is a polygon
-    of the circle's area.
+    The mesh has a square at the center and rings around it, circular at the edge of the end and square at the side of
+    the block. The edge is a polygon with the area of the circle.
     """
     half, core = SIDE / 2, _CORE * radius
-    part, wide, deep = (np.linspace(0.0, 1.0, count + 1) for count in (cells, round(1.5 * cells), 2 * cells))
+    part, outward, down = (np.linspace(0.0, 1.0, count + 1) for count in (cells, round(1.5 * cells), 2 * cells))
     inner = radius - (radius - core) * (1.0 - part) ** _GRADING
-    outer = radius + (half - radius) * wide[1:] ** _GRADING
+    outer = radius + (half - radius) * outward[1:] ** _GRADING
     rings = np.concatenate([inner, outer])
     roundness = np.concatenate([1.0 - ((radius - inner) / (radius - core)) ** 2, (half - outer) / (half - radius)])
     angles = np.pi / 4 * part
-    heights: Array = np.asarray(HEIGHT - (HEIGHT * deep**_GRADING)[::-1], dtype=float)
+    heights: Array = np.asarray(HEIGHT - (HEIGHT * down**_GRADING)[::-1], dtype=float)
     step = np.pi / 4 / cells
     edge = radius * np.sqrt(step / np.sin(step))
     across: Array = np.asarray(core * np.tan(angles), dtype=float)
     middle = grid([across, across, heights])
     numbers: list[Array] = [np.asarray(1e-3 * np.arange(count), dtype=float) for count in (len(rings), cells + 1)]
-    sector = grid([*numbers, heights])  # of rings and angles; bent below
+    sector = grid([*numbers, heights])  # in rings and angles; mapped below
     i, j = (np.rint(sector.points[:, axis] * 1e3).astype(int) for axis in (0, 1))
-    reach = rings[i] * ((1.0 - roundness[i]) / np.cos(angles[j]) + roundness[i] * edge / radius)
-    bent = np.stack([reach * np.cos(angles[j]), reach * np.sin(angles[j]), sector.points[:, 2]], axis=1)
-    parts = [middle.points, bent, bent[:, [1, 0, 2]]]
+    radii = rings[i] * ((1.0 - roundness[i]) / np.cos(angles[j]) + roundness[i] * edge / radius)
+    mapped = np.stack([radii * np.cos(angles[j]), radii * np.sin(angles[j]), sector.points[:, 2]], axis=1)
+    parts = [middle.points, mapped, mapped[:, [1, 0, 2]]]
     first = np.cumsum([0, len(parts[0]), len(parts[1])])
     tetrahedra = [middle.tetrahedra, sector.tetrahedra, sector.tetrahedra]
     points = np.concatenate(parts)

@@ -1,6 +1,6 @@
-"""Bodies held against independent answers: finite elements that converge, closed forms, and the law of energy.
+"""Validation of bodies against converged finite elements, closed forms, and conservation of energy.
 
-These take minutes, so they are a command, not a test: `python -m experiments.body_validation`.
+It takes minutes, so it is a command, not a test: `python -m experiments.body_validation`.
 """
 
 from __future__ import annotations
@@ -23,128 +23,139 @@ from scipy.sparse.linalg import splu
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.passivity import energy_out, small_body
 
-__all__ = ["Answers", "flat_end", "hertz", "lattice_near_rest", "other_kinds", "spline_in_full", "validate"]
+__all__ = ["Deviations", "dense_free_form", "flat_end", "hertz", "linearized_mass_spring", "other_models", "validate"]
 
 Array = NDArray[np.float64]
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 Row = dict[str, Any]
 _BOTTOM: Final = half_space("z", "<", 1e-9)
-_SPACINGS: Final = (punch.SIDE / 20, punch.SIDE / 24, punch.SIDE / 30)  # even numbers: a node is in the middle
-_HIGH: Final = 0.03  # m, of the block of `other_kinds`
-_REFINED: Final = (4, 6, 9)  # cells under the end of the reference, each 1.5 times finer
+_SPACINGS: Final = (punch.SIDE / 20, punch.SIDE / 24, punch.SIDE / 30)  # even counts, so that a node is at the center
+_HEIGHT: Final = 0.03  # of the block of `other_models`, m
+_REFINED: Final = (4, 6, 9)  # cells under the end in the reference, refined by 1.5
 
 
 def flat_end(spacing: float, aside: float = 0.0, radius: float = 10e-3) -> float:
-    """Stiffness, N/m, of a flat end pressed into a body: the bonded block of 100 x 100 x 50 mm, 20 kPa, nu 0.45.
+    """Return the stiffness, N/m, of a flat end on a body: a block of 100 x 100 x 50 mm, 20 kPa, nu 0.45.
 
-    `spacing`, m, of the cells; `aside`, m, of the end's middle from the block's, where a node is.
+    Args:
+        spacing: of the cells, m.
+        aside: distance of the end from the center of the block, where a node is, m.
+        radius: of the end, m.
     """
-    middle, top, half = punch.SIDE / 2, punch.HEIGHT, radius + 2.01 * spacing  # all nodes that the end may reach
+    middle, top, half = punch.SIDE / 2, punch.HEIGHT, radius + 2.01 * spacing  # all nodes that can be in contact
     patch = box((middle - half, middle - half, top - 1e-6), (middle + half, middle + half, top + 1e-6))
     planes = np.linspace(0.0, punch.SIDE, round(punch.SIDE / spacing) + 1)
     volume = grid([planes, planes, top - _graded(spacing, 2 * spacing, top)[::-1]], "block")
     body = build(volume, young=punch.YOUNG, poisson=punch.POISSON, fixed=_BOTTOM, touch=patch, memory="16 GB")
-    felt = body.indent([middle + aside, middle + 0.6 * aside, top], radius, 1e-3, tip="flat")
-    return float(felt.force[2] / 1e-3)
+    indentation = body.indent([middle + aside, middle + 0.6 * aside, top], radius, 1e-3, tip="flat")
+    return float(indentation.force[2] / 1e-3)
 
 
 def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> float:
-    """Force of a sphere on a block of 100 mm, deep against the contact, over Hertz's 4/3 E* sqrt(R) d^(3/2)."""
+    """Return the force of a sphere on a block of 100 mm over Hertz's 4/3 E* sqrt(R) d^(3/2)."""
     side, young, poisson = 0.1, 10e3, 0.45
     half = _graded(spacing, 7e-3, side / 2)
     planes = np.concatenate([side / 2 - half[:0:-1], side / 2 + half])
     volume = grid([planes, planes, side - _graded(spacing, 5e-3, side)[::-1]], "deep block")
     patch = box((side / 2 - 8e-3, side / 2 - 8e-3, side - 1e-6), (side / 2 + 8e-3, side / 2 + 8e-3, side + 1e-6))
     body = build(volume, young=young, poisson=poisson, fixed=_BOTTOM, touch=patch, memory="16 GB")
-    felt = body.indent([side / 2, side / 2, side], radius, depth)
-    return float(felt.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
+    indentation = body.indent([side / 2, side / 2, side], radius, depth)
+    return float(indentation.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
-def validate(progress: Tell | None = None, *, paths: int = 10_000) -> list[Row]:
-    """Return rows: "what" is held against what, how far it is "off" (a fraction), and what is "asked"; minutes.
+def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[Row]:
+    """Return one row per comparison: "name", "deviation" (a fraction) and "tolerance". Takes minutes.
 
-    `paths`: random closed paths for each kind of body.
+    Args:
+        progress: called with a description and the fraction done.
+        paths: number of random closed paths for each model.
+
+    Raises:
+        BodyError: `paths` is not a positive whole number.
     """
     whole(paths, "paths", 1)
-    tell = progress if progress is not None else (lambda _text, _fraction: None)
-    tell("sphere on a deep block", 0.0)
+    report = progress if progress is not None else (lambda _text, _fraction: None)
+    report("sphere on a deep block", 0.0)
     rows = [_row("sphere on a deep block, over Hertz", hertz(5e-3 / 3) - 1.0, 0.05)]
-    rows += _flat_ends(tell)
-    rows += other_kinds(progress=tell)
-    return rows + _closed_paths(tell, paths)
+    rows += _flat_ends(report)
+    rows += other_models(progress=report)
+    return rows + _closed_paths(report, paths)
 
 
-class Answers(NamedTuple):
-    """What the block of 60 x 60 x 30 mm does, and how far another kind of the same body is from it, as fractions."""
+class Deviations(NamedTuple):
+    """Deviations of a model from finite elements on a block of 60 x 60 x 30 mm, as fractions."""
 
-    stretch: float  # mean displacement of its top, pulled evenly
-    shear: float  # the same, dragged evenly along x
-    press: float  # force of a flat end of 10 mm radius, 1 mm deep in its middle
-    surface: float  # displacement of the top under that end: largest difference, by 1 mm
-
-
-_ALLOWED: Final = {"mass_spring": Answers(0.05, 0.05, 0.15, 0.1), "free_form": Answers(0.15, 0.55, 0.4, 0.3)}
+    stretch: float  # mean displacement of the top under a uniform normal traction
+    shear: float  # mean displacement of the top under a uniform traction along x
+    press: float  # force of a flat end of 10 mm radius at a depth of 1 mm
+    surface: float  # largest deviation of the displacement of the top under that end, over 1 mm
 
 
-def lattice_near_rest(body: Body) -> Body:
-    """Return a body with the compliance that its lattice has for small displacements held for long."""
-    begin, vertices, shares = body._patches()
-    load = sparse.csr_matrix((shares, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
-    free = np.flatnonzero(np.repeat(~body.contents.held, 3))
-    full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
-    found = full @ splu(body.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
-    return Body(replace(body.contents, compliance=found.astype(np.float32)))
+_TOLERANCES: Final = {"mass_spring": Deviations(0.05, 0.05, 0.15, 0.1), "free_form": Deviations(0.15, 0.55, 0.4, 0.3)}
 
 
-def spline_in_full(body: Body) -> Body:
-    """Return a body with the compliance of its spline: along the normals and along the surface, nothing between."""
+def linearized_mass_spring(body: Body) -> Body:
+    """Return a body with the static compliance of its mass-spring model for small displacements."""
+    free = np.flatnonzero(np.repeat(~body.contents.dirichlet, 3))
+    load = sparse.kron(body.patch_weights, sparse.eye(3), format="csr")[:, free]
+    compliance = load @ splu(body.spring_network.matrix[free][:, free].tocsc()).solve(load.T.toarray())
+    return Body(replace(body.contents, compliance=compliance.astype(np.float32)))
+
+
+def dense_free_form(body: Body) -> Body:
+    """Return a body with the compliance of its free-form model: normal and tangential, without coupling."""
     law, n = body.free_form_law, len(body.nodes)
     b = weights(body.nodes, law.spacing)
-    shared, layer = (b @ b.T).toarray(), np.diag(1.0 / body.contents.areas)
-    normal = np.einsum("ia,jb->iajb", body.normals, body.normals)
-    along, across = law.give * shared + law.layer * layer, law.give_across * shared + law.layer_across * layer
-    facing = np.einsum("ia,ja->ij", body.normals, body.normals)
-    part = np.eye(3) - np.einsum("ia,ib->iab", body.normals, body.normals)
-    found = (along * facing)[:, None, :, None] * normal / np.where(facing, facing, 1.0)[:, None, :, None]
-    found = found + across[:, None, :, None] * np.einsum("iac,jcb->iajb", part, part)
-    return Body(replace(body.contents, compliance=found.reshape(3 * n, 3 * n).astype(np.float32)))
+    overlap, layer = (b @ b.T).toarray(), np.diag(1.0 / body.contents.areas)
+    normals = np.einsum("ia,jb->iajb", body.normals, body.normals)
+    normal = law.control_compliance * overlap + law.layer_compliance * layer
+    tangential = law.tangential_control_compliance * overlap + law.tangential_layer_compliance * layer
+    cosines = np.einsum("ia,ja->ij", body.normals, body.normals)
+    projection = np.eye(3) - np.einsum("ia,ib->iab", body.normals, body.normals)
+    compliance = (normal * cosines)[:, None, :, None] * normals / np.where(cosines, cosines, 1.0)[:, None, :, None]
+    compliance = compliance + tangential[:, None, :, None] * np.einsum("iac,jcb->iajb", projection, projection)
+    return Body(replace(body.contents, compliance=compliance.reshape(3 * n, 3 * n).astype(np.float32)))
 
 
-def other_kinds(ratios: Sequence[float] = (0.0, 0.3, 0.45, 0.49), *, progress: Tell | None = None) -> list[Row]:
-    """Return rows, as `validate`: lattices and splines over quadratic finite elements on the same block.
+def other_models(ratios: Sequence[float] = (0.0, 0.3, 0.45, 0.49), *, progress: Progress | None = None) -> list[Row]:
+    """Return rows, as `validate`: mass-spring and free-form models over quadratic finite elements.
 
-    `ratios` are Poisson's.
+    Args:
+        ratios: Poisson's ratios.
+        progress: called with a description and the fraction done.
     """
     rows = []
     for poisson in ratios:
         if progress is not None:
-            progress(f"lattice and spline, Poisson's ratio {poisson:g}", 0.62)
-        top = half_space("z", ">", _HIGH - 1e-9)
-        solid = build(block((0.06, 0.06, _HIGH), 5e-3), young=5e3, poisson=poisson, fixed=_BOTTOM, touch=top)
-        for kind, other in (("mass_spring", lattice_near_rest(solid)), ("free_form", spline_in_full(solid))):
-            for (what, off), asked in zip(_answers(other, solid)._asdict().items(), _ALLOWED[kind], strict=True):
-                rows.append(_row(f"{kind}, Poisson's ratio {poisson:g}, {what}: over quadratic elements", off, asked))
+            progress(f"mass-spring and free-form models, Poisson's ratio {poisson:g}", 0.62)
+        top = half_space("z", ">", _HEIGHT - 1e-9)
+        solid = build(block((0.06, 0.06, _HEIGHT), 5e-3), young=5e3, poisson=poisson, fixed=_BOTTOM, touch=top)
+        for kind, other in (("mass_spring", linearized_mass_spring(solid)), ("free_form", dense_free_form(solid))):
+            deviations = _deviations(other, solid)._asdict()
+            for (name, deviation), tolerance in zip(deviations.items(), _TOLERANCES[kind], strict=True):
+                text = f"{kind}, Poisson's ratio {poisson:g}, {name}: over quadratic elements"
+                rows.append(_row(text, deviation, tolerance))
     return rows
 
 
-def _answers(other: Body, solid: Body) -> Answers:
-    share = solid.contents.areas / solid.contents.areas.sum()
-    means, pressed = [], []
+def _deviations(other: Body, solid: Body) -> Deviations:
+    weight = solid.contents.areas / solid.contents.areas.sum()
+    means, indentations = [], []
     for body in (other, solid):
-        whole = body.compliance.reshape(len(share), 3, len(share), 3).astype(float)
-        mean = np.einsum("i,iajb,j->ab", share, whole, share)
-        felt = body.indent([0.03, 0.03, _HIGH], 10e-3, 1e-3, tip="flat")
-        means.append(mean)
-        pressed.append((felt.force[2], felt.displacement))
-    (one, moved), (two, expected) = pressed
+        compliance = body.compliance.reshape(len(weight), 3, len(weight), 3).astype(float)
+        means.append(np.einsum("i,iajb,j->ab", weight, compliance, weight))
+        indentation = body.indent([0.03, 0.03, _HEIGHT], 10e-3, 1e-3, tip="flat")
+        indentations.append((indentation.force[2], indentation.displacement))
+    (force, moved), (expected_force, expected) = indentations
     ratio = means[0] / np.where(np.eye(3), means[1], 1.0)
-    return Answers(ratio[2, 2] - 1, ratio[0, 0] - 1, one / two - 1, float(np.abs(moved - expected).max() / 1e-3))
+    surface = float(np.abs(moved - expected).max() / 1e-3)
+    return Deviations(ratio[2, 2] - 1, ratio[0, 0] - 1, force / expected_force - 1, surface)
 
 
-def _flat_ends(tell: Tell) -> list[Row]:
+def _flat_ends(report: Progress) -> list[Row]:
     ends = []
     for i, cells in enumerate(_REFINED):
-        tell(f"reference of the flat end, {cells} cells under it", 0.05 + 0.1 * i)
+        report(f"reference of the flat end, {cells} cells under it", 0.05 + 0.1 * i)
         ends.append(punch.stiffness(10e-3, cells))
     limit, order = punch.extrapolate(ends, 1.5)
     steps = ", ".join(f"{end:.4g}" for end in ends)
@@ -156,13 +167,13 @@ def _flat_ends(tell: Tell) -> list[Row]:
     for aside, where in ((0.0, "on"), (0.5, "between")):
         found = []
         for i, spacing in enumerate(_SPACINGS):
-            tell(f"flat end {where} nodes, cells of {spacing * 1e3:.3g} mm", 0.35 + 0.05 * i + 0.15 * aside)
+            report(f"flat end {where} nodes, cells of {spacing * 1e3:.3g} mm", 0.35 + 0.05 * i + 0.15 * aside)
             found.append(flat_end(spacing, aside * spacing))
             text = f"flat end of 10 mm {where} nodes, cells of {spacing * 1e3:.3g} mm, over {limit:.4g} N/m"
             rows.append(_row(text, found[-1] / limit - 1.0, 0.05))
         rows.append(_row(f"the three {where} nodes: largest less smallest", np.ptp(found) / limit, 0.05))
     for i, radius in enumerate((7e-3, 15e-3)):
-        tell(f"flat end of {radius * 1e3:g} mm", 0.55 + 0.05 * i)
+        report(f"flat end of {radius * 1e3:g} mm", 0.55 + 0.05 * i)
         coarse, fine = (punch.stiffness(radius, cells) for cells in _REFINED[:2])
         spacing = _SPACINGS[1]
         limit = fine - (coarse - fine) / (1.5**order - 1.0)  # of the same order
@@ -171,7 +182,7 @@ def _flat_ends(tell: Tell) -> list[Row]:
     return rows
 
 
-def _closed_paths(tell: Tell, paths: int) -> list[Row]:
+def _closed_paths(report: Progress, paths: int) -> list[Row]:
     body, rows = small_body(), []
     kinds: dict[str, Callable[[float], Any]] = {
         "compliance": lambda _period: body,
@@ -183,24 +194,24 @@ def _closed_paths(tell: Tell, paths: int) -> list[Row]:
     for i, (name, kind) in enumerate(kinds.items()):
         text, begin = f"{paths} random closed paths on {name}", 0.65 + 0.115 * i
 
-        def share(part: float, text: str = text, begin: float = begin) -> None:
-            tell(text, begin + 0.115 * part)
+        def report_part(part: float, text: str = text, begin: float = begin) -> None:
+            report(text, begin + 0.115 * part)
 
-        out = energy_out(kind, paths, held=name != "compliance", progress=share)
-        rows.append(_row(f"{text}: energy given out, of what is exchanged", out, 1e-4))
+        energy = energy_out(kind, paths, piecewise_constant=name != "compliance", progress=report_part)
+        rows.append(_row(f"{text}: energy extracted over energy exchanged", energy, 1e-4))
     return rows
 
 
-def _row(what: str, off: float, asked: float) -> Row:
-    return {"what": what, "off": float(off), "asked": asked}
+def _row(name: str, deviation: float, tolerance: float) -> Row:
+    return {"name": name, "deviation": float(deviation), "tolerance": tolerance}
 
 
-def _graded(step: float, near: float, end: float, growth: float = 1.35) -> Array:
-    """Lines from 0 to `end`, m: `step` apart up to `near`, then growing."""
-    even = np.linspace(0.0, near, max(1, round(near / step)) + 1)
-    more, width = [0.0], step
-    while more[-1] < end - near:
+def _graded(step: float, uniform: float, end: float, growth: float = 1.35) -> Array:
+    """Return coordinates from 0 to `end`, m, at a distance of `step` up to `uniform`, and growing beyond."""
+    inner = np.linspace(0.0, uniform, max(1, round(uniform / step)) + 1)
+    lines, width = [0.0], step
+    while lines[-1] < end - uniform:
         width *= growth
-        more.append(more[-1] + width)
-    rest = np.array(more[1:]) * (end - near) / more[-1]
-    return np.concatenate([even, near + rest])
+        lines.append(lines[-1] + width)
+    outer = np.array(lines[1:]) * (end - uniform) / lines[-1]
+    return np.concatenate([inner, uniform + outer])

@@ -1,4 +1,4 @@
-"""`python -m experiments.hosseini2004`: the thesis computed anew and held against its printed numbers."""
+"""`python -m experiments.hosseini2004`: reproduction of the thesis, compared with its printed numbers."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ def reproduce(
         "results"
     ),
 ) -> None:
-    """Compute every table, matrix and figure of the thesis (chapters 2 to 5) beside what it prints.
+    """Compute every table, matrix and figure of chapters 2 to 5 of the thesis, and compare them with the print.
 
-    Takes about a minute. A number matches, shows an erratum of the print, or differs; the exit code is 1 if one does.
+    Takes about a minute. A number matches, shows an erratum of the print, or differs. The exit code is 1 if one
+    differs.
 
     Example: python -m experiments.hosseini2004 --out results
     """
-    with progress("starting") as tell:
+    with progress("starting") as report:
         from experiments.hosseini2004.reproduce import run
 
-        results = run(out, tell)
+        results = run(out, report)
     counts = Counter(result["status"] for result in results)
     for result in results:
         if result["status"] == "differs":
@@ -35,10 +36,10 @@ def reproduce(
                 f"[bold red]differs[/] {result['id']}: {result['what']}: printed {result['printed']}, "
                 f"computed {result['computed']} {result['unit']}"
             )
-    colour = "red" if counts["differs"] else "green"
+    color = "red" if counts["differs"] else "green"
     output.print(
         f"{len(results)} checks: [bold]{counts['match']}[/] match, [bold]{counts['erratum']}[/] are errata of the "
-        f"print, [bold {colour}]{counts['differs']} differ[/]"
+        f"print, [bold {color}]{counts['differs']} differ[/]"
     )
     output.print(f"  {out / 'report.html'}\n  {out / 'results.json'}", style="dim")
     if counts["differs"]:

@@ -1,17 +1,17 @@
-"""The thesis's cases A to D (3.10, chapter 4), their controllers, and why case B with LQG is unstable.
+"""Cases A to D of the thesis (3.10, chapter 4), their controllers, and the instability of case B with LQG.
 
 =====  =====================  ====================
 case   model torque -> angle  tip and torque by
 =====  =====================  ====================
 A      identified (3.25)      nonlinear kinematics
-B      linearised (3.9)       nonlinear kinematics
-C      identified (3.25)      linearised kinematics
-D      linearised (3.9)       linearised kinematics
+B      linearized (3.9)       nonlinear kinematics
+C      identified (3.25)      linearized kinematics
+D      linearized (3.9)       linearized kinematics
 =====  =====================  ====================
 
-In cases A and B the thesis designs the LQG on the model alone, as if its angles (rad) were the measured object force
-(N) and its torques (N m) the commanded tip force (N): the Jacobians and the object's stiffness, K J J^T, are
-missing from the loop that it was designed for.
+In cases A and B the thesis designs the LQG for the model alone: its angles (rad) stand for the measured object force
+(N), and its torques (N m) for the commanded tip force (N). The Jacobians and the object's stiffness, K J J^T, are
+missing from the loop of the design.
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ def design(
         kind: "lead_lag" (always designed with the kinematics, as the thesis tuned it) or "lqg".
         integrators: of the LQG; None: as the thesis.
         jacobians: whether the LQG's design knows the Jacobians and the stiffness; None: as the thesis.
-        stiffness: of the object designed for, N/m; None: 1 N/mm on the linearised arm, 3.5 N/mm on the identified.
+        stiffness: of the object designed for, N/m; None: 1 N/mm on the linearized arm, 3.5 N/mm on the identified.
         device: the arm; None: phantom-premium-1.5a.
-        pose: (3,), rad, at which everything is linearised.
+        pose: (3,), rad, at which everything is linearized.
         options: of ``lead_lag`` or ``lqg``; without the Jacobians, of ``ignorant_lqg``.
 
     Raises:
@@ -167,8 +167,8 @@ def case_plant(
 ) -> control.StateSpace:
     """Return the sampled plant of a case, tip force (3, N) to object force (3, N), to first order about ``pose``.
 
-    It is (3.37): A + B (dJ^T/dq f) C, B J^T, K J C, with f the tip force that holds gravity at ``pose``. On the
-    linearised arm that turning of the held force acts within the hold, so the arm is discretised with it.
+    It is (3.37): A + B (dJ^T/dq f) C, B J^T, K J C, with f the tip force that balances gravity at ``pose``. On the
+    linearized arm this geometric stiffness acts within the hold, so the arm is discretized with it.
 
     Args:
         stiffness: of the object, N/m, one value or three.
@@ -177,10 +177,10 @@ def case_plant(
     k = np.broadcast_to(np.asarray(stiffness, dtype=float), (3,))
     angles = angle_plant(CASES[case].model, device=arm, pose=pose)
     jacobian = arm.jacobian(pose)
-    held = static_tip_force(jacobian, arm.gravity(pose))
-    turning = np.einsum("k,kij->ij", held, arm.tip_hessian(pose))
+    static_force = static_tip_force(jacobian, arm.gravity(pose))
+    geometric_stiffness = np.einsum("k,kij->ij", static_force, arm.tip_hessian(pose))
     return control.StateSpace(
-        angles.A + angles.B @ turning @ angles.C,
+        angles.A + angles.B @ geometric_stiffness @ angles.C,
         angles.B @ jacobian.T,
         k[:, None] * (jacobian @ angles.C),
         np.zeros((3, 3)),

@@ -1,4 +1,4 @@
-"""A certificate for every loop of the thesis: cases A to D with both controllers, the rows of tables 3.1 and 5.1."""
+"""Stability certificates of the loops of the thesis: cases A to D, and the rows of tables 3.1 and 5.1."""
 
 from __future__ import annotations
 
@@ -127,13 +127,13 @@ def _verdict(row: Row, c: Certificate) -> Check:
 def _agreements(found: dict[str, Certificate]) -> list[Check]:
     """Hold the certified limits against those that chapter 4 finds from the case's own plant."""
     b = case_b(integrators=CASES["B"].integrators)
-    share = found["caseB-lqg-certificate"].margin["stable_share_of_the_object"]
+    fraction = found["caseB-lqg-certificate"].margin["stable_share_of_the_object"]
     aware = loop_gain(design("D", "lqg"), case_plant("D", STIFFEST))
     up = found["caseD-lqg-certificate"].margin["object_stiffer_by_factor"]
     return [
         within(
             "caseB-lqg-certified-limit", "case B with LQG: stiffness up to which it is certified, against chapter 4's",
-            b.critical_stiffness, share * STIFFEST, "N/m", 1e-6 * b.critical_stiffness, where="section 4.4.2",
+            b.critical_stiffness, fraction * STIFFEST, "N/m", 1e-6 * b.critical_stiffness, where="section 4.4.2",
         ),
         within(
             "caseD-lqg-certified-limit", "case D with LQG: stiffness up to which it is certified, against the margins'",

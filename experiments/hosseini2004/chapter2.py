@@ -194,7 +194,7 @@ def _equilibrium(page: Page, device: Device) -> list[Check]:
     )
     page.figure(
         figures.eigenvalues({"undamped": poles, "with k of (3.36)": damped}),
-        "Eigenvalues of the linearised arm at its equilibrium (the thesis's figure 2.13), without and with damping.",
+        "Eigenvalues of the linearized arm at its equilibrium (the thesis's figure 2.13), without and with damping.",
     )
     checks.append(
         statement(

@@ -31,7 +31,7 @@ THESIS: Final = (
     [[5, 0, 0], [0, 4, 4], [0, 4, 4]],
     [[2, 0, 0], [0, 2, 2], [0, 2, 2]],
 )
-# What the linearised arm is: two states a joint, joints 2 and 3 seeing each other's past.
+# What the linearized arm is: two states a joint, joints 2 and 3 seeing each other's past.
 ARM: Final = (
     [[2, 0, 0], [0, 2, 2], [0, 2, 2]],
     [[2, 0, 0], [0, 2, 2], [0, 2, 2]],

@@ -1,4 +1,4 @@
-"""Chapter 3, the linear models: 3.9, discretisations, experimental model 3.25 to 3.31, cases C and D 3.37 to 3.42."""
+"""Chapter 3, the linear models: 3.9, discretizations, experimental model 3.25 to 3.31, cases C and D 3.37 to 3.42."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def case_c(page: Page, device: Device) -> list[Check]:
         "eq3.37-C_dl-y": c[1, 11],
         "eq3.37-C_dl-z": c[2, 17],
     }
-    page.subsection("Case C: experimental model and linearised kinematics (3.37)")
+    page.subsection("Case C: experimental model and linearized kinematics (3.37)")
     page.paragraph(
         "A_dl = A_e + B_e F̄_θ C_e and C_dl = K P̄ C_e for 3.5 N/mm. C_e is not printed; it follows from (3.26), and "
         "C_dl confirms it. Shown are the entries in which A_dl differs from A_e, and C_dl's row of axis x."

@@ -1,4 +1,4 @@
-"""Chapter 4: lead-lag and LQG on cases A to D, linear and nonlinear, and why case B with LQG is unstable."""
+"""Chapter 4: lead-lag and LQG on cases A to D, linear and nonlinear, and the instability of case B with LQG."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ RUNAWAY: Final = 60.0  # mm: the figure of an unstable loop is cut here
 FIGURES: Final = {"A": "4.4 to 4.7", "B": "4.8 to 4.11", "C": "4.12 to 4.15", "D": "4.16 to 4.19"}
 MODELS: Final = {
     "A": "identified model, nonlinear kinematics; LQG designed without the Jacobians",
-    "B": "linearised arm, nonlinear kinematics; LQG designed without the Jacobians",
-    "C": "identified model, linearised kinematics; LQG without integrators",
-    "D": "linearised arm and kinematics; LQG with integrators",
+    "B": "linearized arm, nonlinear kinematics; LQG designed without the Jacobians",
+    "C": "identified model, linearized kinematics; LQG without integrators",
+    "D": "linearized arm and kinematics; LQG with integrators",
 }
 
 
@@ -78,7 +78,7 @@ def grid(controller: Controller) -> list[Loop]:
 
 def _designs(page: Page, lead_lag: Controller, lqg: Controller) -> None:
     page.paragraph(
-        "One controller of each kind, designed once on the linearised arm for a cube of 1 N/mm, runs on every row "
+        "One controller of each kind, designed once on the linearized arm for a cube of 1 N/mm, runs on every row "
         "below. The thesis prints neither the gains of its lead–lag nor the weights of its LQG beyond Q = I, R = 10 I; "
         "these are ours, from stated margins."
     )

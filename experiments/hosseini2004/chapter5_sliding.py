@@ -1,4 +1,4 @@
-"""Chapter 5, the slide: figures 5.5 to 5.10, and the comparison that the thesis leaves to future work."""
+"""Chapter 5, the slide: figures 5.5 to 5.10, and the comparison that the thesis proposes as future work."""
 
 from __future__ import annotations
 
@@ -171,9 +171,9 @@ def _by_forces(page: Page, laws: dict[str, Controller]) -> Check:
 
 def _pairs(page: Page, laws: dict[str, Controller], tick: Callable[[str, float], None]) -> list[Check]:
     checks, rows = [], []
-    share = 0.65 / (2 * len(laws))
+    step = 0.65 / (2 * len(laws))
     for number, (name, tangential) in enumerate((name, t) for name in laws for t in (1.0, 0.0)):
-        tick("pairs of stiffnesses", 0.3 + number * share)
+        tick("pairs of stiffnesses", 0.3 + number * step)
         runs = {field: pairs(laws[name], tangential=tangential, field=field) for field in FIELDS}
         discrete, continuous = (runs[field] for field in FIELDS)
         ratios = [_step(c) / _step(d) for d, c in zip(discrete, continuous, strict=True)]

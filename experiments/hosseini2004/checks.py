@@ -1,4 +1,4 @@
-"""The thesis's printed numbers, and how a computed one is held against them."""
+"""Printed numbers of the thesis, and the comparison of computed numbers with them."""
 
 from __future__ import annotations
 

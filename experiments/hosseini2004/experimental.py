@@ -1,16 +1,15 @@
-"""The thesis's identified model of the arm, torques to angles (3.25 to 3.31), made whole.
+"""Identified model of the arm in the thesis, from torques to angles (3.25 to 3.31), with its misprints corrected.
 
-Printed are the transfer functions h_ij and the matrices A_e and B_e; C_e is not. Two things must be put right before
-the model can be used:
+The thesis prints the transfer functions h_ij and the matrices A_e and B_e, but not C_e. Two corrections are needed:
 
-- (3.29), (3.30) print -1.1428 z^4 where A_e holds 2 x 0.0714: it is -0.1428 z^4. As printed there is a pole at 1.763.
-- The rounding of the printed digits moves each axis's pole at z = 1 off the unit circle (1.0004, 0.9994). An
-  arm that a constant torque keeps turning, against friction alone, integrates; so the model is taken to have its
-  poles exactly there, which changes one coefficient of each axis by at most 0.0005.
+- (3.29) and (3.30) print -1.1428 z^4, where A_e contains 2 x 0.0714: the term is -0.1428 z^4. As printed, there is a
+  pole at 1.763.
+- Rounding moves the pole of each axis at z = 1 off the unit circle (1.0004, 0.9994). An arm under constant torque and
+  friction integrates, so the poles are set to 1. This changes one coefficient of each axis by at most 0.0005.
 
-The states are those of A_e: axis 1 in controller form (states 1 to 6), axes 2 and 3 in observer form (7 to 12 and 13
-to 18, of which 7 and 13 are dead), scaled by powers of two. In them C_e is the numerator of h11 over the
-scaling, and 0.5 for the last state of each other axis; (3.37) confirms it: C_dl = K dp/dq C_e to every printed digit.
+The states are those of A_e: axis 1 in controller form (states 1 to 6), axes 2 and 3 in observer form (7 to 12 and 13 to
+18, of which 7 and 13 have no effect), scaled by powers of two. C_e is the numerator of h11 over the scaling for axis 1,
+and 0.5 for the last state of each other axis. Equation (3.37) confirms it: C_dl = K dp/dq C_e to every printed digit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The thesis's figures, drawn from our own runs."""
+"""Figures of the thesis, drawn from simulations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from palpate.plotting.figures import thin
-from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 
 from experiments.hosseini2004.motion import Motion
 
@@ -120,7 +120,7 @@ def steps(
     for (name, series), row in zip(panels.items(), rows, strict=True):
         for axis, panel in enumerate(row):
             for index, (label, (time, values)) in enumerate(series.items()):
-                colour = COLOURS[index % len(COLOURS)]
+                colour = COLORS[index % len(COLORS)]
                 panel.plot(*thin(time, np.asarray(values, dtype=float)[:, axis]), label=label, color=colour)
             for target in targets:
                 panel.axhline(target, color=INK, linestyle=DASHED, linewidth=0.9, zorder=1)

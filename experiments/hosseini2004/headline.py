@@ -1,4 +1,4 @@
-"""The report's first picture: what the controllers do on soft and stiff cubes, beside the thesis."""
+"""Headline figure of the report: responses on soft and stiff cubes, compared with the thesis."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from palpate.plotting.figures import thin
-from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report import Page
 
 from experiments.hosseini2004.cases import design
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 __all__ = ["headline"]
 
 SOFT_TO_STIFF: Final = (1.0, 2.0, 2.5, 3.0, 3.5)  # N/mm, table 5.1
-FLOOR: Final = 1e-3  # %: errors below are drawn here
+FLOOR: Final = 1e-3  # %; smallest error drawn
 
 
 def headline(page: Page) -> Figure:
-    """Write the first section, with its picture, and return the picture."""
+    """Add the first section with its figure, and return the figure."""
     lqg = [respond(design("D", "lqg"), stiffness=k, duration=0.8) for k in SOFT_TO_STIFF]
     lead_lag = [respond(design("D", "lead_lag"), stiffness=k, duration=0.8) for k in SOFT_TO_STIFF]
     figure = _draw(lqg, lead_lag)
@@ -52,8 +52,8 @@ def _error(loop: Loop) -> float:
 def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     figure, rows = new_figure(1, 2, width=9.0, height=3.6, sharex=False)
     left, right = rows[0]
-    for loop, colour in zip(lqg, COLOURS, strict=False):
-        left.plot(*thin(loop.time * 1e3, loop.deflection[:, 2]), color=colour)
+    for loop, color in zip(lqg, COLORS, strict=False):
+        left.plot(*thin(loop.time * 1e3, loop.deflection[:, 2]), color=color)
         left.axhline(loop.ideal, color=INK, linestyle=(0, (4, 3)), linewidth=0.8, zorder=1)
         left.annotate(
             f"{loop.stiffness:g} N/mm",
@@ -62,7 +62,7 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
             textcoords="offset points",
             va="center",
             fontsize=8.5,
-            color=colour,
+            color=color,
             annotation_clip=False,
         )
     left.set_xlim(0.0, 150.0)
@@ -70,17 +70,17 @@ def _draw(lqg: list[Loop], lead_lag: list[Loop]) -> Figure:
     left.set_xlabel("time [ms]")
     left.set_ylabel("deflection along z [mm]")
     left.set_title("8.5 N on cubes, nonlinear arm", **TITLE)
-    ours = {"lead–lag, palpate": (lead_lag, COLOURS[1], "o"), "LQG, palpate": (lqg, COLOURS[0], "o")}
-    for column, (label, colour) in enumerate((("lead–lag, thesis", COLOURS[1]), ("LQG, thesis", COLOURS[0])), start=1):
+    ours = {"lead–lag, palpate": (lead_lag, COLORS[1], "o"), "LQG, palpate": (lqg, COLORS[0], "o")}
+    for column, (label, color) in enumerate((("lead–lag, thesis", COLORS[1]), ("LQG, thesis", COLORS[0])), start=1):
         errors = []
         for k in SOFT_TO_STIFF:
             deflection = float(printed(f"tab5.1-{k:.1f}").rows[0][column])
             # A printed deflection is known to half of 0.01 mm; an error below that is drawn as that half.
             errors.append(max(abs(deflection - 8.5 / k), 0.005) / (8.5 / k) * 100)
-        right.semilogy(SOFT_TO_STIFF, errors, "x--", color=colour, label=label, linewidth=1.1, markeredgewidth=1.6)
-    for label, (loops, colour, marker) in ours.items():
+        right.semilogy(SOFT_TO_STIFF, errors, "x--", color=color, label=label, linewidth=1.1, markeredgewidth=1.6)
+    for label, (loops, color, marker) in ours.items():
         right.semilogy(
-            SOFT_TO_STIFF, [max(_error(loop), FLOOR) for loop in loops], marker + "-", color=colour, label=label
+            SOFT_TO_STIFF, [max(_error(loop), FLOOR) for loop in loops], marker + "-", color=color, label=label
         )
     right.set_xlabel("stiffness of the cube [N/mm]")
     right.set_ylabel("steady error [%]")

@@ -1,4 +1,4 @@
-"""Closed loops of the thesis: a step of force on a cube of some stiffness, and what the tip then does."""
+"""Closed loops of the thesis: response to a force step on a cube."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Loop:
         time: (n,), s.
         deflection: (n, 3), mm.
         axes: step response of each axis, in mm and s; empty if the run diverged.
-        diverged: s, when it did; None if it ran to its end.
+        diverged: time of divergence, s; None if the run did not diverge.
     """
 
     force: float
@@ -72,7 +72,7 @@ class Loop:
 def scenario(
     force: float, stiffness: float, model: Model, kinematics: Literal["nonlinear", "linear"], duration: float
 ) -> dict[str, Any]:
-    """Return the scenario of a run, as its file would have it; N and N/mm."""
+    """Return the scenario of a run; force in N, stiffness in N/mm, duration in s."""
     return {
         "title": f"{force:g} N on {stiffness:g} N/mm",
         "device": {"name": "phantom-premium-1.5a", "model": model, "kinematics": kinematics},
@@ -99,7 +99,7 @@ def respond(
 
 
 def loop_of(trace: Trace, force: float, stiffness: float) -> Loop:
-    """Return what a trace of a step of `force` N on `stiffness` N/mm shows."""
+    """Return the step responses of a trace with `force`, N, on `stiffness`, N/mm."""
     deflection = trace["deflection"] * 1e3
     axes: tuple[StepResponse, ...] = ()
     if trace.stable:

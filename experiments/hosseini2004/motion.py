@@ -1,4 +1,4 @@
-"""Open-loop motion of the arm under given joint torques: the experiments of the thesis's sections 2.7 and 3.9."""
+"""Open-loop motion of the arm under joint torques (sections 2.7 and 3.9 of the thesis)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Arm(Protocol):
-    """Anything that accelerates: a device, or the printed equations."""
+    """Equations of motion: those of a device, or the printed ones."""
 
     def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:
         """Return qdd (3,), rad/s²."""

@@ -1,4 +1,4 @@
-"""The thesis's equations exactly as printed, where palpate's own are right: only to show what the misprints do."""
+"""Equations of the thesis as printed, to show the effect of misprints."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class PrintedArm:
 
     def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:
         """Return qdd (3,), rad/s²: M and C as printed, the leading minus of (2.79) and (2.81) left out."""
-        rest = tau - self.device.viscous * qd - self.coriolis(q, qd) @ qd - self.device.gravity(q)
-        return np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=float)
+        torque = tau - self.device.viscous * qd - self.coriolis(q, qd) @ qd - self.device.gravity(q)
+        return np.asarray(np.linalg.solve(self.mass_matrix(q), torque), dtype=float)
 
     def energy(self, q: Array, qd: Array) -> float:
         """Return kinetic energy with the printed M plus the potential energy, J."""

@@ -1,4 +1,4 @@
-"""The whole thesis, computed and held against its printed numbers: results.json, report.html and its first picture."""
+"""Reproduction of the thesis: results.json, report.html and the headline figure."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ Progress = Callable[[str, float], None]
 TITLE = "The thesis, reproduced"
 LEAD = (
     "Hosseini-Zadeh's *Stability of Haptic Rendering for Deformable Objects* (2004), chapters 2 to 5, "
-    "computed by palpate and held against every number it prints."
+    "computed by palpate and compared with every printed number."
 )
-CHAPTERS = (  # and how much of the time each takes
+CHAPTERS = (  # with the fraction of the time of each
     (chapter2, "chapter 2", 0.06),
     (chapter3, "chapter 3", 0.27),
     (chapter4, "chapter 4", 0.2),
@@ -41,14 +41,13 @@ CHAPTERS = (  # and how much of the time each takes
 
 
 def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
-    """Compute chapters 2 to 5, write what is found to `out`, and return the checks.
+    """Compute chapters 2 to 5, write the results to `out`, and return the checks.
 
-    Writes results.json (the returned list), report.html (self-contained), headline.svg and headline.png; all of them
-    or none.
+    Writes results.json (the returned list), report.html (self-contained), headline.svg and headline.png atomically.
 
     Args:
-        out: folder; made if missing.
-        progress: called with what is being done and the fraction that is behind, 0 to 1.
+        out: folder; created if missing.
+        progress: called with a description and the fraction done.
 
     Returns:
         One dictionary per check: id, what, printed, computed, unit, tolerance, status ("match", "erratum" or
@@ -59,15 +58,15 @@ def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
         OutputError: the folder cannot be written.
     """
     report: Progress = progress or (lambda _text, _fraction: None)
-    page = Page(TITLE, LEAD, footer="Every number on this page was computed by the run that wrote it.")
+    page = Page(TITLE, LEAD, footer="All numbers on this page come from the run that wrote it.")
     report("at a glance", 0.0)
     picture = headline(page)
     checks: list[Check] = []
     done = 0.05
-    for chapter, name, share in CHAPTERS:
+    for chapter, name, fraction in CHAPTERS:
         report(name, done)
-        checks += chapter(page, _part(report, name, done, share))
-        done += share
+        checks += chapter(page, _part(report, name, done, fraction))
+        done += fraction
     counts: Counter[str] = Counter(check.status for check in checks)
     page.lead = f"{LEAD} {_verdict(counts)}"
     _errata(page, checks)
@@ -79,8 +78,9 @@ def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
     return results
 
 
-def _part(report: Progress, name: str, start: float, share: float) -> Progress:
-    return lambda text, fraction: report(f"{name}: {text}", start + share * fraction)
+def _part(report: Progress, name: str, start: float, size: float) -> Progress:
+    """Return the progress callback of a part that begins at `start` and takes the fraction `size`."""
+    return lambda text, fraction: report(f"{name}: {text}", start + size * fraction)
 
 
 def _verdict(counts: Counter[str]) -> str:
@@ -94,7 +94,7 @@ def _verdict(counts: Counter[str]) -> str:
 
 def _errata(page: Page, checks: Iterable[Check]) -> None:
     page.section("Errata of the thesis", "errata")
-    page.paragraph("Where print and mathematics disagree, and how it shows. Every line is computed above.")
+    page.paragraph("Disagreements between print and mathematics. The evidence is computed in the chapters above.")
     rows = [
         (
             check.where,
@@ -106,7 +106,7 @@ def _errata(page: Page, checks: Iterable[Check]) -> None:
         for check in checks
         if check.status == "erratum"
     ]
-    page.table(["where", "what", "printed", "right", "how it shows"], rows, "Errata.")
+    page.table(["where", "quantity", "printed", "correct", "evidence"], rows, "Errata.")
 
 
 def _all(page: Page, checks: Iterable[Check]) -> None:
@@ -121,7 +121,7 @@ def _all(page: Page, checks: Iterable[Check]) -> None:
         sign = {"at most": "≤ ", "equal": "± ", "statement": ""}[check.sense]
         rows.append((check.id, check.what, _text(check, "printed"), _text(check, "computed"), check.unit,
                      sign + limit if limit else "", check.status))  # fmt: skip
-    page.table(["id", "what", "printed", "computed", "unit", "tolerance", "status"], rows)
+    page.table(["id", "quantity", "printed", "computed", "unit", "tolerance", "status"], rows)
 
 
 def _text(check: Check, name: str) -> str:
@@ -133,7 +133,7 @@ def _text(check: Check, name: str) -> str:
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return an entry that JSON can hold: a number that is not finite says so in words."""
+    """Return an entry for JSON, with text in place of numbers that are not finite."""
     return {
         key: "not finite" if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in entry.items()

@@ -1,10 +1,10 @@
-"""The sliding experiment of chapter 5 (figures 5.5 to 5.10), and what the thesis left open.
+"""Sliding experiment of chapter 5 (figures 5.5 to 5.10), with the extensions that the thesis proposes.
 
-That is less tangential stiffness, a continuous force field, and a curved object. The thesis prints no values; these are
-chosen. The reference presses along Z, and along X and Y it asks for what the surface answers with at the wanted speed:
-friction, and drag. As in the thesis nothing else need move the tip ("forces"), where the surface drags. Without
-tangential stiffness there is neither friction nor drag, and no force depends on the tip's place or speed: a hand must
-lead it ("hand"), a spring whose rest moves along the way (the operator's force in X and Y over the hand's stiffness).
+The extensions are lower tangential stiffness, a continuous force field, and a curved object. The thesis prints no
+parameters; these are chosen. The reference force is normal along Z. Along X and Y it equals the friction and drag of
+the surface at the desired speed, which moves the tip as in the thesis ("forces"). Without tangential stiffness there is
+no friction or drag, and no force depends on the position or speed of the tip. A hand then moves the tip ("hand"): a
+spring whose rest position moves along the path (the operator's force in X and Y over the hand's stiffness).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FRICTION: Final = 0.2  # static and dynamic, where there is a tangential stiffne
 SPEED: Final = 60.0  # mm/s
 PRESSED: Final = 0.1  # s until the press is reached
 LED_FROM: Final = 0.4  # s
-REST: Final = 1.2  # s after the way
+REST: Final = 1.2  # after the motion, s
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The other way round the loop: an impedance display, where the operator pushes the tip and the device answers."""
+"""Impedance display: the operator applies the force, and the device renders the object."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def other_topology(page: Page) -> None:
             "settling, linear",
         ],
         rows,
-        "The object's force as it is, on the nonlinear and on the linearised arm: the worst of the three axes.",
+        "The object's force as it is, on the nonlinear and on the linearized arm: the worst of the three axes.",
         units=["N", "N/mm", "mm", "mm", "mm", "mm", "%", "%", "ms", "%", "ms"],
     )
     bare = display(8.5, 3.5, damping=0.0)
@@ -76,8 +76,8 @@ def other_topology(page: Page) -> None:
     rows = []
     for name, kind in (("lead–lag", "lead_lag"), ("LQG with integrators", "lqg")):
         loop = display(8.5, 3.5, controller=design("D", kind), damping=0.0, duration=2.0)  # type: ignore[arg-type]
-        felt = [f"{8.5 / d:.2f}" if abs(d) > 1e-6 else "rigid" for d in loop.steady]
-        rows.append((name, *felt, "stable" if loop.diverged is None else "unstable"))
+        deflections = [f"{8.5 / d:.2f}" if abs(d) > 1e-6 else "rigid" for d in loop.steady]
+        rows.append((name, *deflections, "stable" if loop.diverged is None else "unstable"))
     page.table(
         ["controller", "x", "y", "z", "loop"],
         rows,

@@ -1,4 +1,4 @@
-"""`python -m experiments.palpation_phantom`: soft to stiff bodies in closed loop, and the nodule of the phantom."""
+"""`python -m experiments.palpation_phantom`: bodies of several stiffnesses in closed loop, and the phantom."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ def palpation(
 ) -> None:
     """Press bodies of 2 to 100 kPa with the Premium 1.5A at 1 kHz, and sweep over the palpation phantom.
 
-    Writes report.html and palpation.json. Bodies that are made are kept in the user's cache.
+    Writes report.html and palpation.json. Bodies are stored in the user's cache.
 
     Example: python -m experiments.palpation_phantom --contrast 10 --depth "10 mm"
     """
-    with progress("starting") as tell:
+    with progress("starting") as report:
         from experiments.palpation_phantom import palpation_page, press_all, sweep_phantom
 
         sweep = sweep_phantom(
             contrast=contrast,
             depth=depth,
             spacing=spacing,
-            progress=lambda text, share: tell(f"phantom: {text}", 0.6 * share),
+            progress=lambda text, fraction: report(f"phantom: {text}", 0.6 * fraction),
         )
-        held = press_all(progress=lambda text, share: tell(text, 0.6 + 0.3 * share))
-        tell("drawing", 0.9)
-        page = palpation_page(held, sweep)
-        found = {"bodies": [one.to_dict() for one in held], "phantom": sweep.to_dict()}
-        text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        results = press_all(progress=lambda text, fraction: report(text, 0.6 + 0.3 * fraction))
+        report("drawing", 0.9)
+        page = palpation_page(results, sweep)
+        content = {"bodies": [result.to_dict() for result in results], "phantom": sweep.to_dict()}
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         paths = write_folder(
             out, {"report.html": page.save, "palpation.json": lambda path: path.write_text(text, "utf-8")}
         )
-    good = sum(one.stable for one in held)
-    colour = "green" if good == len(held) else "red"
-    output.print(f"[bold {colour}]{good} of {len(held)}[/] loops on bodies of 2 to 100 kPa come to rest in contact")
-    told = "a hand can tell" if sweep.detectable else "too little for a hand to tell"
-    output.print(f"{escape(sweep.title)}: feels {100 * sweep.contrast:.3g} % stiffer, {told}", soft_wrap=True)
+    good = sum(result.stable for result in results)
+    color = "green" if good == len(results) else "red"
+    output.print(f"[bold {color}]{good} of {len(results)}[/] loops on bodies of 2 to 100 kPa settle in contact")
+    verdict = "detectable" if sweep.detectable else "not detectable"
+    output.print(f"{escape(sweep.title)}: {100 * sweep.contrast:.3g} % stiffer, {verdict}", soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
-    if good < len(held):
+    if good < len(results):
         raise typer.Exit(1)
 
 

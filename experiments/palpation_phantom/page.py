@@ -1,4 +1,4 @@
-"""The page of the palpation experiment: soft to stiff bodies in closed loop, and the nodule that a hand looks for."""
+"""Page of the palpation experiment: bodies of several stiffnesses in closed loop, and detection of the nodule."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from palpate.plotting.body_contact import deformed
 from palpate.plotting.figures import forces, thin
-from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.simulation.bodies import pressed_at
@@ -19,54 +19,51 @@ from experiments.palpation_phantom.sweep import AWAY, JND, PalpationSweep
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["course_figure", "felt_figure", "margin_figure", "palpation_page"]
+__all__ = ["margin_figure", "palpation_page", "profile_figure", "time_figure"]
 
 _DASHED: Final = (0, (4, 3))
 
 
-def palpation_page(held: Sequence[PressResult], sweep: PalpationSweep) -> Page:
-    """Return the page of runs on bodies of several stiffnesses, and of the sweeps over the phantom."""
-    good = sum(one.stable for one in held)
-    soft, stiff = (pick(one.young for one in held) / 1e3 for pick in (min, max))
+def palpation_page(results: Sequence[PressResult], sweep: PalpationSweep) -> Page:
+    """Return the page of the runs on several bodies and of the sweeps over the phantom."""
+    good = sum(result.stable for result in results)
+    soft, stiff = (pick(result.young for result in results) / 1e3 for pick in (min, max))
     page = Page(
         "Palpation in closed loop",
-        "The PHANToM Premium 1.5A at 1 kHz, its drive limited, in a hand of 0.15 kg, 4.5 N s/m and 200 N/m, on bodies "
-        "that yield.",
+        "The PHANToM Premium 1.5A at 1 kHz with drive limits, operated by a hand of 0.15 kg, 4.5 N s/m and 200 N/m, in "
+        "contact with deformable bodies.",
     )
     page.section("Bodies from soft to stiff")
     page.verdict(
-        f"{good} of {len(held)} loops, on bodies of {soft:g} to {stiff:g} kPa, stay bounded and come to rest in "
-        "contact, where the linear loop is stable by four criteria.",
-        "good" if good == len(held) else "bad",
+        f"{good} of {len(results)} loops, on bodies of {soft:g} to {stiff:g} kPa, are bounded and settle in contact, "
+        "where the linearized loop is stable by four criteria.",
+        "good" if good == len(results) else "bad",
     )
     page.paragraph(
-        "A flat end of 16 mm presses a block of 48 x 48 x 24 mm, bonded below, by about 1 mm (with at most 1.2 N, as "
-        "much as the drive can hold), holds, lets go to 0.3 of that, presses again, and slides 10 mm over it. Either "
-        "the display shows the body's force as it is and the hand presses, or a controller, one design for all bodies, "
-        "brings the force to its reference. Critical: how stiff the contact could be until the loop, linearised where "
-        "it rests, oscillates."
+        "A flat end of 16 mm indents a block of 48 x 48 x 24 mm, fixed at its bottom, by about 1 mm. The force is at "
+        "most 1.2 N, within the continuous force of the drive. It is then reduced to 0.3 of that and restored, and the "
+        "tip slides by 10 mm. Either an impedance display renders the body and the operator applies the force, or a "
+        "controller of one design for all bodies tracks a reference force. The critical stiffness is the contact "
+        "stiffness at the stability limit of the loop, linearized at its equilibrium."
     )
-    page.figure(
-        course_figure(held), "How far the pressed patch has moved, and the force on it, as a part of its largest."
-    )
-    page.figure(
-        margin_figure(held), "Stiffness of the contacts, and dashed in the same colour the critical one of each loop."
-    )
+    page.figure(time_figure(results), "Deflection of the contact patch, and force over its maximum.")
+    page.figure(margin_figure(results), "Contact stiffness, and critical stiffness of each loop (dashed).")
     page.table(
-        ["law", "Young", "contact", "critical", "deflection", "force", "swing", "work", "lost", "stable"],
+        ["law", "Young", "contact", "critical", "deflection", "force", "oscillation", "work", "residual", "stable"],
         [
             (
-                _unbroken(one.law), one.young / 1e3,
-                None if one.contact is None else one.contact.stiffness,
-                None if one.contact is None else one.contact.critical_stiffness,
-                1e3 * one.found.final_deflection, one.found.final_force,
-                _percent(one.found.final_swing, one.found.final_force),
-                1e3 * one.found.work, _percent(one.found.lost, one.found.work), "yes" if one.stable else "no",
+                _unbroken(result.law), result.young / 1e3,
+                None if result.contact is None else result.contact.stiffness,
+                None if result.contact is None else result.contact.critical_stiffness,
+                1e3 * result.found.final_deflection, result.found.final_force,
+                _percent(result.found.final_swing, result.found.final_force),
+                1e3 * result.found.work, _percent(result.found.lost, result.found.work),
+                "yes" if result.stable else "no",
             )
-            for one in held
+            for result in results
         ],
-        "Deflection and force over the last 0.1 s, and the force's swing as a part of it. Work of the tip on the body; "
-        "lost: less what the body stores at the end, as a part of it, zero but for adding up.",
+        "Deflection and force over the last 0.1 s, and the oscillation of the force relative to it. Work of the tip on "
+        "the body. Residual: work minus energy stored at the end, relative to the work; zero up to rounding.",
         units=["", "kPa", "N/m", "N/m", "mm", "N", "%", "mJ", "%", ""],
     )  # fmt: skip
     _phantom(page, sweep)
@@ -74,107 +71,112 @@ def palpation_page(held: Sequence[PressResult], sweep: PalpationSweep) -> Page:
 
 
 def _percent(part: float, whole: float) -> str | None:
-    """Return a share in percent, all with as many decimals; None where there is nothing to have a share of."""
+    """Return a part of `whole` in percent, with four decimals; None if `whole` is zero."""
     return None if whole == 0.0 else f"{round(100.0 * part / whole, 4) + 0.0:.4f}"
 
 
 def _unbroken(text: str) -> str:
-    """Return a text that stays on one line: spaces that do not break, and joiners around its dashes."""
+    """Return a text without line breaks: nonbreaking spaces, and word joiners around dashes."""
     return text.replace(" ", "\u00a0").replace("–", "\u2060–\u2060")
 
 
 def _phantom(page: Page, sweep: PalpationSweep) -> None:
     page.section("The palpation phantom")
-    told = "a hand can tell" if sweep.detectable else "too little for a hand to tell"
+    verdict = "detectable" if sweep.detectable else "not detectable"
     page.verdict(
-        f"The nodule raises the stiffness felt by {100 * sweep.contrast:.3g} %: {told} "
+        f"The nodule raises the contact stiffness by {100 * sweep.contrast:.3g} %, which is {verdict} "
         f"(the just-noticeable difference is about {100 * JND:g} %).",
         "good" if sweep.detectable else "note",
     )
     page.paragraph(
-        f"{sweep.title}: 100 x 100 x 50 mm, skin of 2 mm, a nodule of 15 mm. The LQG holds the press while the hand "
-        "leads a flat end of 16 mm over the middle at 20 mm/s. The block's edges count, too: along the sweep the "
-        f"middle feels {100 * sweep.with_nodule.contrast:.3g} % stiffer than {1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm "
-        f"beside it, without the nodule {100 * sweep.without_nodule.contrast:.3g} %."
+        f"{sweep.title}; 100 x 100 x 50 mm, surface layer of 2 mm, nodule of 15 mm. The LQG controls the force while "
+        "the operator moves a flat end of 16 mm over the center at 20 mm/s. The edges of the block also have an "
+        f"effect: the stiffness at the center exceeds that at {1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm by "
+        f"{100 * sweep.with_nodule.contrast:.3g} % with the nodule and by "
+        f"{100 * sweep.without_nodule.contrast:.3g} % without it."
     )
     page.facts(
         [
             ("over the nodule", f"{sweep.with_nodule.over:.4g} N/m"),
             ("beside it", f"{sweep.with_nodule.beside:.4g} N/m"),
-            ("there without it", f"{sweep.without_nodule.over:.4g} N/m"),
-            ("nodule's contrast", f"{100 * sweep.contrast:.3g} %"),
+            ("without the nodule", f"{sweep.without_nodule.over:.4g} N/m"),
+            ("contrast", f"{100 * sweep.contrast:.3g} %"),
         ]
     )
     page.figure(
-        felt_figure(sweep), "Stiffness felt along the sweep. Band: what a hand cannot tell from the phantom without."
+        profile_figure(sweep), "Stiffness along the sweep. Band: just-noticeable difference above the phantom without."
     )
     trace = sweep.trace
     middle = int(np.argmin(np.abs(trace["tip"][:, 0] - trace["tip"][0, 0]) + 1e3 * (trace.time < 1.2)))
     at = pressed_at(trace, middle)
     picture = deformed(at.body, at.displacement, at.pressure)
     page.figure(
-        picture, "The phantom's top with the tip over the nodule: displacement and pressure." + stretched(picture)
+        picture, "Top of the phantom with the tip over the nodule: displacement and pressure." + stretched(picture)
     )
-    page.figure(forces(trace), "The forces of the sweep.")
+    page.figure(forces(trace), "Forces of the sweep.")
 
 
-def course_figure(held: Sequence[PressResult]) -> Figure:
-    """Return deflection, mm, and force as a part of its largest, against time: a column for each law."""
-    laws = list(dict.fromkeys(one.law for one in held))
+def time_figure(results: Sequence[PressResult]) -> Figure:
+    """Return deflection, mm, and force over its maximum against time, with one column per law."""
+    laws = list(dict.fromkeys(result.law for result in results))
     figure, rows = new_figure(2, len(laws), height=2.3, sharey=False)
     for column, law in enumerate(laws):
-        mine = [one for one in held if one.law == law]
-        for one, colour in zip(mine, _shades(len(mine)), strict=True):
-            deep = 1e3 * np.linalg.norm(one.trace["deflection"], axis=1)
-            size = np.linalg.norm(one.trace["object_force"], axis=1)
-            rows[0][column].plot(*thin(one.trace.time, deep), color=colour, label=f"{one.young / 1e3:g} kPa")
-            rows[1][column].plot(*thin(one.trace.time, size / size.max()), color=colour)
+        selected = [result for result in results if result.law == law]
+        for result, color in zip(selected, _shades(len(selected)), strict=True):
+            deep = 1e3 * np.linalg.norm(result.trace["deflection"], axis=1)
+            size = np.linalg.norm(result.trace["object_force"], axis=1)
+            rows[0][column].plot(*thin(result.trace.time, deep), color=color, label=f"{result.young / 1e3:g} kPa")
+            rows[1][column].plot(*thin(result.trace.time, size / size.max()), color=color)
         rows[0][column].set_title(law, **TITLE)
         rows[0][column].set_ylim(0.0, 1.2)
         rows[1][column].set_xlabel("time [s]")
     rows[0][0].set_ylabel("deflection [mm]")
-    rows[1][0].set_ylabel("force / largest [1]")
+    rows[1][0].set_ylabel("force / maximum [1]")
     handles, labels = rows[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 
-def margin_figure(held: Sequence[PressResult]) -> Figure:
-    """Return the stiffness of each contact and the critical one against Young's modulus."""
+def margin_figure(results: Sequence[PressResult]) -> Figure:
+    """Return the stiffness of each contact and the critical stiffness against Young's modulus."""
     figure, rows = new_figure(1, 1, height=3.0)
     panel = rows[0][0]
-    for law, colour in zip(LAWS, COLOURS, strict=False):
-        mine = [(one.young / 1e3, one.contact) for one in held if one.law == law and one.contact is not None]
-        if not mine:
+    for law, color in zip(LAWS, COLORS, strict=False):
+        selected = [
+            (result.young / 1e3, result.contact)
+            for result in results
+            if result.law == law and result.contact is not None
+        ]
+        if not selected:
             continue
-        young = [e for e, _ in mine]
-        panel.plot(young, [c.critical_stiffness for _, c in mine], color=colour, linestyle=_DASHED, marker=".")
-        panel.plot([], [], color=colour, label=law)
-        panel.plot(young, [c.stiffness for _, c in mine], color=INK, marker="o", markersize=4, linewidth=1.0)
-    panel.plot([], [], color=INK, marker="o", markersize=4, linewidth=1.0, label="the contact")
+        young = [e for e, _ in selected]
+        panel.plot(young, [c.critical_stiffness for _, c in selected], color=color, linestyle=_DASHED, marker=".")
+        panel.plot([], [], color=color, label=law)
+        panel.plot(young, [c.stiffness for _, c in selected], color=INK, marker="o", markersize=4, linewidth=1.0)
+    panel.plot([], [], color=INK, marker="o", markersize=4, linewidth=1.0, label="contact")
     panel.set(xscale="log", yscale="log", xlabel="Young's modulus [kPa]", ylabel="stiffness [N/m]")
-    moduli = sorted({one.young / 1e3 for one in held})
+    moduli = sorted({result.young / 1e3 for result in results})
     panel.set_xticks(moduli, [f"{e:g}" for e in moduli])
     panel.set_xticks([], minor=True)
     panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 
-def felt_figure(sweep: PalpationSweep) -> Figure:
-    """Return the stiffness felt along the sweep, with and without the nodule."""
+def profile_figure(sweep: PalpationSweep) -> Figure:
+    """Return the stiffness along the sweep, with the nodule and without."""
     figure, rows = new_figure(1, 1, height=3.2)
     panel = rows[0][0]
-    lump, plain = sweep.with_nodule, sweep.without_nodule
+    nodule, without = sweep.with_nodule, sweep.without_nodule
     panel.fill_between(
-        1e3 * plain.place, plain.stiffness, (1.0 + JND) * plain.stiffness, color=FAINT, alpha=0.22, linewidth=0
+        1e3 * without.position, without.stiffness, (1.0 + JND) * without.stiffness, color=FAINT, alpha=0.22, linewidth=0
     )
-    panel.plot(*thin(1e3 * plain.place, plain.stiffness), color=COLOURS[1], label="without the nodule")
-    panel.plot(*thin(1e3 * lump.place, lump.stiffness), color=COLOURS[0], label="with the nodule")
+    panel.plot(*thin(1e3 * without.position, without.stiffness), color=COLORS[1], label="without the nodule")
+    panel.plot(*thin(1e3 * nodule.position, nodule.stiffness), color=COLORS[0], label="with the nodule")
     for side in (-7.5, 7.5):
         panel.axvline(side, color=INK, linestyle=_DASHED, linewidth=0.9)
     panel.annotate("nodule", (0.0, 0.05), xycoords=("data", "axes fraction"), ha="center", fontsize=9, color=INK)
-    top = 1.08 * max(float(lump.stiffness.max()), (1.0 + JND) * float(plain.stiffness.max()))
-    panel.set(xlabel="place of the tip along the sweep [mm]", ylabel="force / deflection [N/m]", ylim=(0.0, top))
+    top = 1.08 * max(float(nodule.stiffness.max()), (1.0 + JND) * float(without.stiffness.max()))
+    panel.set(xlabel="position along the sweep [mm]", ylabel="force / deflection [N/m]", ylim=(0.0, top))
     panel.legend(loc="lower right")
     return figure
 

@@ -1,4 +1,4 @@
-"""Press, hold, release in part, press again and slide on a block of 2 to 100 kPa, to see every loop come to rest."""
+"""Closed-loop contact with blocks of 2 to 100 kPa: press, release in part, press again and slide."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ __all__ = ["LAWS", "POSE", "YOUNG", "PressResult", "controller_of", "press_all",
 YOUNG: Final = (2e3, 5e3, 10e3, 20e3, 50e3, 100e3)  # Pa
 POSE: Final = ("0 rad", "2.2305 rad", "3.2776 rad")
 PERIOD: Final = "1 ms"
-DEPTH: Final = 1e-3  # m that the press is for
-MOST: Final = 1.2  # N: the drive holds 1.4 N for long
+DEPTH: Final = 1e-3  # intended depth, m
+MAX_FORCE: Final = 1.2  # N; the continuous force of the drive is 1.4 N
 SLIDE: Final = 10e-3  # m
-# What the loop does with the body's force: [controller]; None: an impedance display that shows it as it is.
+# [controller] of each law; None is an impedance display without a controller.
 LAWS: Final[dict[str, dict[str, Any] | None]] = {
-    "shown as it is": None,
+    "impedance display": None,
     "lead–lag": {"kind": "lead_lag", "stiffness": "0.2 N/mm"},
     "LQG": {"kind": "lqg", "stiffness": "1 N/mm", "windup_time": "0.2 s"},
 }
@@ -44,13 +44,14 @@ _BLOCK_YOUNG: Final = 10e3  # Pa
 
 @dataclass(frozen=True)
 class PressResult:
-    """One body under one law.
+    """Run with one body and one law.
 
     Attributes:
-        young: Pa.
-        law: of `LAWS`.
-        trace, found: the run, and what it shows.
-        contact: the loop about where the tip rests; None if it does not rest there.
+        young: Young's modulus, Pa.
+        law: key of `LAWS`.
+        trace: the run.
+        found: metrics of the run.
+        contact: stability of the loop linearized at the equilibrium; None if the tip does not settle.
     """
 
     young: float
@@ -61,11 +62,11 @@ class PressResult:
 
     @property
     def stable(self) -> bool:
-        """Whether the run stayed bounded and came to rest in contact, and its linear loop there is stable."""
+        """Whether the run is bounded and settles in contact, and the linearized loop there is stable."""
         return self.trace.stable and self.found.settled and self.contact is not None and self.contact.stable
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON holds."""
+        """Return the result for JSON."""
         contact = self.contact
         return {
             "law": self.law,
@@ -79,12 +80,12 @@ class PressResult:
 
 
 def plain(value: float) -> float | None:
-    """Return a number as JSON holds it: None for what is not finite."""
+    """Return a number for JSON: None if it is not finite."""
     return value if isfinite(value) else None
 
 
 def controller_of(law: str) -> dict[str, Any]:
-    """Return [controller] of one of `LAWS`, or raise ScenarioError."""
+    """Return [controller] of a law. Raise ScenarioError if `LAWS` does not have it."""
     if law not in LAWS:
         raise ScenarioError(f'law: "{law}" is not one of {", ".join(LAWS)}')
     return dict(LAWS[law] or {"kind": "none"})
@@ -93,24 +94,24 @@ def controller_of(law: str) -> dict[str, Any]:
 def press_scenario(
     young: float | str, law: str, stiffness: float | str, body: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return one run as its file would have it.
+    """Return the scenario of one run.
 
     Args:
         young: Young's modulus, Pa or text.
-        law: of `LAWS`.
-        stiffness: of the contact as the press expects it, N/m or text.
-        body: [object.body] of 10 kPa; the block if not given.
+        law: key of `LAWS`.
+        stiffness: expected contact stiffness, N/m or text, from which the force is computed.
+        body: [object.body] of 10 kPa; None for the block.
 
     Raises:
         ScenarioError: the law is unknown, or a number is not positive or cannot be read.
     """
     controller, shown = controller_of(law), LAWS[law] is None
     modulus, expected = _positive(young, "Pa", "young"), _positive(stiffness, "N/m", "stiffness")
-    press = min(expected * DEPTH, MOST)
-    if shown:  # the hand's own spring is pressed, too
+    press = min(expected * DEPTH, MAX_FORCE)
+    if shown:  # the operator's spring is loaded as well
         press *= 1.0 + OPERATOR_STIFFNESS / expected
     lead = OPERATOR_STIFFNESS * SLIDE
-    # time, part of the press, part of the slide
+    # time, fraction of the force, fraction of the slide
     course = (
         (0.0, 0, 0),
         (0.3, 1, 0),
@@ -122,9 +123,9 @@ def press_scenario(
         (1.9, 1, 1),
     )
     pressed = [[f"{t:g} s", *_force(0.0, part * press)] for t, part, _ in course]
-    led = [[f"{t:g} s", *_force(way * lead, part * press if shown else 0.0)] for t, part, way in course]
+    led = [[f"{t:g} s", *_force(slide * lead, part * press if shown else 0.0)] for t, part, slide in course]
     return {
-        "title": f"A body of {modulus / 1e3:g} kPa, {law}",
+        "title": f"Body of {modulus / 1e3:g} kPa, {law}",
         "device": {"name": "phantom-premium-1.5a", "saturation": True},
         "start": {"pose": list(POSE)},
         "servo": {"period": PERIOD, "topology": "impedance_display" if shown else "force_tracking"},
@@ -158,20 +159,31 @@ def press_all(
     body: dict[str, Any] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> list[PressResult]:
-    """Run every law on a body of every Young's modulus, Pa or text; `progress` is told what, and the share done."""
+    """Run every law on a body of every Young's modulus.
+
+    Args:
+        young: Young's moduli, Pa or text.
+        laws: keys of `LAWS`.
+        body: [object.body] of 10 kPa; None for the block.
+        progress: called with a description and the fraction done.
+
+    Raises:
+        ScenarioError: a law is unknown, or a modulus is not positive or cannot be read.
+    """
     moduli = [_positive(modulus, "Pa", "young") for modulus in young]
-    tell = progress if progress is not None else (lambda _text, _share: None)
-    tell("making the block", 0.0)
-    ten = scenario_body(Scenario.from_dict(press_scenario(_BLOCK_YOUNG, "shown as it is", 1.0, body)), tell)
-    low, high = ten.nodes.min(axis=0), ten.nodes.max(axis=0)
+    report = progress if progress is not None else (lambda _text, _fraction: None)
+    report("building the block", 0.0)
+    scenario = Scenario.from_dict(press_scenario(_BLOCK_YOUNG, "impedance display", 1.0, body))
+    reference = scenario_body(scenario, report)
+    low, high = reference.nodes.min(axis=0), reference.nodes.max(axis=0)
     radius = 8e-3
-    stiffness = float(ten.indent((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
+    stiffness = float(reference.indent((low + high) / 2.0, radius, DEPTH, tip="flat").force[2]) / DEPTH
     runs = []
-    for number, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in moduli):
-        tell(f"{modulus / 1e3:g} kPa, {law}", number / (len(moduli) * len(laws)))
+    for index, (law, modulus) in enumerate((law, modulus) for law in laws for modulus in moduli):
+        report(f"{modulus / 1e3:g} kPa, {law}", index / (len(moduli) * len(laws)))
         trace = simulate(press_scenario(modulus, law, stiffness * modulus / _BLOCK_YOUNG, body))
         found = palpation_metrics(trace)
         if found is None:
-            raise RuntimeError(f"the tip never touched the body of {modulus:g} Pa")
+            raise RuntimeError(f"the tip has no contact with the body of {modulus:g} Pa")
         runs.append(PressResult(modulus, law, trace, found, contact_stability(trace) if found.settled else None))
     return runs

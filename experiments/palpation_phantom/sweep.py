@@ -1,4 +1,4 @@
-"""A sweep over the palpation phantom: the stiffness felt along the way, and whether the nodule can be told."""
+"""Sweep over the palpation phantom: stiffness along the path, and detectability of the nodule."""
 
 from __future__ import annotations
 
@@ -24,38 +24,39 @@ __all__ = ["AWAY", "JND", "PalpationSweep", "StiffnessProfile", "stiffness_profi
 Array = NDArray[np.float64]
 LENGTH: Final = 64e-3  # m
 SPEED: Final = 20e-3  # m/s
-FROM: Final = 1.0  # s until the way begins
-AWAY: Final = (20e-3, 28e-3)  # m from the middle: where the way counts as beside the nodule
+FROM: Final = 1.0  # begin of the motion, s
+AWAY: Final = (20e-3, 28e-3)  # distance from the center that counts as beside the nodule, m
 
 
 @dataclass(frozen=True)
 class StiffnessProfile:
-    """The stiffness that the tip meets along a sweep, force over deflection.
+    """Stiffness along a sweep, force over deflection.
 
     Attributes:
-        place: of the tip along the way, m from its middle (n,).
-        stiffness: N/m (n,).
-        over: largest within the nodule's radius of the middle, N/m; beside: median 20 to 28 mm away, N/m.
+        position: of the tip along the path, from its center (n,), m.
+        stiffness: (n,), N/m.
+        over: maximum within the radius of the nodule from the center, N/m.
+        beside: median at 20 to 28 mm from the center, N/m.
     """
 
-    place: Array
+    position: Array
     stiffness: Array
     over: float
     beside: float
 
     @property
     def contrast(self) -> float:
-        """How much stiffer the nodule feels than what lies beside it."""
+        """Relative increase of the stiffness over the nodule against that beside it."""
         return self.over / self.beside - 1.0
 
 
 @dataclass(frozen=True)
 class PalpationSweep:
-    """The same sweep over a phantom with its nodule and without.
+    """Sweep over a phantom with the nodule and without.
 
     Attributes:
-        title: which phantom.
-        trace: over the nodule.
+        title: description of the phantom.
+        trace: with the nodule.
         with_nodule, without_nodule: stiffness along the path with the nodule and without.
     """
 
@@ -66,7 +67,7 @@ class PalpationSweep:
 
     @property
     def contrast(self) -> float:
-        """How much stiffer the middle feels for the nodule: over the phantom without it at the same place."""
+        """Relative increase of the stiffness at the center due to the nodule."""
         return self.with_nodule.over / self.without_nodule.over - 1.0
 
     @property
@@ -75,7 +76,7 @@ class PalpationSweep:
         return self.contrast > JND
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON holds."""
+        """Return the result for JSON."""
         return {
             "phantom": self.title,
             "over_nodule_N_per_m": self.with_nodule.over,
@@ -95,13 +96,18 @@ def sweep_phantom(
     spacing: float | str = "5 mm",
     progress: Callable[[str, float], None] | None = None,
 ) -> PalpationSweep:
-    """Sweep over the phantom with a nodule `contrast` times as stiff, its top `depth` deep, and over one without.
+    """Sweep over a phantom with a nodule and over one without.
 
-    `depth` and the `spacing` of its cells in m, or text. Both are kept where scenarios keep bodies
-    (`palpate.simulation.bodies.kept_at`); `progress` hears of their making.
+    Both phantoms are stored in the cache of bodies of scenarios.
+
+    Args:
+        contrast: modulus of the nodule over that of the block.
+        depth: of the top of the nodule below the top of the block, m or text.
+        spacing: of the cells, m or text.
+        progress: called with a description and the fraction done while the phantoms are built.
 
     Raises:
-        ScenarioError: such a phantom cannot be made.
+        ScenarioError: the phantom cannot be built.
     """
     deep, stiff = to_si(depth, "m", "depth"), to_si(contrast, "", "contrast")
     cells = write(to_si(spacing, "m", "spacing"), "m")
@@ -111,23 +117,24 @@ def sweep_phantom(
         scenario = Scenario.from_dict(sweep_scenario({**body, "contrast": times}))
         scenario_body(scenario, progress)
         traces.append(simulate(scenario))
-    lump, plain = (stiffness_profile(trace) for trace in traces)
-    return PalpationSweep(f"A nodule {stiff:g} times as stiff, {1e3 * deep:g} mm deep", traces[0], lump, plain)
+    with_nodule, without_nodule = (stiffness_profile(trace) for trace in traces)
+    title = f"Nodule of {stiff:g} times the stiffness at a depth of {1e3 * deep:g} mm"
+    return PalpationSweep(title, traces[0], with_nodule, without_nodule)
 
 
 def sweep_scenario(
     body: dict[str, Any], *, press: float | str = 0.6, law: str = "LQG", title: str = ""
 ) -> dict[str, Any]:
-    """Return a press of `press` and a sweep along x over the middle of a body, as their file would have it.
+    """Return the scenario of a constant force and a sweep along x over the center of a body.
 
     Args:
-        body: [object.body]: a phantom or a file, its origin in the middle of its top.
-        press: along -z, N or text, held by the controller.
+        body: [object.body], with the origin at the center of the top.
+        press: force along -z, N or text, that the controller tracks.
         law: "lead–lag" or "LQG".
         title: of the scenario.
 
     Raises:
-        ScenarioError: the law is unknown, or the press cannot be read.
+        ScenarioError: the law is unknown, or the force cannot be read.
     """
     controller, force = controller_of(law), to_si(press, "N", "press")
     end = FROM + LENGTH / SPEED
@@ -153,25 +160,29 @@ def sweep_scenario(
 
 
 def stiffness_profile(trace: Trace, nodule: float | str = "7.5 mm") -> StiffnessProfile:
-    """Return the stiffness felt along the sweep of a trace; `nodule` is the radius of what is looked for, m or text.
+    """Return the stiffness along the sweep of a trace.
+
+    Args:
+        trace: of a `sweep_scenario`.
+        nodule: radius of the nodule, m or text.
 
     Raises:
-        ScenarioError: the trace is not that of such a sweep: the tip does not touch both over the nodule and beside it.
+        ScenarioError: the tip has no contact over the nodule or beside it.
     """
     radius = to_si(nodule, "m", "nodule")
     moving = (trace.time > FROM + 0.2) & (trace["touching"][:, 0] > 0.0)
-    place = trace["tip"][moving, 0] - trace["tip"][0, 0]
+    position = trace["tip"][moving, 0] - trace["tip"][0, 0]
     deflection = np.linalg.norm(trace["deflection"][moving], axis=1)
     stiffness = np.linalg.norm(trace["object_force"][moving], axis=1) / deflection
-    near, away = np.abs(place) < radius, (np.abs(place) > AWAY[0]) & (np.abs(place) < AWAY[1])
-    if not (near.any() and away.any()):
+    over, beside = np.abs(position) < radius, (np.abs(position) > AWAY[0]) & (np.abs(position) < AWAY[1])
+    if not (over.any() and beside.any()):
         raise ScenarioError(
-            f"the tip touches nothing within {1e3 * radius:g} mm of the middle of the sweep, or "
-            f"{1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm beside it: this is no sweep over a phantom"
+            f"trace: the tip has no contact within {1e3 * radius:g} mm of the center of the sweep, or at "
+            f"{1e3 * AWAY[0]:g} to {1e3 * AWAY[1]:g} mm from it: give the trace of a sweep over a phantom"
         )
     return StiffnessProfile(
-        place,
+        position,
         stiffness,
-        over=float(stiffness[near].max()),
-        beside=float(np.median(stiffness[away])),
+        over=float(stiffness[over].max()),
+        beside=float(np.median(stiffness[beside])),
     )

@@ -24,8 +24,8 @@ CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
         (CORNERS, TETRAHEDRON.astype(float), "whole numbers"),
         (CORNERS[:, :2], TETRAHEDRON, "vertices must be"),
         (np.where(CORNERS == 1, np.nan, CORNERS), TETRAHEDRON, "finite"),
-        (CORNERS, TETRAHEDRON + 1, "numbered 0 to 3"),
-        (CORNERS, TETRAHEDRON - 1, "numbered 0 to 3"),
+        (CORNERS, TETRAHEDRON + 1, "indices are 0 to 3"),
+        (CORNERS, TETRAHEDRON - 1, "indices are 0 to 3"),
         (CORNERS, [[0, 0, 1], [2, 2, 3]], "empty"),
         (CORNERS, TETRAHEDRON[:3], "open=True"),
         (np.vstack([CORNERS, [1, 1, 1]]), np.vstack([TETRAHEDRON, [[0, 1, 4]]]), "more than two"),
@@ -46,7 +46,7 @@ def test_what_can_be_mended_is_mended_and_told() -> None:
     assert found.clean
     assert found.volume == pytest.approx(Mesh(vertices, triangles).diagnose().volume, rel=1e-12)
     assert len(found.mended) == 3
-    assert "turned round" in str(found)
+    assert "flipped" in str(found)
     with pytest.raises(MeshError, match="without area"):
         Mesh(vertices, broken, mend=False)
 
@@ -133,7 +133,7 @@ def test_a_move_that_cannot_be_changes_nothing() -> None:
     for positions, vertices, words in (
         ([start[b]], [a], "no area"),
         ([[np.nan, 0, 0]], [a], "finite"),
-        ([[0.0, 0, 0]], [999], "numbered"),
+        ([[0.0, 0, 0]], [999], "indices are"),
         ([[0.0, 0, 0]], [a, c], "as many"),
     ):
         with pytest.raises(MeshError, match=words):

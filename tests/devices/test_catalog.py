@@ -127,18 +127,18 @@ def test_a_variant_says_only_what_it_changes(tmp_path: Path) -> None:
     ("old", "new", "says"),
     [
         ('"250 g", source = "scale", note = "with the handle"', '"250 g"',
-         'mass.tip must be written { value = "…", source = "…" }: each number needs its source'),
+         'mass.tip must be written { value = "…", source = "…" }: each number needs a source'),
         ('{ value = "250 g", source = "scale", note = "with the handle" }', '"250 g"', "mass.tip must be written"),
         ("tip = {", "tipp = {", "unknown key mass.tipp; did you mean mass.tip?"),
         ("[mass]", "[masses]", "unknown key masses.tip; did you mean mass.tip?"),
-        ('note = "with', 'notes = "with', "mass.tip: unknown key notes; there are value, source and note"),
+        ('note = "with', 'notes = "with', "mass.tip: unknown key notes; the keys are value, source and note"),
         ('"250 g"', '"-250 g"', "mass.tip is -0.25 kg; it must be positive"),
         ('"250 g"', '"0 g"', "mass.tip is 0 kg; it must be positive"),
         ('"250 g"', '"250 mm"', 'mass.tip: "250 mm" is a length [m]; a mass is needed, for example "0.15 kg"'),
         ('"250 g"', "0.25", 'mass.tip: 0.25 has no unit, and a mass is needed; write it as "0.25 kg"'),
         ('"250 g"', "nan", "mass.tip: nan is not a finite number"),
         ('"250 g"', '"inf kg"', 'mass.tip: "inf kg" is not a finite number'),
-        ('"0.3 N"', '"-0.3 N"', "friction.coulomb is -0.3 N; it cannot be negative"),
+        ('"0.3 N"', '"-0.3 N"', "friction.coulomb is -0.3 N; it must not be negative"),
         ('"2 ms"', '"0 ms"', "servo_period is 0 s; it must be positive"),
         ('mechanism = "slider"', 'mechanism = "hexapod"',
          'mechanism must be "premium", "slider", "five_bar" or "tip_device", not \'hexapod\''),
@@ -174,11 +174,11 @@ def test_all_mistakes_of_a_file_are_in_one_answer_with_their_lines(tmp_path: Pat
     ("change", "says"),
     [
         ('[inertia]\na = { value = "1e-4 kg*m^2", source = "me" }',
-         "inertia.a needs 3 values in a list, one for each joint or axis"),
+         "inertia.a needs a list of 3 values, one per joint or axis"),
         ('[inertia]\na = { value = ["1 kg*m^2", "1 kg*m^2"], source = "me" }',
          "inertia.a: 2 values where 3 are needed"),
         ('[inertia]\na = { value = ["1e-4 kg*m^2", "-1e-4 kg*m^2", "0 kg*m^2"], source = "me" }',
-         "inertia.a is -0.0001 kg*m^2; it cannot be negative"),
+         "inertia.a is -0.0001 kg*m^2; it must not be negative"),
         ('[drive]\ngear = { value = [13, 0, 11], source = "me" }', "drive.gear is 0; it must be positive"),
         ('[geometry]\nl1 = { value = "-1 mm", source = "me" }', "geometry.l1 is -0.001 m; it must be positive"),
         ('[inertia]\nbase = { value = "0 kg*m^2", source = "me" }\n'
@@ -198,13 +198,13 @@ def test_a_variant_that_is_no_arm_is_refused(tmp_path: Path, change: str, says: 
 
 @pytest.mark.parametrize("name", [None, 3, b"slider"])
 def test_what_is_no_name_is_refused(name: Any) -> None:
-    with pytest.raises(DeviceError, match="a device is named by its name in the catalogue"):
+    with pytest.raises(DeviceError, match="a device is given by its name in the catalog"):
         devices.load(name)
 
 
 def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
     """Unknown names list the catalogue and suggest; a missing file says that it cannot be read."""
-    with pytest.raises(DeviceError, match=r"there is no device 'phantom-premium' in the catalogue \(.*, slider\); did"):
+    with pytest.raises(DeviceError, match=r"there is no device 'phantom-premium' in the catalog \(.*, slider\); did"):
         devices.load("phantom-premium")
     with pytest.raises(DeviceError, match=r"none\.toml: the device file cannot be read: No such file"):
         devices.load(tmp_path / "none.toml")
@@ -212,7 +212,7 @@ def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="it is not UTF-8 text"):
         devices.load(tmp_path / "noise.toml")
     told = refusal(tmp_path, 'name = "x"\nbased_on = "omega"\n')
-    assert told.startswith("based_on must be a device of the catalogue (haply-2diy, phantom-premium-1.5a, ")
+    assert told.startswith("based_on must be a device of the catalog (haply-2diy, phantom-premium-1.5a, ")
 
 
 def test_friction_can_be_changed_and_taken_away_but_not_made_negative() -> None:

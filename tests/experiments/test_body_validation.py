@@ -6,12 +6,11 @@ import os
 
 import numpy as np
 import pytest
-from palpate.fem import Body
-from palpate.fem.body import ContactHistory
+from palpate.fem import Body, ContactHistory
 
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.passivity import energy_out, small_body
-from experiments.body_validation.validation import flat_end, lattice_near_rest, other_kinds, spline_in_full
+from experiments.body_validation.validation import dense_free_form, flat_end, linearized_mass_spring, other_models
 
 PATHS = int(os.environ.get("PALPATE_CLOSED_PATHS", "60"))
 
@@ -44,18 +43,18 @@ def test_a_flat_end_of_another_radius_is_that_of_the_reference() -> None:
 
 
 def test_lattices_and_splines_are_as_far_from_the_solid_as_is_said() -> None:
-    rows = other_kinds([0.45])
+    rows = other_models([0.45])
     assert len(rows) == 8
     for row in rows:
-        assert abs(row["off"]) < row["asked"], row["what"]
+        assert abs(row["deviation"]) < row["tolerance"], row["name"]
 
 
 def test_what_is_compared_is_what_lattices_and_splines_do(body: Body) -> None:
     """Their compliances, put together in Python, beside the core's own contact."""
     at = ([0.02, 0.02, 0.02], 60e-3, 5e-4)
     for other, kind in (
-        (lattice_near_rest(body), body.mass_spring(1e-3, rayleigh_alpha=20.0, rayleigh_beta=2e-3)),
-        (spline_in_full(body), body.free_form()),
+        (linearized_mass_spring(body), body.mass_spring(1e-3, rayleigh_alpha=20.0, rayleigh_beta=2e-3)),
+        (dense_free_form(body), body.free_form()),
     ):
         one, two = other.indent(*at), kind.indent(*at)
         assert two.force[2] == pytest.approx(one.force[2], rel=0.03)
@@ -72,7 +71,7 @@ def test_no_closed_path_gives_energy_out(body: Body, name: str) -> None:
             period, instantaneous_ratio=2.5, retardation_time="0.1 s"
         ),
     }[name]
-    assert energy_out(kind, PATHS, held=name != "compliance", again=5) < 1e-4  # type: ignore[operator]
+    assert energy_out(kind, PATHS, piecewise_constant=name != "compliance", again=5) < 1e-4  # type: ignore[operator]
 
 
 class _Late(Body):
@@ -84,4 +83,4 @@ class _Late(Body):
 
 
 def test_a_body_that_gives_energy_is_found_out(body: Body) -> None:
-    assert energy_out(lambda _period: _Late(body.contents), 20, held=True, finest=2000, again=5) > 1e-2
+    assert energy_out(lambda _period: _Late(body.contents), 20, piecewise_constant=True, finest=2000, again=5) > 1e-2

@@ -160,7 +160,7 @@ def test_the_report_of_a_slide(tmp_path: Path) -> None:
     assert summary["stable"]
     assert "rests in contact" in summary["verdict"]
     page = run_page(trace, summary).save(tmp_path / "report.html").read_text("utf-8")
-    for text in ("The slide in numbers", "largest force step at a crossing", "20 to 500 Hz"):
+    for text in ("Sliding contact, from the first contact", "largest force step at a crossing", "20 to 500 Hz"):
         assert text in page
     assert summarize(Trace.load(trace.save(tmp_path / "trace.h5"))) == summary
 

@@ -7,7 +7,7 @@ import pytest
 from palpate import fem as bodies
 from palpate.errors import PoseError
 from palpate.fem import Body, BodyError, block
-from palpate.fem.body import Shape
+from palpate.fem.checks import TipShape
 
 TOP = 0.02
 
@@ -48,7 +48,7 @@ def test_a_flat_end_stiffens_in_proportion_to_youngs_modulus_and_not_with_depth(
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
-def test_no_closed_path_of_the_tip_gives_work(body: Body, tip: Shape) -> None:
+def test_no_closed_path_of_the_tip_gives_work(body: Body, tip: TipShape) -> None:
     """Random smooth loops that press, slide, lift off and come back: net work is nothing of what is exchanged."""
     rng = np.random.default_rng(11)
     t = np.linspace(0.0, 2 * np.pi, 16001)
@@ -83,7 +83,7 @@ def test_what_cannot_be_pressed_is_refused(body: Body) -> None:
         body.indent([20.0, 20.0, 1e3 * TOP], 5e-3, 1e-3)
     with pytest.raises(BodyError, match="not 'cone'"):
         body.indent([0.02, 0.02, TOP], 5e-3, 1e-3, tip="cone")  # type: ignore[arg-type]
-    with pytest.raises(BodyError, match="leads out of the body"):
+    with pytest.raises(BodyError, match="points out of the body"):
         body.indent([0.02, 0.02, TOP], 5e-3, -1e-3)
 
 

@@ -152,7 +152,7 @@ def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body)
     nodes, _ = rough.core.pressed()
     begin, vertices, shares = small._patches()
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(small.nodes), len(small.contents.vertices)))[nodes]
-    free = np.flatnonzero(np.repeat(~small.contents.held, 3))
+    free = np.flatnonzero(np.repeat(~small.contents.dirichlet, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
     yields = full @ splu(small.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray())
     aside = small.nodes[nodes] - path[0]
@@ -170,7 +170,9 @@ def test_a_spline_that_sticks_is_the_dense_solution_of_its_law(body: Body) -> No
     felt = rough.simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
     nodes, law = rough.core.pressed()[0], rough.free_form_law
     shared = (weights(body.nodes[nodes], law.spacing) @ weights(body.nodes[nodes], law.spacing).T).toarray()
-    yields = law.give_across * shared + np.diag(law.layer_across / body.contents.areas[nodes])
+    yields = law.tangential_control_compliance * shared + np.diag(
+        law.tangential_layer_compliance / body.contents.areas[nodes]
+    )
     forces = np.linalg.solve(yields, np.full(len(nodes), way))
     assert -felt.friction[-1] @ [0.8, 0.6, 0.0] == pytest.approx(forces.sum(), rel=1e-3)
     moved = rough.displacement()[nodes] @ [0.8, 0.6, 0.0]

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from palpate import fem as bodies
 from palpate.fem import Body, block
-from palpate.fem.body import Shape
+from palpate.fem.checks import TipShape
 from palpate.fem.volume import Volume
 from scipy.optimize import nnls
 
@@ -138,7 +138,7 @@ def test_force_has_no_step_on_a_slender_body(shape: tuple[Body, float], kind: st
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
-def test_a_tip_through_a_thin_plate_presses_its_near_face_only(tip: Shape) -> None:
+def test_a_tip_through_a_thin_plate_presses_its_near_face_only(tip: TipShape) -> None:
     """5 mm of radius, 7 mm deep into 3 mm: the far face, which turns away, is not touched."""
     body = plate()
     top = 5e-3 if tip == "sphere" else 0.0

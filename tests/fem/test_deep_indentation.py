@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from palpate import fem as bodies
 from palpate.fem import Body, block
-from palpate.fem.body import Shape
+from palpate.fem.checks import TipShape
 
 TOP, PERIOD = 0.02, 1e-3
-TIPS: dict[Shape, float] = {"sphere": 4e-3, "flat": 3e-3}
+TIPS: dict[TipShape, float] = {"sphere": 4e-3, "flat": 3e-3}
 KINDS: dict[str, Callable[[Body], Body]] = {
     "compliance": lambda body: body,
     "compliance, rough": lambda body: body.with_friction(0.5),
@@ -33,7 +33,7 @@ def body() -> Body:
 
 @pytest.mark.parametrize("tip", TIPS)
 @pytest.mark.parametrize("name", KINDS)
-def test_force_grows_with_depth_for_three_radii_and_no_energy_comes_out(body: Body, name: str, tip: Shape) -> None:
+def test_force_grows_with_depth_for_three_radii_and_no_energy_comes_out(body: Body, name: str, tip: TipShape) -> None:
     """Down at 12 mm/s or less: inertia and creep only add to the force. Then up again, and clear of it."""
     kind, radius = KINDS[name](body), TIPS[tip]
     depth = np.linspace(0.0, 3.0 * radius, 1000)
@@ -50,7 +50,7 @@ def test_force_grows_with_depth_for_three_radii_and_no_energy_comes_out(body: Bo
 
 
 @pytest.mark.parametrize("tip", TIPS)
-def test_a_sphere_that_is_not_told_where_out_is_finds_it_by_what_it_presses(body: Body, tip: Shape) -> None:
+def test_a_sphere_that_is_not_told_where_out_is_finds_it_by_what_it_presses(body: Body, tip: TipShape) -> None:
     radius = TIPS[tip]
     depth = np.linspace(-1e-3, 3.0 * radius, 400)
     path = np.array([0.0197, 0.0206, TOP + (radius if tip == "sphere" else 0.0)]) - np.outer(depth, [0, 0, 1])

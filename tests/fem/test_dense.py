@@ -26,39 +26,39 @@ def test_they_are_those_of_numpy(m: int, n: int, k: int, kind: type, seed: int) 
     root = random(rng, kind, n, n)
     square = np.asfortranarray(root @ root.T + n * np.eye(n, dtype=kind))
     factor = square.copy(order="F")
-    assert dense.cholesky(factor)
+    assert dense.potrf(factor)
     lower = np.tril(factor)
     np.testing.assert_allclose(lower @ lower.T, square, atol=near * n)
     b = random(rng, kind, m, n)
     solved = b.copy(order="F")
-    dense.solve_transposed(factor, solved)
+    dense.trsm(factor, solved)
     np.testing.assert_allclose(solved @ lower.T, b, atol=near)
-    for product, sign in ((dense.add_square, 1.0), (dense.subtract_square, -1.0)):
+    for sign in (1.0, -1.0):
         c = random(rng, kind, m, m)
         before = c.copy()
-        product(c, b)
+        dense.syrk(sign, b, c)
         np.testing.assert_allclose(np.tril(c), np.tril(before + sign * b @ b.T), atol=near)
         assert np.array_equal(np.triu(c, 1), np.triu(before, 1))
     c, d = random(rng, kind, m, k), random(rng, kind, k, n)
     before = c.copy()
-    dense.subtract_product(c, b, d)
+    dense.gemm(-1.0, b, d, c)
     np.testing.assert_allclose(c, before - b @ d.T, atol=near)
 
 
 def test_what_is_not_positive_definite_has_no_factor() -> None:
-    assert not dense.cholesky(np.asfortranarray(np.diag([1.0, -1.0])))
+    assert not dense.potrf(np.asfortranarray(np.diag([1.0, -1.0])))
 
 
 @pytest.mark.parametrize(
     "wrong", [np.ones((2, 3)), np.ones((2, 3), np.float32, order="F"), np.ones((6, 6), order="F")[::2, ::2]]
 )
 def test_arrays_of_another_kind_are_refused(wrong: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match="columns in one piece"):
-        dense.subtract_square(np.zeros((len(wrong), len(wrong)), order="F"), wrong)
+    with pytest.raises(ValueError, match="Fortran order"):
+        dense.syrk(-1.0, wrong, np.zeros((len(wrong), len(wrong)), order="F"))
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(ValueError, match="do not fit"):
-        dense.solve_transposed(np.eye(3, order="F"), np.zeros((2, 4), order="F"))
-    with pytest.raises(ValueError, match="do not fit"):
-        dense.subtract_product(np.zeros((2, 2), order="F"), np.zeros((2, 3), order="F"), np.zeros((3, 3), order="F"))
+    with pytest.raises(ValueError, match="do not match"):
+        dense.trsm(np.eye(3, order="F"), np.zeros((2, 4), order="F"))
+    with pytest.raises(ValueError, match="do not match"):
+        dense.gemm(-1.0, np.zeros((2, 3), order="F"), np.zeros((3, 3), order="F"), np.zeros((2, 2), order="F"))

@@ -43,12 +43,12 @@ def test_the_core_moves_nodes_by_the_least_change_of_control_points(spline: Body
     displacement = spline.indent(MIDDLE, "8 mm", "1 mm").displacement
     nodes, forces = spline.core.pressed()
     b = weights(spline.nodes, law.spacing)
-    goal = -displacement[nodes, 2] - forces * law.layer / spline.contents.areas[nodes]
+    goal = -displacement[nodes, 2] - forces * law.layer_compliance / spline.contents.areas[nodes]
     least = np.linalg.pinv(b[nodes].toarray()) @ goal
     moved = b @ least
-    moved[nodes] += forces * law.layer / spline.contents.areas[nodes]
+    moved[nodes] += forces * law.layer_compliance / spline.contents.areas[nodes]
     assert -displacement[:, 2] == pytest.approx(moved, abs=1e-9)
-    assert law.give * (b[nodes].T @ forces) == pytest.approx(least, abs=1e-8)
+    assert law.control_compliance * (b[nodes].T @ forces) == pytest.approx(least, abs=1e-8)
 
 
 def test_force_is_the_slope_of_stored_energy(spline: Body) -> None:
@@ -78,7 +78,7 @@ def test_it_is_reciprocal_and_never_pulls(spline: Body) -> None:
     """Through the core: a force on one node moves another as far as the other way round."""
     law, n = spline.free_form_law, len(spline.nodes)
     b = weights(spline.nodes, law.spacing).toarray()
-    whole = law.give * b @ b.T + np.diag(law.layer / spline.contents.areas)
+    whole = law.control_compliance * b @ b.T + np.diag(law.layer_compliance / spline.contents.areas)
     own = [spline.core.respond(i, np.array([1.0]))[0] for i in range(n)]
     assert own == pytest.approx(np.diag(whole), rel=1e-12)
     assert np.linalg.eigvalsh(whole)[0] > 0

@@ -101,7 +101,7 @@ def test_modal_at_last_is_compliance(body: Body) -> None:
     assert np.abs(felt.force[:20, 2] - still.force[0, 2]).max() > 0.05 * still.force[0, 2]
 
 
-@pytest.mark.filterwarnings("ignore:the tip presses 1 of")
+@pytest.mark.filterwarnings("ignore:only 1 of the")
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
 def test_a_body_that_is_held_has_gone_in_as_far_as_the_tip(body: Body, tip: Literal["sphere", "flat"]) -> None:
     """At rest every kind's pressed patch has moved as that of the body without a memory; `press` is that rest."""

@@ -11,7 +11,7 @@ from palpate.fem import Body, BodyError, block
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
 from palpate.fem.selectors import half_space
-from palpate.fem.spring_network import build_network, patches
+from palpate.fem.spring_network import build_network, contact_patches
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
@@ -34,9 +34,9 @@ def lattice(body: Body) -> Body:
 
 def static_compliance(body: Body) -> np.ndarray:
     """Of the network near rest (3n, 3n), m/N, through its patches."""
-    begin, vertices, shares = body._patches()
-    load = sparse.csr_matrix((shares, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
-    free = np.flatnonzero(np.repeat(~body.contents.held, 3))
+    begin, vertices, weights = body._patches()
+    load = sparse.csr_matrix((weights, vertices, begin), shape=(len(body.nodes), len(body.contents.vertices)))
+    free = np.flatnonzero(np.repeat(~body.contents.dirichlet, 3))
     full = sparse.kron(load, sparse.eye(3), format="csr")[:, free]
     return np.asarray(full @ splu(body.spring_network.matrix[free][:, free].tocsc()).solve(full.T.toarray()))
 
@@ -73,13 +73,13 @@ def test_springs_alone_have_poissons_ratio_one_quarter() -> None:
 
 def test_forces_spread_as_those_of_finite_elements(body: Body) -> None:
     elements = Elements(VOLUME, Material(YOUNG, POISSON), [BOTTOM], TOP, 1)
-    begin, vertices, shares = patches(VOLUME.points, elements.triangles, elements.touchable)
-    load = sparse.csr_matrix((shares, vertices, begin), shape=(len(elements.touchable), len(VOLUME.points)))
+    begin, vertices, weights = contact_patches(VOLUME.points, elements.triangles, elements.contact_nodes)
+    load = sparse.csr_matrix((weights, vertices, begin), shape=(len(elements.contact_nodes), len(VOLUME.points)))
     assert np.abs(load.T - elements.load).max() < 1e-12
 
 
 def test_moved_as_a_whole_it_feels_nothing(lattice: Body) -> None:
-    core, places = lattice.core, lattice.spring_network.places
+    core, places = lattice.core, lattice.spring_network.points
     turned = places @ Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix().T + [0.01, 0.02, -0.03]
     core.reset()
     core.set(turned, np.zeros_like(turned))
@@ -123,7 +123,7 @@ def test_no_tick_makes_energy_while_a_tip_shakes_it(young: float) -> None:
 def test_thrown_about_violently_it_only_loses_energy(lattice: Body) -> None:
     """Speeds that turn tetrahedra inside out: far outside of what it models, and still it does not blow up."""
     core, random = lattice.core, np.random.default_rng(3)
-    places = lattice.spring_network.places
+    places = lattice.spring_network.points
     core.set(places, random.normal(size=places.shape) * 10.0)
     had = core.energy
     for _ in range(300):

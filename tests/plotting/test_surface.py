@@ -17,7 +17,7 @@ from palpate.fem import Body
 from palpate.plotting.bodies import draw_sweep
 from palpate.plotting.body_contact import deformed
 from palpate.plotting.style import FAINT
-from palpate.plotting.surface import coloured, divided, frame, new_space, stretched
+from palpate.plotting.surface import divided, draw_colored, frame, new_space, stretched
 
 values_at_corners = st.lists(st.tuples(*[st.floats(0.0, 1.0)] * 3), min_size=1, max_size=6)
 
@@ -47,7 +47,7 @@ def test_a_colour_is_right_where_it_is() -> None:
     corners = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
     scale = ScalarMappable(Normalize(0.0, 3.0), "cividis")
     _, (space,) = new_space()
-    drawn = coloured(space, corners, corners @ [1.0, 2.0, 0.0], scale)
+    drawn = draw_colored(space, corners, corners @ [1.0, 2.0, 0.0], scale)
     frame(space, corners.reshape(-1, 3), 0.2)
     pieces, inner, outer = np.array(drawn._faces), drawn._facecolor3d, drawn._edgecolor3d
     filled = inner[:, 3] > 0.0
@@ -104,12 +104,12 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
     figure = deformed(block, felt.displacement, block.pressure())
     x = block.surface.vertices + block.on_surface(felt.displacement)
     high, wide = np.ptp(x[:, 2]), max(np.ptp(x[:, 0]), np.ptp(x[:, 1]))
-    assert stretched(figure) == f" To be seen, z is stretched {0.15 * wide / high:.3g} times."
+    assert stretched(figure) == f" For visibility, z is stretched {0.15 * wide / high:.3g} times."
     other, (space,) = new_space()
     frame(space, np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 2.0]]), 0.3)
     assert stretched(other) == ""
     frame(space, np.array([[0.0, 0.0, 0.0], [0.25, 10.0, 0.5]]), 0.3)
-    assert stretched(other) == " To be seen, x is stretched 12 times and z is stretched 6 times."
+    assert stretched(other) == " For visibility, x is stretched 12 times and z is stretched 6 times."
 
 
 def test_the_picture_of_a_sweep_tells_how_much_harder_one_body_is(tmp_path: Path) -> None:

@@ -47,9 +47,9 @@ def test_a_tips_device_may_be_named() -> None:
     assert LinearDevice.at_pose("slider", [0.0]).inertia == LinearDevice.at_pose(SLIDER, [0.0]).inertia
     assert (linearize("slider", [0.0]).A == linearize(SLIDER, [0.0]).A).all()
     assert LinearDevice.at_pose("phantom-premium-1.5a", POSE).name == LinearDevice.at_pose(ARM, POSE).name
-    with pytest.raises(DeviceError, match="there is no device 'phantom' in the catalogue"):
+    with pytest.raises(DeviceError, match="there is no device 'phantom' in the catalog"):
         LinearDevice.at_pose("phantom", POSE)
-    with pytest.raises(DeviceError, match=r"a device is named by its name in the catalogue .* not by None"):
+    with pytest.raises(DeviceError, match=r"a device is given by its name in the catalog .* not by None"):
         LinearDevice.at_pose(None, POSE)  # type: ignore[arg-type]
     with pytest.raises(DeviceError, match="a file is named by text or a Path, not by None"):
         workspace(None)  # type: ignore[arg-type]

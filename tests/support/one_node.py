@@ -11,7 +11,7 @@ def one_node(stiffness: float, path: Path) -> Path:
     contents = BodyData(
         points=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]]),
         triangles=np.array([[0, 1, 2]]),
-        touchable=np.array([True]),
+        contact_triangles=np.array([True]),
         nodes=np.array([0]),
         normals=np.array([[0.0, 0.0, 1.0]]),
         areas=np.array([1e-6]),
@@ -21,7 +21,7 @@ def one_node(stiffness: float, path: Path) -> Path:
         vertices=np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, -1e-3]]),
         tetrahedra=np.array([[0, 2, 1, 3]]),
         young=np.array([1e4]),
-        held=np.array([False, True, True, True]),
+        dirichlet=np.array([False, True, True, True]),
         record={"source": "one node"},
     )
     return write(contents, path)

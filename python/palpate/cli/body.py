@@ -120,11 +120,11 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     """What a body is made of and how, for people: a name and a text each."""
     import numpy as np
 
-    from palpate.contact.diagnosis import lengths
+    from palpate.contact.diagnosis import format_size
 
     told = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
-    yield "size", f"{lengths((x, y, z))}, {1e6 * body.volume.size:.4g} cm³"
+    yield "size", f"{format_size((x, y, z))}, {1e6 * body.volume.size:.4g} cm³"
     young = body.contents.young / 1e3
     spread = f"{young.min():.4g}" if np.ptp(young) < 1e-6 * young.max() else f"{young.min():.4g} to {young.max():.4g}"
     yield (

@@ -1,4 +1,4 @@
-"""Contact of a tip with triangle meshes: meshes, surfaces, and the proxy that follows the tip."""
+"""Contact of a tip with triangle meshes: meshes, surfaces and proxies."""
 
 from palpate.contact.contacts import Contact, Contacts
 from palpate.contact.diagnosis import Diagnosis

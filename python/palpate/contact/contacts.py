@@ -1,4 +1,4 @@
-"""Where a tip touches and how hard: one tick, or a path's."""
+"""Contact of a tip with a mesh: one tick, or a path."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Contact:
-    """One tick. All vectors are in the mesh's frame; apart from the surface, normal and force are zero."""
+    """Contact in one tick. Vectors are in the mesh frame; without contact, normal and force are zero."""
 
     touching: bool
     position: Array
-    """Of the proxy, a sphere's centre (3,), m."""
+    """Position of the proxy or of the center of its sphere (3,), m."""
     normal: Array
-    """Unit, out of the surface (3,)."""
+    """Outward unit normal (3,)."""
     force: Array
-    """Of the surface on the tip (3,), N."""
+    """Force of the surface on the tip (3,), N."""
     triangle: int
-    """-1 if apart."""
+    """Triangle in contact; -1 without contact."""
     depth: float
-    """Of the tip under the proxy, along the normal, m."""
+    """Penetration of the tip below the proxy along the normal, m."""
     stiffness: float
-    """Of the surface at the proxy, along the normal, N/m."""
+    """Normal stiffness of the surface at the proxy, N/m."""
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """The ticks of a path, n of them; `contacts[i]` is one."""
+    """Contact in the n ticks of a path; `contacts[i]` is a `Contact`."""
 
     touching: NDArray[np.bool_]
     """(n,)"""
     position: Array
     """(n, 3), m."""
     normal: Array
-    """(n, 3), unit, or zero where apart."""
+    """(n, 3), unit, or zero without contact."""
     force: Array
     """(n, 3), N."""
     triangle: NDArray[np.int64]
-    """(n,), -1 where apart."""
+    """(n,), -1 without contact."""
     depth: Array
     """(n,), m."""
     stiffness: Array

@@ -1,4 +1,4 @@
-"""A triangle mesh that can be touched."""
+"""Triangle mesh for contact."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
-from palpate.contact.diagnosis import Diagnosis, lengths
+from palpate.contact.diagnosis import Diagnosis, format_size
 from palpate.errors import PalpateError
 from palpate.files import check_readable
 from palpate.units import parse_quantity
@@ -21,35 +21,42 @@ Array = NDArray[np.float64]
 
 
 class MeshError(PalpateError):
-    """A mesh is empty, not finite, not manifold, open without being allowed to, or its file cannot be read."""
+    """A mesh is empty, not finite, not manifold, or open without `open=True`, or its file cannot be read."""
 
 
 class Mesh:
-    """Vertices (n, 3), m, and triangles (m, 3) of indices into them, anticlockwise seen from outside.
+    """Triangle mesh: vertices (n, 3), m, and triangles (m, 3) of indices into them, counterclockwise from outside.
 
-    Triangles without area, repeated triangles and mixed winding are mended, and `diagnose().mended` tells it. A surface
-    that has a border has no inside: say `open=True` if that is on purpose, and it is touched from both sides.
+    Args:
+        vertices: (n, 3), m.
+        triangles: (m, 3), indices of vertices.
+        open: whether the surface may have a border. An open surface has contact on both sides.
+        mend: whether to drop triangles without area and repeated triangles, and to reorient triangles. The repairs
+            are listed in `diagnose().mended`.
+
+    Raises:
+        MeshError: the mesh is empty, not finite, not manifold, or has a border without `open=True`.
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, *, open: bool = False, mend: bool = True) -> None:
         points = _numbers(vertices)
         faces = _indices(triangles, len(points))
-        told: list[str] = []
+        repairs: list[str] = []
         if mend:
-            faces, degenerate, duplicate, turned = _core.repair_mesh(points, faces)
-            for count, what in (
+            faces, degenerate, duplicate, flipped = _core.repair_mesh(points, faces)
+            for count, repair in (
                 (degenerate, "without area dropped"),
-                (duplicate, "that were there twice dropped"),
-                (turned, "turned round"),
+                (duplicate, "repeated and dropped"),
+                (flipped, "flipped"),
             ):
                 if count:
-                    told.append(f"{count} triangle{'s'[: count != 1]} {what}")
+                    repairs.append(f"{count} triangle{'s'[: count != 1]} {repair}")
             if len(faces) == 0:
                 raise MeshError("the mesh is empty: none of its triangles has an area")
         self.vertices = points
         self.triangles = np.asarray(faces, dtype=np.int64)
         self.open = bool(open)
-        self._mended = tuple(told)
+        self._mended = tuple(repairs)
         for array in (self.vertices, self.triangles):
             array.setflags(write=False)
         self.core = _core.TriangleMesh(self.vertices, self.triangles, self.open)
@@ -58,14 +65,23 @@ class Mesh:
 
     @classmethod
     def load(cls, path: str | Path, *, unit: str, open: bool = False, mend: bool = True) -> Mesh:
-        """Read STL, OBJ, PLY, OFF, GLB, or what else meshio knows, written in `unit`, such as "mm".
+        """Read an STL, OBJ, PLY, OFF or GLB file, or another format that meshio supports.
 
-        Vertices at exactly the same place become one. Raises MeshError if the file cannot be read or has no triangles.
+        Vertices with equal coordinates are merged.
+
+        Args:
+            path: file.
+            unit: of its coordinates, such as "mm".
+            open: as in `Mesh`.
+            mend: as in `Mesh`.
+
+        Raises:
+            MeshError: the file cannot be read or has no triangles, or the mesh is invalid.
         """
         try:
             scale = parse_quantity(f"1 {unit}", "m")
         except ValueError:
-            raise MeshError(f'unit: "{unit}" is no unit of length; write for example "mm"') from None
+            raise MeshError(f'unit: "{unit}" is not a unit of length; write for example "mm"') from None
         vertices, triangles = _read(path)
         try:
             vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
@@ -74,26 +90,26 @@ class Mesh:
             raise MeshError(f"{path}: {problem}") from None
 
     def __repr__(self) -> str:
-        return f"<Mesh: {len(self.triangles)} triangles, {lengths(self.size)}{', open' * (not self.closed)}>"
+        return f"<Mesh: {len(self.triangles)} triangles, {format_size(self.size)}{', open' * (not self.closed)}>"
 
     @property
     def size(self) -> tuple[float, float, float]:
-        """Edges of the box around it along x, y and z, m."""
+        """Edges of the bounding box along x, y and z, m."""
         x, y, z = np.ptp(self.vertices[self.triangles].reshape(-1, 3), axis=0).tolist()
         return x, y, z
 
     @property
     def extent(self) -> float:
-        """Diagonal of the box around it, m."""
+        """Diagonal of the bounding box, m."""
         return float(self.core.extent)
 
     @cached_property
     def closed(self) -> bool:
-        """No borders: there is an inside."""
+        """Whether the mesh has no border, and so encloses a volume."""
         return int(self.core.diagnosis()["open"][0]) == 0
 
     def diagnose(self) -> Diagnosis:
-        """Look for everything that could make touching it surprising (a second or two for a million triangles)."""
+        """Return the counts of all defects; takes one or two seconds for a million triangles."""
         d = self.core.diagnosis()
         return Diagnosis(
             triangles=len(self.triangles),
@@ -112,46 +128,55 @@ class Mesh:
         )
 
     def nearest(self, points: ArrayLike) -> tuple[Array, NDArray[np.int64]]:
-        """Return the surface's nearest points (n, 3), m, to `points` (n, 3), m, and their triangles (n,)."""
-        at, facet = self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
-        return np.asarray(at), np.asarray(facet)
+        """Return the points of the surface (n, 3), m, nearest to `points` (n, 3), m, and their triangles (n,)."""
+        nearest, faces = self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
+        return np.asarray(nearest), np.asarray(faces)
 
     def move(self, positions: ArrayLike, vertices: ArrayLike | None = None) -> None:
-        """Move `vertices` (n,), numbers; all of them if None, to `positions` (n, 3), m. Proxies ride along.
+        """Move vertices, and the proxies on the surface with them.
 
-        Only the triangles around them are refitted. Raises MeshError, with nothing moved, if a position is not finite
-        or a triangle would lose its area. A free tip that a closed mesh has come over is put on its surface.
+        Only the triangles around the vertices are updated. If a closed mesh moves over a free tip, the proxy is placed
+        on its surface.
+
+        Args:
+            positions: new positions (n, 3), m.
+            vertices: indices of the vertices (n,); None for all.
+
+        Raises:
+            MeshError: a position is not finite, an index is out of range, or a triangle would lose its area. The mesh
+                is unchanged.
         """
-        to = _numbers(positions)
+        target = _numbers(positions)
         count = len(self.vertices)
-        which = np.arange(count) if vertices is None else np.atleast_1d(np.asarray(vertices))
-        if which.shape != (len(to),) or not np.issubdtype(which.dtype, np.integer):
+        index = np.arange(count) if vertices is None else np.atleast_1d(np.asarray(vertices))
+        if index.shape != (len(target),) or not np.issubdtype(index.dtype, np.integer):
             raise MeshError(
-                f"{len(to)} positions need as many vertex numbers; there are {which.shape} of {which.dtype}"
+                f"{len(target)} positions need as many vertex indices; there are {index.shape} of {index.dtype}"
             )
-        if len(which) and not (which.min() >= 0 and which.max() < count):
-            raise MeshError(f"the vertices are numbered 0 to {count - 1}; asked to move {which.min()} to {which.max()}")
-        flat = self.core.move(which.tolist(), to)
-        if flat >= 0:
-            raise MeshError(f"triangle {flat} would have no area there; nothing was moved")
+        if len(index) and not (index.min() >= 0 and index.max() < count):
+            raise MeshError(f"vertex indices are 0 to {count - 1}; given are {index.min()} to {index.max()}")
+        degenerate = self.core.move(index.tolist(), target)
+        if degenerate >= 0:
+            raise MeshError(f"triangle {degenerate} would have no area there; nothing was moved")
         moved = self.vertices.copy()
-        moved[which] = to
+        moved[index] = target
         moved.setflags(write=False)
         self.vertices = moved
 
     def _refuse(self) -> NoReturn:
+        """Raise MeshError with the first defect."""
         d = self.core.diagnosis()
-        for name, words, cure in (
-            ("degenerate", "without area", "drop them, or leave mend=True"),
-            ("duplicate", "that were there before", "drop them, or leave mend=True"),
+        for name, defect, remedy in (
+            ("degenerate", "without area", "drop them, or use mend=True"),
+            ("duplicate", "that repeat another one", "drop them, or use mend=True"),
             ("non_manifold", "on edges that more than two share", "split the surface there"),
-            ("mixed_winding", "that turn the other way than a neighbour", "leave mend=True (a Moebius band stays so)"),
+            ("mixed_winding", "oriented opposite to a neighbor", "use mend=True (a Moebius band cannot be repaired)"),
             ("open", "at a border", "close the surface, or declare it open (open=True; in a scenario open = true)"),
         ):
             count, first = d[name]
             if count:
-                raise MeshError(f"the mesh has triangles {words} ({count}, the first is triangle {first}): {cure}")
-        raise MeshError("the mesh cannot be touched")
+                raise MeshError(f"the mesh has triangles {defect} ({count}, the first is triangle {first}): {remedy}")
+        raise MeshError("the mesh is not usable for contact: mesh again")
 
 
 def _numbers(vertices: ArrayLike) -> Array:
@@ -170,21 +195,21 @@ def _numbers(vertices: ArrayLike) -> Array:
 def _indices(triangles: ArrayLike, vertices: int) -> NDArray[np.int64]:
     raw = np.asarray(triangles)
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
-        raise MeshError(f"triangles must be (m, 3) vertex numbers, at least one row; they are {raw.shape}")
+        raise MeshError(f"triangles must be (m, 3) vertex indices, at least one row; they are {raw.shape}")
     if not np.issubdtype(raw.dtype, np.integer):
         raise MeshError(f"triangles must be whole numbers, not {raw.dtype}")
     bad = ((raw < 0) | (raw >= vertices)).any(axis=1)
     if bad.any():
         first = int(np.argmax(bad))
-        raise MeshError(f"triangle {first} is {raw[first].tolist()}, but the vertices are numbered 0 to {vertices - 1}")
+        raise MeshError(f"triangle {first} is {raw[first].tolist()}, but vertex indices are 0 to {vertices - 1}")
     return np.array(raw, dtype=np.int64, order="C")
 
 
 def _weld(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-    """Make vertices with equal coordinates one, in the order of their first use."""
+    """Merge vertices with equal coordinates, in the order of their first use."""
     _, first, same = np.unique(
         points + 0.0, axis=0, return_index=True, return_inverse=True
-    )  # + 0.0: minus zero is zero
+    )  # + 0.0 turns minus zero into zero
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return points[np.sort(first)], rank[same.reshape(-1)][faces]
@@ -197,16 +222,16 @@ def _read(name: str | Path) -> tuple[Any, Any]:
     kind = path.suffix.lower().lstrip(".")
     try:
         if kind in trimesh.available_formats():
-            whole: Any = trimesh.load(path, force="mesh", process=False)
-            vertices, faces = whole.vertices, whole.faces
+            mesh: Any = trimesh.load(path, force="mesh", process=False)
+            vertices, faces = mesh.vertices, mesh.faces
         else:
             vertices, faces = _read_with_meshio(path)
     except MeshError:
         raise
-    except Exception as problem:  # readers raise whatever they like
+    except Exception as problem:  # readers raise any exception
         raise MeshError(f"{path}: not a readable {kind or 'mesh'} file ({problem})") from problem
     if len(faces) == 0:
-        raise MeshError(f"{path}: the file holds no triangles that can be read: it is empty, cut short or no mesh")
+        raise MeshError(f"{path}: the file has no triangles that can be read: it is empty, truncated or not a mesh")
     return np.asarray(vertices), np.asarray(faces)
 
 
@@ -214,7 +239,7 @@ def _read_with_meshio(path: Path) -> tuple[Any, Any]:
     import meshio
 
     if path.suffix.lower() not in meshio.extension_to_filetypes:
-        raise MeshError(f"{path}: STL, OBJ, PLY, OFF and GLB are read, and what meshio knows; this is none of them")
-    whole = meshio.read(path)
-    cells = [block.data for block in whole.cells if block.type == "triangle"]
-    return whole.points, np.concatenate(cells) if cells else np.empty((0, 3), dtype=int)
+        raise MeshError(f"{path}: not a known format: STL, OBJ, PLY, OFF and GLB are read, and those of meshio")
+    mesh = meshio.read(path)
+    cells = [block.data for block in mesh.cells if block.type == "triangle"]
+    return mesh.points, np.concatenate(cells) if cells else np.empty((0, 3), dtype=int)

@@ -1,4 +1,4 @@
-"""The proxy (god-object): the point or sphere that stays outside while the tip goes in."""
+"""Proxy (god object): point or sphere that stays on the surface while the tip penetrates."""
 
 from __future__ import annotations
 
@@ -15,15 +15,24 @@ __all__ = ["Proxy"]
 
 
 class Proxy:
-    """Follows a tip over a mesh: a point, or a sphere of `radius` (m, or text with a unit).
+    """Proxy of a tip on a mesh: a point, or a sphere.
 
-    The first tip is where it starts: there, or on the nearest surface if that is inside a closed mesh. Each tip is one
-    tick. A tip that is not finite is a fault: it is counted in `faults`, and the last contact is held.
+    The proxy starts at the first tip, or at the nearest surface point if the tip is inside a closed mesh. Each tip is
+    one tick. A tip that is not finite is counted in `faults`, and the last contact is repeated.
+
+    Args:
+        mesh: the mesh.
+        surface: stiffness, damping and friction; None for `Surface()`.
+        radius: of a spherical proxy, m or text; 0 for a point.
+
+    Raises:
+        MeshError: `mesh` is not a mesh.
+        SurfaceError: `surface` is not a surface or does not match the mesh, or the radius is negative.
     """
 
     def __init__(self, mesh: Mesh, surface: Surface | None = None, radius: float | str = 0.0) -> None:
         if not isinstance(mesh, Mesh):
-            raise MeshError(f"a proxy touches a palpate.Mesh, not {mesh!r}; Mesh.load(path, unit=...) reads a file")
+            raise MeshError(f"a proxy needs a palpate.Mesh, not {mesh!r}; Mesh.load(path, unit=...) reads a file")
         if surface is not None and not isinstance(surface, Surface):
             raise SurfaceError(f"surface must be a palpate.Surface, such as Surface(stiffness={surface!r})")
         size = number(radius, "radius", "m")
@@ -33,14 +42,14 @@ class Proxy:
         self.core = _core.Proxy(mesh.core, self.surface.core_for(mesh), size)
 
     def step(self, tip: ArrayLike) -> Contact:
-        """Go one tick with the tip at `tip` (3,), m."""
+        """Advance one tick with the tip at `tip` (3,), m, and return the contact."""
         point = _numbers(tip, "a tip is three numbers in m")
         if point.shape != (3,):
             raise PoseError(f"a tip is three numbers in m; this has shape {point.shape}")
         return self.simulate_path(point[None, :])[0]
 
     def simulate_path(self, path: ArrayLike) -> Contacts:
-        """Go one tick for each row of `path` (n, 3), m, and return all contacts; the loop is the core's."""
+        """Advance one tick per row of `path` (n, 3), m, and return all contacts."""
         points = _numbers(path, "a path is (n, 3) numbers in m")
         if points.ndim != 2 or points.shape[1] != 3:
             raise PoseError(f"a path is (n, 3) numbers in m; this has shape {points.shape}")
@@ -56,17 +65,17 @@ class Proxy:
         )
 
     def reset(self) -> None:
-        """Let go of the surface: the next tip is a first one."""
+        """Release the contact, so that the next tip is the first one."""
         self.core.reset()
 
     @property
     def faults(self) -> int:
-        """Tips that were not finite."""
+        """Number of tips that were not finite."""
         return int(self.core.faults)
 
     @property
     def unfinished(self) -> int:
-        """Ticks that reached the bound on moves and went on in the next."""
+        """Number of ticks that reached the iteration limit and continued in the next tick."""
         return int(self.core.unfinished)
 
     @property
@@ -75,8 +84,8 @@ class Proxy:
         return bool(self.core.sliding)
 
 
-def _numbers(value: ArrayLike, what: str) -> NDArray[np.float64]:
+def _numbers(value: ArrayLike, requirement: str) -> NDArray[np.float64]:
     try:
         return np.ascontiguousarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise PoseError(f"{what}, without units; this is {value!r}") from None
+        raise PoseError(f"{requirement}, without units; this is {value!r}") from None

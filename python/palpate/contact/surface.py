@@ -1,4 +1,4 @@
-"""How a surface answers to being touched."""
+"""Contact properties of a mesh's surface: stiffness, damping and friction."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate.units import parse_quantity, to_si
 
 __all__ = ["SHADED_MOST", "Surface", "SurfaceError"]
 
-SHADED_MOST: Final = math.radians(85.0)  # edges that turn by more are edges
+SHADED_MOST: Final = math.radians(85.0)  # of force shading; sharper edges are not smoothed
 
 
 class SurfaceError(PalpateError):
@@ -25,20 +25,27 @@ class SurfaceError(PalpateError):
 
 @dataclass(frozen=True)
 class Surface:
-    """Stiffness, damping and friction of a mesh's surface. Numbers are SI; text carries its unit ("3.5 N/mm").
+    """Stiffness, damping and friction of a mesh's surface. Numbers are SI; text has a unit ("3.5 N/mm").
 
-    `stiffness` (N/m) and `damping` (N*s/m), both along the normal, are one value, one per triangle or one per vertex.
-    `tangential` (N/m) joins tip and proxy along the surface: None for as stiff as along the normal, 0 for nothing, and
-    then there is no friction either. The frictions are coefficients: the proxy holds until the tangential force exceeds
-    static_friction times the normal force (infinity: it never slips), and slides with dynamic_friction (None: the
-    same). `viscous` (N*s/m) drags a sliding proxy. `period` (s) is the servo's, for damping and drag.
+    The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" field
+    interpolates the values over the surface with a continuous gradient. Its force is the gradient of the potential
+    stiffness * depth^2 / 2, so it has a tangential part depth^2 / 2 times the gradient of the stiffness.
 
-    The "discrete" field gives each triangle its own stiffness (Hosseini-Zadeh 2004, ch. 5). The "continuous" one
-    spreads the values over the surface, with a continuous slope; its force is the slope of the potential
-    stiffness * depth^2 / 2, so there is a part depth^2 / 2 times the slope of the stiffness, along the surface.
+    Attributes:
+        stiffness: along the normal, N/m; one value, one per triangle or one per vertex.
+        tangential: stiffness between tip and proxy along the surface, N/m; None for the normal stiffness, 0 for no
+            tangential force and no friction.
+        static_friction: coefficient below which the proxy sticks; infinity for no slip.
+        dynamic_friction: coefficient of a sliding proxy; None for the static coefficient.
+        viscous: friction of a sliding proxy, N*s/m.
+        damping: along the normal, N*s/m; one value, one per triangle or one per vertex.
+        field: "discrete" or "continuous".
+        shading: angle of force shading, rad or text such as "30 deg", up to 85 deg. The normal turns smoothly over
+            edges with smaller angles (Morgenbesser & Srinivasan 1996); 0 for no shading.
+        period: of the servo, s, for damping and viscous friction.
 
-    `shading` (rad, or text such as "30 deg"; below 85 deg) makes the normal turn smoothly over edges that turn by less,
-    so that the facets of a rounded surface are not felt (Morgenbesser & Srinivasan 1996); 0 for none.
+    Raises:
+        SurfaceError: a value has the wrong length, sign or unit.
     """
 
     stiffness: ArrayLike | str = 1000.0
@@ -61,7 +68,7 @@ class Surface:
             )
 
     def core_for(self, mesh: Mesh) -> Any:
-        """Return the core's surface for `mesh`. Raises SurfaceError."""
+        """Return the core's surface for `mesh`. Raise SurfaceError if a value does not match the mesh."""
         core = _core.Surface()
         core.stiffness = _list(self.stiffness, "stiffness", "N/m", mesh).tolist()
         core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
@@ -78,18 +85,18 @@ class Surface:
 
 
 def number(value: float | str, name: str, unit: str) -> float:
-    """Return `value` in SI: a number as it is, text with its unit. Raises SurfaceError if negative or not finite."""
-    found = to_si(value, unit, name, error=SurfaceError)
-    if not (math.isfinite(found) and found >= 0.0):
-        raise SurfaceError(f"{name} must be finite and not negative; it is {found:g} {unit}")
-    return found
+    """Return `value` in SI, from a number or text with a unit. Raise SurfaceError if it is negative or not finite."""
+    result = to_si(value, unit, name, error=SurfaceError)
+    if not (math.isfinite(result) and result >= 0.0):
+        raise SurfaceError(f"{name} must be finite and not negative; it is {result:g} {unit}")
+    return result
 
 
 def _angle(value: float | str) -> float:
-    found = to_si(value, "rad", "shading", error=SurfaceError)
-    if not 0.0 <= found <= SHADED_MOST:
-        raise SurfaceError(f"shading must be an angle from 0 to 85 deg; it is {math.degrees(found):g} deg")
-    return found
+    result = to_si(value, "rad", "shading", error=SurfaceError)
+    if not 0.0 <= result <= SHADED_MOST:
+        raise SurfaceError(f"shading must be an angle from 0 to 85 deg; it is {math.degrees(result):g} deg")
+    return result
 
 
 def _coefficient(value: float, name: str) -> float:
@@ -113,5 +120,5 @@ def _list(value: ArrayLike | str, name: str, unit: str, mesh: Mesh) -> NDArray[n
     bad = ~(np.isfinite(numbers) & (numbers >= 0.0))
     if bad.any():
         first = int(np.argmax(bad))
-        raise SurfaceError(f"{name} must be finite and not negative; number {first} is {numbers[first]} {unit}")
+        raise SurfaceError(f"{name} must be finite and not negative; value {first} is {numbers[first]} {unit}")
     return numbers

@@ -1,4 +1,4 @@
-"""Device files: TOML in which every number has a unit and a source. A user's own reads like the catalogue's."""
+"""Device files: TOML in which every number has a unit and a source."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Number:
         values: in SI; one, or one per axis or joint.
         unit: SI unit; "" for a plain number.
         text: the values as written in the file.
-        source: where it was published, in full.
-        note: what it is; may be empty.
+        source: full reference of the publication.
+        note: description; may be empty.
     """
 
     key: str
@@ -48,12 +48,12 @@ class Number:
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A linear model of a device, identified from measurements: x <- a x + b torque, angle = c x, once a period.
+    """Linear model of a device, identified from measurements: x[k+1] = a x[k] + b torque[k], angle[k] = c x[k].
 
     Attributes:
         name: of the model.
         description: one line.
-        source: where it was published, in full.
+        source: full reference of the publication.
         period: s.
         a: (n, n).
         b: (n, dof), per N*m.
@@ -69,19 +69,19 @@ class IdentifiedModel:
     c: NDArray[np.float64]
 
 
-# The numbers that a file of each mechanism may hold: a name is "section.key", or a key at the top of the file.
+# Numbers of a device file, by mechanism. A name is "section.key", or a key at the top of the file.
 FIELDS: dict[str, dict[str, Field]] = {name: mechanism.fields for name, mechanism in MECHANISMS.items()}
 _TEXTS = ("name", "description", "mechanism", "based_on", "identified_model")
 
 
 def names() -> list[str]:
-    """Names of the devices that come with palpate."""
+    """Return the names of the devices in the catalog."""
     files = resources.files("palpate.devices").iterdir()
     return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
 
 
 def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
-    """Return a device of the catalogue by name, or the one that a TOML file describes; a device as it is.
+    """Return a device of the catalog by name, or the device of a TOML file; return a `Device` unchanged.
 
     Raises:
         DeviceError: no such name or file; or the file has an unknown key, a missing one, a value with the wrong
@@ -93,13 +93,13 @@ def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
 
 @lru_cache(maxsize=64)
 def _device(text: str, where: str) -> Device:
-    """Read a device; a loop over scenarios asks for the same text again and again."""
+    """Return the device of a file's text. The result is cached, because scenarios load the same device repeatedly."""
     where, tables = _tables(text, where)
     values = {number.key: number.values for number in _numbers(where, tables, text)}
     name, description, mechanism = (str(tables[key]) for key in ("name", "description", "mechanism"))
     identified = tables.get("identified_model")
     if identified is not None and not isinstance(identified, str):
-        raise DeviceError(f"{where}: identified_model must be the name of a model, or the path of its file")
+        raise DeviceError(f"{where}: identified_model must be the name of a model or the path of its file")
     device = Device(name, description, mechanism, Parameters(MappingProxyType(values)), identified)
     try:
         device.check()
@@ -109,7 +109,7 @@ def _device(text: str, where: str) -> Device:
 
 
 def read_numbers(name_or_path: str | os.PathLike[str]) -> list[Number]:
-    """Return every number of a device file with its unit, source and note, in the file's order.
+    """Return every number of a device file with its unit, source and note, in the order of the file.
 
     Raises:
         DeviceError: as `load`.
@@ -122,11 +122,11 @@ def identified_model(device: Device) -> IdentifiedModel:
     """Return the model of a device that was identified from measurements.
 
     Raises:
-        DeviceError: the device has none; or its file cannot be read, has no matrix of the right shape, or a number
-            that is not finite.
+        DeviceError: the device has none, or its file cannot be read, has a matrix of the wrong shape, or a number that
+            is not finite.
     """
     if device.identified_model is None:
-        raise DeviceError(f"{device.name} has no identified model; its file names one as identified_model")
+        raise DeviceError(f"{device.name} has no identified model; give one as identified_model in its file")
     return _identified(device.identified_model, device.dof)
 
 
@@ -176,7 +176,7 @@ def _matrix(rows: Any, shape: tuple[int, int], at: str) -> NDArray[np.float64]:
 
 
 def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
-    """Return where a file lies and its tables, laid over those of the device it is based on."""
+    """Return the location of a file and its tables, merged into those of the device on which it is based."""
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
@@ -185,11 +185,11 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
         base = tables["based_on"]
         if base not in names():
             known = ", ".join(names())
-            raise DeviceError(f"{where}: based_on must be a device of the catalogue ({known}), not {base!r}")
-        _, below = _tables(*_text(base))
+            raise DeviceError(f"{where}: based_on must be a device of the catalog ({known}), not {base!r}")
+        _, merged = _tables(*_text(base))
         for key, value in tables.items():
-            below[key] = {**below.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
-        tables = below
+            merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
+        tables = merged
     absent = [key for key in ("name", "description", "mechanism") if not isinstance(tables.get(key), str)]
     if absent:
         raise DeviceError(
@@ -205,18 +205,18 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
 def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     if not isinstance(name_or_path, str | os.PathLike):
         raise DeviceError(
-            f"a device is named by its name in the catalogue ({', '.join(names())}) or the path of its file, not by "
+            f"a device is given by its name in the catalog ({', '.join(names())}) or the path of its file, not by "
             f"{name_or_path!r}"
         )
-    given = os.fspath(name_or_path)
-    path = Path(given)
-    if given in names():
-        return resources.files("palpate.devices").joinpath(f"{given}.toml").read_text("utf-8"), f"device {given}"
+    name = os.fspath(name_or_path)
+    path = Path(name)
+    if name in names():
+        return resources.files("palpate.devices").joinpath(f"{name}.toml").read_text("utf-8"), f"device {name}"
     if path.suffix != ".toml":
-        close = difflib.get_close_matches(given, names(), 1)
+        close = difflib.get_close_matches(name, names(), 1)
         hint = f"did you mean {close[0]}? For" if close else "for"
         raise DeviceError(
-            f"there is no device {given!r} in the catalogue ({', '.join(names())}); "
+            f"there is no device {name!r} in the catalog ({', '.join(names())}); "
             f"{hint} your own, give the path of a .toml file"
         )
     try:
@@ -271,22 +271,22 @@ def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
 def _number(name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> Number:
     at = name
     if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
-        raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs its source')
+        raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs a source')
     unknown = set(entry) - {"value", "source", "note"}
     if unknown:
-        raise DeviceError(f"{at}: unknown key {sorted(unknown)[0]}; there are value, source and note")
+        raise DeviceError(f"{at}: unknown key {sorted(unknown)[0]}; the keys are value, source and note")
     value = entry["value"]
     if field.size > 1:
         if not isinstance(value, list):
-            raise DeviceError(f"{at} needs {field.size} values in a list, one for each joint or axis")
+            raise DeviceError(f"{at} needs a list of {field.size} values, one per joint or axis")
         values = parse_quantity(value, field.unit, at, size=field.size, error=DeviceError)
     else:
         values = (parse_quantity(value, field.unit, at, error=DeviceError),)
-    least = f"{min(values):g} {field.unit}".rstrip()
+    smallest = f"{min(values):g} {field.unit}".rstrip()
     if field.range == "nonnegative" and min(values) < 0.0:
-        raise DeviceError(f"{at} is {least}; it cannot be negative")
+        raise DeviceError(f"{at} is {smallest}; it must not be negative")
     if field.range == "positive" and min(values) <= 0.0:
-        raise DeviceError(f"{at} is {least}; it must be positive")
+        raise DeviceError(f"{at} is {smallest}; it must be positive")
     source = str(entry["source"])
     shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
     return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

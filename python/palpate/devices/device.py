@@ -1,4 +1,4 @@
-"""A haptic device: kinematics, dynamics, friction and drive, computed by the core."""
+"""Haptic device: kinematics, dynamics, friction and drive, computed by the core."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Parameters:
     values: Mapping[str, tuple[float, ...]]
 
     def one(self, key: str, default: float | None = None) -> float:
-        """The single number under `key`."""
+        """Return the single number under `key`. Raise as `many`."""
         return float(self.many(key, 1, default)[0])
 
     def many(self, key: str, size: int, default: float | None = None) -> Array:
-        """The numbers under `key`, (size,); `default` for each if the file has none.
+        """Return the numbers under `key` (size,), or `default` for each if the file has none.
 
         Raises:
             DeviceError: the key is missing and has no default.
@@ -49,7 +49,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Device:
-    """A device. Angles q in rad and torques in N*m (m and N for prismatic joints), tip positions in m, base frame.
+    """Haptic device. Angles q in rad, torques in N*m (m and N for prismatic joints), tip positions in m, base frame.
 
     Numbers are SI. A list may also hold text with a unit: `device.forward(["0 deg", "120 deg", "190 deg"])`.
     Every method takes one state, (dof,), or a stack of them, (n, dof), and returns one result or a stack of results.
@@ -59,7 +59,7 @@ class Device:
         description: one line.
         mechanism: name of the mechanism, a key of `palpate.devices.MECHANISMS`.
         parameters: every number in SI.
-        identified_model: name or file of a linear model identified from measurements; None: there is none.
+        identified_model: name or file of a linear model identified from measurements, or None.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Device:
         """Unit of the joint torques: "N*m" or "N"."""
         return self.model.torque_unit
 
-    # what the numbers are
+    # parameters
 
     @property
     def viscous(self) -> Array:
@@ -102,19 +102,19 @@ class Device:
 
     @property
     def breakaway(self) -> Array:
-        """Dry friction that holds a joint at rest (dof,), N*m; the Coulomb friction unless the file gives it."""
+        """Breakaway friction (dof,), N*m; the Coulomb friction unless the file gives it."""
         if "friction.breakaway" in self.parameters.values:
             return self.parameters.many("friction.breakaway", self.dof)
         return self.coulomb
 
     @property
     def stribeck_speed(self) -> Array:
-        """Speed at which breakaway has given way to Coulomb friction (dof,), rad/s."""
+        """Stribeck speed, above which the friction approaches Coulomb friction (dof,), rad/s."""
         return self.parameters.many("friction.stribeck_speed", self.dof, 1e-2)
 
     @property
     def encoder_step(self) -> Array:
-        """Angle of one encoder count (dof,), rad; 0 where the device has no encoder."""
+        """Angle of one encoder count (dof,), rad; 0 without an encoder."""
         if not self.model.revolute:
             return self.parameters.many("drive.encoder_step", self.dof, 0.0)
         if "drive.encoder_counts" not in self.parameters.values:
@@ -124,28 +124,28 @@ class Device:
 
     @property
     def peak_force(self) -> float:
-        """Force that the tip can exert for a moment, N; inf where the file gives none."""
+        """Peak force at the tip, N; inf if the file gives none."""
         return self.parameters.one("drive.peak_force", np.inf)
 
     @property
     def continuous_force(self) -> float:
-        """Force that the tip can exert for ever, N; inf where the file gives none."""
+        """Continuous force at the tip, N; inf if the file gives none."""
         return self.parameters.one("drive.continuous_force", np.inf)
 
     @property
     def peak_torque(self) -> Array:
-        """Torque limit of the motors at the joints (dof,), N*m; inf where the file gives none."""
+        """Torque limit of the motors at the joints (dof,), N*m; inf if the file gives none."""
         return self.parameters.many("drive.peak_torque", self.dof, np.inf)
 
     @property
     def servo_period(self) -> float:
-        """The device's usual servo period, s."""
+        """Nominal servo period, s."""
         return self.parameters.one("servo_period")
 
     # variants
 
     def frictionless(self) -> Device:
-        """Return the same device without viscous and without dry friction."""
+        """Return the same device without viscous and dry friction."""
         return self.with_friction(viscous=np.zeros(self.dof), coulomb=np.zeros(self.dof))
 
     def with_viscous(self, viscous: ArrayLike) -> Device:
@@ -169,12 +169,12 @@ class Device:
         """
         if coulomb is not None and breakaway is None:
             breakaway = coulomb
-        given = {"viscous": viscous, "coulomb": coulomb, "breakaway": breakaway, "stribeck_speed": stribeck_speed}
+        changes = {"viscous": viscous, "coulomb": coulomb, "breakaway": breakaway, "stribeck_speed": stribeck_speed}
         new = {
             f"friction__{key}": np.broadcast_to(
                 array_to_si(value, self.model.fields[f"friction.{key}"].unit, key, error=DeviceError), (self.dof,)
             )
-            for key, value in given.items()
+            for key, value in changes.items()
             if value is not None
         }
         device = replace(self, parameters=self.parameters.with_values(**new))
@@ -182,17 +182,17 @@ class Device:
         return device
 
     def check(self) -> None:
-        """Raise DeviceError unless friction, inertia and drive make a physical device."""
+        """Raise DeviceError unless friction and inertia are physical."""
         for name in ("viscous", "coulomb", "breakaway", "stribeck_speed"):
             value = getattr(self, name)
             if not np.all(np.isfinite(value)) or np.any(value < 0):
                 raise DeviceError(f"friction.{name} must be finite and not negative, not {value.tolist()}")
         if np.any(self.breakaway < self.coulomb):
-            raise DeviceError("friction.breakaway must not be below friction.coulomb: rest holds at least as well")
+            raise DeviceError("friction.breakaway must not be below friction.coulomb: use the same value or more")
         angles = np.linspace(-np.pi, np.pi, 13)
         grid = np.array(np.meshgrid(*[angles] * self.dof)).reshape(self.dof, -1).T
         inertia = self.mass_matrix(grid)
-        inertia = inertia[np.isfinite(inertia).all(axis=(1, 2))]  # a closed loop has poses that it cannot take
+        inertia = inertia[np.isfinite(inertia).all(axis=(1, 2))]  # a closed loop cannot be assembled at some poses
         if not len(inertia):
             raise DeviceError("the mechanism cannot be assembled at any pose: check its lengths")
         if np.linalg.eigvalsh(inertia).min() <= 0.0:
@@ -213,26 +213,27 @@ class Device:
         return self._call(self.core.tip_hessian, q)
 
     def inverse(self, p: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Return the pose whose tip is at p (3,), m.
+        """Return the pose (dof,) with the tip at p (3,), m.
 
-        Of several poses, return the one nearest to `near` (dof,), whole turns included; q = 0 if not given.
+        Of several poses, the one nearest to `near` (dof,) is returned, including multiples of 2 pi. None stands for
+        q = 0.
 
         Raises:
-            PoseError: p is unreachable, not finite or has the wrong shape; the message says which.
+            PoseError: p is unreachable, not finite or has the wrong shape.
         """
         points = array_to_si(p, "m", "inverse: p", error=PoseError)
         if points.ndim == 2:
             return np.array([self.inverse(point, near) for point in points]).reshape(-1, self.dof)
         if points.shape != (3,) or not np.all(np.isfinite(points)):
             raise PoseError(f"inverse: a tip position is three finite numbers in m, not {points.tolist()}")
-        close = np.zeros(self.dof) if near is None else self._state(near, "near")[0][0]
-        poses, reason = self.core.inverse(points, close)
+        reference = np.zeros(self.dof) if near is None else self._state(near, "near")[0][0]
+        poses, reason = self.core.inverse(points, reference)
         if not len(poses):
-            at = np.array2string(points * 1e3, precision=1, separator=", ")
-            raise PoseError(f"inverse: the tip cannot be at {at} mm: {reason}")
+            position = np.array2string(points * 1e3, precision=1, separator=", ")
+            raise PoseError(f"inverse: the tip cannot be at {position} mm: {reason}")
         if self.model.revolute:
-            poses = [close + np.angle(np.exp(1j * (q - close))) for q in poses]
-        return np.asarray(min(poses, key=lambda q: float(np.sum((q - close) ** 2))), dtype=float)
+            poses = [reference + np.angle(np.exp(1j * (q - reference))) for q in poses]
+        return np.asarray(min(poses, key=lambda q: float(np.sum((q - reference) ** 2))), dtype=float)
 
     # dynamics: M(q) qdd + C(q, qd) qd + N(q) + friction = tau
 
@@ -245,7 +246,7 @@ class Device:
         return self._call(self.core.coriolis, q, qd)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Return N(q) (dof,), N*m: the torque that balances gravity."""
+        """Return the gravity compensation torque N(q) (dof,), N*m."""
         return self._call(self.core.gravity, q)
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Any:
@@ -254,13 +255,16 @@ class Device:
         return float(value) if np.ndim(value) == 0 else value
 
     def acceleration(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> Array:
-        """Return qdd (dof,), rad/s^2, under motor torque tau: a joint that dry friction can hold stays at rest."""
+        """Return qdd (dof,), rad/s^2, under motor torque tau, with joints at rest held by dry friction if possible."""
         return self._call(lambda *s: self.core.acceleration(self.core_friction, *s), q, qd, tau)
 
     def linearization(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return (dqdd/dq, dqdd/dqd, dqdd/dtau), each (dof, dof), exact by dual numbers, viscous friction included.
+        """Return (dqdd/dq, dqdd/dqd, dqdd/dtau), each (dof, dof), exact by dual numbers, with viscous friction.
 
-        Dry friction has no derivative at rest and is left out. One state only.
+        Dry friction has no derivative at rest and is left out.
+
+        Raises:
+            PoseError: there is more than one state.
         """
         states = [self._state(value, name) for value, name in ((q, "q"), (qd, "qd"), (tau, "tau"))]
         if any(stacked for _, stacked in states):
@@ -269,23 +273,23 @@ class Device:
         n = self.dof
         return d[:, :n], d[:, n : 2 * n], d[:, 2 * n :]
 
-    # the core behind it
+    # core objects
 
     @cached_property
     def core(self) -> Any:
-        """The core's mechanism: batched functions on (n, dof) rows, without checks."""
+        """Mechanism of the core: batched functions on (n, dof) rows, without checks."""
         return self.model.create(self.parameters.values)
 
     @cached_property
     def core_friction(self) -> Any:
-        """The core's friction of these joints."""
+        """Joint friction of the core."""
         friction = self.model.friction()
         friction.viscous, friction.coulomb = self.viscous, self.coulomb
         friction.breakaway, friction.stribeck_speed = self.breakaway, self.stribeck_speed
         return friction
 
     def setup(self) -> Any:
-        """Return a new simulation setup of the core with this device's mechanism and friction in it."""
+        """Return a new simulation setup of the core with the mechanism and friction of this device."""
         setup = self.model.setup()
         setup.mechanism, setup.friction = self.core, self.core_friction
         return setup
@@ -295,8 +299,8 @@ class Device:
         unit = self.torque_unit if name == "tau" else self.joint_unit + ("/s" if name == "qd" else "")
         rows = np.ascontiguousarray(array_to_si(value, unit, name, error=PoseError))
         if rows.ndim not in (1, 2) or rows.shape[-1] != self.dof:
-            wanted = f"({self.dof},) or (n, {self.dof})"
-            raise PoseError(f"{name} must have shape {wanted} for {self.name}, not {rows.shape}")
+            shape = f"({self.dof},) or (n, {self.dof})"
+            raise PoseError(f"{name} must have shape {shape} for {self.name}, not {rows.shape}")
         if not np.all(np.isfinite(rows)):
             raise PoseError(f"{name} must be finite; it is {rows.tolist()}")
         return rows.reshape(-1, self.dof), rows.ndim == 2

@@ -22,7 +22,7 @@ class Field:
         size: 1, or one value for each joint or axis.
         range: the values allowed.
         required: every file of the mechanism must have it.
-        description: what it is.
+        description: one line.
     """
 
     unit: str

@@ -1,10 +1,12 @@
-"""Deformable bodies condensed from finite elements, fast enough for the servo."""
+"""Deformable bodies condensed from finite elements, fast enough for the servo loop."""
 
-from palpate.fem.body import Body, ContactHistory, Indentation
+from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.hyperelastic import HyperelasticModel, Law, Strain
+from palpate.fem.hyperelastic import HyperelasticModel, Strain
+from palpate.fem.indentation import ContactHistory, Indentation
 from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.model_spec import Law
 from palpate.fem.palpation_phantom import phantom
 from palpate.fem.quasi_static import MultiTipHistory, QuasiStaticSolver, RealtimeRun
 from palpate.fem.selectors import Selector, box, half_space, on_surface, parse_selector, sphere

@@ -1,4 +1,4 @@
-"""From a mesh and a material to a body that can be touched."""
+"""Build a body from a mesh and a material."""
 
 from __future__ import annotations
 
@@ -43,29 +43,29 @@ def build(
     output: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Body:
-    """Build a body that yields: linear elastic, fixed somewhere, condensed to the surface that is touched.
+    """Build a linear elastic body, condensed to its contact surface.
 
     Args:
         source: tetrahedra (`Volume`, or a .msh, .vtk ... file), or a closed surface (`Mesh`, or an .stl, .obj, .ply,
-            .off or .glb file) that is filled.
+            .off or .glb file), which is filled.
         young: Young's modulus, Pa, or text such as "5 kPa".
-        fixed: one or more places that do not move, such as "z < 1 mm" or "sphere 0 0 0 radius 5 mm"; with "surface"
-            before it, only the surface there.
+        fixed: one or more fixed regions, such as "z < 1 mm" or "sphere 0 0 0 radius 5 mm"; after "surface", only the
+            surface of the region is fixed.
         poisson: Poisson's ratio, below 0.5.
         density: kg/m^3, or text with its unit.
-        regions: places of another stiffness, "sphere 50 50 40 radius 7.5 mm = 25 kPa".
-        skin: a layer under the touchable surface, "2 mm = 50 kPa".
-        touch: the part of the surface that can be touched; None for all of it.
-        unit: that a file is written in; needed with a file.
-        spacing: length of the tetrahedra's edges in a filled surface, m or text; a fifteenth of its extent if None.
-        order: 2 for quadratic tetrahedra, 1 for linear ones (which lock as Poisson's ratio nears 0.5).
-        modes: how many vibration modes to find too, for `Body.modal`.
-        memory: budget that the build must keep, bytes or text.
-        output: file (.h5) to write the body to, whole or not at all.
-        progress: told what begins, how large it is and how long it will take, and the part of the stages done, 0 to 1.
+        regions: of other stiffness, "sphere 50 50 40 radius 7.5 mm = 25 kPa".
+        skin: layer below the contact surface, "2 mm = 50 kPa".
+        touch: region of the contact surface; None for the whole surface.
+        unit: of the coordinates in a file; required for a file.
+        spacing: edges of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent.
+        order: 2 for quadratic tetrahedra, 1 for linear ones, which lock as Poisson's ratio approaches 0.5.
+        modes: number of vibration modes to compute for `Body.modal`.
+        memory: budget, bytes or text.
+        output: file (.h5) to which the body is written atomically.
+        progress: called at the begin of each stage with its description and the fraction of the stages done.
 
     Raises:
-        BodyError: the mesh cannot be filled, nothing is fixed, a number is impossible, the memory budget is too small.
+        BodyError: the mesh cannot be filled, nothing is fixed, a number is out of range, or the memory is too small.
         OutputError: the file cannot be written.
     """
     _check_source(source, unit)
@@ -76,71 +76,41 @@ def build(
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, skin)
-    held = parse_selectors(fixed)
-    if not held:
+    dirichlet = parse_selectors(fixed)
+    if not dirichlet:
         raise BodyError(
-            'nothing is fixed, so the body would float away: fix a part of it, fixed="z < 1 mm" (--fixed "z < 1 mm")'
+            "nothing is fixed, so the body has rigid-body motions: fix a part of it, "
+            'fixed="z < 1 mm" (--fixed "z < 1 mm")'
         )
-    where = None if touch is None else parse_selector(touch)
+    contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
-    elements = Elements(volume, material, held, where, order)
-    check_memory(len(elements.touchable), elements.memory + 36.0 * len(elements.touchable) ** 2, memory)
-    elements.stiffness  # noqa: B018  # assembles
-    stages.begin("ordering", f"ordering {len(elements.free):,} unknowns")
-    condensation = Condensation(elements)
-    check_memory(len(elements.touchable), condensation.memory, memory)
-    stages.begin("condensing", str(condensation))
-    compliance = condensation.compliance()
-    frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
-    if modes:
-        stages.begin("modes", f"finding {modes} modes")
-        frequencies, shapes = find_modes(elements, modes)
-    seconds = stages.end()
-    record = {
-        "source": volume.source,
-        "unit": unit,
-        "young_Pa": material.young,
-        "poisson": material.poisson,
-        "density_kg_per_m3": material.density,
-        "regions": [str(region) for region in material.regions],
-        "skin": None if material.skin is None else str(material.skin),
-        "fixed": [str(p) for p in held],
-        "touch": None if where is None else str(where),
-        "order": order,
-        "modes": modes,
-        "tetrahedra": len(volume.tetrahedra),
-        "nodes": len(elements.nodes),
-        "unknowns": len(elements.free),
-        "volume_m3": volume.size,
-        "memory_bytes": condensation.memory,
-        "operations": condensation.operations,
-        "seconds": seconds,
-        "versions": _versions(),
-    }
-    contents = _contents(elements, compliance, frequencies, shapes, record)
+    elements = Elements(volume, material, dirichlet, contact, order)
+    contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes})
     if output is not None:
         write(contents, output)
     return Body(contents)
 
 
 class _Stages:
-    """Tells of each stage as it begins, and keeps how long each took, s."""
+    """Report each stage as it begins, and measure its duration, s."""
 
     _NAMES = ("meshing", "assembling", "ordering", "condensing", "modes")
 
     def __init__(self, progress: Callable[[str, float], None] | None) -> None:
-        self._tell = progress if progress is not None else (lambda _text, _fraction: None)
+        self._progress = progress if progress is not None else (lambda _text, _fraction: None)
         self._seconds: dict[str, float] = {}
         self._name, self._start = "", time.perf_counter()
 
     def begin(self, name: str, text: str) -> None:
+        """End the current stage and begin another."""
         self.end()
         self._name = name
-        self._tell(text, self._NAMES.index(name) / len(self._NAMES))
+        self._progress(text, self._NAMES.index(name) / len(self._NAMES))
 
     def end(self) -> dict[str, float]:
+        """End the current stage; return the duration of each stage, s."""
         now = time.perf_counter()
         if self._name:
             self._seconds[self._name] = round(now - self._start, 3)
@@ -148,10 +118,50 @@ class _Stages:
         return self._seconds
 
 
+def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stages, inputs: dict[str, Any]) -> BodyData:
+    """Return the data of a body; `inputs` are entries of its record that `elements` do not have."""
+    count = len(elements.contact_nodes)
+    check_memory(count, elements.memory + 36.0 * count**2, memory)
+    elements.stiffness  # noqa: B018  # assembles
+    stages.begin("ordering", f"ordering {len(elements.free):,} unknowns")
+    condensation = Condensation(elements)
+    check_memory(count, condensation.memory, memory)
+    stages.begin("condensing", str(condensation))
+    compliance = condensation.compliance()
+    frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
+    if modes:
+        stages.begin("modes", f"computing {modes} modes")
+        frequencies, shapes = find_modes(elements, modes)
+    seconds = stages.end()
+    record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": _versions()}
+    return _body_data(elements, compliance, frequencies, shapes, record)
+
+
+def _record(elements: Elements, condensation: Condensation) -> dict[str, Any]:
+    volume, material = elements.volume, elements.material
+    return {
+        "source": volume.source,
+        "young_Pa": material.young,
+        "poisson": material.poisson,
+        "density_kg_per_m3": material.density,
+        "regions": [str(region) for region in material.regions],
+        "skin": None if material.skin is None else str(material.skin),
+        "fixed": [str(region) for region in elements.fixed],
+        "touch": None if elements.touch is None else str(elements.touch),
+        "order": elements.order,
+        "tetrahedra": len(volume.tetrahedra),
+        "nodes": len(elements.nodes),
+        "unknowns": len(elements.free),
+        "volume_m3": volume.size,
+        "memory_bytes": condensation.memory,
+        "operations": condensation.operations,
+    }
+
+
 def volume_of(
     source: Volume | Mesh | str | Path, *, unit: str | None = None, spacing: float | str | None = None
 ) -> Volume:
-    """Return the tetrahedra of `source`, filling a surface; see `build`."""
+    """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`."""
     if isinstance(source, Volume):
         return source
     _check_source(source, unit)
@@ -165,37 +175,37 @@ def volume_of(
     if not mesh.closed:
         raise BodyError(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
-            "so it has no inside to fill: close it"
+            "so it encloses no volume: close it"
         )
     step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
     if step > mesh.extent:
-        raise BodyError(f"spacing: {step:g} m is more than the body is across, {mesh.extent:.4g} m")
+        raise BodyError(f"spacing: {step:g} m exceeds the extent of the body, {mesh.extent:.4g} m; use a smaller one")
     return fill(mesh.vertices, mesh.triangles, step, source=name)
 
 
 def _check_source(source: object, unit: str | None) -> None:
-    """Raise BodyError if there is nothing to read, before all else."""
+    """Raise BodyError if the source cannot be read."""
     if isinstance(source, Volume | Mesh):
         return
     if not isinstance(source, str | Path):
-        raise BodyError(f"a body is made of a Volume, a Mesh or a mesh's file, not of {source!r}")
+        raise BodyError(f"a body is built from a Volume, a Mesh or a mesh file, not from {source!r}")
     check_mesh_file(source)
     if unit is None:
-        raise BodyError(f'{source}: say the unit that the file is written in, such as unit="mm" (--unit mm)')
+        raise BodyError(f'{source}: the file has no unit: give it, such as unit="mm" (--unit mm)')
     unit_of_length(unit)
 
 
-def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> BodyData:
+def _body_data(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> BodyData:
     faces = elements.volume.surface
     used, triangles = np.unique(faces, return_inverse=True)
-    there = np.ones(len(elements.volume.points), dtype=bool)
+    inside = np.ones(len(elements.volume.points), dtype=bool)
     if elements.touch is not None:
-        there = elements.touch.inside(elements.volume.points)
+        inside = elements.touch.inside(elements.volume.points)
     return BodyData(
         points=elements.volume.points[used],
         triangles=triangles.reshape(-1, 3).astype(np.int64),
-        touchable=np.asarray(there[faces].all(axis=1)),
-        nodes=np.searchsorted(used, elements.touchable).astype(np.int64),
+        contact_triangles=np.asarray(inside[faces].all(axis=1)),
+        nodes=np.searchsorted(used, elements.contact_nodes).astype(np.int64),
         normals=elements.normals,
         areas=elements.areas,
         compliance=compliance,
@@ -204,16 +214,16 @@ def _contents(elements: Elements, compliance: Any, frequencies: Any, shapes: Any
         vertices=elements.volume.points,
         tetrahedra=elements.volume.tetrahedra,
         young=elements.young.mean(axis=1),
-        held=elements.held[: len(elements.volume.points)],
+        dirichlet=elements.dirichlet[: len(elements.volume.points)],
         record=record,
     )
 
 
 def _versions() -> dict[str, str]:
-    found = {}
+    versions = {}
     for name in ("palpate", "numpy", "scipy", "scikit-fem", "scikit-sparse", "pypardiso", "pytetwild", "meshio"):
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions

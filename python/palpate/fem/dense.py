@@ -1,7 +1,7 @@
-"""Dense products and solutions in place, by scipy's BLAS and LAPACK, without the interpreter's lock.
+"""In-place BLAS and LAPACK routines of scipy that release the global interpreter lock.
 
-scipy's own wrappers hold it, so threads would take turns. Arrays are of one precision, float64 or float32, and
-have their columns in one piece (Fortran's order); of symmetric and triangular ones the lower triangle counts.
+scipy's own wrappers do not release it, so threads could not run in parallel. All arrays of a call have one precision,
+float64 or float32, and Fortran order. Symmetric and triangular arrays use the lower triangle.
 """
 
 from __future__ import annotations
@@ -17,15 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_blas, cython_lapack
 from threadpoolctl import threadpool_info, threadpool_limits
 
-__all__ = [
-    "add_square",
-    "cholesky",
-    "one_thread",
-    "solve_transposed",
-    "subtract_product",
-    "subtract_square",
-    "threads",
-]
+__all__ = ["gemm", "one_thread", "potrf", "syrk", "threads", "trsm"]
 
 Real = NDArray[Any]
 _LETTERS = {np.dtype(np.float64): "d", np.dtype(np.float32): "s"}
@@ -38,61 +30,55 @@ _pointer_of.restype, _pointer_of.argtypes = ctypes.c_void_p, [ctypes.py_object, 
 
 
 def threads() -> int:
-    """Return how many threads a product takes."""
+    """Return the number of threads of a BLAS product."""
     return max((pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"), default=1)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let products take a thread each."""
+    """Limit each BLAS product to one thread."""
     with threadpool_limits(1, "blas"):
         yield
 
 
-def cholesky(a: Real) -> bool:
-    """Put the factor L of a = L L^T (n, n) in its place; False, and a half done, if it is not positive definite."""
-    _fit(a.shape == (len(a), len(a)))
-    wrong = ctypes.c_int()
-    _call("potrf", a, b"L", len(a), a, _leading(a), wrong)
-    return wrong.value == 0
+def potrf(a: Real) -> bool:
+    """Replace a (n, n) by its Cholesky factor L, a = L L^T.
+
+    Return False if a is not positive definite; its content is then undefined.
+    """
+    _check_shapes(a.shape == (len(a), len(a)))
+    info = ctypes.c_int()
+    _call("potrf", a, b"L", len(a), a, _leading(a), info)
+    return info.value == 0
 
 
-def solve_transposed(factor: Real, b: Real) -> None:
-    """Put b L^-T in the place of b (m, n); the factor L is (n, n)."""
-    _fit(factor.shape == (b.shape[1], b.shape[1]))
+def trsm(factor: Real, b: Real) -> None:
+    """Replace b (m, n) by b L^-T, with the factor L (n, n)."""
+    _check_shapes(factor.shape == (b.shape[1], b.shape[1]))
     _call("trsm", b, b"R", b"L", b"T", b"N", *b.shape, 1.0, factor, _leading(factor), b, _leading(b))
 
 
-def add_square(c: Real, a: Real) -> None:
-    """Put c + a a^T in the place of c (m, m), the lower triangle; a is (m, n)."""
-    _square(1.0, c, a)
+def syrk(alpha: float, a: Real, c: Real) -> None:
+    """Add alpha a a^T to the lower triangle of c (m, m); a is (m, n)."""
+    _check_shapes(c.shape == (len(a), len(a)))
+    _call("syrk", c, b"L", b"N", *a.shape, alpha, a, _leading(a), 1.0, c, _leading(c))
 
 
-def subtract_square(c: Real, a: Real) -> None:
-    """Put c - a a^T in the place of c (m, m), the lower triangle; a is (m, n)."""
-    _square(-1.0, c, a)
-
-
-def subtract_product(c: Real, a: Real, b: Real) -> None:
-    """Put c - a b^T in the place of c (m, k); a is (m, n) and b (k, n)."""
-    _fit(c.shape == (len(a), len(b)) and a.shape[1] == b.shape[1])
+def gemm(alpha: float, a: Real, b: Real, c: Real) -> None:
+    """Add alpha a b^T to c (m, k); a is (m, n) and b (k, n)."""
+    _check_shapes(c.shape == (len(a), len(b)) and a.shape[1] == b.shape[1])
     sizes = *c.shape, a.shape[1]
-    _call("gemm", c, b"N", b"T", *sizes, -1.0, a, _leading(a), b, _leading(b), 1.0, c, _leading(c))
+    _call("gemm", c, b"N", b"T", *sizes, alpha, a, _leading(a), b, _leading(b), 1.0, c, _leading(c))
 
 
-def _square(factor: float, c: Real, a: Real) -> None:
-    _fit(c.shape == (len(a), len(a)))
-    _call("syrk", c, b"L", b"N", *a.shape, factor, a, _leading(a), 1.0, c, _leading(c))
-
-
-def _call(name: str, like: Real, *given: object) -> None:
-    """Call a routine in the precision of `like`: Fortran's way, everything by its address."""
+def _call(name: str, like: Real, *values: object) -> None:
+    """Call a Fortran routine in the precision of `like`, with every argument by reference."""
     letter = _LETTERS[like.dtype]
     arguments: list[object] = []
-    for value in given:
+    for value in values:
         if isinstance(value, np.ndarray):
             if value.dtype != like.dtype or not value.flags.f_contiguous:
-                raise ValueError(f"{name}: arrays of one precision with columns in one piece are needed")
+                raise ValueError(f"{name}: the arrays must have one precision and Fortran order")
             arguments.append(ctypes.c_void_p(value.ctypes.data))
         elif isinstance(value, bytes):
             arguments.append(value)
@@ -101,7 +87,7 @@ def _call(name: str, like: Real, *given: object) -> None:
         elif isinstance(value, int):
             arguments.append(ctypes.byref(ctypes.c_int(value)))
         else:
-            arguments.append(ctypes.byref(value))  # type: ignore[arg-type]  # a number to be filled in
+            arguments.append(ctypes.byref(value))  # type: ignore[arg-type]  # output argument
     _routine(letter + name)(*arguments)
 
 
@@ -114,9 +100,9 @@ def _routine(name: str) -> Callable[..., None]:
     raise ImportError(f"scipy has no {name}")
 
 
-def _fit(sizes: bool) -> None:
-    if not sizes:
-        raise ValueError("the sizes of the arrays do not fit each other")
+def _check_shapes(consistent: bool) -> None:
+    if not consistent:
+        raise ValueError("the shapes of the arrays do not match")
 
 
 def _leading(a: Real) -> int:

@@ -1,4 +1,4 @@
-"""The best factorisation installed for a large sparse symmetric positive definite matrix."""
+"""Factorization of a large sparse symmetric positive definite matrix by the fastest library installed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from palpate.fem.pardiso import Pardiso, PardisoError
 __all__ = ["NOT_DEFINITE", "Factor", "installed"]
 
 Array = NDArray[np.float64]
-NOT_DEFINITE = "the stiffness is not positive definite: the body can move without straining; fix more of it"
+NOT_DEFINITE = "the stiffness is not positive definite: the body has a rigid-body motion; fix a larger part of it"
 
 
 def installed() -> str:
-    """Name what `Factor` uses here: "PARDISO", "CHOLMOD" or "SuperLU", the first that is installed."""
+    """Return the library that `Factor` uses: the first installed of "PARDISO", "CHOLMOD" and "SuperLU"."""
     for name, module in (("PARDISO", "pypardiso"), ("CHOLMOD", "sksparse.cholmod")):
         try:
             __import__(module)
@@ -29,7 +29,15 @@ def installed() -> str:
 
 
 class Factor:
-    """A factorised matrix; `solve` takes right sides (N, k). `kind` is one of `installed`'s names."""
+    """Factorized matrix; `solve` takes right-hand sides (N, k).
+
+    Args:
+        matrix: symmetric positive definite (N, N).
+        kind: "PARDISO", "CHOLMOD" or "SuperLU"; None selects the one of `installed`.
+
+    Raises:
+        BodyError: the matrix is not positive definite.
+    """
 
     def __init__(self, matrix: sparse.csr_matrix, kind: str | None = None) -> None:
         self.kind = installed() if kind is None else kind
@@ -43,7 +51,7 @@ class Factor:
 def _pardiso(matrix: sparse.csr_matrix) -> Callable[[Array], Array]:
     factor = Pardiso(matrix)
     try:
-        factor.factorise()
+        factor.factorize()
     except PardisoError as problem:
         raise BodyError(f"{NOT_DEFINITE} ({problem})") from problem
     return factor.solve

@@ -1,9 +1,9 @@
-"""The law of force that goes with a free-form deformation: five numbers, calibrated on a body's own compliance.
+"""Force law of a free-form deformation: five numbers, calibrated to the compliance of a body.
 
 Displacements are u_i = sum_c B_ic q_c with cubic B-splines B on a uniform grid of control points c (Sederberg & Parry
-1986). The change of control points that satisfies a contact with the least |q|^2 (Hsu, Hughes & Kaufman 1992) is that
-of springs on them, so that nodes have the compliance g B B^T; a layer under each node adds l / A_i to its own. What
-drags nodes along the surface finds springs and layers of its own on the same grid, calibrated in the same way.
+1986). The control points that satisfy a contact with minimal |q|^2 (Hsu, Hughes & Kaufman 1992) are those of springs on
+the control points. The nodes then have the compliance g B B^T. A surface layer under each node adds l / A_i to its own
+compliance. The tangential compliance has its own g and l on the same grid.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from scipy.spatial import cKDTree
 __all__ = ["FreeFormLaw", "calibrate", "weights"]
 
 Array = NDArray[np.float64]
-_PATCHES = 24  # that the calibration looks at
+_PATCHES = 24  # sampled for the calibration
+_PATCH_NODES, _INDENTER_NODES = 40, 12  # nodes of a patch, and under the flat indenter that sets the scale
 
 
 class FreeFormLaw(NamedTuple):
-    """A grid of control points, how far each goes by a force on it, and how far a node's layer gives by a pressure."""
+    """Spacing of the control points, and the compliance of control points and of the surface layer."""
 
     spacing: float  # m
-    give: float  # along the normals, m/N
-    layer: float  # along the normals, m/Pa
-    give_across: float  # along the surface, m/N
-    layer_across: float  # along the surface, m/Pa
+    control_compliance: float  # along the normals, m/N
+    layer_compliance: float  # along the normals, m/Pa
+    tangential_control_compliance: float  # m/N
+    tangential_layer_compliance: float  # m/Pa
 
 
 def weights(points: Array, spacing: float) -> sparse.csr_matrix:
-    """Return the weight of each control point that is used (c) at each of the points (n, 3), as (n, c)."""
+    """Return the B-spline weight of each control point in use (c) at points (n, 3), m, as (n, c)."""
     cell = np.floor(points / spacing).astype(np.int64)
     t = points / spacing - cell
     s = 1 - t
@@ -50,68 +51,78 @@ def weights(points: Array, spacing: float) -> sparse.csr_matrix:
 def calibrate(
     points: Array, normals: Array, areas: Array, compliance: NDArray[np.float32], spacing: float | None = None
 ) -> FreeFormLaw:
-    """Return the law that comes nearest to a compliance (3n, 3n), m/N, of n nodes, areas in m^2.
+    """Return the law of least misfit to a compliance.
 
-    Give and layer fit, by least squares in patches of forty nodes, what a node does to others and to itself, along the
-    normals and then along the surface; both are then scaled so that a flat end on twelve nodes, all gone equally far,
-    feels the right force (median). Of grids from one to twelve times as wide as the nodes' areas, the one of least
-    misfit along the normals is taken unless `spacing`, m, is given.
+    Control and layer compliance are fitted by nonnegative least squares in patches of forty nodes, along the normals
+    and then along the surface. They are then scaled to the right force (median) on a flat indenter that moves twelve
+    nodes equally.
+
+    Args:
+        points: positions of the nodes (n, 3), m.
+        normals: outward unit normals (n, 3).
+        areas: of the nodes' patches (n,), m^2.
+        compliance: (3n, 3n), m/N.
+        spacing: of the control points, m. None selects the one of least normal misfit among 16 from one to twelve
+            times the node spacing.
     """
-    centres = np.random.default_rng(0).permutation(len(points))[:_PATCHES]
-    near = cKDTree(points).query(points[centres], min(len(points), 40))[1].reshape(len(centres), -1)
-    frames = np.stack([_frames(normals[patch]) for patch in near])  # patch, node, axis, direction: normal first
+    centers = np.random.default_rng(0).permutation(len(points))[:_PATCHES]
+    patches = cKDTree(points).query(points[centers], min(len(points), _PATCH_NODES))[1].reshape(len(centers), -1)
+    frames = np.stack([_frames(normals[patch]) for patch in patches])  # patch, node, axis, direction: normal first
     blocks = []
-    for patch in near:
-        at = (3 * patch[:, None] + np.arange(3)).ravel()
-        blocks.append(compliance[np.ix_(at, at)].reshape(len(patch), 3, len(patch), 3))
-    along, across = (_Part(np.array(blocks, dtype=float), frames[..., some], areas[near]) for some in ([0], [1, 2]))
+    for patch in patches:
+        rows = (3 * patch[:, None] + np.arange(3)).ravel()
+        blocks.append(compliance[np.ix_(rows, rows)].reshape(len(patch), 3, len(patch), 3))
+    normal, tangential = (
+        _Calibration(np.array(blocks, dtype=float), frames[..., columns], areas[patches]) for columns in ([0], [1, 2])
+    )
     width = float(np.sqrt(areas.mean()))
-    best, step, least = (0.0, 0.0), width, np.inf
-    for wide in [spacing] if spacing is not None else width * np.geomspace(1.0, 12.0, 16):
-        found, wrong = along.fit(_shared(points, near, wide))
-        if wrong < least:
-            best, step, least = found, float(wide), wrong
-    return FreeFormLaw(step, *best, *across.fit(_shared(points, near, step))[0])
+    best, best_spacing, min_misfit = (0.0, 0.0), width, np.inf
+    for candidate in [spacing] if spacing is not None else width * np.geomspace(1.0, 12.0, 16):
+        law, misfit = normal.fit(_overlaps(points, patches, candidate))
+        if misfit < min_misfit:
+            best, best_spacing, min_misfit = law, float(candidate), misfit
+    return FreeFormLaw(best_spacing, *best, *tangential.fit(_overlaps(points, patches, best_spacing))[0])
 
 
-class _Part:
-    """What patches of k nodes do along some directions of their own (p, k, 3, d), and the law that comes nearest."""
+class _Calibration:
+    """Compliance of patches of k nodes along directions of their own (p, k, 3, d), and the fit of the law to it."""
 
     def __init__(self, blocks: Array, directions: Array, areas: Array) -> None:
         size = directions.shape[1] * directions.shape[3]
         self.target = np.einsum("piad,piajb,pjbe->pidje", directions, blocks, directions, optimize=True)
         self.target = self.target.reshape(-1, size, size)
-        self.facing = np.einsum("piad,pjae->pidje", directions, directions)
-        each = np.repeat(1.0 / areas, directions.shape[3], axis=1)
-        self.layers = np.einsum("ij,pi->pij", np.eye(size), each)
-        # A flat end on twelve nodes, moved by a metre as the first of them is directed.
-        few = directions[:, :12]
-        self.way = np.einsum("piad,pa->pid", few, directions[:, 0, :, 0]).reshape(len(few), -1)
+        self.cosines = np.einsum("piad,pjae->pidje", directions, directions)
+        inverse_areas = np.repeat(1.0 / areas, directions.shape[3], axis=1)
+        self.layers = np.einsum("ij,pi->pij", np.eye(size), inverse_areas)
+        # Unit displacement of a flat indenter along the direction of the first node.
+        indented = directions[:, :_INDENTER_NODES]
+        self.displacement = np.einsum("piad,pa->pid", indented, directions[:, 0, :, 0]).reshape(len(indented), -1)
 
-    def fit(self, shared: Array) -> tuple[tuple[float, float], float]:
-        """Return give, m/N, and layer, m/Pa, for (p, k, k) that nodes share of control points, and the misfit."""
-        shape = (self.facing * shared[:, :, None, :, None]).reshape(self.target.shape)
+    def fit(self, overlaps: Array) -> tuple[tuple[float, float], float]:
+        """Return control, m/N, and layer compliance, m/Pa, and the misfit, for products B B^T (p, k, k)."""
+        shape = (self.cosines * overlaps[:, :, None, :, None]).reshape(self.target.shape)
         columns = np.stack([shape.ravel(), self.layers.ravel()], axis=1)
-        (give, layer), wrong = nnls(columns, self.target.ravel())
-        least = 0.02 * self.target.ravel() @ self.layers.ravel() / (self.layers**2).sum()  # nodes stay independent
-        layer = max(layer, least)
-        scale = float(np.median(self._force(give * shape + layer * self.layers) / self._force(self.target)))
-        return (float(give * scale), float(layer * scale)), float(wrong)
+        (control, layer), misfit = nnls(columns, self.target.ravel())
+        min_layer = 0.02 * self.target.ravel() @ self.layers.ravel() / (self.layers**2).sum()  # keeps full rank
+        layer = max(layer, min_layer)
+        scale = float(np.median(self._force(control * shape + layer * self.layers) / self._force(self.target)))
+        return (float(control * scale), float(layer * scale)), float(misfit)
 
     def _force(self, compliance: Array) -> Array:
-        size = self.way.shape[1]
-        forces = np.linalg.solve(compliance[:, :size, :size], self.way[:, :, None])[:, :, 0]
-        return np.asarray(np.einsum("pi,pi->p", forces, self.way))
+        """Return the force on the flat indenter per unit displacement (p,), N/m."""
+        size = self.displacement.shape[1]
+        forces = np.linalg.solve(compliance[:, :size, :size], self.displacement[:, :, None])[:, :, 0]
+        return np.asarray(np.einsum("pi,pi->p", forces, self.displacement))
 
 
-def _shared(points: Array, near: NDArray[np.int64], spacing: float) -> Array:
+def _overlaps(points: Array, patches: NDArray[np.int64], spacing: float) -> Array:
     """Return B B^T of each patch (p, k, k)."""
-    return np.array([(b @ b.T).toarray() for b in (weights(points[patch], spacing) for patch in near)])
+    return np.array([(b @ b.T).toarray() for b in (weights(points[patch], spacing) for patch in patches)])
 
 
 def _frames(normals: Array) -> Array:
-    """Return the normal and two directions across it, each (k, 3), as (k, 3, 3)."""
-    aside = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    one = np.cross(normals, aside)
-    one /= np.linalg.norm(one, axis=1, keepdims=True)
-    return np.stack([normals, one, np.cross(normals, one)], axis=2)
+    """Return orthonormal frames (k, 3, 3) whose first column is the normal (k, 3)."""
+    other = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    tangent = np.cross(normals, other)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    return np.stack([normals, tangent, np.cross(normals, tangent)], axis=2)

@@ -1,4 +1,4 @@
-"""A solid that deforms as far as it is pushed: linear tetrahedra, co-rotational or Neo-Hookean, without inertia."""
+"""Hyperelastic solid of linear tetrahedra under large displacements, without inertia."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
-from palpate.fem.body import Law
 from palpate.fem.checks import positive, whole
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
 from palpate.fem.material import Material
+from palpate.fem.model_spec import LAWS, Law
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.volume import Volume
 
-__all__ = ["HyperelasticModel", "Law", "Strain"]
+__all__ = ["HyperelasticModel", "Strain"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
 class Strain(NamedTuple):
-    """What a displaced solid holds."""
+    """Strain energy and forces of a deformed solid."""
 
     energy: float  # J
-    forces: Array  # that hold it there, on each free point (N, 3), N; none on points that are held
+    forces: Array  # external, in equilibrium with the stress (N, 3), N; zero at Dirichlet points
 
 
 class HyperelasticModel:
-    """N points, some of them held, of a solid under large displacements.
+    """Hyperelastic solid of N points under large displacements.
+
+    Linear tetrahedra lock as Poisson's ratio approaches 0.5, and are too stiff in bending (see docs/bodies.md).
 
     Args:
-        volume: its tetrahedra.
-        material: Young's modulus, Poisson's ratio, regions and skin, each tetrahedron of its mean stiffness.
-        fixed: one or more places that do not move.
-        touch: the part of the surface that can be touched; None for all of it.
+        volume: tetrahedral mesh.
+        material: Young's modulus, Poisson's ratio, regions and surface layer. Each tetrahedron has its mean stiffness.
+        fixed: one or more regions with a Dirichlet boundary condition.
+        touch: region of the contact surface; None for the whole surface.
         law: "neo-hookean", psi = mu/2 (|F|^2 - 3) - mu (J - 1) + (lambda + mu)/2 (J - 1)^2, or "corotational",
             psi = mu |F - R|^2 + lambda/2 (tr S - 3)^2 with F = R S. For small strains both are linear elasticity.
 
-    Linear tetrahedra lock as Poisson's ratio nears 0.5, and are too stiff in bending: see docs/bodies.md.
-
     Raises:
-        BodyError: a piece of it could move as a whole, nothing can be touched, the law is unknown.
+        BodyError: a part of the body has a rigid-body motion, there is no contact node, or the law is unknown.
     """
 
     def __init__(
@@ -56,10 +56,10 @@ class HyperelasticModel:
         *,
         law: Law = "neo-hookean",
     ) -> None:
-        if law not in ("neo-hookean", "corotational"):
-            raise BodyError(f"a solid's law is neo-hookean or corotational, not {law!r}")
+        if law not in LAWS:
+            raise BodyError(f"a model's law is neo-hookean or corotational, not {law!r}")
         if not isinstance(volume, Volume) or not isinstance(material, Material):
-            raise BodyError(f"a solid is made of a Volume and a Material, not of {volume!r} and {material!r}")
+            raise BodyError(f"a model is made of a Volume and a Material, not of {volume!r} and {material!r}")
         self.law: Law = law
         self.elements = Elements(
             volume, material, parse_selectors(fixed), None if touch is None else parse_selector(touch), order=1
@@ -67,10 +67,14 @@ class HyperelasticModel:
         self.core = _core.HyperelasticModel(*self.arrays())
 
     def __repr__(self) -> str:
-        return f"<Solid: {self.law}, of {self.elements.volume!r}>"
+        return f"<HyperelasticModel: {self.law}, of {self.elements.volume!r}>"
 
     def arrays(self) -> tuple[Array, Indices, Array, Array, NDArray[np.bool_], bool]:
-        """Points, tetrahedra, shear modulus and Lame's lambda of each, Pa, points held, whether co-rotational."""
+        """Return the arguments of the core's model.
+
+        Points (N, 3), m, tetrahedra (m, 4), shear modulus and Lame's lambda of each tetrahedron (m,), Pa, whether each
+        point is fixed (N,), and whether the law is corotational.
+        """
         volume, poisson = self.elements.volume, self.elements.material.poisson
         young = self.elements.young.mean(axis=1)
         return (
@@ -78,34 +82,40 @@ class HyperelasticModel:
             np.ascontiguousarray(volume.tetrahedra, dtype=np.int64),
             np.ascontiguousarray(young / (2 * (1 + poisson))),
             np.ascontiguousarray(young * poisson / ((1 + poisson) * (1 - 2 * poisson))),
-            np.ascontiguousarray(self.elements.held),
+            np.ascontiguousarray(self.elements.dirichlet),
             self.law == "corotational",
         )
 
     @property
     def points(self) -> Array:
-        """Places at rest (N, 3), m."""
+        """Points at rest (N, 3), m."""
         return self.elements.volume.points
 
     def evaluate(self, displacement: ArrayLike) -> Strain:
-        """Put all points to `displacement` (N, 3), m, held ones too; return the energy, and the forces on free ones."""
+        """Set the displacement of all points (N, 3), m, fixed ones included; return the strain energy and forces."""
         return Strain(*self.core.evaluate(self._vectors(displacement)))
 
     def relax(self, load: ArrayLike, *, tolerance: float = 1e-8, most: int = 60) -> Array:
-        """Return the displacement (N, 3), m, at which it rests under `load` (N, 3), N, starting from where it is.
+        """Return the equilibrium displacement (N, 3), m, under `load` (N, 3), N.
 
-        Held points stay where `evaluate` last put them.
+        Newton's method with a line search on the energy starts from the current displacement. Each step is solved by
+        preconditioned conjugate gradients. Fixed points stay where `evaluate` last put them.
 
-        Newton's steps, each by preconditioned conjugate gradients, shortened until the energy falls; they end when what
-        is left of the load is `tolerance` of it. Raises BodyError if `most` steps did not bring it to rest.
+        Args:
+            load: nodal forces (N, 3), N.
+            tolerance: on the residual over the load.
+            most: maximum number of Newton steps.
+
+        Raises:
+            BodyError: there is no convergence within `most` steps.
         """
         limit = positive(tolerance, "", "tolerance")
         if self.core.relax(self._vectors(load), limit, whole(most, "most", 1)) < 0:
-            raise BodyError(f"the solid did not come to rest in {most} steps: put the load on little by little")
+            raise BodyError(f"no equilibrium was found in {most} Newton steps: apply the load in increments")
         return np.asarray(self.core.displacement())
 
     def reset(self) -> None:
-        """Go back to rest."""
+        """Return to the undeformed state."""
         self.core.reset()
 
     def _vectors(self, values: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""What a body is made of: one linear elastic solid, and regions in it of another stiffness."""
+"""Material of a body: a linear elastic solid with regions and a surface layer of other stiffness."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from palpate.fem.selectors import Selector, parse_selector
 __all__ = ["Material", "Region", "SurfaceLayer"]
 
 Array = NDArray[np.float64]
-_SOFTEST: Final = 50.0  # Pa, below the softest tissue and above what it has in kPa
+_SOFTEST: Final = 50.0  # Pa; below any tissue, and above the numerical value of a tissue's modulus in kPa
 
 
 @dataclass(frozen=True, init=False)
 class Region:
-    """A place, or its text, of another Young's modulus, Pa or text: a nodule."""
+    """Region with its own Young's modulus, Pa or text, such as a nodule."""
 
     where: Selector
     young: float
 
     def __init__(self, where: Selector | str, young: float | str) -> None:
-        found = parse_selector(where)
-        _set(self, where=found, young=_young(young, f"region {found}"))
+        selector = parse_selector(where)
+        _set(self, where=selector, young=_young(young, f"region {selector}"))
 
     def __str__(self) -> str:
         return f"{self.where} = {1e-3 * self.young:g} kPa"
 
     @classmethod
     def parse(cls, text: str) -> Region:
-        """Read "sphere 50 50 40 radius 7.5 mm = 25 kPa"."""
-        where, young = _halves(text, "region", "sphere 50 50 40 radius 7.5 mm = 25 kPa")
+        """Parse text such as "sphere 50 50 40 radius 7.5 mm = 25 kPa". Raise BodyError for any other form."""
+        where, young = _sides(text, "region", "sphere 50 50 40 radius 7.5 mm = 25 kPa")
         return cls(where, young)
 
 
 @dataclass(frozen=True, init=False)
 class SurfaceLayer:
-    """A layer of `thickness`, m or text, under the touchable surface, of another Young's modulus, Pa or text."""
+    """Layer below the contact surface: thickness, m or text, and Young's modulus, Pa or text."""
 
     thickness: float
     young: float
@@ -57,25 +57,25 @@ class SurfaceLayer:
 
     @classmethod
     def parse(cls, text: str) -> SurfaceLayer:
-        """Read "2 mm = 50 kPa"."""
-        return cls(*_halves(text, "skin", "2 mm = 50 kPa"))
+        """Parse text such as "2 mm = 50 kPa". Raise BodyError for any other form."""
+        return cls(*_sides(text, "skin", "2 mm = 50 kPa"))
 
 
 @dataclass(frozen=True, init=False)
 class Material:
-    """What a solid is made of; regions and a skin, or their texts: the later one wins where two meet.
+    """Linear elastic material with a density.
+
+    Warns of a Young's modulus below 50 Pa, which may be a value in kPa without its unit.
 
     Args:
         young: Young's modulus, Pa, or text such as "5 kPa".
         poisson: Poisson's ratio, above -1 and below 0.5.
         density: kg/m^3, or text with its unit.
-        regions: of another stiffness.
-        skin: under the touchable surface.
+        regions: of other stiffness, or their text. They override the surface layer, and later ones override earlier.
+        skin: surface layer, or its text.
 
     Raises:
-        BodyError: a number is impossible, or a text cannot be read.
-
-    Warns of a Young's modulus below 50 Pa, as one given in kPa without its unit would be.
+        BodyError: a number is out of range, or a text cannot be parsed.
     """
 
     young: float
@@ -97,26 +97,26 @@ class Material:
             raise BodyError(
                 f"poisson: Poisson's ratio is below 0.5 (soft tissue: 0.45 to 0.495) and above -1, not {ratio:g}"
             )
-        heavy = number(density, "kg/m^3", "density")
-        if not 1e-3 <= heavy <= 1e6:
-            raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {heavy:g}")
+        rho = number(density, "kg/m^3", "density")
+        if not 1e-3 <= rho <= 1e6:
+            raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {rho:g}")
         if skin is not None and not isinstance(skin, SurfaceLayer | str):
-            raise BodyError(f'skin: {skin!r} is none; write "2 mm = 50 kPa", or Skin("2 mm", "50 kPa")')
+            raise BodyError(f'skin: {skin!r} is no layer; write "2 mm = 50 kPa", or SurfaceLayer("2 mm", "50 kPa")')
         each = [regions] if isinstance(regions, Region | str) else list(regions or ())
         for region in each:
             if not isinstance(region, Region | str):
-                raise BodyError(f'regions: {region!r} is none; write "sphere 50 50 40 radius 7.5 mm = 25 kPa"')
+                raise BodyError(f'regions: {region!r} is no region; write "sphere 50 50 40 radius 7.5 mm = 25 kPa"')
         _set(
             self,
             young=_young(young, "young"),
             poisson=ratio,
-            density=heavy,
+            density=rho,
             regions=tuple(Region.parse(region) if isinstance(region, str) else region for region in each),
             skin=SurfaceLayer.parse(skin) if isinstance(skin, str) else skin,
         )
 
     def young_at(self, points: Array, depth: Callable[[Array], Array]) -> Array:
-        """Return Young's modulus (n,), Pa, at `points` (n, 3), m; `depth` tells how far points lie under the skin."""
+        """Return Young's modulus (n,), Pa, at `points` (n, 3), m; `depth` returns their distance from the surface."""
         young = np.full(len(points), self.young)
         if self.skin is not None:
             young[depth(points) < self.skin.thickness] = self.skin.young
@@ -126,25 +126,27 @@ class Material:
 
 
 def _young(value: float | str, field: str) -> float:
-    found = number(value, "Pa", field)
-    if not 1e-3 <= found <= 1e13:
-        raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: 5 kPa; diamond: 1 TPa), not {found:g}")
-    if found < _SOFTEST:
+    modulus = number(value, "Pa", field)
+    if not 1e-3 <= modulus <= 1e13:
+        raise BodyError(f"{field}: Young's modulus is positive, in Pa (liver: 5 kPa; diamond: 1 TPa), not {modulus:g}")
+    if modulus < _SOFTEST:
         warnings.warn(
-            f'{field}: {found:g} Pa is softer than any tissue; if kPa are meant, write "{found:g} kPa"',
+            f'{field}: {modulus:g} Pa is softer than any tissue; for a value in kPa, write "{modulus:g} kPa"',
             BodyWarning,
             stacklevel=4,
         )
-    return found
+    return modulus
 
 
-def _halves(text: str, field: str, example: str) -> tuple[str, str]:
-    halves = [part.strip() for part in re.split("(?<![<>])=", text)]
-    if len(halves) != 2 or not all(halves):
-        raise BodyError(f'{field}: "{text}" is written as "{example}"')
-    return halves[0], halves[1]
+def _sides(text: str, field: str, example: str) -> tuple[str, str]:
+    """Return the two sides of the equals sign in `text`."""
+    sides = [part.strip() for part in re.split("(?<![<>])=", text)]
+    if len(sides) != 2 or not all(sides):
+        raise BodyError(f'{field}: "{text}" cannot be read; write for example "{example}"')
+    return sides[0], sides[1]
 
 
-def _set(made: object, **values: object) -> None:
+def _set(instance: object, **values: object) -> None:
+    """Set attributes of a frozen dataclass."""
     for name, value in values.items():
-        object.__setattr__(made, name, value)
+        object.__setattr__(instance, name, value)

@@ -1,4 +1,7 @@
-"""fTetWild in a process of its own: it takes Ctrl-C away from Python, writes where it is called, and may crash."""
+"""Tetrahedral mesher fTetWild in a separate process.
+
+In this process it would intercept Ctrl-C, write files to the current folder, and could crash the interpreter.
+"""
 
 from __future__ import annotations
 
@@ -20,27 +23,31 @@ _PROGRAM: Final = """
 import numpy as np
 from pytetwild import tetrahedralize
 
-given = np.load("surface.npz")
-found = tetrahedralize(given["points"], given["triangles"], edge_length_abs=float(given["spacing"]), quiet=True)
-np.savez("volume.npz", points=found[0], tetrahedra=found[1])
+surface = np.load("surface.npz")
+spacing = float(surface["spacing"])
+points, cells = tetrahedralize(surface["points"], surface["triangles"], edge_length_abs=spacing, quiet=True)[:2]
+np.savez("volume.npz", points=points, tetrahedra=cells)
 """
 
 
 def tetrahedra(points: Array, triangles: NDArray[np.int32], spacing: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return points (n, 3), m, and tetrahedra (m, 4), perhaps none, that fill a surface, with edges of about `spacing`.
+    """Return points (n, 3), m, and tetrahedra (m, 4) that fill a surface, with edges of about `spacing`, m.
 
-    Raises BodyError if fTetWild is not installed, or gives up.
+    There may be no tetrahedra.
+
+    Raises:
+        BodyError: fTetWild is not installed, or fails.
     """
-    with TemporaryDirectory() as place:
-        np.savez(Path(place) / "surface.npz", points=points, triangles=triangles, spacing=spacing)
-        done = subprocess.run([sys.executable, "-c", _PROGRAM], cwd=place, capture_output=True, text=True, check=False)
+    with TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "surface.npz", points=points, triangles=triangles, spacing=spacing)
+        done = subprocess.run([sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            told = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            if told.startswith(("ImportError", "ModuleNotFoundError")):
+            message = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            if message.startswith(("ImportError", "ModuleNotFoundError")):
                 raise BodyError(
-                    "a surface is filled by fTetWild: pip install 'palpate[mesher]', or bring tetrahedra (.msh, .vtk); "
-                    f"{told}"
+                    "a surface is filled by fTetWild: pip install 'palpate[mesher]', or give tetrahedra (.msh, .vtk); "
+                    f"{message}"
                 )
-            raise BodyError(f"the surface cannot be filled: fTetWild ended with code {done.returncode}; {told}")
-        with np.load(Path(place) / "volume.npz") as found:
-            return np.asarray(found["points"], dtype=float), np.asarray(found["tetrahedra"], dtype=np.int64)
+            raise BodyError(f"the surface cannot be filled: fTetWild ended with code {done.returncode}; {message}")
+        with np.load(Path(folder) / "volume.npz") as volume:
+            return np.asarray(volume["points"], dtype=float), np.asarray(volume["tetrahedra"], dtype=np.int64)

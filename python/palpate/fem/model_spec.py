@@ -1,13 +1,16 @@
-"""Of which kind a body is: what made it answer as it does, so that it can be made again, and said."""
+"""Specification of a body's material model: enough to make the body again, and to print it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple, get_args
 
-__all__ = ["PLAIN", "ModelSpec"]
+__all__ = ["COMPLIANCE", "LAWS", "Law", "ModelSpec"]
 
-# option: (unit that it is told in, how many of them an SI unit is)
+Law = Literal["neo-hookean", "corotational"]
+LAWS: Final = get_args(Law)
+
+# option: (unit in which it is printed, that unit per SI unit)
 _UNITS: Final = {
     "period": ("ms", 1e3),
     "slow_step": ("ms", 1e3),
@@ -19,25 +22,29 @@ _UNITS: Final = {
 
 
 class ModelSpec(NamedTuple):
-    """A method of `Body`, what it was given, and the coefficients of friction."""
+    """Name of a method of `Body`, its options and the friction coefficients."""
 
-    name: str  # "compliance": none
-    options: Mapping[str, float | str]  # in SI
+    name: str  # "compliance": linear elastic and massless, without a method
+    options: Mapping[str, float | str]  # SI
     friction: tuple[float, float] = (0.0, 0.0)  # static, dynamic
 
     def __str__(self) -> str:
         elastic = self.options.get("instantaneous_ratio") == 1.0
-        idle = {"instantaneous_ratio", "retardation_time"} if elastic else set()
-        told = ", ".join(_told(o, value) for o, value in self.options.items() if value != 0.0 and o not in idle)
+        unused = {"instantaneous_ratio", "retardation_time"} if elastic else set()
+        options = ", ".join(
+            _format_option(option, value)
+            for option, value in self.options.items()
+            if value != 0.0 and option not in unused
+        )
         static, dynamic = self.friction
-        rough = f"friction {static:g}{f', {dynamic:g} sliding' if dynamic < static else ''}"
-        return f"{self.name}{told and f' ({told})'}, {rough if static > 0.0 else 'no friction'}"
+        friction = f"friction {static:g}{f', {dynamic:g} sliding' if dynamic < static else ''}"
+        return f"{self.name}{options and f' ({options})'}, {friction if static > 0.0 else 'no friction'}"
 
 
-PLAIN: Final = ModelSpec("compliance", {})
+COMPLIANCE: Final = ModelSpec("compliance", {})
 
 
-def _told(option: str, value: float | str) -> str:
+def _format_option(option: str, value: float | str) -> str:
     if isinstance(value, str):
         return value
     unit, size = _UNITS.get(option, ("", 1.0))

@@ -1,11 +1,13 @@
-"""The compliance C = B^T K^-1 B by fronts: dense products only (multifrontal method, Duff & Reid 1983).
+"""Compliance C = B^T K^-1 B by the multifrontal method (Duff & Reid 1983), with dense products only.
 
-Eliminating a front's unknowns s leaves its neighbours r and the loads m on the body's surface with
-    L L^T = K_ss,  X = [K_rs; B_s^T] L^-T,  K_rr -= X_r X_r^T,  B_r^T -= X_m X_r^T,  C += X_m X_m^T,
-and what is left goes on to the front that it hangs on. Threads share the fronts that do not hang on each other; what
-they leave is added in the same order whoever comes first. K's part is in double precision. The loads' part, three
-fifths of the work, is in single precision: its errors are those of substitution with L, which is as well conditioned
-as the square root of K. A few trial loads go through in double, and what energy they get from C is held against that.
+The elimination of a front's unknowns s updates its neighbors r and the loads m:
+    L L^T = K_ss,  X = [K_rs; B_s^T] L^-T,  K_rr -= X_r X_r^T,  B_r^T -= X_m X_r^T,  C += X_m X_m^T.
+The result is the contribution block that the parent front assembles.
+
+Independent subtrees run in parallel threads. Contribution blocks are added in a fixed order, so the result is
+reproducible. K is factorized in double precision. The loads, three fifths of the work, are in single precision: their
+error is that of substitution with L, whose condition number is the square root of that of K. A few trial loads are
+eliminated in double precision, and their energy checks C.
 """
 
 from __future__ import annotations
@@ -28,71 +30,85 @@ __all__ = ["MultifrontalSolver"]
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Indices = NDArray[np.int64]
-_TRIALS = 4
-_ACCURACY = 1e-4
+_TRIALS = 4  # loads that check the compliance
+_TOLERANCE = 1e-4  # on their energy, relative
+_TILE = 1024  # rows and columns that are mirrored at a time
 
 
 class _Front(NamedTuple):
-    begin: int  # nodes begin to end of the order are eliminated here
+    begin: int  # positions begin to end of the elimination order are eliminated here
     end: int
     children: tuple[int, ...]
-    rest: Indices  # neighbours, by place in the order
-    loads: Indices  # numbers of the loads on it and below it
+    neighbors: Indices  # positions in the elimination order
+    loads: Indices  # indices of the loads on this subtree
 
     @property
     def sizes(self) -> tuple[int, int, int]:
-        """Unknowns of its own, of its neighbours and of the loads: s, r, m."""
-        return 3 * (self.end - self.begin), 3 * len(self.rest), 3 * len(self.loads)
+        """Unknowns eliminated here, of the neighbors and of the loads: s, r, m."""
+        return 3 * (self.end - self.begin), 3 * len(self.neighbors), 3 * len(self.loads)
 
 
 class ContributionBlock(NamedTuple):
-    """What a front leaves to the one that it hangs on; columns in one piece, of square matrices the lower triangle."""
+    """Contribution of a front to its parent. Fortran order; lower triangle of symmetric blocks."""
 
-    stiffness: Array  # of the rest (3r, 3r), N/m
+    stiffness: Array  # of the neighbors (3r, 3r), N/m
     load: Single  # (3m, 3r)
-    compliance: Single  # of the loads, what comes from here and below (3m, 3m), m/N
+    compliance: Single  # of the loads, contribution of the subtree (3m, 3m), m/N
     trial: Array  # (trials, 3r)
-    energy: Array  # of the trials, what comes from here and below (trials, trials)
+    energy: Array  # of the trials, contribution of the subtree (trials, trials)
+
+
+class _PivotBlock(NamedTuple):
+    """Rows and columns that a front eliminates."""
+
+    stiffness: Array  # (s, s)
+    coupling: Array  # to the neighbors (r, s)
+    load: Single  # (m, s)
+    trial: Array  # (trials, s)
 
 
 class _StoppedError(Exception):
-    """Another thread has failed, or was interrupted."""
+    """Another thread has failed or was interrupted."""
 
 
 class MultifrontalSolver:
-    """A stiffness (3N, 3N), N/m, and loads (N, n) of one axis; node by node, three axes each.
+    """Solver for the compliance of a stiffness (3N, 3N), N/m, under the loads (N, n) of one axis.
+
+    Unknowns are ordered by node, three axes each.
 
     Attributes:
         operations: floating-point operations of `compliance`.
-        memory: bytes that it will take at most.
+        memory: upper bound of the bytes of `compliance`.
     """
 
-    def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, places: Array) -> None:
+    def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, points: Array) -> None:
         graph = stiffness[::3][:, ::3]
         graph.data = np.ones(len(graph.data), dtype=np.int8)
-        self._order, plan = nested_dissection(graph, places)
-        place = np.empty(len(self._order), dtype=np.int64)
-        place[self._order] = np.arange(len(self._order))
-        self._place, self._stiffness, self._loads = place, stiffness, loads.tocsr()[self._order]
-        near = graph[self._order]
+        self._order, tree = nested_dissection(graph, points)
+        position = np.empty(len(self._order), dtype=np.int64)
+        position[self._order] = np.arange(len(self._order))
+        self._position, self._stiffness, self._loads = position, stiffness, loads.tocsr()[self._order]
+        adjacency = graph[self._order]
         self._fronts: list[_Front] = []
-        for part in plan:
-            begin, end, children = part.begin, part.end, part.children
-            rest = [place[near.indices[near.indptr[begin] : near.indptr[end]]]]
-            some = [self._loads.indices[self._loads.indptr[begin] : self._loads.indptr[end]]]
-            rest += [self._fronts[c].rest for c in children]
-            some += [self._fronts[c].loads for c in children]
-            beyond = np.unique(np.concatenate(rest))
-            self._fronts.append(_Front(begin, end, children, beyond[beyond >= end], np.unique(np.concatenate(some))))
+        for node in tree:
+            begin, end, children = node.begin, node.end, node.children
+            coupled = [position[adjacency.indices[adjacency.indptr[begin] : adjacency.indptr[end]]]]
+            loaded = [self._loads.indices[self._loads.indptr[begin] : self._loads.indptr[end]]]
+            coupled += [self._fronts[c].neighbors for c in children]
+            loaded += [self._fronts[c].loads for c in children]
+            structure = np.unique(np.concatenate(coupled))
+            neighbors = structure[structure >= end]
+            self._fronts.append(_Front(begin, end, children, neighbors, np.unique(np.concatenate(loaded))))
         self._threads = dense.threads()
         self._failures: list[BaseException] = []
         self.operations = float(sum(_operations(*front.sizes) for front in self._fronts))
-        self.memory = self._most(len(self._fronts) - 1, self._threads) + 12.0 * self._stiffness.nnz
+        self.memory = self._peak_memory(len(self._fronts) - 1, self._threads) + 12.0 * self._stiffness.nnz
 
     def compliance(self) -> Single:
-        """Return C (3n, 3n), m/N, symmetric to the last bit.
+        """Return C (3n, 3n), m/N, exactly symmetric.
 
-        Raises BodyError if the stiffness is not positive definite, or C does not give trial loads their energy.
+        Raises:
+            BodyError: the stiffness is not positive definite, or the energy of a trial load is wrong.
         """
         size = 3 * self._loads.shape[1]
         forces = np.random.default_rng(0).standard_normal((size, _TRIALS))
@@ -101,117 +117,135 @@ class MultifrontalSolver:
         self._failures.clear()
         try:
             with dense.one_thread():
-                below = self._below(root, self._threads)
+                blocks = self._eliminate_children(root, self._threads)
         except _StoppedError:
             raise self._failures[0] from None
-        left = self._eliminate(self._fronts[root], below)
-        found = left.compliance
-        for i in range(0, size, 1024):
-            for j in range(i + 1024, size, 1024):
-                found[i : i + 1024, j : j + 1024] = found[j : j + 1024, i : i + 1024].T
-            block = found[i : i + 1024, i : i + 1024]
-            block[:] = np.tril(block) + np.tril(block, -1).T
-        answers = found @ forces.astype(np.float32)
-        worst = np.abs(forces.T @ answers - left.energy).max() / np.abs(left.energy).max()
-        if not worst < _ACCURACY:
+        result = self._eliminate(self._fronts[root], blocks)
+        compliance = result.compliance
+        _mirror(compliance)
+        displacements = compliance @ forces.astype(np.float32)
+        error = np.abs(forces.T @ displacements - result.energy).max() / np.abs(result.energy).max()
+        if not error < _TOLERANCE:
             raise BodyError(
-                f"the compliance is wrong by {worst:.1g}, by rounding: the elements are too flat, mesh again; or the "
-                "body hangs by too little, fix more of it"
+                f"the rounding error of the compliance is {error:.1g}: mesh again if elements are too flat, or fix a "
+                "larger part of the body"
             )
-        return found.T
+        return compliance.T
 
-    def _below(self, number: int, threads: int) -> list[ContributionBlock]:
-        """Eliminate all that hangs on a front; return what its children leave."""
-        children = self._fronts[number].children
+    def _eliminate_children(self, index: int, threads: int) -> list[ContributionBlock]:
+        """Eliminate the subtrees below a front, and return the contribution blocks of its children."""
+        children = self._fronts[index].children
         if threads == 1 or len(children) != 2:
-            return [self._tree(child, threads) for child in children]
-        with ThreadPoolExecutor(1) as other:
-            later = other.submit(self._tree, children[1], threads // 2)
+            return [self._eliminate_subtree(child, threads) for child in children]
+        with ThreadPoolExecutor(1) as executor:
+            second = executor.submit(self._eliminate_subtree, children[1], threads // 2)
             try:
-                return [self._tree(children[0], threads - threads // 2), later.result()]
-            except BaseException as problem:  # Ctrl-C too: every other thread stops at its next front
+                return [self._eliminate_subtree(children[0], threads - threads // 2), second.result()]
+            except BaseException as problem:  # also Ctrl-C: every other thread stops at its next front
                 self._failures.append(problem)
                 raise
 
-    def _tree(self, number: int, threads: int) -> ContributionBlock:
-        """Eliminate a front and all that hangs on it."""
-        below = self._below(number, threads)
+    def _eliminate_subtree(self, index: int, threads: int) -> ContributionBlock:
+        """Eliminate a front and its descendants."""
+        blocks = self._eliminate_children(index, threads)
         if self._failures:
             raise _StoppedError
         try:
-            return self._eliminate(self._fronts[number], below)
+            return self._eliminate(self._fronts[index], blocks)
         except BaseException as problem:
             self._failures.append(problem)
             raise
 
-    def _most(self, number: int, threads: int) -> float:
-        """Return the bytes that `_tree` takes at most."""
-        front = self._fronts[number]
-        left = [_bytes_left(*self._fronts[child].sizes) for child in front.children]
-        own = sum(left) + _bytes_left(*front.sizes) + _bytes_inside(*front.sizes)
-        if threads > 1 and len(left) == 2:
+    def _peak_memory(self, index: int, threads: int) -> float:
+        """Return an upper bound of the bytes of `_eliminate_subtree`."""
+        front = self._fronts[index]
+        blocks = [_contribution_bytes(*self._fronts[child].sizes) for child in front.children]
+        own = sum(blocks) + _contribution_bytes(*front.sizes) + _pivot_bytes(*front.sizes)
+        if threads > 1 and len(blocks) == 2:
             first, second = front.children
-            return max(own, self._most(first, threads - threads // 2) + self._most(second, threads // 2))
-        return max([own, *(sum(left[:i]) + self._most(child, threads) for i, child in enumerate(front.children))])
+            return max(own, self._peak_memory(first, threads - threads // 2) + self._peak_memory(second, threads // 2))
+        return max(
+            [own, *(sum(blocks[:i]) + self._peak_memory(child, threads) for i, child in enumerate(front.children))]
+        )
 
-    def _eliminate(self, front: _Front, below: list[ContributionBlock]) -> ContributionBlock:
-        """Eliminate a front, given what its children leave, which is let go."""
+    def _eliminate(self, front: _Front, blocks: list[ContributionBlock]) -> ContributionBlock:
+        """Return the contribution block of a front; clear the `blocks` of its children to free their memory."""
         s, r, m = front.sizes
-        own, beside, trial = (np.zeros(shape, order="F") for shape in ((s, s), (r, s), (_TRIALS, s)))
-        across = np.zeros((m, s), dtype=np.float32, order="F")
-        left = ContributionBlock(
+        pivot = _PivotBlock(
+            np.zeros((s, s), order="F"),
+            np.zeros((r, s), order="F"),
+            np.zeros((m, s), np.float32, order="F"),
+            np.zeros((_TRIALS, s), order="F"),
+        )
+        result = ContributionBlock(
             np.zeros((r, r), order="F"),
             np.zeros((m, r), np.float32, order="F"),
             np.zeros((m, m), np.float32, order="F"),
             np.zeros((_TRIALS, r), order="F"),
             np.zeros((_TRIALS, _TRIALS), order="F"),
         )
-        self._assemble(front, own, beside, across, trial)
-        for number, given in zip(front.children, below, strict=True):
-            child = self._fronts[number]
-            inside = child.rest < front.end
-            cut = 3 * int(np.count_nonzero(inside))
-            here = _axes(child.rest[inside] - front.begin)
-            there = _axes(np.searchsorted(front.rest, child.rest[~inside]))
-            rows = _axes(np.searchsorted(front.loads, child.loads))
-            _core.scatter_add(own, given.stiffness[:cut, :cut], here, here, True)
-            _core.scatter_add(beside, given.stiffness[cut:, :cut], there, here)
-            _core.scatter_add(left.stiffness, given.stiffness[cut:, cut:], there, there, True)
-            _core.scatter_add(across, given.load[:, :cut], rows, here)
-            _core.scatter_add(left.load, given.load[:, cut:], rows, there)
-            _core.scatter_add(left.compliance, given.compliance, rows, rows, True)
-            trial[:, here] += given.trial[:, :cut]
-            left.trial[:, there] += given.trial[:, cut:]
-            left.energy[:] += given.energy
-        below.clear()
-        if not dense.cholesky(own):
+        self._assemble(front, pivot)
+        for index, block in zip(front.children, blocks, strict=True):
+            _extend_add(front, self._fronts[index], block, pivot, result)
+        blocks.clear()
+        if not dense.potrf(pivot.stiffness):
             raise BodyError(NOT_DEFINITE)
-        dense.solve_transposed(own, beside)
-        dense.solve_transposed(own, trial)
-        dense.subtract_square(left.stiffness, beside)
-        left.trial[:] -= trial @ beside.T
-        left.energy[:] += trial @ trial.T
+        dense.trsm(pivot.stiffness, pivot.coupling)
+        dense.trsm(pivot.stiffness, pivot.trial)
+        dense.syrk(-1.0, pivot.coupling, result.stiffness)
+        result.trial[:] -= pivot.trial @ pivot.coupling.T
+        result.energy[:] += pivot.trial @ pivot.trial.T
         if m > 0:
-            dense.solve_transposed(_single(own), across)
-            dense.subtract_product(left.load, across, _single(beside))
-            dense.add_square(left.compliance, across)
-        return left
+            dense.trsm(_single(pivot.stiffness), pivot.load)
+            dense.gemm(-1.0, pivot.load, _single(pivot.coupling), result.load)
+            dense.syrk(1.0, pivot.load, result.compliance)
+        return result
 
-    def _assemble(self, front: _Front, own: Array, beside: Array, across: Single, trial: Array) -> None:
-        """Put the stiffness and the loads of the front's own nodes in their places."""
-        rows = self._stiffness[_axes(self._order[front.begin : front.end])]  # symmetric: the columns as well
+    def _assemble(self, front: _Front, pivot: _PivotBlock) -> None:
+        """Assemble the stiffness and the loads of the nodes that a front eliminates."""
+        rows = self._stiffness[_axes(self._order[front.begin : front.end])]  # also the columns, by symmetry
         column = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))
         node, axis = np.divmod(rows.indices, 3)
-        at = self._place[node]
-        inside, beyond = (at >= front.begin) & (at < front.end), at >= front.end
-        own[3 * (at[inside] - front.begin) + axis[inside], column[inside]] = rows.data[inside]
-        row = np.searchsorted(front.rest, at[beyond])
-        beside[3 * row + axis[beyond], column[beyond]] = rows.data[beyond]
+        at = self._position[node]
+        inside, outside = (at >= front.begin) & (at < front.end), at >= front.end
+        pivot.stiffness[3 * (at[inside] - front.begin) + axis[inside], column[inside]] = rows.data[inside]
+        row = np.searchsorted(front.neighbors, at[outside])
+        pivot.coupling[3 * row + axis[outside], column[outside]] = rows.data[outside]
         loads = self._loads[front.begin : front.end].tocoo()
         row = np.searchsorted(front.loads, loads.col)
         for a in range(3):
-            across[3 * row + a, 3 * loads.row + a] = loads.data
-        trial[:] = self._trials[_axes(np.arange(front.begin, front.end))].T
+            pivot.load[3 * row + a, 3 * loads.row + a] = loads.data
+        pivot.trial[:] = self._trials[_axes(np.arange(front.begin, front.end))].T
+
+
+def _extend_add(
+    front: _Front, child: _Front, block: ContributionBlock, pivot: _PivotBlock, result: ContributionBlock
+) -> None:
+    """Add the contribution block of a child to the pivot and contribution block of its parent."""
+    inside = child.neighbors < front.end
+    split = 3 * int(np.count_nonzero(inside))
+    own = _axes(child.neighbors[inside] - front.begin)
+    outer = _axes(np.searchsorted(front.neighbors, child.neighbors[~inside]))
+    rows = _axes(np.searchsorted(front.loads, child.loads))
+    _core.scatter_add(pivot.stiffness, block.stiffness[:split, :split], own, own, True)
+    _core.scatter_add(pivot.coupling, block.stiffness[split:, :split], outer, own)
+    _core.scatter_add(result.stiffness, block.stiffness[split:, split:], outer, outer, True)
+    _core.scatter_add(pivot.load, block.load[:, :split], rows, own)
+    _core.scatter_add(result.load, block.load[:, split:], rows, outer)
+    _core.scatter_add(result.compliance, block.compliance, rows, rows, True)
+    pivot.trial[:, own] += block.trial[:, :split]
+    result.trial[:, outer] += block.trial[:, split:]
+    result.energy[:] += block.energy
+
+
+def _mirror(matrix: Single) -> None:
+    """Copy the lower triangle of a square matrix to its upper triangle."""
+    size = len(matrix)
+    for i in range(0, size, _TILE):
+        for j in range(i + _TILE, size, _TILE):
+            matrix[i : i + _TILE, j : j + _TILE] = matrix[j : j + _TILE, i : i + _TILE].T
+        diagonal = matrix[i : i + _TILE, i : i + _TILE]
+        diagonal[:] = np.tril(diagonal) + np.tril(diagonal, -1).T
 
 
 def _single(array: Array) -> Single:
@@ -219,7 +253,7 @@ def _single(array: Array) -> Single:
 
 
 def _axes(nodes: Indices) -> Indices:
-    """Return the unknowns of nodes."""
+    """Return the unknowns of nodes (n,), as (3n,)."""
     return (3 * np.asarray(nodes, dtype=np.int64)[:, None] + np.arange(3)).ravel()
 
 
@@ -227,9 +261,9 @@ def _operations(s: int, r: int, m: int) -> float:
     return s**3 / 3 + s**2 * (r + m) + s * (r + m) ** 2
 
 
-def _bytes_inside(s: int, r: int, m: int) -> float:
+def _pivot_bytes(s: int, r: int, m: int) -> float:
     return 8.0 * s * (s + r) + 4.0 * s * (s + r + m)
 
 
-def _bytes_left(_s: int, r: int, m: int) -> float:
+def _contribution_bytes(_s: int, r: int, m: int) -> float:
     return 8.0 * r**2 + 4.0 * m * (m + r)

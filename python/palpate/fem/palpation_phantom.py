@@ -1,4 +1,4 @@
-"""The palpation phantom: a block with a skin and a hidden nodule."""
+"""Palpation phantom: a block with a surface layer and an embedded nodule."""
 
 from __future__ import annotations
 
@@ -32,40 +32,42 @@ def phantom(
     output: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Body:
-    """Build a block of 100 x 100 x 50 mm, bonded below, touched on its top (z = 50 mm).
+    """Build a block of 100 x 100 x 50 mm, fixed at its bottom, with its top (z = 50 mm) as contact surface.
+
+    Quantities are numbers in SI or text with a unit.
 
     Args:
-        young: of the block, Pa, or text with its unit, as all here; 5 to 15 kPa is like soft tissue.
-        contrast: of the nodule's modulus over the block's; 2 to 10 for lesions of the breast; 1 for none.
-        depth: of the nodule's top under the block's, m; 5 to 20 mm.
-        diameter: of the nodule in the middle of the block, m.
-        skin: thickness, m; 0 for none.
-        skin_young: of the skin, Pa; of the breast 56 +- 16 kPa.
+        young: Young's modulus of the block, Pa; 5 to 15 kPa is typical of soft tissue.
+        contrast: modulus of the nodule over that of the block; 2 to 10 for lesions of the breast, 1 for no nodule.
+        depth: of the top of the nodule below the top of the block, m; 5 to 20 mm.
+        diameter: of the nodule, which is centered in x and y, m.
+        skin: thickness of the surface layer, m; 0 for none.
+        skin_young: Young's modulus of the surface layer, Pa; skin of the breast has 56 +- 16 kPa.
         poisson: Poisson's ratio.
         spacing: of the cells, m.
-        modes: vibration modes to find too.
+        modes: number of vibration modes to compute.
         output: file to write to.
-        progress: told what is done, and the fraction of it.
+        progress: called with a description and the fraction done.
 
     Raises:
-        BodyError: the nodule does not fit into the block, or a number is impossible.
+        BodyError: the nodule does not fit into the block, or a number is out of range.
     """
-    stiffness, times = positive(young, "Pa", "young"), positive(contrast, "", "contrast")
-    layer, deep, wide = not_negative(skin, "m", "skin"), length(depth, "depth"), positive(diameter, "m", "diameter")
+    stiffness, ratio = positive(young, "Pa", "young"), positive(contrast, "", "contrast")
+    layer, deep, width = not_negative(skin, "m", "skin"), length(depth, "depth"), positive(diameter, "m", "diameter")
     if layer >= _HEIGHT:
         raise BodyError(f"skin: {1e3 * layer:g} mm; it must be thinner than the block of {1e3 * _HEIGHT:g} mm")
-    if layer + wide > _HEIGHT:
+    if layer + width > _HEIGHT:
         raise BodyError(
-            f"diameter: {1e3 * wide:g} mm; between a skin of {1e3 * layer:g} mm and the bottom of the block of "
-            f"{1e3 * _HEIGHT:g} mm is no room for that"
+            f"diameter: {1e3 * width:g} mm; the nodule does not fit between a skin of {1e3 * layer:g} mm and the "
+            f"bottom of the block of {1e3 * _HEIGHT:g} mm"
         )
-    if not layer <= deep <= _HEIGHT - wide:
+    if not layer <= deep <= _HEIGHT - width:
         raise BodyError(
             f"depth: {1e3 * deep:g} mm; the nodule lies between the skin and the bottom of the block of "
-            f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - wide):.4g} mm"
+            f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - width):.4g} mm"
         )
-    centre = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - wide / 2)
-    nodule = [] if times == 1.0 else [Region(sphere(centre, wide / 2), times * stiffness)]
+    center = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - width / 2)
+    nodule = [] if ratio == 1.0 else [Region(sphere(center, width / 2), ratio * stiffness)]
     return build(
         block((_SIDE, _SIDE, _HEIGHT), spacing, layers=(layer,) if layer > 0 else ()),
         young=stiffness,

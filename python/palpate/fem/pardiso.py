@@ -1,7 +1,6 @@
-"""MKL's PARDISO: a sparse Cholesky factor.
+"""Sparse Cholesky factorization by MKL's PARDISO.
 
-pypardiso finds and loads the library; what it offers is for matrices without symmetry, and keeps the memory of every
-factor.
+pypardiso loads the library. Its own interface is for unsymmetric matrices and keeps the memory of every factor.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from scipy import sparse
 __all__ = ["Pardiso", "PardisoError"]
 
 Array = NDArray[np.float64]
-_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
+_ANALYZE, _FACTORIZE, _SOLVE, _RELEASE = 11, 22, 33, -1
 _POSITIVE_DEFINITE = 2
 _ERRORS = {-2: "not enough memory", -4: "a pivot is not positive", -7: "a diagonal number is not positive"}
 
 
 @cache
 def _library() -> Any:
-    """Find the library once, which takes a second; its threads do not spin between calls, where others want to run."""
+    """Load the library once, which takes a second, with threads that do not spin between calls."""
     os.environ.setdefault("KMP_BLOCKTIME", "0")
     from pypardiso import PyPardisoSolver
 
@@ -35,13 +34,16 @@ def _library() -> Any:
 
 
 class PardisoError(Exception):
-    """PARDISO gave up."""
+    """PARDISO returned an error."""
 
 
 class Pardiso:
-    """A symmetric positive definite matrix (N, N), ordered by nested dissection; raises ImportError without pypardiso.
+    """Symmetric positive definite matrix (N, N), ordered by nested dissection.
 
-    Only its upper triangle is read, and every diagonal number must be stored.
+    Only the upper triangle is read, and every diagonal entry must be stored.
+
+    Raises:
+        ImportError: pypardiso is not installed.
     """
 
     def __init__(self, matrix: sparse.csr_matrix) -> None:
@@ -54,25 +56,25 @@ class Pardiso:
         self._handle = np.zeros(64, dtype=np.int64)
         self._order = np.zeros(self._size, dtype=np.int64)
         options = self._options = np.zeros(64, dtype=np.int64)  # numbered from 0, as in MKL's reference for C
-        options[0] = 1  # these options, not the defaults
+        options[0] = 1  # use these options, not the defaults
         options[1] = 2  # nested dissection
-        options[9] = 13
-        options[34] = 1  # rows and columns from 0
-        self._phase(_ANALYSE)
+        options[9] = 13  # pivots below 1e-13 are perturbed
+        options[34] = 1  # row and column indices start at 0
+        self._phase(_ANALYZE)
 
-    def factorise(self) -> None:
-        """Factorise, for `solve`; raises PardisoError if the matrix is not positive definite."""
-        self._phase(_FACTORISE)
+    def factorize(self) -> None:
+        """Factorize the matrix for `solve`. Raise PardisoError if it is not positive definite."""
+        self._phase(_FACTORIZE)
 
     def solve(self, right: Array) -> Array:
-        """Return the solution (N, k) of right sides (N, k), after `factorise`."""
+        """Return the solution (N, k) for right-hand sides (N, k), after `factorize`."""
         b = np.asfortranarray(right, dtype=float)
         x = np.empty_like(b, order="F")
         self._phase(_SOLVE, b, x)
         return x
 
     def release(self) -> None:
-        """Give the memory of the factor back."""
+        """Free the memory of the factor."""
         if self._handle.any():
             self._phase(_RELEASE)
             self._handle[:] = 0

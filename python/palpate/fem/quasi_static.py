@@ -1,4 +1,4 @@
-"""A solid under large displacements that tips press: slow steps of its own, and a servo that feels linear snapshots."""
+"""Quasi-static hyperelastic solid in contact with tips, with a multirate servo coupling."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import PoseError
-from palpate.fem.body import Shape
 from palpate.fem.checks import (
+    TipShape,
     check_finite,
     check_tip,
     directions,
+    indentation_depth,
     lengths,
     point_of,
     positive,
-    press_depth,
     tick_period,
     whole,
 )
-from palpate.fem.errors import BodyError, press_to_rest
+from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
+from palpate.fem.indentation import settle_at_depths
 
 __all__ = ["MultiTipHistory", "QuasiStaticSolver", "RealtimeRun"]
 
@@ -31,51 +32,53 @@ Array = NDArray[np.float64]
 
 
 class MultiTipHistory(NamedTuple):
-    """What t tips feel along paths of m ticks."""
+    """Contact of t tips along paths of m ticks."""
 
     force: Array  # of the body on each tip (m, t, 3), N
-    deflection: Array  # of each pressed patch, weighted by its forces (m, t, 3), m
-    nodes: NDArray[np.int64]  # pressed by each tip (m, t)
-    potential: Array  # that the contact gives out if the tips leave (m,), J
-    saved: Array  # put in, and not given out yet (m,), J; potential + saved is the work of the tips since they touched
-    waits: NDArray[np.bool_]  # whether a snapshot waited for energy (m,)
+    deflection: Array  # of the nodes in contact with each tip, weighted by their forces (m, t, 3), m
+    nodes: NDArray[np.int64]  # number of nodes in contact with each tip (m, t)
+    potential: Array  # energy that the contact releases if the tips leave (m,), J
+    tank_energy: Array  # level of the energy tank (m,), J; potential + tank_energy is the work since first contact
+    tank_empty: NDArray[np.bool_]  # whether the tank was too low for a full switch of models (m,)
 
 
 class RealtimeRun(NamedTuple):
-    """A run in wall-clock time."""
+    """Contact and timing of m ticks in wall-clock time."""
 
     touches: MultiTipHistory
-    late: Array  # how much after its time each tick began (m,), s
-    ticks: Array  # how long each tick took (m,), s
-    steps: Array  # how long each slow step took, s
+    late: Array  # lateness of each tick (m,), s
+    ticks: Array  # duration of each tick (m,), s
+    steps: Array  # duration of each model update, s
 
 
 class QuasiStaticSolver:
-    """A solid that one or two rigid tips press: slow steps, and between them what the servo feels.
+    """Hyperelastic solid in contact with one or two rigid tips, solved at two rates.
 
-    A slow step (tens of ms) goes a Newton step towards rest under the tips' contact, and hands the servo a snapshot:
-    up to 64 nodes near the tips, where they are, and their compliance, that of the tangent; farther out, to 128 nodes
-    in all, an estimate, for quick tips. The servo's tick solves the one-sided contact on it, both tips together. A new
-    snapshot is blended in as far as the energy put in allows: the tips never get out more.
+    A model update (tens of ms) makes one Newton step toward equilibrium under the contact forces of the tips. It then
+    passes a local model to the servo: the positions of up to 64 nodes near the tips and their compliance, from the
+    tangent stiffness. Up to 128 nodes in all, the compliance of farther nodes is extrapolated, for fast tips.
+
+    A servo tick solves the unilateral contact of both tips on the local model. The switch to a new local model is
+    limited by an energy tank, so the tips never extract more energy than they put in.
 
     Args:
-        solid: its volume, material, held and touchable parts; it stays as it is.
-        near: nodes near each tip whose compliance is solved for, 4 to 64; two tips share 64.
+        solid: mesh, material, Dirichlet and contact nodes; it is not modified.
+        near: nodes near each tip in the local model, 4 to 64; two tips share 64.
 
     Raises:
-        BodyError: an impossible number of nodes.
+        BodyError: the number of nodes is out of range.
     """
 
     def __init__(self, solid: HyperelasticModel, *, near: float | str = 32) -> None:
         if not isinstance(solid, HyperelasticModel):
-            raise BodyError(f"solid: a palpate.fem.HyperelasticModel is pressed, not {solid!r}")
+            raise BodyError(f"solid: a palpate.fem.HyperelasticModel is needed, not {solid!r}")
         self.solid = solid
         elements = solid.elements
         load = elements.load
         load.sort_indices()
         self.core = _core.QuasiStaticSolver(
             *solid.arrays(),
-            np.ascontiguousarray(elements.touchable, dtype=np.int32),
+            np.ascontiguousarray(elements.contact_nodes, dtype=np.int32),
             np.ascontiguousarray(elements.areas),
             np.ascontiguousarray(load.indptr, dtype=np.int32),
             np.ascontiguousarray(load.indices, dtype=np.int32),
@@ -91,35 +94,36 @@ class QuasiStaticSolver:
         depth: float | str,
         *,
         outward: ArrayLike,
-        tip: Shape = "sphere",
+        tip: TipShape = "sphere",
         steps: int = 100,
     ) -> tuple[Array, Array]:
-        """Press a rigid tip in at `point` of the surface at rest, in ten parts, and let the body come to rest.
+        """Press a rigid tip in at `point` of the surface at rest, by equilibria at ten depths.
 
         Args:
             point: (3,), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
             depth: m or text; not negative.
-            outward: (3,), out of the body there.
+            outward: direction out of the body at the point (3,).
             tip: "sphere" or "flat".
-            steps: slow steps for each part, at most.
+            steps: maximum number of model updates at each depth.
 
         Returns:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
 
         Raises:
-            BodyError: the body gives way so far that the tip loses it, or does not come to rest.
+            BodyError: the tip loses contact, or there is no equilibrium.
         """
-        x, size, deep = point_of(point), positive(radius, "m", "radius"), press_depth(depth)
+        x, size, deep = point_of(point), positive(radius, "m", "radius"), indentation_depth(depth)
         normal = directions(outward, (3,))
-        low = np.linspace(0.1, 1.0, 10)[:, None] * deep
-        way, most = x + normal * ((size if tip == "sphere" else 0.0) - low), whole(steps, "steps", 1)
+        depths = np.linspace(0.1, 1.0, 10)[:, None] * deep
+        path, max_updates = x + normal * ((size if tip == "sphere" else 0.0) - depths), whole(steps, "steps", 1)
         self.core.reset()
 
-        def settle(part: int) -> Array:
-            return np.asarray(self.core.settle(*_ways(way[part : part + 1], size, normal, tip), most)[0])
+        def settle(index: int) -> Array:
+            arguments = _core_path(path[index : index + 1], size, normal, tip)
+            return np.asarray(self.core.settle(*arguments, max_updates)[0])
 
-        return press_to_rest(low[:, 0], settle)[0:3], self.displacement()
+        return settle_at_depths(depths[:, 0], settle)[0:3], self.displacement()
 
     def simulate_path(
         self,
@@ -127,24 +131,28 @@ class QuasiStaticSolver:
         radius: float | str | Sequence[float | str],
         *,
         outward: ArrayLike,
-        tip: Shape = "sphere",
+        tip: TipShape = "sphere",
         every: int = 20,
     ) -> MultiTipHistory:
-        """Go one tick for each place of the tips' centres, and a slow step for each `every` ticks.
+        """Move the tips along a path, one tick per sample and one model update per `every` ticks.
 
-        In turn, so always with the same result: a slow step sees the tips where they are at its first tick, and the
-        servo gets its snapshot `every` ticks later.
+        Ticks and updates run synchronously, so results are reproducible. An update uses the positions of the tips at
+        its first tick, and the servo receives its local model `every` ticks later.
 
         Args:
-            path: (m, 3) for one tip, (m, t, 3) for t of them (at most two), m or text.
-            radius: of the tips, m or text; one, or one for each.
-            outward: out of the body where it is pressed: (3,), (m, 3) or (m, t, 3).
-            tip: "sphere" or "flat", all alike.
-            every: ticks.
+            path: centers of one tip (m, 3), or of t tips, at most two (m, t, 3), m or text.
+            radius: of the tips, m or text; one value, or one per tip.
+            outward: direction out of the body at the contact: (3,), (m, 3) or (m, t, 3).
+            tip: "sphere" or "flat", for all tips.
+            every: ticks per model update.
+
+        Raises:
+            PoseError: the path or a direction has the wrong shape or a number that is not finite.
+            BodyError: a radius is not positive, the tip has another shape, or the contact forces were not found.
         """
         ticks = whole(every, "every", 1)
-        ways = _ways(path, radius, outward, tip)
-        return _touches(self.core.follow(*ways, ticks), ways[0].shape[1])
+        arguments = _core_path(path, radius, outward, tip)
+        return _history(self.core.follow(*arguments, ticks), arguments[0].shape[1])
 
     def live(
         self,
@@ -152,51 +160,61 @@ class QuasiStaticSolver:
         radius: float | str | Sequence[float | str],
         *,
         outward: ArrayLike,
-        tip: Shape = "sphere",
+        tip: TipShape = "sphere",
         period: float | str = "1 ms",
         thread: bool = True,
     ) -> RealtimeRun:
-        """As `simulate_path`, in wall-clock time: a tick each `period`; slow steps in a thread of their own, or none.
+        """Move the tips along a path in wall-clock time, one tick per `period`; see `simulate_path`.
 
-        It ends with the path, m periods after it began, and Ctrl-C is heard then. The next call goes on from where this
-        one left the body: to stop when you like, give a path in pieces.
+        The call returns after m periods; Ctrl-C takes effect then. The next call continues from the current state. To
+        stop earlier, pass the path in pieces.
+
+        Args:
+            path: as in `simulate_path`.
+            radius: as in `simulate_path`.
+            outward: as in `simulate_path`.
+            tip: as in `simulate_path`.
+            period: of a tick, s or text.
+            thread: whether to update the model in a thread of its own; without it there are no updates.
         """
         tick = tick_period(period)
-        ways = _ways(path, radius, outward, tip)
-        rows, times, steps = self.core.live(*ways, tick, thread)
-        return RealtimeRun(_touches(rows, ways[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
+        arguments = _core_path(path, radius, outward, tip)
+        rows, times, steps = self.core.live(*arguments, tick, thread)
+        return RealtimeRun(_history(rows, arguments[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
 
     def displacement(self) -> Array:
-        """Of all points at the last slow step (N, 3), m."""
+        """Return the displacement of all points at the last model update (N, 3), m."""
         return np.asarray(self.core.displacement())
 
     def reset(self) -> None:
-        """Go back to rest, untouched."""
+        """Return to the undeformed state without contact."""
         self.core.reset()
 
 
-def _ways(
-    path: ArrayLike, radius: float | str | Sequence[float | str], outward: ArrayLike, tip: Shape
+def _core_path(
+    path: ArrayLike, radius: float | str | Sequence[float | str], outward: ArrayLike, tip: TipShape
 ) -> tuple[Array, Array, Array, bool]:
-    centres = lengths(path, "path")
-    if centres.ndim == 2:
-        centres = centres[:, None]
-    if centres.ndim != 3 or centres.shape[1] not in (1, 2) or centres.shape[2] != 3:
-        raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, numbers in m; this is {centres.shape}")
-    check_finite(centres, "path")
+    """Return centers (m, t, 3), m, axes (m, t, 3), radii (t,), m, and whether the tips are flat."""
+    centers = lengths(path, "path")
+    if centers.ndim == 2:
+        centers = centers[:, None]
+    if centers.ndim != 3 or centers.shape[1] not in (1, 2) or centers.shape[2] != 3:
+        raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, numbers in m; this has shape {centers.shape}")
+    check_finite(centers, "path")
     sizes = lengths(radius, "radius").ravel().tolist()
-    radii = np.array([positive(size, "m", "radius") for size in sizes] * (centres.shape[1] if len(sizes) == 1 else 1))
-    if len(radii) != centres.shape[1]:
-        raise BodyError(f"radius: {len(radii)} of them for {centres.shape[1]} tips; give one, or one for each")
+    radii = np.array([positive(size, "m", "radius") for size in sizes] * (centers.shape[1] if len(sizes) == 1 else 1))
+    if len(radii) != centers.shape[1]:
+        raise BodyError(f"radius: {len(radii)} values for {centers.shape[1]} tips; give one, or one per tip")
     check_tip(tip)
     axes = np.asarray(outward)
-    axes = directions(axes[:, None] if axes.ndim == 2 else axes, centres.shape)
-    return np.ascontiguousarray(centres), axes, radii, tip == "flat"
+    axes = directions(axes[:, None] if axes.ndim == 2 else axes, centers.shape)
+    return np.ascontiguousarray(centers), axes, radii, tip == "flat"
 
 
-def _touches(rows: Array, tips: int) -> MultiTipHistory:
+def _history(rows: Array, tips: int) -> MultiTipHistory:
+    """Return the rows of the core as a history; raise BodyError if the forces of one were not found."""
     if not all(rows[:, 10 * t + 9].all() for t in range(tips)):
-        raise BodyError("the contact's forces were not found: take smaller steps")
+        raise BodyError("path: the contact forces were not found: use smaller steps")
     each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
-    potential, saved, _, waits = rows[:, 10 * tips :].T
-    return MultiTipHistory(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, saved, waits > 0)
+    potential, tank, _, empty = rows[:, 10 * tips :].T
+    return MultiTipHistory(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, tank, empty > 0)

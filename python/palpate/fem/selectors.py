@@ -1,4 +1,4 @@
-"""Where: the places that are fixed, of another stiffness, or touchable, in numbers or in a line of text."""
+"""Selectors of points in space: box, sphere, half space, or part of the surface, from numbers or text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _BEFORE_UNIT: Final = re.compile(r"(?<=[\d.])(?![eE][+-]?\d)(?=[A-Za-zµμ])")  # in "12mm", not in "1e-3"
 _TYPED: Final = str.maketrans({",": " ", "−": "-", "≤": "<=", "≥": ">="})
 _SIGN: Final = re.compile(r"[<>]=?")
-_SLACK: Final = 1e-9  # m: a point that is said to be on the plane of <= may be off it by rounding
+_TOLERANCE: Final = 1e-9  # m; absorbs the rounding error of points on the plane of <= or >=
 _EXAMPLES: Final = (
     '"box 0 0 -1 to 100 100 1 mm", "sphere 50 50 40 radius 7.5 mm", "z < 1 mm", "z <= 0 mm", or "surface" before them'
 )
@@ -30,7 +30,13 @@ _EXAMPLES: Final = (
 
 @dataclass(frozen=True)
 class Selector:
-    """Which of the points (n, 3), m, are inside (n,); `surface`: only those on the body's surface count."""
+    """Region of space.
+
+    Attributes:
+        text: form in which it is written.
+        inside: maps points (n, 3), m, to whether they are inside (n,).
+        surface: whether only points on the body's surface count.
+    """
 
     text: str
     inside: Callable[[Array], NDArray[np.bool_]]
@@ -41,45 +47,65 @@ class Selector:
 
 
 def box(low: Sequence[float | str], high: Sequence[float | str]) -> Selector:
-    """Return the box between the corners `low` and `high` (3,), m or text."""
+    """Return the box between the corners `low` and `high` (3,), m or text.
+
+    Raises:
+        BodyError: a corner has not three numbers, or `low` exceeds `high`.
+    """
     a, b = lengths(low, "box"), lengths(high, "box")
     if a.shape != (3,) or b.shape != (3,) or not (a <= b).all():
-        raise BodyError(f"a box goes from its lower to its upper corner (3 numbers each); this from {a} to {b}")
+        raise BodyError(f"a box needs its lower and its upper corner (3 numbers each), not {a} and {b}")
     return Selector(f"box {_row(a)} to {_row(b)} mm", lambda x: np.asarray(((x >= a) & (x <= b)).all(axis=1)))
 
 
-def sphere(centre: Sequence[float | str], radius: float | str) -> Selector:
-    """Return the sphere of `radius`, m or text, around `centre` (3,), m or text."""
-    c, r = lengths(centre, "sphere"), positive(radius, "m", "radius")
+def sphere(center: Sequence[float | str], radius: float | str) -> Selector:
+    """Return the sphere of `radius`, m or text, around `center` (3,), m or text.
+
+    Raises:
+        BodyError: the center is not three finite numbers, or the radius is not positive.
+    """
+    c, r = lengths(center, "sphere"), positive(radius, "m", "radius")
     if c.shape != (3,) or not np.isfinite(c).all():
-        raise BodyError(f"a sphere has a centre of three numbers, not {c}")
+        raise BodyError(f"a sphere has a center of three numbers, not {c}")
     return Selector(f"sphere {_row(c)} radius {1e3 * r:g} mm", lambda x: ((x - c) ** 2).sum(axis=1) <= r**2)
 
 
 def half_space(axis: str, sign: str, value: float | str) -> Selector:
-    """Return one side of a plane: `axis` "x", "y" or "z"; `sign` "<", "<=", ">" or ">="; `value`, m or text."""
+    """Return the half space on one side of an axis-normal plane.
+
+    Args:
+        axis: "x", "y" or "z".
+        sign: "<", "<=", ">" or ">=".
+        value: coordinate of the plane, m or text.
+
+    Raises:
+        BodyError: the axis, the sign or the value is invalid.
+    """
     if axis not in tuple(_AXES) or sign not in ("<", "<=", ">", ">="):
-        raise BodyError(f"one side of a plane is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
-    at, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign[0] == ">" else -1.0
-    least = -_SLACK if sign[1:] else 0.0
-    return Selector(f"{axis} {sign} {1e3 * at:g} mm", lambda x: s * (x[:, i] - at) > least)
+        raise BodyError(f"a half space is an axis, a sign and a length: z < 1 mm, not {axis} {sign} {value}")
+    plane, i, s = length(value, f"{axis} {sign}"), _AXES.index(axis), 1.0 if sign[0] == ">" else -1.0
+    threshold = -_TOLERANCE if sign[1:] else 0.0
+    return Selector(f"{axis} {sign} {1e3 * plane:g} mm", lambda x: s * (x[:, i] - plane) > threshold)
 
 
 def on_surface(where: Selector | str) -> Selector:
-    """Return the part of `where` that lies on the body's surface."""
-    whole = parse_selector(where)
-    return Selector(f"surface {whole.text}", whole.inside, surface=True)
+    """Return the part of the region `where` that lies on the body's surface."""
+    region = parse_selector(where)
+    return Selector(f"surface {region.text}", region.inside, surface=True)
 
 
 def parse_selector(text: str | Selector) -> Selector:
-    """Read a place from text such as "box 0 0 -1 to 100 100 1 mm"; BodyError says how it is written.
+    """Parse a region from text such as "box 0 0 -1 to 100 100 1 mm".
 
-    A number without a unit has that of the next one.
+    A number without a unit has the unit of the next number.
+
+    Raises:
+        BodyError: the text has another form.
     """
     if isinstance(text, Selector):
         return text
     if not isinstance(text, str):
-        raise BodyError(f"{text!r} is no place; write {_EXAMPLES}")
+        raise BodyError(f"{text!r} is no region; write {_EXAMPLES}")
     words = _BEFORE_UNIT.sub(" ", _SIGN.sub(r" \g<0> ", text.translate(_TYPED))).split()
     name, rest = (words or [""])[0].lower(), words[1:]
     if name == "surface" and rest and rest[0] != "surface":
@@ -89,22 +115,22 @@ def parse_selector(text: str | Selector) -> Selector:
         if len(low) == len(high) == 3:
             return box(low, high)
     if name == "sphere" and "radius" in rest:
-        centre, radius = _groups(rest, "radius", text)
-        if len(centre) == 3 and len(radius) == 1:
-            return sphere(centre, radius[0])
+        center, radius = _groups(rest, "radius", text)
+        if len(center) == 3 and len(radius) == 1:
+            return sphere(center, radius[0])
     if name in tuple(_AXES) and len(words) in (3, 4) and _SIGN.fullmatch(words[1]):
         _, value = _groups(words[2:], "", text)
         if len(value) == 1:
             return half_space(name, words[1], value[0])
-    raise BodyError(f'"{text}" is no place; write {_EXAMPLES}')
+    raise BodyError(f'"{text}" is no region; write {_EXAMPLES}')
 
 
-def parse_selectors(given: str | Selector | Sequence[str | Selector]) -> list[Selector]:
-    """Return one or more places, or texts of them, as a list; raises as `place`."""
-    if given is None:
+def parse_selectors(regions: str | Selector | Sequence[str | Selector]) -> list[Selector]:
+    """Return one or more regions, or their text, as a list. Raise as `parse_selector`."""
+    if regions is None:
         return []
-    each = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    return [parse_selector(one) for one in each]
+    each = regions if isinstance(regions, Sequence) and not isinstance(regions, str) else [regions]
+    return [parse_selector(region) for region in each]
 
 
 def _groups(words: list[str], between: str, text: str) -> tuple[list[float], list[float]]:

@@ -1,4 +1,4 @@
-"""Figures of traces, meshes and bodies, drawn with matplotlib."""
+"""Matplotlib figures of traces, meshes and bodies."""
 
 from palpate.plotting.figures import angles, deflection, energy, forces, torques
 

@@ -1,8 +1,8 @@
-"""Figures of a tip that presses a deformable body: deformation, force, stiffness and energy."""
+"""Figures of a tip in contact with a deformable body: deformation, force, stiffness and energy."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.fem import Body
 from palpate.metrics.body_contact import JND, stiffness_along_path, work_so_far
 from palpate.plotting.figures import thin
-from palpate.plotting.style import COLOURS, FAINT, INK, TITLE, new_figure
-from palpate.plotting.surface import coloured, frame, new_space
+from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
+from palpate.plotting.surface import draw_colored, frame, new_space
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -21,32 +21,32 @@ __all__ = ["body_energy", "deformed", "force_and_deflection", "stiffness_along_p
 
 Array = NDArray[np.float64]
 
-_FLAT: Final = 0.15  # of the body's longest extent: the least that an axis takes in its picture
+_MIN_AXIS: Final = 0.15  # smallest length of an axis over the longest one
 
 
 def deformed(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure:
-    """Return the touchable surface as it is pressed, in 3D: coloured by its displacement, and by the tip's pressure.
+    """Return 3D views of the deformed contact surface, colored by displacement and by pressure.
 
-    Both are those of the nodes, and linear between them; the scales end at the largest.
+    Values are interpolated between the nodes. Each color scale ends at the maximum.
 
     Args:
-        body: any kind.
-        displacement: of its nodes (n, 3), m, as `Body.indent` and `pressed_at` give it.
-        pressure: on each node's patch (n,), Pa, as `Body.pressure`.
+        body: with any material model.
+        displacement: of the contact nodes (n, 3), m, from `Body.indent` or `pressed_at`.
+        pressure: on the patches of the nodes (n,), Pa, from `Body.pressure`.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     figure, spaces = new_space(2, width=9.6)
     triangles, x = body.surface.triangles, _moved(body, displacement)
-    shades = (
+    fields = (
         (1e3 * np.linalg.norm(body.on_surface(displacement), axis=1), "displacement [mm]", "cividis"),
         (1e-3 * body.on_surface(pressure), "pressure [kPa]", "magma_r"),
     )
-    for solid, (values, label, colours) in zip(spaces, shades, strict=True):
-        scale = ScalarMappable(Normalize(0.0, max(float(values.max()), 1e-12)), colours)
-        coloured(solid, x[triangles], values[triangles], scale)
-        frame(solid, x, _FLAT, zoom=1.1)
+    for solid, (values, label, colormap) in zip(spaces, fields, strict=True):
+        scale = ScalarMappable(Normalize(0.0, max(float(values.max()), 1e-12)), colormap)
+        draw_colored(solid, x[triangles], values[triangles], scale)
+        frame(solid, x, _MIN_AXIS, zoom=1.1)
         solid.view_init(elev=45, azim=-58)
         solid.xaxis.labelpad = solid.yaxis.labelpad = 8
         solid.zaxis.labelpad = 2
@@ -61,9 +61,9 @@ def force_and_deflection(trace: Trace) -> Figure:
     size, deep = np.linalg.norm(trace["object_force"], axis=1), 1e3 * np.linalg.norm(trace["deflection"], axis=1)
     figure, rows = new_figure(1, 3, height=2.6, sharex=False)
     force, deflection, both = rows[0]
-    force.plot(*thin(trace.time, size), color=COLOURS[0])
+    force.plot(*thin(trace.time, size), color=COLORS[0])
     force.set(xlabel="time [s]", ylabel="force [N]")
-    deflection.plot(*thin(trace.time, deep), color=COLOURS[1])
+    deflection.plot(*thin(trace.time, deep), color=COLORS[1])
     deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
     both.plot(deep, size, color=INK, linewidth=1.1)
     both.set(xlabel="deflection [mm]", ylabel="force [N]")
@@ -71,30 +71,29 @@ def force_and_deflection(trace: Trace) -> Figure:
 
 
 def stiffness_along_path_figure(trace: Trace) -> Figure:
-    """Return force over deflection along the tip's way, and what a hand just notices above its median."""
-    way, stiffness = stiffness_along_path(trace)
+    """Return force over deflection along the path of the tip, with the just-noticeable band above its median."""
+    path, stiffness = stiffness_along_path(trace)
     figure, rows = new_figure(1, 1, height=2.6)
     panel = rows[0][0]
     median = float(np.median(stiffness))
     panel.axhspan(median, (1.0 + JND) * median, color=FAINT, alpha=0.22, linewidth=0)
-    panel.plot(1e3 * way, stiffness, color=COLOURS[0])
-    panel.set(xlabel="way across the force [mm]", ylabel="force / deflection [N/m]")
+    panel.plot(1e3 * path, stiffness, color=COLORS[0])
+    panel.set(xlabel="path length normal to the force [mm]", ylabel="force / deflection [N/m]")
     panel.set_ylim(0.0, 1.1 * max(float(stiffness.max()), (1.0 + JND) * median))
     return figure
 
 
 def body_energy(trace: Trace) -> Figure:
-    """Return work on the body and energy stored in it against time, mJ; between them lies what it lost."""
+    """Return the work on the body and its stored energy against time, mJ; the difference is dissipated."""
     figure, rows = new_figure(1, 1, height=2.3)
     panel = rows[0][0]
-    panel.plot(*thin(trace.time, 1e3 * work_so_far(trace)), color=COLOURS[2], label="work of the tip", linewidth=2.4)
+    panel.plot(*thin(trace.time, 1e3 * work_so_far(trace)), color=COLORS[2], label="work of the tip", linewidth=2.4)
     panel.plot(*thin(trace.time, 1e3 * trace["stored_energy"][:, 0]), color=INK, label="stored", linestyle=(0, (4, 3)))
-    saved = trace["saved_energy"][:, 0]
-    if saved.any():
-        held = 1e3 * (trace["stored_energy"][:, 0] + saved)
-        panel.plot(
-            *thin(trace.time, held), color=COLOURS[1], label="stored and saved", linestyle=(0, (1, 2)), linewidth=2.4
-        )
+    tank = trace["saved_energy"][:, 0]
+    if tank.any():
+        total = 1e3 * (trace["stored_energy"][:, 0] + tank)
+        style: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 2.4}
+        panel.plot(*thin(trace.time, total), color=COLORS[1], label="stored and in the energy tank", **style)
     panel.set(xlabel="time [s]", ylabel="energy [mJ]")
     panel.legend(loc="best")
     panel.set_title("", **TITLE)
@@ -102,5 +101,5 @@ def body_energy(trace: Trace) -> Figure:
 
 
 def _moved(body: Body, displacement: ArrayLike) -> Array:
-    """Return where the vertices of the touchable surface are (v, 3), mm."""
+    """Return the displaced vertices of the contact surface (v, 3), mm."""
     return np.asarray(1e3 * (body.surface.vertices + body.on_surface(displacement)))

@@ -1,4 +1,4 @@
-"""The standard pictures of a trace: one panel per axis or joint, units on every axis, targets dashed."""
+"""Standard figures of a trace: one panel per axis or joint, with units on every axis and dashed targets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.metrics.summary import expected_deflection, scenario_of
-from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -20,11 +20,16 @@ __all__ = ["angles", "compare", "deflection", "energy", "forces", "panels", "thi
 
 Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
-_POINTS: Final = 1600  # on a line: more are not seen
+_POINTS: Final = 1600  # maximum number of points of a line
 
 
 def deflection(trace: Trace, targets: Sequence[float | None] | None = None) -> Figure:
-    """Return tip deflection against time, mm, per axis; `targets` (3,), m, dashed (from the scenario if not given)."""
+    """Return the deflection of the tip against time, mm, per axis.
+
+    Args:
+        trace: the run.
+        targets: dashed target of each axis, m, or None (3,); None for those of the scenario.
+    """
     if targets is None:
         targets = expected_deflection(scenario_of(trace))
     values = trace["deflection"]
@@ -39,24 +44,24 @@ def deflection(trace: Trace, targets: Sequence[float | None] | None = None) -> F
 
 
 def forces(trace: Trace) -> Figure:
-    """Return the forces at the tip against time, N, per axis: those of the trace that are not zero throughout."""
+    """Return the forces at the tip against time, N, per axis; forces and axes that are always zero are left out."""
     names = {
         "reference_force": ("reference", {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 1.1}),
-        "operator_force": ("operator", {"color": COLOURS[2]}),
-        "object_force": ("on the object", {"color": COLOURS[0]}),
-        "command_force": ("commanded", {"color": COLOURS[1], "linewidth": 1.1}),
+        "operator_force": ("operator", {"color": COLORS[2]}),
+        "object_force": ("on the object", {"color": COLORS[0]}),
+        "command_force": ("commanded", {"color": COLORS[1], "linewidth": 1.1}),
     }
-    here = {name: look for name, look in names.items() if name in trace and np.any(trace[name])}
-    moved = [axis for axis in range(3) if any(np.any(trace[name][:, axis]) for name in here)] or [0]
-    figure, rows = new_figure(1, len(moved), sharey=True)
+    shown = {name: style for name, style in names.items() if name in trace and np.any(trace[name])}
+    nonzero = [axis for axis in range(3) if any(np.any(trace[name][:, axis]) for name in shown)] or [0]
+    figure, rows = new_figure(1, len(nonzero), sharey=True)
     axes = rows[0]
-    for panel, axis in zip(axes, moved, strict=True):
-        for name, (label, look) in here.items():
-            panel.plot(*thin(trace.time, trace[name][:, axis]), label=label, **look)  # type: ignore[arg-type]
+    for panel, axis in zip(axes, nonzero, strict=True):
+        for name, (label, style) in shown.items():
+            panel.plot(*thin(trace.time, trace[name][:, axis]), label=label, **style)  # type: ignore[arg-type]
         panel.set_title(f"along {AXES[axis]}", **TITLE)
         panel.set_xlabel("time [s]")
     axes[0].set_ylabel("force [N]")
-    if here:
+    if shown:
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     _mark_divergence(axes, trace)
@@ -90,7 +95,17 @@ def compare(
     components: Sequence[int] = (0, 1, 2),
     names: Sequence[str] = ("along x", "along y", "along z"),
 ) -> Figure:
-    """Return one channel of several traces, a colour for each, a panel per component; values are times `scale`."""
+    """Return one channel of several traces, with one color per trace and one panel per component.
+
+    Args:
+        traces: by label.
+        channel: name of the channel.
+        scale: factor on the values and targets.
+        ylabel: quantity and unit of the scaled values.
+        targets: dashed target of each component, in the unit of the channel, or None.
+        components: indices of the components.
+        names: titles of the panels, by component.
+    """
     figure, rows = new_figure(1, len(components), sharey=True, height=3.2)
     axes = rows[0]
     for panel, component in zip(axes, components, strict=True):
@@ -109,11 +124,11 @@ def compare(
 def panels(
     time: ArrayLike, values: ArrayLike, titles: Sequence[str], ylabel: str, *, sharey: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with one panel for each column of `values` (n, k), side by side, and its axes."""
+    """Return a figure with a row of panels, one per column of `values` (n, k), and its axes."""
     table = np.asarray(values, dtype=float)
     figure, rows = new_figure(1, table.shape[1], sharey=sharey)
     for index, (panel, title) in enumerate(zip(rows[0], titles, strict=True)):
-        panel.plot(*thin(time, table[:, index]), color=COLOURS[0])
+        panel.plot(*thin(time, table[:, index]), color=COLORS[0])
         panel.set_title(title, **TITLE)
         panel.set_xlabel("time [s]")
     rows[0][0].set_ylabel(ylabel)
@@ -121,14 +136,14 @@ def panels(
 
 
 def thin(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """Return fewer samples that draw the same line: the least and the largest value of each stretch, in their order."""
+    """Return fewer samples (k,) of time and values (n,) with the minimum and the maximum of each interval, in order."""
     t, y = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if len(t) <= _POINTS:
         return t, y
-    stretch = int(np.ceil(len(t) / (_POINTS // 2)))
+    length = int(np.ceil(len(t) / (_POINTS // 2)))
     kept = {0, len(t) - 1}
-    for begin in range(0, len(t), stretch):
-        part = y[begin : begin + stretch]
+    for begin in range(0, len(t), length):
+        part = y[begin : begin + length]
         kept.update((begin + int(np.argmin(part)), begin + int(np.argmax(part))))
     index = np.array(sorted(kept))
     return t[index], y[index]
@@ -156,7 +171,7 @@ def _mark_divergence(axes: Sequence[Axes], trace: Trace) -> None:
     if trace.unstable_from is None:
         return
     for panel in axes:
-        panel.axvline(trace.unstable_from, color=COLOURS[1], linewidth=1.4)
+        panel.axvline(trace.unstable_from, color=COLORS[1], linewidth=1.4)
     axes[-1].annotate(
         f"unstable from {trace.unstable_from:.4g} s",
         (trace.unstable_from, 1.0),
@@ -166,5 +181,5 @@ def _mark_divergence(axes: Sequence[Axes], trace: Trace) -> None:
         ha="right",
         va="bottom",
         fontsize=9,
-        color=COLOURS[1],
+        color=COLORS[1],
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Mesh
 from palpate.plotting.figures import thin
-from palpate.plotting.style import COLOURS, FAINT, INK, new_figure
+from palpate.plotting.style import COLORS, FAINT, INK, new_figure
 from palpate.plotting.surface import frame, new_space
 from palpate.scenario import Scenario
 from palpate.simulation.meshes import touched_mesh
@@ -22,42 +22,42 @@ __all__ = ["profile", "stiffness_and_depth", "trajectory"]
 
 Array = NDArray[np.float64]
 
-_MARGIN: Final = 6e-3  # m of surface drawn beyond the way
+_MARGIN: Final = 6e-3  # m, of the surface around the path
 _DASHED: Final = (0, (4, 3))
 
 
 def trajectory(trace: Trace) -> Figure:
-    """Return the way of tip and proxy in 3D over the surface, mm from the start."""
+    """Return the paths of tip and proxy in 3D over the surface, mm from the start."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    on = trace["touching"][:, 0] > 0.0
+    contact = trace["touching"][:, 0] > 0.0
     start = trace["tip"][0]
     tip, proxy = (1e3 * (trace[name] - start) for name in ("tip", "proxy"))
-    proxy = np.where(on[:, None], proxy, np.nan)
+    proxy = np.where(contact[:, None], proxy, np.nan)
     mesh, stiffness = _surface_of(trace)
     corners = 1e3 * (mesh.vertices[mesh.triangles] - start)
-    way = np.vstack([tip, proxy[on]])
-    low, high = way.min(axis=0) - 1e3 * _MARGIN, way.max(axis=0) + 1e3 * _MARGIN
-    middle = corners.mean(axis=1)
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _upwards(trace) > 0.0
-    near = facing & np.all((middle >= low) & (middle <= high), axis=1)
+    path = np.vstack([tip, proxy[contact]])
+    low, high = path.min(axis=0) - 1e3 * _MARGIN, path.max(axis=0) + 1e3 * _MARGIN
+    center = corners.mean(axis=1)
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _mean_normal(trace) > 0.0
+    shown = facing & np.all((center >= low) & (center <= high), axis=1)
 
     figure, (space,) = new_space()
     low_k, range_k = float(stiffness.min()), float(np.ptp(stiffness)) or 1.0
-    shades = [to_hex(colormaps["Greys"](0.1 + 0.55 * (float(k) - low_k) / range_k)) for k in stiffness[near]]
+    shades = [to_hex(colormaps["Greys"](0.1 + 0.55 * (float(k) - low_k) / range_k)) for k in stiffness[shown]]
     space.add_collection3d(
-        Poly3DCollection(corners[near], facecolors=shades, edgecolors=FAINT, linewidths=0.25, alpha=0.55, zorder=1)
+        Poly3DCollection(corners[shown], facecolors=shades, edgecolors=FAINT, linewidths=0.25, alpha=0.55, zorder=1)
     )
-    points = np.linspace(0, len(tip) - 1, min(len(tip), 700)).astype(int)
-    space.plot(*tip[points].T, color=COLOURS[1], linewidth=1.6, label="tip", zorder=3)
-    space.plot(*proxy[points].T, color=COLOURS[0], linewidth=1.6, label="proxy", zorder=4)
-    reach = np.vstack([corners[near].reshape(-1, 3), way])
-    frame(space, reach, 0.3, zoom=1.35)
-    for drawn in (*space.lines, *space.collections):
-        drawn.set(clip_on=False, in_layout=False)  # the axes' box does not hold all that a larger zoom shows
+    samples = np.linspace(0, len(tip) - 1, min(len(tip), 700)).astype(int)
+    space.plot(*tip[samples].T, color=COLORS[1], linewidth=1.6, label="tip", zorder=3)
+    space.plot(*proxy[samples].T, color=COLORS[0], linewidth=1.6, label="proxy", zorder=4)
+    points = np.vstack([corners[shown].reshape(-1, 3), path])
+    frame(space, points, 0.3, zoom=1.35)
+    for artist in (*space.lines, *space.collections):
+        artist.set(clip_on=False, in_layout=False)  # a zoom above 1 draws beyond the box of the axes
     for name in "xyz":
         axis = getattr(space, f"{name}axis")
         axis.labelpad = 12 if name == "x" else 2
@@ -68,36 +68,36 @@ def trajectory(trace: Trace) -> Figure:
 
 
 def profile(trace: Trace) -> Figure:
-    """Return the way of tip and proxy seen from the side: along the surface and out of it, mm from the start."""
-    on = trace["touching"][:, 0] > 0.0
-    up = _upwards(trace)
-    heading = _heading(trace["tip"][on], up)
+    """Return the paths of tip and proxy in the plane of the normal and the direction of motion, mm from the start."""
+    contact = trace["touching"][:, 0] > 0.0
+    up = _mean_normal(trace)
+    heading = _heading(trace["tip"][contact], up)
     figure, rows = new_figure(1, 1, height=2.6)
     side = rows[0][0]
-    for name, colour in (("tip", COLOURS[1]), ("proxy", COLOURS[0])):
-        way = 1e3 * (trace[name] - trace["tip"][0])
+    for name, color in (("tip", COLORS[1]), ("proxy", COLORS[0])):
+        path = 1e3 * (trace[name] - trace["tip"][0])
         if name == "proxy":
-            way = np.where(on[:, None], way, np.nan)
-        side.plot(way @ heading, way @ up, color=colour, label=name)
-    side.set_xlabel("along the way [mm]")
-    side.set_ylabel("out of the surface [mm]")
+            path = np.where(contact[:, None], path, np.nan)
+        side.plot(path @ heading, path @ up, color=color, label=name)
+    side.set_xlabel("along the path [mm]")
+    side.set_ylabel("along the normal [mm]")
     side.legend(loc="best")
     return figure
 
 
 def stiffness_and_depth(trace: Trace) -> Figure:
-    """Return the stiffness under the tip and its depth against time; F/K beside it if there is a reference."""
-    on = trace["touching"][:, 0] > 0.0
-    stiffness = np.where(on, trace["surface_stiffness"][:, 0], np.nan)
+    """Return the stiffness under the tip and its depth against time, with F/K if there is a reference force."""
+    contact = trace["touching"][:, 0] > 0.0
+    stiffness = np.where(contact, trace["surface_stiffness"][:, 0], np.nan)
     figure, rows = new_figure(2, 1, height=2.2)
     (above,), (below,) = rows
-    above.plot(trace.time, stiffness / 1e3, color=COLOURS[2])
+    above.plot(trace.time, stiffness / 1e3, color=COLORS[2])
     above.set_ylabel("stiffness [N/mm]")
     above.set_ylim(0.0, 1.08 * float(np.nanmax(stiffness)) / 1e3)
-    below.plot(*thin(trace.time, 1e3 * trace["depth"][:, 0]), color=COLOURS[0], label="depth of the tip")
+    below.plot(*thin(trace.time, 1e3 * trace["depth"][:, 0]), color=COLORS[0], label="depth of the tip")
     if np.any(trace["reference_force"]):
-        pressed = np.maximum(0.0, -np.sum(trace["reference_force"] * trace["normal"], axis=1))
-        expected = 1e3 * pressed / np.where(stiffness > 0.0, stiffness, np.nan)
+        normal_force = np.maximum(0.0, -np.sum(trace["reference_force"] * trace["normal"], axis=1))
+        expected = 1e3 * normal_force / np.where(stiffness > 0.0, stiffness, np.nan)
         below.plot(trace.time, expected, color=INK, linestyle=_DASHED, linewidth=1.1, label="F/K")
     below.set_ylabel("depth [mm]")
     below.set_xlabel("time [s]")
@@ -106,7 +106,7 @@ def stiffness_and_depth(trace: Trace) -> Figure:
 
 
 def _surface_of(trace: Trace) -> tuple[Mesh, Array]:
-    """Return the mesh of a trace in the device's frame, and the stiffness of each triangle, N/m."""
+    """Return the mesh of a trace in the device frame, and the stiffness of each triangle (m,), N/m."""
     scenario = Scenario.from_dict(trace.scenario)
     origin = trace["tip"][0] + np.array(scenario.object.position)
     mesh, surface = touched_mesh(scenario, origin)
@@ -116,15 +116,15 @@ def _surface_of(trace: Trace) -> tuple[Mesh, Array]:
     return mesh, np.broadcast_to(values, len(mesh.triangles))
 
 
-def _upwards(trace: Trace) -> Array:
-    """Return the mean normal (3,), unit."""
+def _mean_normal(trace: Trace) -> Array:
+    """Return the mean unit normal in contact (3,)."""
     mean = trace["normal"][trace["touching"][:, 0] > 0.0].mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean), dtype=float)
 
 
-def _heading(way: Array, up: Array) -> Array:
-    """Return the direction (3,) along the surface in which a way (n, 3) leads."""
-    along = way[-1] - way[0]
-    along = along - (along @ up) * up
-    length = np.linalg.norm(along)
-    return np.asarray(along / length if length > 0.0 else np.zeros(3), dtype=float)
+def _heading(path: Array, up: Array) -> Array:
+    """Return the tangential direction (3,) from the start to the end of a path (n, 3); zero if they coincide."""
+    chord = path[-1] - path[0]
+    chord = chord - (chord @ up) * up
+    length = np.linalg.norm(chord)
+    return np.asarray(chord / length if length > 0.0 else np.zeros(3), dtype=float)

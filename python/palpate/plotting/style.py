@@ -1,6 +1,6 @@
-"""The style of palpate's figures: colors that color-blind readers can distinguish, on light and on dark paper.
+"""Style of the figures: colors that color-blind readers can distinguish.
 
-Figures are drawn with stand-in colors. On a page they follow its theme (`palpate.report.theme`).
+A page replaces the colors by those of its theme (`palpate.report.theme`).
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "FAINT", "INK", "PAPER", "RC", "TITLE", "new_figure"]
+__all__ = ["COLORS", "FAINT", "INK", "PAPER", "RC", "TITLE", "new_figure"]
 
-# Okabe & Ito 2008, without its yellow, which is lost on white paper; its black is the ink.
-COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+# Okabe & Ito 2008, without yellow, which has too little contrast on white; INK takes the place of black.
+COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 INK: Final = "#1d2126"  # text and axes
-FAINT: Final = "#8a9099"  # grid, targets' labels
+FAINT: Final = "#8a9099"  # grid
 PAPER: Final = "#fefefe"
-# matplotlib asks for a title's looks when it is set, not when the figure is made.
+# matplotlib applies the style of a title when it is set, not when the figure is created.
 TITLE: Final[dict[str, Any]] = {"loc": "left", "fontsize": 10.5, "fontweight": "bold"}
 
 RC: Final[dict[Any, Any]] = {
@@ -26,7 +26,7 @@ RC: Final[dict[Any, Any]] = {
     "axes.edgecolor": INK,
     "axes.facecolor": "none",
     "axes.formatter.limits": (-4, 5),
-    "axes.formatter.use_mathtext": False,  # parsing it takes most of the time a report takes
+    "axes.formatter.use_mathtext": False,  # its parser dominates the time of a report
     "axes.grid": True,
     "axes.labelcolor": INK,
     "axes.labelsize": 10.0,
@@ -63,15 +63,23 @@ def new_figure(
     sharex: bool = True,
     sharey: bool = False,
 ) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure in palpate's style and its axes as rows of columns; sizes in inches, `height` of one row.
+    """Return a figure in palpate's style and its axes, by rows.
 
-    Nothing global is touched: no pyplot, so a server or a test may draw in threads.
+    The function does not use pyplot or other global state, so it can run in threads.
+
+    Args:
+        rows: number of rows.
+        columns: number of columns.
+        width: of the figure, inches.
+        height: of one row, inches.
+        sharex: whether the axes share the x axis.
+        sharey: whether the axes share the y axis.
     """
     import matplotlib as mpl
     from cycler import cycler
     from matplotlib.figure import Figure
 
-    with mpl.rc_context({**RC, "axes.prop_cycle": cycler(color=list(COLOURS))}):
+    with mpl.rc_context({**RC, "axes.prop_cycle": cycler(color=list(COLORS))}):
         figure = Figure(figsize=(width, height * rows), layout="constrained")
         axes = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False)
         return figure, [list(row) for row in axes]

@@ -1,4 +1,4 @@
-"""Surfaces in 3D: coloured by what their vertices have, linearly in between; what is flat stretched, and said so."""
+"""3D surfaces with linearly interpolated colors, and axes that stretch flat surfaces."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from palpate.plotting.style import FAINT, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["coloured", "divided", "frame", "new_space", "stretched"]
+__all__ = ["divided", "draw_colored", "frame", "new_space", "stretched"]
 
 Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
-_STEPS: Final = 16  # of colour, from the least value of a surface to its largest: no piece of a triangle spans more
+_STEPS: Final = 16  # of color over the range of the values; no piece of a triangle spans more than one
 _LINE: Final = 0.25  # points
-_SHORT: Final = 0.3  # of the longest axis: one that has no room for more than two numbers
+_SHORT: Final = 0.3  # length over the longest axis, below which an axis has two ticks
 
 
 def divided(values: ArrayLike, span: float) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return how triangles are divided so that no piece spans more than a part of `span`, for values linear in each.
+    """Subdivide triangles until the values at the corners of a piece differ by at most a sixteenth of `span`.
 
     Args:
-        values: at the triangles' corners (m, 3).
-        span: that a sixteenth of is the most between two corners of a piece; of the values' unit.
+        values: at the corners of the triangles (m, 3), linear in between.
+        span: range of the colors, in the unit of the values.
 
     Returns:
-        Each way in which triangles are divided, along their sides into 1, 2, ... parts: which triangles are (k,), and
-        the corners of their pieces as weights of the triangle's corners (pieces, 3, 3).
+        For each number of parts per side: the triangles with that subdivision (k,), and the corners of the pieces as
+        barycentric weights (pieces, 3, 3).
     """
     table = np.asarray(values, dtype=float)
     parts = np.ones(len(table), dtype=int)
@@ -39,20 +39,20 @@ def divided(values: ArrayLike, span: float) -> list[tuple[NDArray[np.intp], Arra
     return [(np.flatnonzero(parts == count), _pieces(int(count))) for count in np.unique(parts)]
 
 
-def coloured(solid: Any, corners: ArrayLike, values: ArrayLike, scale: Any) -> Any:
-    """Draw triangles into 3D axes in the colours of their corners' values, which are linear between them.
+def draw_colored(solid: Any, corners: ArrayLike, values: ArrayLike, scale: Any) -> Any:
+    """Draw triangles into 3D axes with colors interpolated between the values at their corners.
 
-    matplotlib gives a facet one colour; so triangles are drawn in pieces (`divided`), each in that of its mean. Their
-    sides are drawn faintly, among the pieces: what lies behind is hidden.
+    matplotlib has one color per polygon, so triangles are drawn in pieces (`divided`) of their mean color. The sides of
+    the triangles belong to the same collection, so they are depth-sorted with the pieces.
 
     Args:
         solid: axes with projection "3d".
-        corners: of the triangles (m, 3, 3), in the axes' unit.
+        corners: of the triangles (m, 3, 3), in the unit of the axes.
         values: at the corners (m, 3).
-        scale: matplotlib's ScalarMappable, from values to colours.
+        scale: matplotlib ScalarMappable that maps values to colors.
 
     Returns:
-        matplotlib's Poly3DCollection.
+        The matplotlib Poly3DCollection.
     """
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -60,29 +60,29 @@ def coloured(solid: Any, corners: ArrayLike, values: ArrayLike, scale: Any) -> A
     x, table = np.asarray(corners, dtype=float), np.asarray(values, dtype=float)
     faint = np.array(to_rgba(FAINT))
     shapes, inner, outer = [], [], []
-    for which, weights in divided(table, float(scale.norm.vmax - scale.norm.vmin)):
-        pieces = np.einsum("pcw,kwi->kpci", weights, x[which]).reshape(-1, 3, 3)
-        colours = scale.to_rgba(np.einsum("pcw,kw->kp", weights / 3.0, table[which]).ravel())
-        whole = len(weights) == 1
+    for index, weights in divided(table, float(scale.norm.vmax - scale.norm.vmin)):
+        pieces = np.einsum("pcw,kwi->kpci", weights, x[index]).reshape(-1, 3, 3)
+        colors = scale.to_rgba(np.einsum("pcw,kw->kp", weights / 3.0, table[index]).ravel())
+        undivided = len(weights) == 1
         shapes.append(pieces)
-        inner.append(colours)
-        outer.append(np.broadcast_to(faint, colours.shape) if whole else colours)
-        if not whole:
-            sides = _sides(x[which], int(np.sqrt(len(weights))))
+        inner.append(colors)
+        outer.append(np.broadcast_to(faint, colors.shape) if undivided else colors)
+        if not undivided:
+            sides = _sides(x[index], int(np.sqrt(len(weights))))
             shapes.append(sides)
             inner.append(np.zeros((len(sides), 4)))
             outer.append(np.broadcast_to(faint, (len(sides), 4)))
-    drawn = Poly3DCollection(
+    collection = Poly3DCollection(
         np.concatenate(shapes), facecolors=np.concatenate(inner), edgecolors=np.concatenate(outer), linewidths=_LINE,
         rasterized=True, clip_on=False,
     )  # fmt: skip
-    drawn.set_in_layout(False)  # the axes are; matplotlib takes what is not clipped for as large as its numbers are
-    solid.add_collection3d(drawn)
-    return drawn
+    collection.set_in_layout(False)  # matplotlib would take unclipped 3D data for 2D extents
+    solid.add_collection3d(collection)
+    return collection
 
 
 def new_space(columns: int = 1, *, width: float = 8.6, height: float = 3.9) -> tuple[Figure, list[Any]]:
-    """Return a figure in palpate's style and its 3D axes in a row, in mm, without panes; sizes in inches."""
+    """Return a figure in palpate's style and a row of 3D axes in mm, without panes; sizes in inches."""
     figure, rows = new_figure(1, columns, width=width, height=height, sharex=False)
     spaces = []
     for flat in rows[0]:
@@ -97,7 +97,14 @@ def new_space(columns: int = 1, *, width: float = 8.6, height: float = 3.9) -> t
 
 
 def frame(solid: Any, points: ArrayLike, least: float, *, zoom: float = 1.0) -> None:
-    """Fit 3D axes around points (n, 3); what is flat takes at least the part `least` of the longest extent."""
+    """Fit 3D axes to points.
+
+    Args:
+        solid: axes with projection "3d".
+        points: (n, 3), in the unit of the axes.
+        least: smallest length of an axis over the longest one; shorter axes are stretched.
+        zoom: of the camera.
+    """
     x = np.asarray(points, dtype=float)
     span, drawn = _spans(x, least)
     middle = (x.min(axis=0) + x.max(axis=0)) / 2.0
@@ -111,38 +118,38 @@ def frame(solid: Any, points: ArrayLike, least: float, *, zoom: float = 1.0) -> 
 
 
 def stretched(figure: Figure) -> str:
-    """Return the end of a caption: how far the first 3D axes of a figure stretch what is flat; "" if they do not."""
+    """Return a sentence for the caption on the stretched axes of a figure's first 3D axes; "" if there are none."""
     solid: Any = next(axes for axes in figure.axes if axes.name == "3d")
     factors = solid.get_box_aspect() / [np.ptp(getattr(solid, f"get_{name}lim")()) for name in AXES]
-    told = [
+    axes = [
         f"{name} is stretched {factor:.3g} times"
         for name, factor in zip(AXES, factors / factors.min(), strict=True)
         if factor > 1.005
     ]
-    return f" To be seen, {' and '.join(told)}." if told else ""
+    return f" For visibility, {' and '.join(axes)}." if axes else ""
 
 
 def _spans(points: Array, least: float) -> tuple[Array, Array]:
-    """Return the extent of points along each axis (3,), and how long it is drawn."""
+    """Return the extent of points along each axis (3,), and its drawn length (3,)."""
     span = np.ptp(points, axis=0)
     span = np.where(span > 1e-9 * span.max(), span, 0.0)
     return span, np.maximum(span, least * span.max())
 
 
 def _pieces(count: int) -> Array:
-    """Return the triangles of one divided along its sides into `count`, as weights of its corners (count^2, 3, 3)."""
-    found = []
+    """Return the pieces of a triangle with sides in `count` parts, as barycentric weights (count^2, 3, 3)."""
+    pieces = []
     for i in range(count):
         for j in range(count - i):
-            found.append([(i, j), (i + 1, j), (i, j + 1)])
+            pieces.append([(i, j), (i + 1, j), (i, j + 1)])
             if i + j < count - 1:
-                found.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
-    second = np.array(found, dtype=float) / count
+                pieces.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
+    second = np.array(pieces, dtype=float) / count
     return np.concatenate([1.0 - second.sum(axis=2, keepdims=True), second], axis=2)
 
 
 def _sides(corners: Array, count: int) -> Array:
-    """Return the sides of triangles (m, 3, 3) in `count` parts each, as triangles without area (3 count m, 3, 3)."""
-    along = np.linspace(0.0, 1.0, count + 1)[:, None, None, None]
-    at = (1.0 - along) * corners + along * np.roll(corners, -1, axis=1)
-    return np.stack([at[:-1], at[1:], at[1:]], axis=-2).reshape(-1, 3, 3)
+    """Return the sides of triangles (m, 3, 3) in `count` parts, as degenerate triangles (3 count m, 3, 3)."""
+    t = np.linspace(0.0, 1.0, count + 1)[:, None, None, None]
+    points = (1.0 - t) * corners + t * np.roll(corners, -1, axis=1)
+    return np.stack([points[:-1], points[1:], points[1:]], axis=-2).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Reports: HTML pages that carry everything they need in one file."""
+"""HTML reports, each in one self-contained file."""
 
 from palpate.report.html import Page
 from palpate.report.performance import performance_page

@@ -1,4 +1,4 @@
-"""One HTML file that carries everything it needs: text, tables, matrices, figures. Nothing is fetched from anywhere."""
+"""Self-contained HTML page of text, tables, matrices and figures."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _MINUS: Final = "−"
 
 
 class Page:
-    """A page under construction: each method adds one thing at the end and returns the page.
+    """HTML page. Each method appends one element and returns the page.
 
-    Texts are plain; `code`, **bold** and *emphasis* in them are marked up, everything else is shown as it is.
+    Texts may contain `code`, **bold** and *emphasis*; everything else is escaped.
     """
 
     def __init__(self, title: str, lead: str = "", *, footer: str = "") -> None:
@@ -38,7 +38,7 @@ class Page:
         self._tables = 0
 
     def section(self, title: str, anchor: str | None = None) -> Page:
-        """Begin a section; it is listed at the top of the page."""
+        """Begin a section, which is listed in the contents of the page."""
         name = anchor or _slug(title)
         taken = {used for used, _ in self._sections}
         count = 2
@@ -48,7 +48,7 @@ class Page:
         return self.raw(f'<h2 id="{html.escape(name, quote=True)}">{_inline(title)}</h2>')
 
     def subsection(self, title: str) -> Page:
-        """Begin a part of a section."""
+        """Begin a subsection."""
         return self.raw(f"<h3>{_inline(title)}</h3>")
 
     def paragraph(self, text: str) -> Page:
@@ -60,14 +60,14 @@ class Page:
         return self.raw("<ul>" + "".join(f"<li>{_inline(text)}</li>" for text in texts) + "</ul>")
 
     def verdict(self, text: str, tone: Tone) -> Page:
-        """Add the one sentence that a reader came for."""
+        """Add the main result as one highlighted sentence."""
         sign = {"good": "✓", "note": "!", "bad": "✗"}[tone]
         return self.raw(
             f'<p class="verdict {tone}"><span aria-hidden="true">{sign}</span><span>{_inline(text)}</span></p>'
         )
 
     def facts(self, facts: Iterable[tuple[str, Any]]) -> Page:
-        """Add a row of large numbers: (label, value with its unit)."""
+        """Add a row of large numbers, given as (label, value with unit)."""
         entries = "".join(f"<div><dt>{_inline(label)}</dt><dd>{_cell(value)[0]}</dd></div>" for label, value in facts)
         return self.raw(f'<dl class="facts">{entries}</dl>')
 
@@ -80,12 +80,18 @@ class Page:
         units: Sequence[str] | None = None,
         digits: int = 4,
     ) -> Page:
-        """Add a table. Numbers are written with `digits` significant digits and set flush right; None is a dash.
+        """Add a table.
 
-        A cell "match", "erratum" or "differs" becomes a badge. `units` stand under the header's names.
+        Args:
+            header: names of the columns.
+            rows: cells. Columns of numbers are right-aligned, None is a dash, and "match", "erratum" and "differs"
+                become badges.
+            caption: text after the number of the table.
+            units: of the columns, shown below their names.
+            digits: significant digits of numbers.
 
         Raises:
-            ValueError: a row, or `units`, has another length than `header`.
+            ValueError: a row, or `units`, has not the length of `header`.
         """
         listed = [list(row) for row in rows]
         for wrong in [row for row in [*listed, *([units] if units else [])] if len(row) != len(header)]:
@@ -120,27 +126,34 @@ class Page:
         explanation: str = "",
         labels: tuple[str, str] = ("printed", "computed"),
     ) -> Page:
-        """Add two matrices side by side, the entries that differ marked in both.
+        """Add two matrices side by side, with the entries that differ marked in both.
 
-        Computed entries are written with as many decimals as the printed one beside them. Which differ is told by
-        `differs` (same shape, bool), or by rounding: see `differs_in_print`. `explanation` says why they do.
+        Args:
+            title: of the pair.
+            printed: published entries, as text or numbers.
+            computed: entries of the same shape, shown with the decimals of the printed ones.
+            differs: whether each entry differs (same shape); None for the result of `differs_in_print`.
+            explanation: reason of the differences.
+            labels: of the matrices.
 
         Raises:
             ValueError: the shapes differ.
         """
-        ours = [[float(entry) for entry in row] for row in computed]
+        values = [[float(entry) for entry in row] for row in computed]
         shape = [len(row) for row in printed]
-        if shape != [len(row) for row in ours]:
-            raise ValueError(f"{title}: printed and computed must have one shape, not {shape} and {[*map(len, ours)]}")
+        if shape != [len(row) for row in values]:
+            raise ValueError(
+                f"{title}: printed and computed must have one shape, not {shape} and {[*map(len, values)]}"
+            )
         left, right = [], []
         for i, row in enumerate(printed):
             texts = [entry if isinstance(entry, str) else f"{entry:g}" for entry in row]
             marks = [
-                bool(differs[i][j]) if differs is not None else differs_in_print(text, ours[i][j])
+                bool(differs[i][j]) if differs is not None else differs_in_print(text, values[i][j])
                 for j, text in enumerate(texts)
             ]
             left.append([(_typeset(text), mark) for text, mark in zip(texts, marks, strict=True)])
-            right.append([(_like(text, ours[i][j]), marks[j]) for j, text in enumerate(texts)])
+            right.append([(_with_decimals_of(text, values[i][j]), marks[j]) for j, text in enumerate(texts)])
         sides = "".join(
             f'<div><p class="side">{_inline(label)}</p><div class="scroll" tabindex="0">{_matrix(rows)}</div></div>'
             for label, rows in zip(labels, (left, right), strict=True)
@@ -152,7 +165,7 @@ class Page:
         )
 
     def figure(self, figure: Figure, caption: str, *, label: str = "") -> Page:
-        """Add a matplotlib figure with a caption; `label` describes it to those who cannot see it."""
+        """Add a matplotlib figure with a caption; `label` is its text for screen readers."""
         self._figures += 1
         svg = inline_svg(figure, self._figures, label or caption)
         return self.raw(
@@ -160,12 +173,12 @@ class Page:
         )
 
     def code(self, text: str, summary: str = "") -> Page:
-        """Add text as it is, such as a file; with a `summary` it is folded away behind it."""
+        """Add preformatted text, such as a file; with a `summary` it is collapsed."""
         block = f"<pre><code>{html.escape(text)}</code></pre>"
         return self.raw(f"<details><summary>{_inline(summary)}</summary>{block}</details>" if summary else block)
 
     def raw(self, markup: str) -> Page:
-        """Add HTML as it is. Only for HTML that this program made."""
+        """Add HTML without escaping. The markup must be trusted."""
         self._parts.append(markup)
         return self
 
@@ -187,10 +200,10 @@ class Page:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the page as `.html`, whole or not at all; return the path.
+        """Write the page to an `.html` file atomically; return the path.
 
         Raises:
-            OutputError: the suffix is another one, or the file cannot be written.
+            OutputError: the suffix is not `.html`, or the file cannot be written.
         """
         text = self.html()
         file = check_suffix(path, (".html",), "a page")
@@ -198,7 +211,7 @@ class Page:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number as people write it: `digits` significant digits, a true minus, 1.2 × 10⁻⁷ where it is small."""
+    """Return a number with `digits` significant digits, a typographic minus, and powers of ten as 1.2 × 10⁻⁷."""
     if not math.isfinite(value):
         return "∞" if value > 0 else f"{_MINUS}∞" if value < 0 else "not a number"
     if value == 0.0:
@@ -212,9 +225,9 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def differs_in_print(printed: str, computed: float) -> bool:
-    """Return whether `computed`, rounded to the decimals of `printed`, is another number, by more than its last digit.
+    """Return whether `computed` differs from `printed` by more than one unit in its last digit.
 
-    The last printed digit may be off by one: it may have been cut or computed from rounded figures.
+    A difference of one unit may come from truncation or from rounded intermediate results.
     """
     text = printed.replace(_MINUS, "-").strip()
     mantissa, _, exponent = text.lower().partition("e")
@@ -223,8 +236,8 @@ def differs_in_print(printed: str, computed: float) -> bool:
     return abs(float(text) - computed) > 1.5 * step * (1.0 + 1e-9)
 
 
-def _like(printed: str, value: float) -> str:
-    """Return `value` with as many decimals as `printed` shows."""
+def _with_decimals_of(printed: str, value: float) -> str:
+    """Return `value` with as many decimals as `printed` has."""
     mantissa, _, exponent = printed.replace(_MINUS, "-").strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
     text = f"{value:.{decimals}e}" if exponent else f"{value:.{decimals}f}"
@@ -254,7 +267,7 @@ def _right(numeric: bool) -> str:
 
 
 def _cell(value: Any, digits: int = 4) -> tuple[str, bool]:
-    """Return HTML of a cell, and whether it is a number."""
+    """Return the HTML of a cell, and whether it is a number."""
     if value is None:
         return "–", False
     if isinstance(value, bool):

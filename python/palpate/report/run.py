@@ -1,4 +1,4 @@
-"""The page of one run: verdict, numbers, pictures, and the scenario that made them."""
+"""Page of one run: verdict, numbers, figures and scenario."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["run_page"]
 
 
 def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
-    """Return the report of a trace; `summary` is `summarize(trace)`, if it is at hand."""
+    """Return the page of a trace; `summary` is `summarize(trace)`, which is computed if None."""
     found = summarize(trace) if summary is None else summary
-    page = Page(found["title"] or "A run", str(trace.scenario.get("description", "")))
+    page = Page(found["title"] or "Run", str(trace.scenario.get("description", "")))
     page.section("Verdict")
     page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", "good" if found["stable"] else "bad")
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
@@ -37,22 +37,20 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
         sliding_section(page, trace, found["sliding"])
     if found.get("palpation") is not None:
         palpation_section(page, trace, found["palpation"])
-    page.section("In time")
+    page.section("Time histories")
     if "deflection" in trace and not ({"proxy", "pressed_nodes"} & trace.channels.keys()) and len(trace) > 1:
-        page.figure(figures.deflection(trace), "How far the tip has pushed the object in.")
+        page.figure(figures.deflection(trace), "Deflection of the object at the tip.")
     if len(trace) > 1:
         page.figure(figures.forces(trace), "Forces at the tip.")
-        page.figure(figures.torques(trace), "What the motors give.")
-        page.figure(figures.angles(trace), "Where the joints are.")
+        page.figure(figures.torques(trace), "Motor torques.")
+        page.figure(figures.angles(trace), "Joint positions.")
     if "energy" in trace and len(trace) > 1:
         page.figure(figures.energy(trace), "Kinetic and potential energy of the device.")
-    page.section("How it was made")
-    page.paragraph(
-        f"palpate {trace.metadata.get('version', 'unknown')}; the scenario below gives the same trace again."
-    )
-    page.code(json.dumps(trace.scenario, indent=2, ensure_ascii=False), "The scenario")
+    page.section("Reproduction")
+    page.paragraph(f"palpate {trace.metadata.get('version', 'unknown')}. The scenario below reproduces the trace.")
+    page.code(json.dumps(trace.scenario, indent=2, ensure_ascii=False), "Scenario")
     if trace.metadata.get("controller"):
-        page.code(json.dumps(trace.metadata["controller"], indent=2, ensure_ascii=False), "The controller")
+        page.code(json.dumps(trace.metadata["controller"], indent=2, ensure_ascii=False), "Controller")
     return page
 
 
@@ -77,6 +75,6 @@ def _axes(page: Page, axes: dict[str, dict[str, Any]]) -> None:
     page.table(
         ["axis", "steady deflection", "force / stiffness", "error", "overshoot", "5 % settling"],
         rows,
-        "The steady state of each axis, and the way there.",
+        "Steady state and transient of each axis.",
         units=["", "mm", "mm", "%", "%", "ms"],
     )

@@ -1,4 +1,4 @@
-"""The theme of a page: its style sheet, and figures as SVG whose colors follow the theme."""
+"""Theme of a page: style sheet, and SVG figures whose colors follow the theme."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from importlib import resources
 from typing import TYPE_CHECKING, Final
 
-from palpate.plotting.style import COLOURS, FAINT, INK, PAPER, RC
+from palpate.plotting.style import COLORS, FAINT, INK, PAPER, RC
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,14 +18,15 @@ _UNDATED: Final = {"Date": None, "Creator": None}
 _ON_DARK: Final = ("#4aa8e0", "#f08a3c", "#2cc295", "#e2a0c4", "#f0b840", "#8fd0f5")
 
 
-def _variables(colours: tuple[str, ...]) -> str:
-    return "".join(f"--c{index}:{colour};" for index, colour in enumerate(colours))
+def _variables(colors: tuple[str, ...]) -> str:
+    """Return the CSS variables of the colors of lines."""
+    return "".join(f"--c{index}:{color};" for index, color in enumerate(colors))
 
 
 _LIGHT: Final = (
     f"--paper:#fff;--panel:#f5f6f8;--ink:{INK};--soft:#59616b;--faint:{FAINT};--line:#d9dde2;--link:#005a8c;"
     "--good:#00694d;--good-paper:#e2f4ee;--note:#7a5200;--note-paper:#fdf1d8;--bad:#a33600;--bad-paper:#fde8de;"
-    + _variables(COLOURS)
+    + _variables(COLORS)
 )
 _DARK: Final = (
     "--paper:#14171b;--panel:#1d2126;--ink:#e6e9ed;--soft:#a9b1bb;--faint:#7d858f;--line:#343a42;--link:#6cbdf0;"
@@ -41,7 +42,7 @@ CSS: Final = (
 
 
 def inline_svg(figure: Figure, number: int, label: str) -> str:
-    """Return a figure as SVG to stand in HTML: its ids begin with f`number`-, its colours follow the page's theme."""
+    """Return a figure as SVG for HTML; its ids begin with f`number`-, and its colors follow the theme of the page."""
     import matplotlib as mpl
 
     buffer = io.StringIO()
@@ -53,23 +54,23 @@ def inline_svg(figure: Figure, number: int, label: str) -> str:
     svg = re.sub(r'id="', f'id="f{number}-', svg)
     svg = re.sub(r'href="#', f'href="#f{number}-', svg)
     svg = re.sub(r"url\(#", f"url(#f{number}-", svg)
-    svg = re.sub(r' d="([^"]*)"', lambda m: f' d="{_shorter(m[1])}"', svg)
-    for index, colour in enumerate(COLOURS):
-        svg = svg.replace(colour, f"var(--c{index})")
+    svg = re.sub(r' d="([^"]*)"', lambda m: f' d="{_shorten(m[1])}"', svg)
+    for index, color in enumerate(COLORS):
+        svg = svg.replace(color, f"var(--c{index})")
     svg = svg.replace(INK, "var(--ink)").replace(FAINT, "var(--faint)").replace(PAPER, "var(--paper)")
     svg = svg.replace("#000000", "var(--ink)").replace("#ffffff", "var(--paper)")
     head = svg[: svg.index(">") + 1]
     width = re.search(r'width="([\d.]+)pt"', head)
     shown = f"{float(width[1]) * 96 / 72:.0f}px" if width else "100%"
     new_head = re.sub(r' (?:width|height)="[^"]*"', "", head)
-    # What is drawn in black names no colour in the file: it takes what it inherits, here the page's ink.
-    look = f"max-width:{shown};fill:var(--ink)"
-    new_head = new_head.replace("<svg", f'<svg role="img" aria-label="{_attribute(label)}" style="{look}"', 1)
+    # Black shapes have no color attribute in the file; they inherit the ink of the page.
+    style = f"max-width:{shown};fill:var(--ink)"
+    new_head = new_head.replace("<svg", f'<svg role="img" aria-label="{_attribute(label)}" style="{style}"', 1)
     return new_head + svg[len(head) :]
 
 
-def _shorter(path: str) -> str:
-    """Cut the coordinates of a path to a hundredth of a point; collapse its whitespace."""
+def _shorten(path: str) -> str:
+    """Return a path with coordinates rounded to 0.01 pt and collapsed whitespace."""
     return re.sub(r"\s+", " ", re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}", path)).strip()
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a workspace, with a table, as one HTML file."""
+"""Page of the critical stiffness over the workspace."""
 
 from __future__ import annotations
 
@@ -21,64 +21,65 @@ if TYPE_CHECKING:
 __all__ = ["axes_figure", "section_figure", "workspace_page"]
 
 Array = NDArray[np.float64]
-MAP = "cividis"  # read alike with and without colour blindness, and in grey
-AXES = {"y-z": (2, 1), "x-z": (0, 2)}  # of a plane: the tip's components to the right and up
-LABELS = ("x, right [mm]", "y, up [mm]", "z, towards the operator [mm]")
+MAP = "cividis"  # perceptually uniform, also for color-blind readers and in gray
+AXES = {"y-z": (2, 1), "x-z": (0, 2)}  # horizontal and vertical component of the tip in the panel of a plane
+LABELS = ("x, right [mm]", "y, up [mm]", "z, toward the operator [mm]")
 
 
 def workspace_page(w: Workspace) -> Page:
     """Return the page of a workspace."""
     i = w.least[0]
-    page = Page(f"Workspace: {w.title}", f"The stiffest stable wall at every pose within reach. {w.loop}.")
+    page = Page(f"Workspace: {w.title}", f"Critical stiffness of a wall over the reachable poses. {w.loop}.")
     page.verdict(str(w), "good" if w.worst[i] > 0 else "bad")
     worst = w.worst[np.isfinite(w.worst)]
     page.facts(
         [
-            ("least", f"{w.worst[i] / 1e3:.4g} N/mm"),
-            ("half of the poses bear", f"{np.median(worst) / 1e3:.4g} N/mm"),
+            ("minimum", f"{w.worst[i] / 1e3:.4g} N/mm"),
+            ("median", f"{np.median(worst) / 1e3:.4g} N/mm"),
             ("at the start", f"{w.worst[0] / 1e3:.4g} N/mm"),
-            ("walls judged", f"{w.stiffness.size}"),
+            ("walls evaluated", f"{w.stiffness.size}"),
         ]
     )
     page.figure(
         section_figure(w),
-        "Critical stiffness of a wall that faces the weakest way, on two planes through the start: from the side and "
-        "from above. Circle: the start; dashed line and cross: the base's axis; triangle: the least of all poses, if "
-        "it lies there. White: out of reach or nearly singular. Hatched: no wall is stable.",
+        "Critical stiffness of a wall in the worst direction, on two planes through the start: side view and top view. "
+        "Circle: start. Dashed line and cross: axis of the base. Triangle: minimum over all poses, if it lies in the "
+        "plane. White: unreachable or nearly singular. Hatched: no wall is stable.",
         label="maps of critical stiffness over the workspace",
     )
     page.figure(
         axes_figure(w),
-        "The same plane from the side for walls across x (sideways), y (up) and z (towards the operator).",
-        label="maps of critical stiffness for walls across each axis",
+        "Critical stiffness in the side view for walls normal to x (sideways), y (up) and z (toward the operator).",
+        label="maps of critical stiffness for walls normal to each axis",
     )
-    page.section("By direction of the wall")
+    page.section("Direction of the wall")
     rows = []
-    names = ("across x", "across y", "across z", "where the device is heaviest", "between", "where it is lightest")
-    for k, name in enumerate((*names, "in every direction tried")):
+    names = ("x", "y", "z", "largest effective mass", "medium effective mass", "smallest effective mass")
+    for k, name in enumerate((*names, "worst of all")):
         values = w.stiffness[:, k] if k < len(names) else w.worst
         finite = values[np.isfinite(values)]
         at = int(np.argmin(values))
         rows.append((name, values[at], float(np.median(finite)), float(finite.max()), _mm(w.tips[at])))
     page.table(
-        ("walls", "least", "median", "largest", "tip at the least"), rows,
+        ("normal of the wall", "minimum", "median", "maximum", "tip at the minimum"), rows,
         "Critical stiffness over the poses.", units=("", "N/m", "N/m", "N/m", "mm"), digits=5,
     )  # fmt: skip
     page.paragraph(
-        "At each pose the loop is linearised and sampled exactly. A wall is stable below its critical stiffness for "
-        "small motions about that pose, with the operator named above; dry friction and encoder counts are left out."
+        "At each pose the loop is linearized and discretized exactly. Below its critical stiffness, a wall is stable "
+        "for small motions about the pose, with the operator named above. Dry friction and encoder quantization are "
+        "neglected."
     )
     return page
 
 
 def section_figure(w: Workspace) -> Figure:
-    """Return the least critical stiffness over the directions, on each plane."""
-    return _maps(w, [(name, w.worst, "from the side" if name == "y-z" else "from above") for name in w.sections])
+    """Return maps of the minimum critical stiffness over the directions, on each plane."""
+    return _maps(w, [(name, w.worst, "side view" if name == "y-z" else "top view") for name in w.sections])
 
 
 def axes_figure(w: Workspace) -> Figure:
-    """Return the critical stiffness of walls across x, y and z, on the plane from the side."""
-    return _maps(w, [("y-z", w.stiffness[:, k], f"walls across {'xyz'[k]}") for k in range(3)], height=3.3)
+    """Return maps of the critical stiffness of walls normal to x, y and z, in the side view."""
+    return _maps(w, [("y-z", w.stiffness[:, k], f"walls normal to {'xyz'[k]}") for k in range(3)], height=3.3)
 
 
 def _maps(w: Workspace, panels: list[tuple[str, Array, str]], height: float = 3.9) -> Figure:
@@ -117,16 +118,16 @@ def _maps(w: Workspace, panels: list[tuple[str, Array, str]], height: float = 3.
 
 
 def _map(panel: Axes, w: Workspace, name: str, values: Array, norm: LogNorm) -> QuadMesh:
-    """Draw one plane: a square for each pose, white where there is none, hatched where no wall is stable."""
+    """Draw one plane, with a square per pose, hatched where no wall is stable."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle
 
     across, up = AXES[name]
-    which = w.sections[name]
-    x, y = w.tips[which][:, across], w.tips[which][:, up]
+    index = w.sections[name]
+    x, y = w.tips[index][:, across], w.tips[index][:, up]
     column, row = (np.round((v - v.min()) / w.spacing).astype(int) for v in (x, y))
     grid = np.full((row.max() + 1, column.max() + 1), np.nan)
-    grid[row, column] = values[which] / 1e3
+    grid[row, column] = values[index] / 1e3
     edges = [
         1e3 * (v.min() + w.spacing * (np.arange(n + 1) - 0.5)) for v, n in ((x, grid.shape[1]), (y, grid.shape[0]))
     ]
@@ -137,12 +138,12 @@ def _map(panel: Axes, w: Workspace, name: str, values: Array, norm: LogNorm) -> 
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """Return round numbers from low to high, three to eight of them where there are as many."""
+    """Return three to eight round numbers from low to high, or both ends if there are fewer."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for steps in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(np.arange(10, 100) / 10)):
-        found = [float(f"{d * m:.3g}") for d in decades for m in steps if low * 0.999 <= d * m <= high * 1.001]
-        if len(found) >= 3:
-            return found[:: max(len(found) // 6, 1)]
+        ticks = [float(f"{d * m:.3g}") for d in decades for m in steps if low * 0.999 <= d * m <= high * 1.001]
+        if len(ticks) >= 3:
+            return ticks[:: max(len(ticks) // 6, 1)]
     return [float(f"{low:.3g}"), float(f"{high:.3g}")]
 
 

@@ -1,4 +1,4 @@
-"""The picture of a Z-width, with its tables, as one HTML file."""
+"""Page of a Z-width map."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.plotting.style import COLOURS, INK, TITLE, new_figure
+from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report.html import Page
 from palpate.stability.boundaries import Boundary
 from palpate.stability.simulated import SimulatedBoundary
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["close_figure", "zwidth_figure", "zwidth_page"]
 
-ROOM = 1.12  # of the map beyond the scenario's own curve
-DOTS = 40  # about as many are drawn: more would hide the curve
-BEYOND = 1.15  # times the map: another hand's curve that goes so far is shown whole as well
+MARGIN = 1.12  # size of the map over the extent of the scenario's own curve
+DOTS = 40  # approximate number drawn
+BEYOND = 1.15  # size over the map from which another operator's curve has a figure of its own
 
 
 def zwidth_page(z: ZWidth) -> Page:
@@ -33,8 +33,8 @@ def zwidth_page(z: ZWidth) -> Page:
     b, k = own.stiffest
     page = Page(
         f"Z-width: {z.title}",
-        "Every stiffness K and damping B under a curve is a stable object. The curve is exact; the dots were found by "
-        "running the loop.",
+        "An object of stiffness K and damping B below a curve is stable. The curve is computed from the linearized "
+        "loop; the dots come from simulations.",
     )
     page.verdict(_sentence(z, own), "good" if _under(own, *z.here) else "bad")
     facts = [("stiffest object", f"{k / 1e3:.4g} N/mm"), ("its damping", f"{b:.4g} N·s/m")]
@@ -45,13 +45,13 @@ def zwidth_page(z: ZWidth) -> Page:
     if z.simulated is not None:
         off = z.simulated.distance
         facts.append(
-            ("dots off the curve", f"{100 * np.median(off):.1g} % of the map, at most {100 * off.max():.2g} %")
+            ("distance of the dots", f"{100 * np.median(off):.1g} % of the map, at most {100 * off.max():.2g} %")
         )
     page.facts(facts)
     page.figure(
         zwidth_figure(z),
-        f"Under the filled curve: stable objects ({name}). Dashed: the same loop in other hands. "
-        + ("Shaded dark: passive, so stable in every passive hand. " if z.passive is not None else "")
+        f"Below the filled curve: stable objects ({name}). Dashed: the same loop with other operators. "
+        + ("Dark: passive, and therefore stable with every passive operator. " if z.passive is not None else "")
         + _runs(z.simulated),
         label="map of stable stiffness against damping",
     )
@@ -59,21 +59,22 @@ def zwidth_page(z: ZWidth) -> Page:
     if close is not None:
         page.figure(
             close,
-            "What the map above is too large or too small for. " + (_runs(z.corner.simulated) if z.corner else ""),
-            label="other hands' curves whole, and the corner of the map about its origin",
+            "Complete curves of other operators, and the map near its origin. "
+            + (_runs(z.corner.simulated) if z.corner else ""),
+            label="complete curves of other operators, and the map near its origin",
         )
     if z.passive is None:
         page.paragraph(f"**No passive region**: {z.not_passive}.")
-    page.section("Who holds it")
+    page.section("Operators")
     page.table(
         ("operator", "stiffest object", "with damping", "without damping"),
         [(who, c.stiffest[1] / 1e3, c.stiffest[0], _undamped(c)) for who, c in z.curves.items()],
-        "The same loop in other hands.",
+        "Limits of the same loop for each operator.",
         units=("", "N/mm", "N·s/m", "N/m"),
     )
     for who in z.never:
-        page.paragraph(f"**{who}**: no wall of any size is stable; the device tips over along the surface.")
-    page.section("How the dots were found")
+        page.paragraph(f"**{who}**: no wall is stable; the device is unstable along the surface.")
+    page.section("Simulations")
     page.paragraph(_method(z))
     return page
 
@@ -87,23 +88,23 @@ def _sentence(z: ZWidth, own: Boundary) -> str:
 def _runs(found: SimulatedBoundary | None) -> str:
     if found is None:
         return ""
-    return f"Dots: where the simulated loop begins to grow ({found.runs:,} runs of {found.duration:.2g} s)."
+    return f"Dots: stability limit of the simulated loop ({found.runs:,} runs of {found.duration:.2g} s)."
 
 
 def _method(z: ZWidth) -> str:
     if z.simulated is None:
-        return "The loop was not run, or its surface is oblique: no spring acts along the normal of one alone."
+        return "There are no simulations, either by choice or because the surface is oblique to the axes."
     return (
-        "The loop was run on a coarse grid of K and B, and ever closer where a swing that grows has one beside it that "
-        f"dies: {z.simulated.runs:,} runs in place of {z.simulated.cells:,}, told nothing of the exact curve. The push "
-        "is a millinewton, and dry friction, encoder counts and drive limits are left out: each of them holds a swing "
-        "at some size, and would hide where it begins to grow. Where two swings are at their limits at once, as at a "
-        "corner of the curve, such a run cannot always tell which of them wins: dots lie further off there."
+        "The loop was simulated on a coarse grid of K and B, which was refined between growing and decaying "
+        f"oscillations: {z.simulated.runs:,} runs instead of {z.simulated.cells:,}, independent of the computed curve. "
+        "The excitation is a force of 1 mN. Dry friction, encoder quantization and drive limits are left out, because "
+        "they bound an oscillation and would hide its growth. At a corner of the curve two modes are at their limits "
+        "at once, and the dots are less accurate there."
     )
 
 
 def _under(own: Boundary, b: float, k: float) -> bool:
-    """Return whether (b, k) lies in the region that the curve and the axes enclose."""
+    """Return whether (b, k) lies in the region enclosed by the curve and the axes."""
     crossings = 0
     for first, last in own.pieces:
         x, y = own.damping[first:last], own.stiffness[first:last]
@@ -116,17 +117,17 @@ def _under(own: Boundary, b: float, k: float) -> bool:
 
 
 def _undamped(c: Boundary) -> float | None:
-    """Return the stiffness at which the curve meets the axis of no damping, N/m; None where it does not."""
-    near = c.damping < 1e-6 * c.damping.max()
-    return float(c.stiffness[near].max()) if np.any(near) else None
+    """Return the critical stiffness without damping, N/m; None if the curve does not reach it."""
+    undamped = c.damping < 1e-6 * c.damping.max()
+    return float(c.stiffness[undamped].max()) if np.any(undamped) else None
 
 
 def zwidth_figure(z: ZWidth) -> Figure:
-    """Return K against B at the scale of the scenario's own loop: exact curves, passive walls, dots, the object."""
+    """Return the map of K against B at the scale of the scenario's own curve."""
     figure, axes = new_figure(1, 1, width=8.0, height=4.6)
     panel = axes[0][0]
     own = next(iter(z.curves.values()))
-    wide, high = ROOM * float(own.damping.max()), ROOM * float(own.stiffness.max()) / 1e3
+    wide, high = MARGIN * float(own.damping.max()), MARGIN * float(own.stiffness.max()) / 1e3
     _curves(panel, z.curves.items())
     if z.corner is None:
         _passive(panel, z, 1e-3)
@@ -146,10 +147,11 @@ def zwidth_figure(z: ZWidth) -> Figure:
 
 
 def close_figure(z: ZWidth) -> Figure | None:
-    """Return what the map cannot show: curves that leave it, and its corner about the origin; None if there is none."""
+    """Return panels of the complete curves and of the map near its origin; None if neither is needed."""
     own = next(iter(z.curves.values()))
     beyond = any(
-        c.damping.max() > BEYOND * ROOM * own.damping.max() or c.stiffness.max() > BEYOND * ROOM * own.stiffness.max()
+        c.damping.max() > BEYOND * MARGIN * own.damping.max()
+        or c.stiffness.max() > BEYOND * MARGIN * own.stiffness.max()
         for c in z.curves.values()
     )
     count = beyond + (z.corner is not None)
@@ -163,7 +165,7 @@ def close_figure(z: ZWidth) -> Figure | None:
         wide = max(float(c.damping.max()) for c in z.curves.values())
         high = max(float(c.stiffness.max()) for c in z.curves.values())
         _frame(panel, 1.05 * wide, 1.05e-3 * high, "N/mm")
-        panel.set_title("every hand's curve whole", **TITLE)
+        panel.set_title("complete curves", **TITLE)
     if z.corner is not None:
         panel = panels[-1]
         _curves(panel, [("", z.corner.edge)], 1.0)
@@ -171,7 +173,7 @@ def close_figure(z: ZWidth) -> Figure | None:
         _dots(panel, z.corner.simulated, 1.0, DOTS // 2)
         _object(panel, z, 1.0)
         _frame(panel, *z.corner.window, "N/m")
-        panel.set_title("about the origin", **TITLE)
+        panel.set_title("near the origin", **TITLE)
         if z.passive is not None:
             panel.annotate("passive", (z.passive[0].max() / 3, z.passive[1].max() / 3), ha="center", va="center")
     return figure
@@ -179,24 +181,24 @@ def close_figure(z: ZWidth) -> Figure | None:
 
 def _curves(panel: Axes, curves: Iterable[tuple[str, Boundary]], scale: float = 1e-3) -> None:
     for index, (name, c) in enumerate(curves):
-        label: str | None = f"{name}, exact" if index == 0 else name
+        label: str | None = f"{name}, computed" if index == 0 else name
         for first, last in c.pieces:
             x, y = c.damping[first:last], c.stiffness[first:last] * scale
             if index == 0:
-                panel.fill_between(x, y, color=COLOURS[0], alpha=0.12, linewidth=0)
-            panel.plot(x, y, color=COLOURS[index % len(COLOURS)], label=label, linestyle="-" if index == 0 else "--")
+                panel.fill_between(x, y, color=COLORS[0], alpha=0.12, linewidth=0)
+            panel.plot(x, y, color=COLORS[index % len(COLORS)], label=label, linestyle="-" if index == 0 else "--")
             label = None
 
 
 def _passive(panel: Axes, z: ZWidth, scale: float) -> None:
     if z.passive is not None:
         b, k = z.passive
-        panel.fill_between(b, k * scale, color=INK, alpha=0.3, linewidth=0, label="passive: stable in every hand")
+        panel.fill_between(b, k * scale, color=INK, alpha=0.3, linewidth=0, label="passive: stable with every operator")
 
 
-def _dots(panel: Axes, found: SimulatedBoundary | None, scale: float, most: int) -> None:
+def _dots(panel: Axes, found: SimulatedBoundary | None, scale: float, count: int) -> None:
     if found is not None:
-        every = slice(None, None, max(1, math.ceil(len(found.damping) / most)))
+        every = slice(None, None, max(1, math.ceil(len(found.damping) / count)))
         x, y = found.damping[every], found.stiffness[every] * scale
         panel.plot(x, y, "o", markersize=3.5, color=INK, label="simulated", zorder=4)
 
@@ -208,8 +210,8 @@ def _object(panel: Axes, z: ZWidth, scale: float) -> None:
         "x",
         markersize=9,
         markeredgewidth=2.0,
-        color=COLOURS[1],
-        clip_on=False,  # it often lies on an axis
+        color=COLORS[1],
+        clip_on=False,  # the object often lies on an axis
         zorder=5,
         label="the scenario's object",
     )

@@ -47,7 +47,7 @@ class SurfaceFrames:
         self._core: _core.DeformationFrames | _core.SurfaceFrames
         self._shares: sparse.csr_matrix | None = None
         if isinstance(body.core, _core.HyperelasticBody):
-            self._shares = body.shares
+            self._shares = body.patch_weights
             self._core = _core.DeformationFrames(self._shares.shape[1])
         else:
             self._core = _core.SurfaceFrames(np.ascontiguousarray(body.compliance), rate)

@@ -1,0 +1,208 @@
+"""Elastic body condensed to its surface: data, geometry and storage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.optimize import nnls
+
+from palpate import _core
+from palpate.contact.diagnosis import format_size
+from palpate.contact.mesh import Mesh
+from palpate.fem.errors import BodyError
+from palpate.fem.free_form import FreeFormLaw, calibrate
+from palpate.fem.model_spec import COMPLIANCE, ModelSpec
+from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches
+from palpate.fem.storage import BodyData, read, write
+from palpate.fem.volume import Volume
+
+__all__ = ["CondensedBody", "CoreBody"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+CoreBody = (
+    _core.ComplianceBody
+    | _core.ModalBody
+    | _core.StandardLinearSolidBody
+    | _core.MassSpringBody
+    | _core.FreeFormBody
+    | _core.HyperelasticBody
+)
+_SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
+
+
+class CondensedBody:
+    """Surface compliance of an elastic body, for n contact nodes.
+
+    Attributes:
+        contents: arrays and record, as stored in a file.
+        kind: material model, its options and the friction coefficients.
+        settling_period: period of a mass-spring model, s, which `indent` lets come to rest; None for other models.
+        ramp_time: duration of an indentation by one tip radius, s.
+    """
+
+    def __init__(self, contents: BodyData, kind: ModelSpec = COMPLIANCE) -> None:
+        self.contents = contents
+        self.kind = kind
+        self.settling_period: float | None = None
+        self.ramp_time = 0.0
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a body that `palpate body build` wrote.
+
+        Raises:
+            BodyError: the file is missing, incomplete, or not a body.
+        """
+        return cls(read(path))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the body to an HDF5 file (.h5), atomically.
+
+        The file holds the condensed body. It does not hold the material model or the friction.
+        """
+        return write(self.contents, path)
+
+    def __repr__(self) -> str:
+        x, y, z = np.ptp(self.points, axis=0).tolist()
+        modes = len(self.contents.frequencies)
+        counts = f"{len(self.nodes)} contact nodes" + (f", {modes} modes" if modes else "")
+        return f"<Body: {self.kind}; {counts}, {format_size((x, y, z))}, source: {self.record['source']}>"
+
+    @property
+    def points(self) -> Array:
+        """Points of the whole surface at rest (s, 3), m."""
+        return self.contents.points
+
+    @property
+    def triangles(self) -> Indices:
+        """Triangles of the whole surface (k, 3), counterclockwise seen from outside."""
+        return self.contents.triangles
+
+    @property
+    def nodes(self) -> Array:
+        """Positions of the contact nodes at rest (n, 3), m."""
+        return self.contents.points[self.contents.nodes]
+
+    @property
+    def normals(self) -> Array:
+        """Outward unit normals at the contact nodes (n, 3)."""
+        return self.contents.normals
+
+    @property
+    def compliance(self) -> NDArray[np.float32]:
+        """Displacement of each contact node per force on each (3n, 3n), m/N, row 3 x node + axis."""
+        return self.contents.compliance
+
+    @property
+    def record(self) -> Mapping[str, Any]:
+        """Build record: inputs, sizes, times, versions."""
+        return self.contents.record
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the bounding box, m."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    @cached_property
+    def surface(self) -> Mesh:
+        """Contact surface as a mesh."""
+        used, faces = self._contact_surface
+        return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
+
+    def on_surface(self, values: ArrayLike) -> Array:
+        """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.
+
+        `body.surface.vertices + body.on_surface(displacement)` is the deformed surface.
+
+        Raises:
+            BodyError: there is not one value, or one row, per node.
+        """
+        each = np.asarray(values, dtype=float)
+        if each.ndim == 0 or len(each) != len(self.nodes):
+            raise BodyError(f"one value, or row, for each of the {len(self.nodes)} nodes is needed, not {each.shape}")
+        whole = np.zeros((len(self.points), *each.shape[1:]))
+        whole[self.contents.nodes] = each
+        return np.asarray(whole[self._contact_surface[0]])
+
+    @cached_property
+    def volume(self) -> Volume:
+        """Tetrahedral mesh from which the body was built."""
+        return Volume(self.contents.vertices, self.contents.tetrahedra, str(self.record["source"]))
+
+    @cached_property
+    def patch_weights(self) -> sparse.csr_matrix:
+        """Weight of each mesh vertex (p) in the mean over each node's patch (n, p)."""
+        begin, vertices, weights = self._patches()
+        return sparse.csr_matrix((weights, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
+
+    @cached_property
+    def spring_network(self) -> SpringNetwork:
+        """Masses and springs of `mass_spring`. Takes a few seconds for thousands of vertices."""
+        density = self._recorded("density_kg_per_m3")
+        return build_network(self.volume, self.contents.young, self._recorded("poisson"), density)
+
+    @cached_property
+    def free_form_law(self) -> FreeFormLaw:
+        """Calibrated law of `free_form` with the control spacing of least misfit."""
+        return self._free_form_law(None)
+
+    def _free_form_law(self, control_spacing: float | None) -> FreeFormLaw:
+        return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, control_spacing)
+
+    @cached_property
+    def tangential_compliance(self) -> tuple[float, float]:
+        """Coefficients (ratio, offset, m/N) of the tangential compliance T = ratio C + offset.
+
+        C is the normal compliance. The fit is a nonnegative least-squares fit to the compliance of 16 nodes around each
+        of 16 nodes. Both tangential directions have the same weight.
+        """
+        centers = np.unique(np.linspace(0, len(self.nodes) - 1, _SAMPLED).astype(int))
+        normal, tangential = [], []
+        for center in centers:
+            patch = np.argsort(np.linalg.norm(self.nodes - self.nodes[center], axis=1))[:_SAMPLED]
+            rows = (3 * patch[:, None] + np.arange(3)).ravel()
+            blocks = self.compliance[np.ix_(rows, rows)].astype(float).reshape(len(patch), 3, len(patch), 3)
+            axis = self.normals[center]
+            along_normal = np.einsum("a,iajb,b->ij", axis, blocks, axis)
+            normal.append(along_normal.ravel())
+            tangential.append((np.einsum("iaja->ij", blocks) - along_normal).ravel() / 2.0)
+        columns, target = np.concatenate(normal), np.concatenate(tangential)
+        scale = float(np.abs(columns).max())
+        fit, _ = nnls(np.stack([columns, np.full_like(columns, scale)], axis=1), target)
+        return float(fit[0]), float(fit[1]) * scale
+
+    @cached_property
+    def core(self) -> CoreBody:
+        """C++ contact model of one tip."""
+        return _core.ComplianceBody(*self._arrays(), *self.kind.friction)
+
+    def _recorded(self, key: str) -> float:
+        try:
+            return float(self.record[key])
+        except (KeyError, TypeError, ValueError):
+            raise BodyError(f"the record of the body lacks {key}, which this model needs: build it again") from None
+
+    @cached_property
+    def _contact_surface(self) -> tuple[Indices, Indices]:
+        """Indices of the points of `surface`, and its triangles as indices into those points."""
+        return np.unique(self.triangles[self.contents.contact_triangles], return_inverse=True)
+
+    def _volume_triangles(self) -> tuple[Indices, Indices]:
+        """Return the contact nodes (n,) and the contact triangles (k, 3) as vertices of `volume`."""
+        on_surface = np.unique(self.volume.surface)
+        return on_surface[self.contents.nodes], on_surface[self.triangles[self.contents.contact_triangles]]
+
+    def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
+        nodes, triangles = self._volume_triangles()
+        return contact_patches(self.volume.points, triangles, nodes)
+
+    def _arrays(self) -> tuple[Array, Array, Array, NDArray[np.float32]]:
+        nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
+        return nodes, normals, areas, np.ascontiguousarray(self.compliance)

@@ -1,0 +1,271 @@
+"""Indentation of a condensed body by a rigid tip: equilibrium, and motion along a path."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.errors import PoseError
+from palpate.fem.checks import (
+    TipShape,
+    check_finite,
+    check_tip,
+    directions,
+    indentation_depth,
+    lengths,
+    point_of,
+    positive,
+)
+from palpate.fem.condensed_body import CondensedBody
+from palpate.fem.errors import BodyError, BodyWarning
+
+__all__ = ["ContactHistory", "IndentableBody", "Indentation", "settle_at_depths"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
+_MAX_UPDATES = 200  # model updates at each depth
+_NODES, _SOLVED = 7, 9  # columns of a row of the core: number of nodes in contact, whether the forces were found
+
+
+class Indentation(NamedTuple):
+    """Force on an indenting tip and displacement of the surface."""
+
+    force: Array  # of the body on the tip (3,), N
+    displacement: Array  # of the contact nodes (n, 3), m
+
+
+class ContactHistory(NamedTuple):
+    """Contact of a tip along a path of m samples."""
+
+    force: Array  # of the body on the tip (m, 3), N
+    deflection: Array  # of the nodes in contact, weighted by their forces (m, 3), m
+    energy: Array  # stored in the body (m,), J
+    nodes: Indices  # number of nodes in contact (m,)
+    friction: Array  # tangential part of the force (m, 3), N
+
+
+class IndentableBody(CondensedBody):
+    """Condensed body with the methods that indent it by a rigid tip."""
+
+    def indent(
+        self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: TipShape = "sphere"
+    ) -> Indentation:
+        """Press a rigid tip `depth` into the body along the normal at the surface point nearest to `point`.
+
+        Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
+        `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
+        Fewer than four nodes in contact cause a warning.
+
+        Args:
+            point: (3,), m or text such as "5 mm".
+            radius: of the sphere, or of the flat end of a rod, m or text such as "5 mm".
+            depth: of the tip's lowest point or end below the surface at rest, m or text; not negative.
+            tip: "sphere" or "flat".
+
+        Returns:
+            The force on the tip (3,), N, and the displacement of the contact nodes (n, 3), m, at equilibrium.
+
+        Raises:
+            PoseError: the point is not three finite numbers.
+            BodyError: the point is farther from the body than the body's extent.
+            BodyError: the depth is negative or exceeds the body's extent, or the radius is not positive.
+            BodyError: the tip has another shape, or more than 128 nodes lie under it.
+            BodyError: the tip loses contact, or a body under large displacements finds no equilibrium.
+        """
+        if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
+            return type(self)(self.contents).indent(point, radius, depth, tip=tip)
+        x = point_of(point)
+        size, deep = positive(radius, "m", "radius"), indentation_depth(depth)
+        target, normal = self._indentation_axis(x, size, deep)
+        center = target + normal * ((size if tip == "sphere" else 0.0) - deep)
+        self.core.reset()
+        if isinstance(self.core, _core.HyperelasticBody):
+            history = self._settle_hyperelastic(self.core, center, normal, deep, size, tip)
+        else:
+            history = self._ramp(center, normal, deep, size, tip)
+        _warn_of_few_nodes(deep, int(history.nodes[-1]))
+        return Indentation(history.force[-1], self.displacement())
+
+    def _indentation_axis(self, x: Array, size: float, deep: float) -> tuple[Array, Array]:
+        """Return the surface point nearest to `x` (3,), m, and the unit normal there (3,); raise as `indent`."""
+        if deep > 1000 * size:
+            raise BodyError(
+                f"radius: {size:g} m is less than a thousandth of the depth of {deep:g} m: use a larger tip"
+            )
+        nearest, face = self.surface.nearest(x[None])
+        distance = float(np.linalg.norm(nearest[0] - x))
+        if distance > self.extent:
+            raise BodyError(
+                f"the point lies {distance:.3g} m from the body, whose extent is {self.extent:.3g} m: points are in m"
+            )
+        if deep > self.extent:
+            raise BodyError(f"depth: {deep:g} m exceeds the body's extent of {self.extent:.3g} m: lengths are in m")
+        a, b, c = self.surface.vertices[self.surface.triangles[face[0]]]
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        return nearest[0], normal
+
+    def _ramp(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
+        """Press the tip in along a line that ends at `center` (3,), m; let a mass-spring model come to rest."""
+        radii = deep / size
+        if self.settling_period is None:  # less than one radius per step
+            steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
+        else:
+            steps = int(np.ceil(max(radii, 1.0) * self.ramp_time / self.settling_period))
+        path = center + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
+        history = self.simulate_path(path, size, outward=normal, tip=tip)
+        if self.settling_period is not None:
+            in_contact = 1e3 * deep * (np.flatnonzero(history.nodes) + 1) / steps
+            history = self._settle(center, size, normal, tip, self.settling_period)
+            if len(in_contact) > 0 and history.nodes[-1] == 0:
+                raise BodyError(
+                    f"depth: at {1e3 * deep:.3g} mm the tip loses contact with the body; the last contact was at "
+                    f"{in_contact[-1]:.3g} mm: use a smaller depth or a larger tip"
+                )
+        return history
+
+    def _settle_hyperelastic(
+        self, core: _core.HyperelasticBody, center: Array, normal: Array, deep: float, size: float, tip: TipShape
+    ) -> ContactHistory:
+        """Press the tip in by equilibria at ten depths, or four per radius if these are more."""
+        steps = max(10, int(np.ceil(4.0 * deep / size)))
+        depths = deep * np.arange(1, steps + 1) / steps
+
+        def settle(step: int) -> Array:
+            position = center + (deep - depths[step]) * normal
+            return np.asarray(core.settle(position[None], normal[None], size, tip == "flat", _MAX_UPDATES)[0])
+
+        return _history(settle_at_depths(depths, settle)[None])
+
+    def _settle(self, center: Array, size: float, normal: Array, tip: TipShape, period: float) -> ContactHistory:
+        """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s."""
+        still = np.tile(center, (int(np.ceil(0.05 / period)), 1))
+        for _ in range(100):
+            history = self.simulate_path(still, size, outward=normal, tip=tip)
+            if np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1]):
+                break
+        else:
+            warnings.warn("the body did not settle in 5 s: add damping", BodyWarning, stacklevel=4)
+        force, deflection, energy, nodes, friction = history
+        return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:])
+
+    def simulate_path(
+        self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: TipShape = "sphere"
+    ) -> ContactHistory:
+        """Move the tip along a path, one period per sample, and return the contact.
+
+        The tip may go in by any depth, by less than its radius per sample.
+
+        Args:
+            path: centers of the tip (m, 3), m or text.
+            radius: of the sphere, or of the flat end of a rod, m or text.
+            outward: direction out of the body, which is also the axis of a flat end: (3,) or (m, 3). None selects
+                the mean normal of the nodes in contact or the normal of the nearest node for a sphere, and the normal
+                of the nearest surface point for a flat end.
+            tip: "sphere" or "flat".
+
+        Raises:
+            PoseError: the path or a direction has the wrong shape or a number that is not finite.
+            BodyError: the radius is not positive, the tip has another shape, or more than 128 nodes lie under it.
+        """
+        centers = np.ascontiguousarray(lengths(path, "path"))
+        if centers.ndim != 2 or centers.shape[1] != 3:
+            raise PoseError(f"a path is (m, 3) numbers in m; this has shape {centers.shape}")
+        check_finite(centers, "path")
+        size = positive(radius, "m", "radius")
+        check_tip(tip)
+        if outward is None and tip == "flat":
+            corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centers)[1]]]
+            outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
+        return _history(self.core.follow(centers, axes, size, tip == "flat"))
+
+    def pressure(self) -> Array:
+        """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
+
+        `indent` leaves no pressure in a body made by `modal` or `viscoelastic`.
+        """
+        nodes, forces = self.core.pressed()
+        pressure = np.zeros(len(self.nodes))
+        pressure[nodes] = forces / self.contents.areas[nodes]
+        return pressure
+
+    def displacement(self) -> Array:
+        """Return the mean displacement of each node's patch (n, 3), m.
+
+        A linear body gives the long-term displacement under the forces of the last tick. A mass-spring or free-form
+        body gives its current displacement, a hyperelastic body that of the last model update.
+        """
+        if isinstance(self.core, _core.HyperelasticBody):
+            return np.asarray(self.patch_weights @ self.core.displacement())
+        if isinstance(self.core, _core.MassSpringBody | _core.FreeFormBody):
+            return np.asarray(self.core.displacement())
+        nodes, forces = self.core.pressed()
+        total = np.zeros(3 * len(self.nodes))
+        for node, force, friction in zip(nodes, forces, self.core.dragged(), strict=True):
+            total += self.compliance[:, 3 * node : 3 * node + 3] @ (friction - force * self.normals[node])
+        return total.reshape(-1, 3)
+
+
+def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:
+    """Press a tip in by equilibria at `depths` (m,), m, and return the core's row at the last one.
+
+    A body that buckles may have no equilibrium at some depths in between.
+
+    Args:
+        depths: increasing.
+        settle: moves the tip to the depth of an index and returns a row. Column 7 of the row is the number of nodes
+            in contact, the last column is positive at equilibrium.
+
+    Raises:
+        BodyError: there is no equilibrium at the last depth or at ten consecutive ones, or the tip has lost contact
+            at the last depth.
+    """
+    settled_depth, touched, unsettled = 0.0, False, 0
+    for index, depth in enumerate(depths):
+        row = settle(index)
+        contact, settled, last = row[_NODES] > 0, row[-1] > 0, index + 1 == len(depths)
+        touched, unsettled = touched or contact, 0 if settled else unsettled + 1
+        if contact and settled:
+            settled_depth = 1e3 * depth
+        if (last and (not settled or (touched and not contact))) or unsettled >= _MAX_UNSETTLED:
+            problem = "the tip loses contact with the body" if touched and not contact else "there is no equilibrium"
+            until = (
+                f"the last equilibrium in contact was at {settled_depth:.3g} mm"
+                if settled_depth > 0
+                else "nor is there one at a smaller depth"
+            )
+            raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
+    return row
+
+
+def _warn_of_few_nodes(deep: float, count: int) -> None:
+    """Warn if fewer than four nodes are in contact at a positive depth."""
+    if deep > 0 and count == 0:
+        warnings.warn(
+            "no node is in contact: the surface is fixed or outside of the contact surface there, the mesh is too "
+            "coarse, or the contact was lost",
+            BodyWarning,
+            stacklevel=3,
+        )
+    elif deep > 0 and count < 4:
+        warnings.warn(
+            f"only {count} of the body's nodes are in contact, too few for an accurate force: use a finer mesh, a "
+            "larger tip or a larger depth",
+            BodyWarning,
+            stacklevel=3,
+        )
+
+
+def _history(rows: Array) -> ContactHistory:
+    """Return the rows (m, 13) of the core as a history; raise BodyError if the forces of one were not found."""
+    if not rows[:, _SOLVED].all():
+        raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+    return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, _NODES].astype(np.int64), rows[:, 10:13])

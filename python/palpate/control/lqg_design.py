@@ -135,8 +135,8 @@ def _controller_matrices(
     extra = integral.shape[1]
     correct = np.eye(n) - filter_gain @ c
     direct = np.linalg.inv(np.eye(m) - feedback @ filter_gain @ d)
-    cc: Array = direct @ np.hstack([-feedback @ correct, -integral])
-    dd: Array = direct @ np.hstack([entry, -feedback @ filter_gain])
+    cc = np.asarray(direct @ np.hstack([-feedback @ correct, -integral]), dtype=float)
+    dd = np.asarray(direct @ np.hstack([entry, -feedback @ filter_gain]), dtype=float)
     known_force = b - a @ filter_gain @ d  # input of the applied force to the next prediction
     big_a = np.zeros((n + extra, n + extra))
     big_a[:n, :n] = a @ correct

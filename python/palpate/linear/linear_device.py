@@ -97,7 +97,7 @@ class LinearDevice:
         along: ArrayLike = (1.0, 0.0, 0.0),
         arm: HumanArm | None = None,
     ) -> LinearDevice:
-        """Return ``device`` linearised at rest in ``pose``, compliance along a direction in the base frame.
+        """Return ``device`` linearized at rest in ``pose``, moved along a direction in the base frame.
 
         A constant tip force holds it against gravity; its torque turns with the pose, and is counted as stiffness.
         Dry friction, which only dissipates energy, and coordinates that ``along`` does not excite are neglected.

@@ -23,7 +23,7 @@ from palpate.stability.criteria import check_stability
 __all__ = ["ContactStability", "contact_stability"]
 
 Array = NDArray[np.float64]
-_STEP = 1e-6  # m: small against the patch of a node, hyperelastic against rounding
+_STEP = 1e-6  # m: small against the patch of a node, large against rounding
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ContactStability:
         normal: unit vector out of the body, against the force of the tip, (3,), device frame.
         stiffness: derivative of the force by the tip position along the normal, N/m.
         radius: largest modulus of the sampled loop's eigenvalues.
-        criteria: verdict of each of four criteria on its stiffness (see `certify`).
+        criteria: verdict of each of four criteria on its own (see `certify`).
         stiffness_margin: factor on the contact stiffness at which the loop oscillates; inf: none; nan: it is unstable.
     """
 

@@ -75,7 +75,7 @@ def simulated_boundary(
         loop: its linear loop, whose directions the object acts along.
         exact: the exact boundary, for the comparison and the duration of the runs.
         window: largest B (N s/m) and K (N/m).
-        min_stable_stiffness: lower exact of the stable region, N/m, also compared.
+        min_stable_stiffness: lower edge of the stable region, N/m, also compared.
         progress: called with the fraction of the levels done.
 
     Returns:

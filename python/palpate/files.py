@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: to a temporary name first, then put in place in one step."""
+"""Atomic file output: written under a temporary name, then moved into place in one step."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def write_json(path: str | os.PathLike[str], value: object, indent: int | None =
 
 
 def check_writable(path: str | Path) -> None:
-    """Say before long work that `atomic_write` could not put a file there.
+    """Check before a long computation that `atomic_write` can write a file.
 
     Raises:
         OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
@@ -150,13 +150,13 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
 
 @contextmanager
 def _translate_os_errors(target: Path) -> Iterator[None]:
-    """Say in a sentence what the operating system refused."""
+    """Translate errors of the operating system to OutputError with one sentence."""
     try:
         yield
     except OSError as problem:
-        # HDF5 tells the reason somewhere within a long line
-        told = re.search(r"error message = '([^']+)'", str(problem))
-        reason = problem.strerror or (told[1] if told else str(problem))
+        # HDF5 gives the reason within a long line
+        match = re.search(r"error message = '([^']+)'", str(problem))
+        reason = problem.strerror or (match[1] if match else str(problem))
         raise OutputError(f"{target}: cannot be written: {reason}") from problem
 
 

@@ -104,13 +104,13 @@ def certificates(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
 
 def _cells(row: Row, c: Certificate) -> tuple[Any, ...]:
     m = c.margin
-    up = m.get("object_stiffer_by_factor", m.get("stable_share_of_the_object"))
+    up = m.get("gain_margin", m.get("critical_gain"))
     return (
         row.where, KINDS[row.kind], f"{row.stiffness:g}", c.verdict,
         None if up is None else f"{row.stiffness * up:.4g}",
-        None if "phase_deg" not in m else f"{m['phase_deg']:.0f}",
-        None if "further_delay_s" not in m else f"{1e3 * m['further_delay_s']:.2f}",
-        None if "disk_alpha" not in m else f"{m['disk_alpha']:.2f}",
+        None if "phase_margin_deg" not in m else f"{m['phase_margin_deg']:.0f}",
+        None if "delay_margin_s" not in m else f"{1e3 * m['delay_margin_s']:.2f}",
+        None if "disk_margin" not in m else f"{m['disk_margin']:.2f}",
         f"{m['spectral_radius']:.5f}",
     )  # fmt: skip
 
@@ -127,9 +127,9 @@ def _verdict(row: Row, c: Certificate) -> Check:
 def _agreements(found: dict[str, Certificate]) -> list[Check]:
     """Hold the certified limits against those that chapter 4 finds from the case's own plant."""
     b = case_b(integrators=CASES["B"].integrators)
-    fraction = found["caseB-lqg-certificate"].margin["stable_share_of_the_object"]
+    fraction = found["caseB-lqg-certificate"].margin["critical_gain"]
     aware = loop_gain(design("D", "lqg"), case_plant("D", STIFFEST))
-    up = found["caseD-lqg-certificate"].margin["object_stiffer_by_factor"]
+    up = found["caseD-lqg-certificate"].margin["gain_margin"]
     return [
         within(
             "caseB-lqg-certified-limit", "case B with LQG: stiffness up to which it is certified, against chapter 4's",

@@ -1,4 +1,4 @@
-"""What palpate raises or warns of when a person should change something: what is wrong, where, what would be right."""
+"""Exceptions and warnings of palpate; messages state the problem, its place and the remedy."""
 
 
 class PalpateError(ValueError):
@@ -26,7 +26,7 @@ class DesignError(PalpateError):
 
 
 class StabilityError(PalpateError):
-    """A loop that cannot be judged as described: a negative delay, a rate of zero, a controller that looks ahead."""
+    """A loop cannot be tested as described: a negative delay, a rate of zero, a controller that is not causal."""
 
 
 class OutputError(PalpateError):
@@ -34,4 +34,4 @@ class OutputError(PalpateError):
 
 
 class PalpateWarning(UserWarning):
-    """Base of every warning of palpate's own: it goes on, but something is probably not what was meant."""
+    """Base of every warning of palpate: execution continues, but the input is probably not as intended."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and the lines of TOML files on which keys stand."""
+"""Atomic file output, and the lines of TOML files that hold keys."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def write_json(path: str | os.PathLike[str], value: object, indent: int | None =
 
 
 def check_writable(path: str | Path) -> None:
-    """Say before long work that `atomic_write` could not put a file there.
+    """Check before a long computation that `atomic_write` can write a file.
 
     Raises:
         OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
@@ -211,13 +211,13 @@ def _nesting(line: str, depth: int, fence: str) -> tuple[int, str]:
 
 @contextmanager
 def _translate_os_errors(target: Path) -> Iterator[None]:
-    """Say in a sentence what the operating system refused."""
+    """Translate errors of the operating system to OutputError with one sentence."""
     try:
         yield
     except OSError as problem:
-        # HDF5 tells the reason somewhere within a long line
-        told = re.search(r"error message = '([^']+)'", str(problem))
-        reason = problem.strerror or (told[1] if told else str(problem))
+        # HDF5 gives the reason within a long line
+        match = re.search(r"error message = '([^']+)'", str(problem))
+        reason = problem.strerror or (match[1] if match else str(problem))
         raise OutputError(f"{target}: cannot be written: {reason}") from problem
 
 

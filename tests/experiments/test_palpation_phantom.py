@@ -62,8 +62,8 @@ def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> N
     margin = certify({**tables, "object": wall}).margin
     assert judged.stiffness == pytest.approx(512.0, rel=1e-6)
     assert judged.normal == pytest.approx([0, 0, 1], abs=1e-12)
-    assert judged.radius == pytest.approx(margin["spectral_radius_where_it_rests"], abs=1e-6)
-    assert judged.stiffness_margin == pytest.approx(margin["object_stiffer_by_factor_where_it_rests"], rel=1e-4)
+    assert judged.radius == pytest.approx(margin["spectral_radius_at_rest"], abs=1e-6)
+    assert judged.stiffness_margin == pytest.approx(margin["gain_margin_at_rest"], rel=1e-4)
     assert judged.stable
 
 

@@ -110,7 +110,7 @@ def test_a_bounce_that_does_not_end_is_unstable() -> None:
         return summarize(simulate(_without_reference(scenario)))
 
     wall = {"kind": "wall", "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-0.2 mm"], "normal": [0, 0, 1]}
-    critical = certify(_without_reference(tables(**{**free, "object": wall}))).margin["stable_share_of_the_object"]
+    critical = certify(_without_reference(tables(**{**free, "object": wall}))).margin["critical_gain"]
     assert press(0.8)["stable"]
     for share in (2.0, 6.0):
         found = press(share)

@@ -545,9 +545,9 @@ def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:
         )
         assert trace.stable
         verdicts[stiffness] = summarize(trace)["stable"], summarize(trace)["verdict"]
-    assert verdicts[97] == (True, "stable, its swing dies out, but not settled along x after 30 s")
+    assert verdicts[97] == (True, "stable, its oscillation decays, but not settled along x after 30 s")
     assert verdicts[103][0] is False
-    assert verdicts[103][1].startswith("unstable: the swing along x grows, by ")
+    assert verdicts[103][1].startswith("unstable: the oscillation along x grows, by ")
 
 
 @pytest.mark.parametrize(("frequency", "start"), [("20 Hz", "2.24 s"), ("4.594 Hz", "0 s")], ids=["late", "resonance"])

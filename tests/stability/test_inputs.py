@@ -40,7 +40,7 @@ def said(tables: dict[str, Any]) -> str:
     return " ".join(certify(tables).assumptions)
 
 
-def test_what_is_left_out_is_named() -> None:
+def test_neglected_effects_are_named() -> None:
     """Dry friction, counts with their size at the tip, the drive's limits, late ticks: each only where it applies."""
     hand = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
     tables = slider(
@@ -53,19 +53,19 @@ def test_what_is_left_out_is_named() -> None:
         assert part in words, part
     assert "560 N/m that grips rigidly" in words
     plain = said(slider())
-    assert "Left out" not in plain
+    assert "Neglected" not in plain
     assert "a hand that only pushes" in plain
 
 
 def test_how_late_a_tick_may_come() -> None:
     """A passive wall of 50 N/m and 0.05 N s/m bears T_max = 2b/K = 2 ms between ticks, by the field's bound."""
     certificate = certify(slider())
-    late = certificate.margin["longest_time_between_ticks_s"]
+    late = certificate.margin["max_passive_interval_s"]
     assert late == pytest.approx(2e-3, rel=1e-9)
     assert field_damping(lipschitz=50.0, longest_period=late) == pytest.approx(0.05, rel=1e-9)
     assert "2 ms after the one before" in " ".join(certificate.method)
     damped = certify(slider(object={"kind": "spring", "stiffness": "50 N/m", "damping": "0.01 N*s/m"}))
-    late = damped.margin["longest_time_between_ticks_s"]  # the servo's difference over T_max, divided by T
+    late = damped.margin["max_passive_interval_s"]  # the servo's difference over T_max, divided by T
     assert field_damping(lipschitz=50.0, longest_period=late, virtual_damping=0.01 * late / 1e-3) == pytest.approx(0.05)
 
 

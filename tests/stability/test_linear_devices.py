@@ -140,7 +140,7 @@ def test_a_device_that_falls_over_needs_a_least_stiffness() -> None:
     ("device", "options", "says"),
     [
         (LinearDevice.of_mass(1.0), {"period": 0.0}, "a rate of zero has none"),
-        (LinearDevice.of_mass(1.0), {"period": T, "delay": -1}, "look ahead"),
+        (LinearDevice.of_mass(1.0), {"period": T, "delay": -1}, "not be causal"),
         (LinearDevice.of_mass(1.0), {"period": np.nan}, "period must be finite"),
         (LinearDevice.of_mass(1.0), {}, "period is missing"),
         (LinearDevice.of_mass(1.0), {"period": T, "velocity_filter": 1.0}, "at least 0 and below 1"),

@@ -154,7 +154,7 @@ def test_one_bounce_off_a_wall_to_the_microjoule() -> None:
         observer.set_force(force)
     assert f"{1e3 * zoh_energy(forces, positions):.3f}" == "1.149"
     assert f"{1e3 * naive_energy(forces[:-1], positions[:-1]):.3f}" == "-1.106"
-    assert observer.given == pytest.approx(0.5 * mass * (v**2 - speed**2), rel=1e-12)
+    assert observer.energy == pytest.approx(0.5 * mass * (v**2 - speed**2), rel=1e-12)
 
 
 @pytest.mark.parametrize(("cap", "steady"), [(20.0, True), (0.0, False)])
@@ -175,7 +175,7 @@ def test_passivity_controller_needs_its_cap(cap: float, bounded: bool) -> None:
     """Paying back a millijoule at 1 cm/s within a sample throws the mass; damping capped at m/2T brings it to rest."""
     mass, period = 0.06, 1e-3
     guard = PassivityController(period, cap)
-    guard.observer.given = 1e-3
+    guard.observer.energy = 1e-3
     x, v = 0.0, 0.01
     for _ in range(50):
         f = guard.force(x, 0.0)

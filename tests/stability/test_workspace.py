@@ -19,8 +19,8 @@ from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.stability import Workspace, certify, stability_interval, workspace
 from palpate.stability.counter_example import growth
-from palpate.stability.pose_loops import PoseLoops
-from palpate.stability.zwidth_map import wall_loops
+from palpate.stability.maps.pose_loops import PoseLoops
+from palpate.stability.maps.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -67,14 +67,14 @@ def test_every_limit_is_that_of_the_pose_by_itself(delayed: tuple[dict[str, Any]
 
 
 def test_the_certificate_at_a_pose_agrees() -> None:
-    """Without damping `object_stiffer_by_factor` is the critical stiffness of a wall of 1 N/m."""
+    """Without damping `gain_margin` is the critical stiffness of a wall of 1 N/m."""
     tables = display()
     tables["run"] = {"duration": "0.02 s"}
     found = workspace(tables, poses=60)
     for i in (0, len(found.poses) // 2, found.least[0]):
         j = int(np.argmin(found.stiffness[i]))
         certificate = certify(placed(tables, found.poses[i], found.directions[i, j]))
-        assert certificate.margin["object_stiffer_by_factor"] == pytest.approx(found.stiffness[i, j], rel=1e-7)
+        assert certificate.margin["gain_margin"] == pytest.approx(found.stiffness[i, j], rel=1e-7)
 
 
 def test_the_simulated_arm_swings_where_the_map_says(delayed: tuple[dict[str, Any], Workspace]) -> None:

@@ -1,4 +1,4 @@
-"""Controllers, their design from specifications, and the exact margins of the sampled loops that they close."""
+"""Controllers, their design from specifications, and exact margins of the sampled closed loop."""
 
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import CommandController, as_controller, as_linear_controller

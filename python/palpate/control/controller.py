@@ -1,4 +1,4 @@
-"""A sampled controller as the servo loop runs it."""
+"""Sampled linear controller of the servo loop."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Controller:
 
     Attributes:
         system: python-control StateSpace, 6 inputs, 3 outputs, dt = servo period in s.
-        antiwindup: (n states, 3), or None: nothing is fed back when the force saturates.
+        antiwindup: (n states, 3), feedback of the saturation error to the state; None: no anti-windup.
         kind: "gain", "lead_lag", "lqg" or "state_space".
-        notes: what was asked and what was achieved, for reports.
+        notes: specification and result of the design, for reports.
 
     Raises:
-        DesignError: wrong shapes, not sampled, or a value that is not finite.
+        DesignError: wrong shapes, a continuous system, or a value that is not finite.
     """
 
     system: control.StateSpace
@@ -57,7 +57,7 @@ class Controller:
 
     @property
     def feedback(self) -> control.StateSpace:
-        """The part from F_object to u (3 x 3); the loop gain is -feedback times the plant."""
+        """Subsystem from F_object to u (3 x 3); the loop gain is -feedback times the plant."""
         s = self.system
         return control.StateSpace(s.A, s.B[:, 3:], s.C, s.D[:, 3:], s.dt)
 

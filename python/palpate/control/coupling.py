@@ -1,4 +1,4 @@
-"""The virtual coupling between tip and object: a spring and a dashpot in parallel, sampled."""
+"""Sampled virtual coupling between tip and object: spring and damper in parallel."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ def virtual_coupling(
     period: float | str,
     difference: Literal["backward", "bilinear"] = "backward",
 ) -> control.StateSpace:
-    """Return K + B s, sampled, from deflection (m) to force of the tip on the object (N).
+    """Return the sampled K + B s from deflection (m) to the force of the tip on the object (N).
 
-    - ``"backward"``: s = (1 - 1/z)/T. As a display it is passive if the device's own damping b >= B + K T/2.
-    - ``"bilinear"``: s = (2/T)(z - 1)/(z + 1) (Zilles & Salisbury 1995). Its pole at z = -1 keeps a ripple of
-      period two for ever, and the gain there is unbounded.
+    - ``"backward"``: s = (1 - 1/z)/T. The display is passive if the device damping b >= B + K T/2.
+    - ``"bilinear"``: s = (2/T)(z - 1)/(z + 1) (Zilles & Salisbury 1995). Its pole at z = -1 sustains an
+      oscillation at half the sampling rate, where the gain is unbounded.
 
-    With B = 0 both are the constant K and have no state.
+    With B = 0 both are the constant K without a state.
 
     Args:
         stiffness: K, N/m; each of the three may also be text with a unit.
         damping: B, N s/m.
         period: T, s.
+        difference: discretization rule of the damper.
 
     Raises:
-        DesignError: a negative or not finite value, a period that is not positive, or another rule.
+        DesignError: a value that is negative or not finite, a period that is not positive, or an unknown rule.
     """
     stiffness = to_si(stiffness, "N/m", "virtual_coupling: stiffness", error=DesignError)
     damping = to_si(damping, "N*s/m", "virtual_coupling: damping", error=DesignError)

@@ -1,8 +1,8 @@
-"""The sampled loop that a controller closes: its plant, its loop gain, and the eigenvalues that decide stability.
+"""Sampled closed loop of controller and plant: loop gain, state matrix and spectral radius.
 
-Convention: u = C(z) [F_ref; F_object], F_object = P(z) u. With the controller's feedback part H (F_object to u), the
-loop gain broken at the force command is L = -H P, and the loop is stable if every eigenvalue of the
-closed loop lies inside the unit circle.
+Convention: u = C(z) [F_ref; F_object] and F_object = P(z) u. With the feedback part H of the controller (F_object to u)
+the loop gain, broken at the force command, is L = -H P. The loop is stable if every eigenvalue of the closed loop lies
+inside the unit circle.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from palpate.errors import DesignError
 Array = NDArray[np.float64]
 
 
-def require_sampled(plant: control.StateSpace, who: str) -> float:
-    """Return the period (s) of a plant with 3 force inputs and 3 force outputs; ``who`` names the caller.
+def require_sampled(plant: control.StateSpace, caller: str) -> float:
+    """Return the period (s) of a plant with 3 force inputs and 3 force outputs.
 
     Raises:
-        DesignError: another shape, not sampled, or a value that is not finite.
+        DesignError: another shape, a continuous plant, or a value that is not finite; the message names ``caller``.
     """
     if (plant.ninputs, plant.noutputs) != (3, 3):
         raise DesignError(
-            f"{who}: the plant maps 3 tip forces to 3 object forces, not {plant.ninputs} to {plant.noutputs}"
+            f"{caller}: the plant maps 3 tip forces to 3 object forces, not {plant.ninputs} to {plant.noutputs}"
         )
     if not plant.isdtime(strict=True) or plant.dt is True:
-        raise DesignError(f"{who}: the plant must be sampled with its period in s; discretize it first")
+        raise DesignError(f"{caller}: the plant must be sampled with its period in s; discretize it first")
     if not all(np.all(np.isfinite(m)) for m in (plant.A, plant.B, plant.C, plant.D)):
-        raise DesignError(f"{who}: the plant's matrices must be finite")
+        raise DesignError(f"{caller}: the plant's matrices must be finite")
     return float(plant.dt)
 
 
 def active_axes(plant: control.StateSpace) -> NDArray[np.intp]:
-    """Return the axes along which force and object force are connected at all (x alone for the slider)."""
+    """Return the axes along which the command acts on the object force (x alone for the slider)."""
     strength = np.abs(plant.C).sum(1) * np.abs(plant.B).sum(0) + np.abs(np.diag(plant.D))
     axes = np.nonzero(strength > 1e-12 * max(float(strength.max(initial=0.0)), 1e-300))[0]
     if axes.size == 0:
@@ -45,18 +45,22 @@ def active_axes(plant: control.StateSpace) -> NDArray[np.intp]:
     return axes
 
 
-def series(first: control.StateSpace, then: control.StateSpace) -> control.StateSpace:
-    """Return ``then`` after ``first``, states stacked (first, then)."""
-    a = np.block([[first.A, np.zeros((first.nstates, then.nstates))], [then.B @ first.C, then.A]])
+def series(first: control.StateSpace, second: control.StateSpace) -> control.StateSpace:
+    """Return the series of ``first`` and ``second``, states stacked in this order."""
+    a = np.block([[first.A, np.zeros((first.nstates, second.nstates))], [second.B @ first.C, second.A]])
     return control.StateSpace(
-        a, np.vstack([first.B, then.B @ first.D]), np.hstack([then.D @ first.C, then.C]), then.D @ first.D, first.dt
+        a,
+        np.vstack([first.B, second.B @ first.D]),
+        np.hstack([second.D @ first.C, second.C]),
+        second.D @ first.D,
+        first.dt,
     )
 
 
 def loop_gain(
     controller: Controller, plant: control.StateSpace, at: Literal["command", "object_force"] = "command"
 ) -> control.StateSpace:
-    """Return L(z) (3 x 3), negative feedback understood: broken at the force command, or at the object force.
+    """Return L(z) (3 x 3) under negative feedback, broken at the force command or at the object force.
 
     Raises:
         DesignError: controller and plant have different periods or shapes.
@@ -74,8 +78,8 @@ def loop_gain(
 def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) -> NDArray[np.complex128]:
     """Return the state matrix of negative unity feedback around ``gain`` times ``loop``.
 
-    A - B (I + g D)^-1 g C; ``gain`` is a number (complex: a rotation of every channel) or a matrix (m x m) at the
-    loop's output.
+    A - B (I + g D)^-1 g C, where ``gain`` is a number (complex: a rotation of every channel) or a matrix (m x m) at the
+    output of the loop.
     """
     m = loop.noutputs
     g = np.asarray(gain) * np.eye(m) if np.ndim(gain) == 0 else np.asarray(gain)

@@ -1,4 +1,4 @@
-"""The stationary Kalman filter of a sampled plant, in current form: the newest measurement is in the estimate."""
+"""Stationary Kalman filter of a sampled plant in current form, which includes the newest measurement."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class KalmanFilter:
 
     Attributes:
         gain: (n, p), state units per N.
-        covariance: of the prediction error, (n, n).
+        covariance: covariance of the prediction error, (n, n).
         poles: eigenvalues of A (I - gain C), per sample.
     """
 
@@ -40,8 +40,8 @@ def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) 
         noise: standard deviation per sample of each output's noise, one value or (p,), N; positive.
 
     Raises:
-        DesignError: noise is not positive, or a mode that does not decay is invisible in the output
-            (undetectable) or sits on the unit circle and is never disturbed, so that no stationary filter exists.
+        DesignError: the noise is not positive, the plant is not detectable, or an undisturbed mode is on the unit
+            circle, so that no stationary filter exists.
     """
     a, b, c = plant.A, plant.B, plant.C
     n = len(a)
@@ -70,17 +70,17 @@ def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) 
 
 
 def require_detectable(a: Array, c: Array, message: str) -> None:
-    """Raise DesignError unless every eigenvalue of ``a`` on or outside the unit circle is seen through ``c``."""
+    """Raise DesignError unless every eigenvalue of ``a`` on or outside the unit circle is observable."""
     _require(a, c, message, "no output sees")
 
 
 def require_stabilizable(a: Array, b: Array, message: str) -> None:
-    """Raise DesignError unless every eigenvalue of ``a`` on or outside the unit circle is reached through ``b``."""
+    """Raise DesignError unless every eigenvalue of ``a`` on or outside the unit circle is controllable."""
     _require(a.T, b.T, message, "no input reaches")
 
 
 def _require(a: Array, c: Array, message: str, verb: str) -> None:
-    """Popov-Belevitch-Hautus test with rows scaled to unit size, at the modes that do not decay."""
+    """Raise DesignError unless the modes that do not decay pass the Popov-Belevitch-Hautus test, rows scaled to 1."""
     n = len(a)
     size = np.linalg.norm(c, axis=1, keepdims=True)
     rows = c / np.where(size > 0, size, 1.0)

@@ -1,11 +1,11 @@
-"""Lead-lag force tracking from stated margins, axis by axis, on the loops that need it.
+"""Lead-lag design of a force-tracking controller, axis by axis, from crossover, phase margin and steady error.
 
-Each axis gets c(z) = gain * lead * lag, designed on the exact response of the sampled plant at the crossover, so
-that the hold's half sample of delay is counted. With w = (2/T) (z-1)/(z+1) and W = (2/T) tan(omega T/2):
+Each axis gets c(z) = gain * lead * lag, designed on the exact response of the sampled plant at the crossover, which
+includes the delay of the hold. With w = (2/T) (z-1)/(z+1) and W = (2/T) tan(omega T/2):
 
 - gain: |L| = 1 at the crossover.
-- lead: (1 + w sqrt(r)/W) / (1 + w/(sqrt(r) W)), r = (1 + sin phi)/(1 - sin phi); only if the loop lacks phase phi > 0.
-- lag: (w + W/10) / (w + W/(10 ratio)); only if the loop's gain at rest leaves too large a steady error.
+- lead: (1 + w sqrt(r)/W) / (1 + w/(sqrt(r) W)), r = (1 + sin phi)/(1 - sin phi); added if the loop lacks phase phi > 0.
+- lag: (w + W/10) / (w + W/(10 ratio)); added if the static gain leaves too large a steady error.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from palpate.units import array_to_si
 
 Array = NDArray[np.float64]
 AXES = "xyz"
-MOST_LEAD = np.radians(75.0)  # more would amplify noise by over 50
-LAG_DECADE = 10.0  # the lag's zero lies this factor below the crossover and takes arctan(1/10) = 5.7 deg
+MAX_LEAD = np.radians(75.0)  # a larger lead would amplify noise by over 50
+LAG_DECADE = 10.0  # ratio of the crossover to the zero of the lag, which costs arctan(1/10) = 5.7 deg of phase
 
 
 @dataclass(frozen=True)
 class Compensator:
-    """c(z) of one axis: gain, lead and lag, each (z - zero)/(z - pole); the lead is 1 at z = 1, the lag at z = -1.
+    """Compensator c(z) of one axis: gain, lead (1 at z = 1) and lag (1 at z = -1), each (z - zero)/(z - pole).
 
     Attributes:
         gain: c at z = 1 without the lag, N/N.
-        lead: (zero, pole) in z, or None if the loop has phase enough.
-        lag: (zero, pole) in z, or None if the steady error is small enough.
+        lead: (zero, pole) in z; None if the loop has enough phase.
+        lag: (zero, pole) in z; None if the steady error is small enough.
     """
 
     gain: float
@@ -44,7 +44,7 @@ class Compensator:
     lag: tuple[float, float] | None
 
     def realize(self, period: float) -> control.StateSpace:
-        """Return c(z) as a state space of at most two states."""
+        """Return c(z) as a state space with at most two states."""
         system = control.StateSpace([], [], [], [[self.gain]], period)
         if self.lead is not None:
             zero, pole = self.lead
@@ -67,23 +67,23 @@ def lead_lag(
     """Return a lead-lag controller for a sampled plant from tip force to object force.
 
     Args:
-        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
-            is left alone.
+        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. Axes without connection
+            get no controller.
         crossover: frequency at which each loop's gain is 1, rad/s, one value or three (x, y, z).
         phase_margin: of each loop with the others open, deg. As text, these two have units: "180 rad/s", "60 deg".
         steady_error: largest |F_ref - F_object| / F_ref at rest, for the loop of each axis.
-        decouple: put a constant matrix in front of the plant that makes its response at the crossover diagonal
-            (for a mechanism: its apparent mass at the tip, relative to the axis's own). Else y and z stay coupled.
-        smooth_reference: pass F_ref through a first-order filter at each lead's zero, so that a step of the reference
-            does not meet the lead's large gain. The loop and its margins are the same.
+        decouple: precede the plant by a constant matrix that makes its response at the crossover diagonal (for a
+            mechanism: its apparent mass at the tip, relative to that of the axis). Otherwise y and z stay coupled.
+        smooth_reference: filter F_ref by a first-order low-pass at the zero of each lead, which reduces the response
+            of the lead to a step. The loop and its margins do not change.
 
     Raises:
-        DesignError: the plant does not fit, a specification is out of range or not reachable with one lead, or
-            the loop that results is unstable (coupling between the axes).
+        DesignError: the plant does not fit, a specification is out of range or not reachable with one lead, or the
+            coupling between the axes makes the loop unstable.
     """
     period = require_sampled(plant, "lead_lag")
     target = _three(crossover, "crossover", "rad/s", 0.0, np.pi / period)
-    wanted = np.radians(_three(phase_margin, "phase_margin", "deg", 0.0, 90.0))
+    margin = np.radians(_three(phase_margin, "phase_margin", "deg", 0.0, 90.0))
     error = _three(steady_error, "steady_error", "of F_ref", 0.0, 1.0)
     axes = active_axes(plant)
     matrix = _decoupler(plant, axes, target) if decouple else np.eye(3)
@@ -93,11 +93,11 @@ def lead_lag(
         loop = control.StateSpace(
             plant.A, plant.B @ matrix[:, [i]], plant.C[[i]], plant.D[[i]] @ matrix[:, [i]], period
         )
-        blocks[int(i)] = _compensate(loop, float(target[i]), float(wanted[i]), float(error[i]), AXES[i])
+        blocks[int(i)] = _compensate(loop, float(target[i]), float(margin[i]), float(error[i]), AXES[i])
     system = _assemble(blocks, matrix, smooth_reference, period)
     notes: dict[str, Any] = {
         "crossover": target.tolist(),
-        "phase_margin": np.degrees(wanted).tolist(),
+        "phase_margin": np.degrees(margin).tolist(),
         "steady_error": error.tolist(),
         "decoupling": matrix.tolist(),
         "compensators": {AXES[i]: asdict(block) for i, block in blocks.items()},
@@ -113,31 +113,31 @@ def lead_lag(
     return controller
 
 
-def _compensate(loop: control.StateSpace, crossover: float, wanted: float, error: float, axis: str) -> Compensator:
+def _compensate(loop: control.StateSpace, crossover: float, margin: float, error: float, axis: str) -> Compensator:
     """Return the compensator of one axis from the exact response of its sampled loop (1 x 1)."""
     period = float(loop.dt)
     response = complex(frequency_response(loop, crossover * period)[0, 0])
     if response == 0:
-        raise DesignError(f"lead_lag: axis {axis} does not answer at {crossover:g} rad/s; no crossover there")
-    rest = _gain_at_rest(loop)
-    sign = _first_answer(loop)
+        raise DesignError(f"lead_lag: axis {axis} has no response at {crossover:g} rad/s; choose another crossover")
+    rest = _static_gain(loop)
+    sign = _gain_sign(loop)
     phase = float(np.angle(sign * response))
     phase = phase - 2 * np.pi if phase > np.pi / 2 else phase
     big = 2 / period * np.tan(crossover * period / 2)
 
-    needs_lag = np.isfinite(rest) and abs(rest) > 0  # an integrating plant needs none
-    lack = wanted - (np.pi + phase)
+    needs_lag = np.isfinite(rest) and abs(rest) > 0  # an integrating plant has no steady error
+    lack = margin - (np.pi + phase)
     lead_angle = max(0.0, lack)
     lag_ratio = 1.0
-    for _ in range(2):  # the lag, once needed, takes phase that the lead must add
-        if lead_angle > MOST_LEAD:
+    for _ in range(2):  # the lead must compensate the phase of the lag
+        if lead_angle > MAX_LEAD:
             raise DesignError(
                 f"lead_lag: axis {axis} needs {np.degrees(lead_angle):.0f} deg of lead for a margin of "
-                f"{np.degrees(wanted):.0f} deg at {crossover:g} rad/s and one lead gives {np.degrees(MOST_LEAD):.0f}; "
+                f"{np.degrees(margin):.0f} deg at {crossover:g} rad/s and one lead gives {np.degrees(MAX_LEAD):.0f}; "
                 "ask for a lower crossover or a smaller margin"
             )
         spread = (1 + np.sin(lead_angle)) / (1 - np.sin(lead_angle))
-        gain = 1 / (abs(response) * np.sqrt(spread))  # the lead's gain at its centre is sqrt(spread)
+        gain = 1 / (abs(response) * np.sqrt(spread))  # the gain of the lead at its center is sqrt(spread)
         if not needs_lag:
             break
         at_rest = abs(rest) * gain
@@ -159,8 +159,8 @@ def _compensate(loop: control.StateSpace, crossover: float, wanted: float, error
     return Compensator(sign * float(gain), lead, lag_pair)
 
 
-def _first_answer(loop: control.StateSpace) -> float:
-    """Return the sign of the first sample of the impulse response that is not zero: that of the gain to use."""
+def _gain_sign(loop: control.StateSpace) -> float:
+    """Return the sign of the first nonzero sample of the impulse response, which is the sign of the gain."""
     state, size = loop.B[:, 0], float(np.abs(loop.B).sum() * np.abs(loop.C).sum())
     samples = [float(loop.D[0, 0])]
     for _ in range(loop.nstates):
@@ -169,8 +169,8 @@ def _first_answer(loop: control.StateSpace) -> float:
     return next((float(np.sign(s)) for s in samples if abs(s) > 1e-9 * size), 1.0)
 
 
-def _gain_at_rest(loop: control.StateSpace) -> float:
-    """Return the gain at z = 1, inf for an integrating loop (a pole within 1e-9 of 1)."""
+def _static_gain(loop: control.StateSpace) -> float:
+    """Return the gain at z = 1; inf for an integrating loop (a pole within 1e-9 of 1)."""
     n = loop.nstates
     left = np.eye(n) - loop.A
     if n and np.linalg.svd(left, compute_uv=False)[-1] < 1e-12:
@@ -196,9 +196,9 @@ def _decoupler(plant: control.StateSpace, axes: NDArray[np.intp], crossover: Arr
     """Return the constant matrix (3, 3), unit diagonal, that makes the real response at the crossover diagonal."""
     theta = float(np.exp(np.mean(np.log(crossover[axes])))) * float(plant.dt)
     response = frequency_response(plant, theta)[np.ix_(axes, axes)]
-    # A mechanism answers in counterphase (real), an integrating model in quadrature: take the phase they share.
-    turn = np.exp(-0.5j * np.angle(np.sum(response**2)))
-    real = (response * turn).real
+    # The response of a mechanism is in counterphase (real), that of an integrating model in quadrature.
+    rotation = np.exp(-0.5j * np.angle(np.sum(response**2)))
+    real = (response * rotation).real
     if np.linalg.cond(real) > 1e8:
         raise DesignError("lead_lag: the axes cannot be decoupled at the crossover; use decouple=False")
     inverse = np.linalg.inv(real)
@@ -249,9 +249,9 @@ def _assemble(blocks: dict[int, Compensator], matrix: Array, smooth: bool, perio
 
 
 def _conditioning(system: control.StateSpace) -> Array | None:
-    """Return the anti-windup matrix B_e D_e^+ of Hanus: the state moves as if the error had asked for what was applied.
+    """Return the anti-windup matrix B_e D_e^+ of Hanus's conditioning technique; None without states.
 
-    B_e, D_e belong to -F_object, the part that enters every compensator; None if nothing is remembered.
+    The state evolves as if the error had requested the applied force. B_e and D_e are the inputs from -F_object.
     """
     if system.nstates == 0:
         return None

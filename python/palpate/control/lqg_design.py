@@ -1,12 +1,12 @@
-"""LQG force tracking: an optimal state feedback, a Kalman filter, and integrators that leave no steady error.
+"""LQG design of a force-tracking controller: optimal state feedback, Kalman filter and integrators.
 
-The plant is sampled, from tip force u (N) to object force y (N). The feedback minimises the sum over samples of
-|e|^2 + |speed_weight dy/dt|^2 + |integral_rate xi|^2 + force_weight |u|^2, in N^2 every term, where xi is the
-integral of F_ref - F_object (N s). With force_weight 1 and the rest 0 a tip of mass m on a spring K is left with its
-own natural frequency sqrt(K/m) and a damping ratio of 0.71.
+The plant is sampled, from tip force u (N) to object force y (N). The feedback minimizes the sum over samples of
+|e|^2 + |speed_weight dy/dt|^2 + |integral_rate xi|^2 + force_weight |u|^2, each term in N^2. xi is the integral of
+F_ref - F_object (N s). With force_weight 1 and the other weights 0, a tip of mass m on a spring K keeps its natural
+frequency sqrt(K/m) and gets a damping ratio of 0.71.
 
-F_ref enters through the state it asks for at rest, x = N_x F_ref, u = N_u F_ref, and through a constant
-offset of the integrators that makes the cost of a step least; so a step does not wind them up.
+F_ref enters through the equilibrium x = N_x F_ref, u = N_u F_ref, and through a constant offset of the integrators that
+minimizes the cost of a step. A step of the reference therefore does not wind up the integrators.
 """
 
 from __future__ import annotations
@@ -44,33 +44,28 @@ def lqg(
     Numbers are SI; a time, a rate or a force may also be text with a unit.
 
     Args:
-        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. An axis on which nothing is connected
-            (y and z of a slider) is left alone.
-        integrators: add the integral of F_ref - F_object on every axis: the steady error is zero.
-        force_weight: cost of the commanded force against the force error, N^2/N^2; less is faster.
-        speed_weight: cost of the object force's rate, s: about the time constant of the damping it asks for.
-        integral_rate: cost of the integral, 1/s: about the rate at which a steady error vanishes.
-        state_weight: cost of the plant's state itself (n, n) in place of the force error and its rate; with
-            integrators (n + 3, n + 3) of (state, xi).
-        disturbance: as in ``kalman``: force noise at the tip, N, or a process covariance.
-        noise: as in ``kalman``: noise of F_object, N. The default ratio is 1 N of disturbance against the counts
-            of a 0.03 mm encoder on an object of 1 N/mm.
-        windup_time: time constant, s, with which the integrators follow a force that saturates.
+        plant: 3 inputs (N), 3 outputs (N), sampled; see ``rendering_plant``. Axes without connection (y and
+            z of a slider) get no controller.
+        integrators: add the integral of F_ref - F_object on every axis, which removes the steady error.
+        force_weight: cost of the commanded force relative to the force error, N^2/N^2; smaller is faster.
+        speed_weight: cost of the object force's rate, s; approximately the time constant of the damping.
+        integral_rate: cost of the integral, 1/s; approximately the decay rate of a steady error.
+        state_weight: cost of the state of the plant (n, n) in place of the force error and its rate; with
+            integrators (n + 3, n + 3) for (state, xi).
+        disturbance: as in ``kalman``, force noise at the tip, N, or a process covariance.
+        noise: as in ``kalman``, noise of F_object, N. The default ratio corresponds to 1 N of disturbance and the
+            counts of a 0.03 mm encoder on an object of 1 N/mm.
+        windup_time: time constant, s, with which the integrators track a saturated force.
 
     Raises:
-        DesignError: the plant is not sampled or not 3 x 3, is not stabilizable or detectable, cannot reach every force
-            at rest (a zero at z = 1) though integrators are asked for, or a weight is out of range.
+        DesignError: the plant is not sampled or not 3 x 3, is not stabilizable or detectable, has a zero at z = 1
+            although integrators are requested, or a weight is out of range.
     """
     period = require_sampled(plant, "lqg")
     speed_weight = to_si(speed_weight, "s", "lqg: speed_weight", error=DesignError)
     integral_rate = to_si(integral_rate, "1/s", "lqg: integral_rate", error=DesignError)
     windup_time = to_si(windup_time, "s", "lqg: windup_time", error=DesignError)
-    for name, value in (("force_weight", force_weight), ("windup_time", windup_time)):
-        if not np.isfinite(value) or value <= 0:
-            raise DesignError(f"lqg: {name} must be positive and finite, not {value}")
-    for name, value in (("speed_weight", speed_weight), ("integral_rate", integral_rate)):
-        if not np.isfinite(value) or value < 0 or (value == 0 and name == "integral_rate" and integrators):
-            raise DesignError(f"lqg: {name} must be finite and positive (speed_weight may be 0), not {value}")
+    _check_weights(force_weight, speed_weight, integral_rate, windup_time, integrators)
     axes = active_axes(plant)
     a, b, c, d = plant.A, plant.B[:, axes], plant.C[axes], plant.D[np.ix_(axes, axes)]
     n, m = b.shape
@@ -82,46 +77,13 @@ def lqg(
         require_reachable_forces(a, b, c, d)
         augmented_a = np.block([[a, np.zeros((n, m))], [-period * c, np.eye(m)]])
         augmented_b = np.vstack([b, -period * d])
-    extra = m if integrators else 0
     weight, cross = _cost(a, b, c, d, period, speed_weight, integral_rate if integrators else None, state_weight)
     cost = force_weight * np.eye(m) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
-    try:
-        value = solve_discrete_are(augmented_a, augmented_b, weight, cost, s=cross)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise DesignError(
-            "lqg: the weights leave a mode on the unit circle; weigh every state that does not decay, or make the "
-            "force cheaper"
-        ) from error
-    gain = np.linalg.solve(cost + augmented_b.T @ value @ augmented_b, augmented_b.T @ value @ augmented_a + cross.T)
-    feedback, integral = gain[:, :n], gain[:, n:]
-
-    rest = np.block([[a - np.eye(n), b], [c, d]])
-    target = np.linalg.lstsq(rest, np.vstack([np.zeros((n, m)), np.eye(m)]), rcond=None)[0]
-    state_at_rest, force_at_rest = target[:n], target[n:]
-    entry = force_at_rest + feedback @ state_at_rest
-    if integrators:
-        offset = -np.linalg.solve(value[n:, n:], value[n:, :n] @ state_at_rest)
-        entry = entry + integral @ offset
-
-    # x: the prediction x(k|k-1), then xi. u = entry r - feedback x(k|k) - integral xi.
-    correct = np.eye(n) - filtering.gain @ c
-    direct = np.linalg.inv(np.eye(m) - feedback @ filtering.gain @ d)
-    cc = direct @ np.hstack([-feedback @ correct, -integral])
-    dd = direct @ np.hstack([entry, -feedback @ filtering.gain])
-    known_force = b - a @ filtering.gain @ d  # how the force that was applied enters the next prediction
-    big_a = np.zeros((n + extra, n + extra))
-    big_a[:n, :n] = a @ correct
-    big_b = np.vstack([np.hstack([np.zeros((n, m)), a @ filtering.gain]), np.zeros((extra, 2 * m))])
-    back = known_force
-    if integrators:
-        big_a[n:, n:] = np.eye(m)
-        big_b[n:] = period * np.hstack([np.eye(m), -np.eye(m)])
-        follow = -np.expm1(-period / windup_time)
-        back = np.vstack([known_force, -follow * np.linalg.solve(direct @ integral, np.eye(m))])
-    into = np.vstack([known_force, np.zeros((extra, m))])
-    big_a, big_b = big_a + into @ cc, big_b + into @ dd
-
-    system, antiwindup = _embed(big_a, big_b, cc, dd, back, axes, period)
+    gain, value = _regulator(augmented_a, augmented_b, weight, cost, cross)
+    entry = _reference_gain(a, b, c, d, gain, value)
+    follow = -np.expm1(-period / windup_time)
+    matrices = _controller_matrices(a, b, c, d, gain, filtering.gain, entry, period, follow)
+    system, antiwindup = _embed(*matrices, axes, period)
     notes: dict[str, Any] = {
         "integrators": integrators,
         "force_weight": force_weight,
@@ -133,8 +95,69 @@ def lqg(
     return Controller(system, antiwindup, "lqg", notes)
 
 
+def _check_weights(force: float, speed: float, rate: float, windup_time: float, integrators: bool) -> None:
+    for name, value in (("force_weight", force), ("windup_time", windup_time)):
+        if not np.isfinite(value) or value <= 0:
+            raise DesignError(f"lqg: {name} must be positive and finite, not {value}")
+    for name, value in (("speed_weight", speed), ("integral_rate", rate)):
+        if not np.isfinite(value) or value < 0 or (value == 0 and name == "integral_rate" and integrators):
+            raise DesignError(f"lqg: {name} must be finite and positive (speed_weight may be 0), not {value}")
+
+
+def _regulator(a: Array, b: Array, weight: Array, cost: Array, cross: Array) -> tuple[Array, Array]:
+    """Return the optimal state feedback (m, n) and the solution of the Riccati equation (n, n)."""
+    try:
+        value = solve_discrete_are(a, b, weight, cost, s=cross)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise DesignError(
+            "lqg: the weights leave a mode on the unit circle; weigh every state that does not decay, or reduce "
+            "force_weight"
+        ) from error
+    return np.linalg.solve(cost + b.T @ value @ b, b.T @ value @ a + cross.T), value
+
+
+def _reference_gain(a: Array, b: Array, c: Array, d: Array, gain: Array, value: Array) -> Array:
+    """Return the gain (m, m) from F_ref to u: equilibrium of the plant, and offset of the integrators."""
+    n, m = b.shape
+    rest = np.block([[a - np.eye(n), b], [c, d]])
+    target = np.linalg.lstsq(rest, np.vstack([np.zeros((n, m)), np.eye(m)]), rcond=None)[0]
+    state_at_rest, force_at_rest = target[:n], target[n:]
+    entry = force_at_rest + gain[:, :n] @ state_at_rest
+    if gain.shape[1] > n:
+        offset = -np.linalg.solve(value[n:, n:], value[n:, :n] @ state_at_rest)
+        entry = entry + gain[:, n:] @ offset
+    return np.asarray(entry)
+
+
+def _controller_matrices(
+    a: Array, b: Array, c: Array, d: Array, gain: Array, filter_gain: Array, entry: Array, period: float, follow: float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return A, B, C, D of the controller on the active axes, and its anti-windup matrix.
+
+    The states are the prediction x(k|k-1), then xi; u = entry r - feedback x(k|k) - integral xi.
+    """
+    n, m = b.shape
+    feedback, integral = gain[:, :n], gain[:, n:]
+    extra = integral.shape[1]
+    correct = np.eye(n) - filter_gain @ c
+    direct = np.linalg.inv(np.eye(m) - feedback @ filter_gain @ d)
+    cc = np.asarray(direct @ np.hstack([-feedback @ correct, -integral]), dtype=float)
+    dd = np.asarray(direct @ np.hstack([entry, -feedback @ filter_gain]), dtype=float)
+    known_force = b - a @ filter_gain @ d  # input of the applied force to the next prediction
+    big_a = np.zeros((n + extra, n + extra))
+    big_a[:n, :n] = a @ correct
+    big_b = np.vstack([np.hstack([np.zeros((n, m)), a @ filter_gain]), np.zeros((extra, 2 * m))])
+    back = known_force
+    if extra:
+        big_a[n:, n:] = np.eye(m)
+        big_b[n:] = period * np.hstack([np.eye(m), -np.eye(m)])
+        back = np.vstack([known_force, -follow * np.linalg.solve(direct @ integral, np.eye(m))])
+    into = np.vstack([known_force, np.zeros((extra, m))])
+    return big_a + into @ cc, big_b + into @ dd, cc, dd, back
+
+
 def require_reachable_forces(a: Array, b: Array, c: Array, d: Array) -> None:
-    """Raise DesignError if some constant object force cannot be held by any constant command (a zero at z = 1)."""
+    """Raise DesignError if a constant object force has no constant command (a zero at z = 1)."""
     n = len(a)
     size = np.linalg.norm(c, axis=1, keepdims=True)
     reach = np.linalg.norm(b, axis=0)
@@ -143,7 +166,7 @@ def require_reachable_forces(a: Array, b: Array, c: Array, d: Array) -> None:
     rest = np.block([[a - np.eye(n), b / push], [c / scale, d / scale / push]])
     if np.linalg.svd(rest, compute_uv=False)[-1] < 1e-10:
         raise DesignError(
-            "lqg: integrators need a plant that can hold every constant force, and this one has a zero at z = 1; "
+            "lqg: integrators need a plant without a zero at z = 1, which has a command for every constant force; "
             "use integrators=False"
         )
 
@@ -180,7 +203,7 @@ def _input_cost(b: Array, c: Array, d: Array, period: float, speed: float, on_ou
 def _embed(
     a: Array, b: Array, c: Array, d: Array, back: Array, axes: NDArray[np.intp], period: float
 ) -> tuple[control.StateSpace, Array]:
-    """Return the controller over all three axes, and its anti-windup matrix; unused axes command nothing."""
+    """Return the controller over all three axes, and its anti-windup matrix; unused axes command zero."""
     n = len(a)
     columns = np.concatenate([axes, 3 + axes])
     wide_b, tall_c, full_d, wide_back = np.zeros((n, 6)), np.zeros((3, n)), np.zeros((3, 6)), np.zeros((n, 3))

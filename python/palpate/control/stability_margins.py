@@ -1,15 +1,15 @@
-"""Exact margins of the sampled loop, one channel or many: no continuous approximation of the hold.
+"""Exact stability margins of the sampled loop with one channel or several, without approximation of the hold.
 
 For a loop L(z) with m channels, stable under negative unity feedback:
 
-- gain interval: the connected interval of real k around 1 for which k L, every channel alike, is stable. Scaling the
-  object's stiffness by k is the same thing.
-- phase margin: the smallest rotation phi of every channel alike that puts an eigenvalue on the unit circle, which is
-  where an eigenvalue of L(e^{j theta}) is -e^{j phi}.
-- delay margin: the smallest phi / theta over those frequencies, times the period.
-- disk margin (symmetric disk, all channels independently perturbed): alpha = 1 / max_theta sigma_max(S - I/2); each
-  channel may change at the same time by any gain in [(2-alpha)/(2+alpha), (2+alpha)/(2-alpha)] or any phase under
-  2 atan(alpha/2), in any mixture.
+- Gain interval: the connected interval of real k around 1 for which k L is stable, with the same k in every channel.
+  It equals the interval of factors on the object's stiffness.
+- Phase margin: the smallest rotation phi, equal in every channel, that puts an eigenvalue on the unit circle. There an
+  eigenvalue of L(e^{j theta}) is -e^{j phi}.
+- Delay margin: the smallest phi / theta over those frequencies, times the period.
+- Disk margin (symmetric disk, channels perturbed independently): alpha = 1 / max_theta sigma_max(S - I/2). Each channel
+  may change simultaneously by any gain in [(2-alpha)/(2+alpha), (2+alpha)/(2-alpha)] or any phase below
+  2 atan(alpha/2).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from palpate.control.feedback_loop import loop_gain, spectral_radius
 from palpate.errors import DesignError
 
 Array = NDArray[np.float64]
-UNBOUNDED = 1e6  # a gain at which the search gives up: the interval is called open
+UNBOUNDED = 1e6  # gain at which the search stops; the interval is then unbounded
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Margins:
     """Margins of a stable sampled loop.
 
     Attributes:
-        gain_down: smallest stable factor on every channel at once; 0 if none is too small.
-        gain_up: largest stable factor on every channel at once; inf if none is too large.
-        phase: phase margin, deg, of every channel at once; inf if no rotation destabilises.
-        delay: delay that every channel bears, s; inf if no frequency crosses.
+        gain_down: smallest stable factor on all channels; 0 if there is none.
+        gain_up: largest stable factor on all channels; inf if there is none.
+        phase: phase margin of all channels, deg; inf if no rotation destabilizes.
+        delay: delay margin of all channels, s; inf if no eigenvalue of L crosses the unit circle.
         crossover: highest frequency at which an eigenvalue of L has modulus 1, rad/s; 0 if none.
         disk: alpha of the symmetric disk margin; at most 2 for a loop without gain.
-        disk_gain: factor (or its inverse) that each channel bears independently.
-        disk_phase: phase, deg, that each channel bears independently.
-        peak_frequency: where the disk margin is least, rad/s.
+        disk_gain: admissible factor (or its inverse) on each channel independently.
+        disk_phase: admissible phase of each channel independently, deg.
+        peak_frequency: frequency of the least disk margin, rad/s.
         spectral_radius: largest modulus of the closed loop's eigenvalues.
     """
 
@@ -61,14 +61,14 @@ class Margins:
     spectral_radius: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the margins as a plain dictionary for reports."""
+        """Return the margins as a dictionary for reports."""
         return asdict(self)
 
 
 def margins(
     controller: Controller, plant: control.StateSpace, at: Literal["command", "object_force"] = "command"
 ) -> Margins:
-    """Return the margins of the loop of ``controller`` and ``plant``, broken where ``at`` says.
+    """Return the margins of the loop of ``controller`` and ``plant``, broken at ``at``.
 
     Raises:
         DesignError: the loop is unstable, or controller and plant do not fit.
@@ -87,8 +87,8 @@ def loop_margins(loop: control.StateSpace) -> Margins:
     radius = spectral_radius(loop)
     if radius >= 1.0:
         raise DesignError(
-            f"margins: the loop is unstable (spectral radius {radius:.6f}), so it has none; "
-            "critical_gain says which gain would be stable"
+            f"margins: the loop is unstable (spectral radius {radius:.6f}), so it has no margins; "
+            "critical_gain gives the gain that would be stable"
         )
     down, up = gain_interval(loop)
     crossings = _unit_crossings(loop)
@@ -119,7 +119,7 @@ def loop_margins(loop: control.StateSpace) -> Margins:
 def gain_interval(loop: control.StateSpace, around: float = 1.0) -> tuple[float, float]:
     """Return the interval (low, high) of real gains about ``around`` for which the closed loop is stable.
 
-    The ends are located to 1e-10 relative by bisection on the spectral radius, after a walk in steps of 2 %.
+    The ends are located to 1e-10 relative by bisection on the spectral radius, after a search in steps of 2 %.
 
     Raises:
         DesignError: ``around`` itself is not stable.
@@ -142,10 +142,10 @@ def gain_interval(loop: control.StateSpace, around: float = 1.0) -> tuple[float,
 def critical_gain(loop: control.StateSpace, largest: float = 1.0) -> float:
     """Return the least positive gain k <= ``largest`` at which k L leaves the unit circle, from small gains up.
 
-    For a loop that is unstable at ``largest``: how much less stiffness (or controller gain) it would have borne.
+    For a loop that is unstable at ``largest`` this is the limit of the relative stiffness or controller gain.
 
     Raises:
-        DesignError: it is stable up to ``largest``, or at no gain down to ``largest`` / 1e6.
+        DesignError: the loop is stable up to ``largest``, or unstable at every gain down to ``largest`` / 1e6.
     """
     gains = largest * np.geomspace(1 / UNBOUNDED, 1.0, 1400)
     stable = np.array([spectral_radius(loop, k) < 1.0 for k in gains])
@@ -160,7 +160,7 @@ def critical_gain(loop: control.StateSpace, largest: float = 1.0) -> float:
 
 
 def _edge(loop: control.StateSpace, inside: float, outside: float) -> float:
-    """Return the gain between a stable and an unstable one at which the loop changes over."""
+    """Return the critical gain between a stable and an unstable one, by bisection."""
     for _ in range(80):
         middle = 0.5 * (inside + outside)
         if abs(outside - inside) <= 1e-12 * abs(outside):
@@ -181,12 +181,12 @@ def frequency_response(sys: control.StateSpace, theta: float) -> NDArray[np.comp
 def _grid(loop: control.StateSpace) -> Array:
     """Return angles in (0, pi): logarithmic, and dense about the closed and open loop's resonances."""
     base = np.concatenate([np.geomspace(1e-6, np.pi, 600), np.linspace(0.01, np.pi, 400)])
-    near = [base]
+    parts = [base]
     for z in np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + loop.D, loop.C)):
         if abs(z) > 0:
             width = max(abs(np.log(abs(z))), 1e-6)
-            near.append(abs(np.angle(z)) + width * np.linspace(-6, 6, 49))
-    theta = np.unique(np.concatenate(near))
+            parts.append(abs(np.angle(z)) + width * np.linspace(-6, 6, 49))
+    theta = np.unique(np.concatenate(parts))
     return np.asarray(theta[(theta > 1e-9) & (theta <= np.pi)], dtype=float)
 
 
@@ -230,8 +230,8 @@ def _peak(loop: control.StateSpace) -> tuple[float, float]:
 def peak_gain(sys: control.StateSpace) -> tuple[float, float]:
     """Return the H-infinity norm of a stable sampled system and the angle (rad per sample) of its peak.
 
-    A grid finds the candidate; the symplectic pencil then names the frequencies at a level just above it, if
-    there are any, and the search goes on between them (Bruinsma & Steinbuch 1990).
+    A grid gives a candidate. The symplectic pencil gives the frequencies at a level just above it, and the search
+    continues between them until there are none (Bruinsma & Steinbuch 1990).
     """
 
     def height(t: float) -> float:

@@ -188,7 +188,8 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
             raise DeviceError(f"{where}: based_on must be a device of the catalog ({known}), not {base!r}")
         _, merged = _tables(*_text(base))
         for key, value in tables.items():
-            merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) and key != "servo_period" else value
+            table = isinstance(value, dict) and key != "servo_period"
+            merged[key] = {**merged.get(key, {}), **value} if table else value
         tables = merged
     absent = [key for key in ("name", "description", "mechanism") if not isinstance(tables.get(key), str)]
     if absent:

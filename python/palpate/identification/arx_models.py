@@ -26,7 +26,7 @@ Orders = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a model tells a recording, NRMSE in percent per output: 100 (1 - |y - yhat| / |y - mean y|).
+    """Fit of a model to a recording, NRMSE in percent per output: 100 (1 - |y - yhat| / |y - mean y|).
 
     Attributes:
         one_step: each sample predicted from all measured before it.
@@ -290,7 +290,7 @@ def _orders(na: ArrayLike, nb: ArrayLike, nk: ArrayLike, dof: int) -> tuple[Orde
             raise RecordingError(f"{name} must be a {dof} x {dof} matrix of whole numbers, 0 or more, or one of them")
         out.append(values.astype(np.int64))
     if np.any(out[0].sum(axis=1) + out[1].sum(axis=1) == 0):
-        raise RecordingError("an output without any coefficient cannot be modelled; raise na or nb in its row")
+        raise RecordingError("an output without any coefficient cannot be modeled; raise na or nb in its row")
     return out[0], out[1], out[2]
 
 

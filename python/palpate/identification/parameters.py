@@ -1,8 +1,8 @@
-"""The direct regressor: inertia, gravity and friction of a device from one recording, with confidence intervals.
+"""Regression of inertia, gravity and friction of a device from one recording, with confidence intervals.
 
-The weak form (weak_form.py) is linear in the base parameters (base.py) and the friction. It is solved with instruments
-computed from the excitation where the recording holds it, by least squares otherwise. Neighbouring bumps overlap and
-the noise has its own colour, so the covariance is that of correlated moments.
+The weak form (weak_form.py) is linear in the base parameters (base.py) and the friction. It is solved with instrumental
+variables computed from the excitation if the recording contains it, otherwise by least squares. Neighboring test
+functions overlap and the noise is colored, so the covariance is that of correlated moments.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_sp
 Array = NDArray[np.float64]
 Method = Literal["auto", "instruments", "least_squares"]
 
-SINGULAR = 1e-6  # ratio of singular values of the scaled columns below which nothing is left but rounding
-WEAK = 0.1  # share of a joint's torque that a parameter's uncertainty may be worth before it counts as undetermined
+SINGULAR = 1e-6  # ratio of singular values of the scaled columns at rounding level
+MAX_RELATIVE_STD = 0.1  # standard deviation over the joint torque above which a parameter is undetermined
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,16 @@ class ParameterFit:
     """Estimated parameters.
 
     Attributes:
-        parameters: what they are.
+        parameters: description of the parameters.
         value: (p,) SI.
         covariance: (p, p).
         level: confidence of `low` and `high`.
         method: "instruments" or "least_squares".
         condition: of the scaled columns; 1 is perfect, above some 100 the excitation is poor.
-        undetermined: names whose uncertainty matters to the torque; the recording hardly says anything about them.
-        torque_error: (dof,) what the fit leaves of the torque, rms, in percent.
-        rows: number of bumps.
-        freedom: degrees of freedom of Student's t for the intervals: bumps that share next to no time.
+        undetermined: names of parameters whose uncertainty affects the torque.
+        torque_error: (dof,) residual of the torque, rms, in percent.
+        rows: number of test functions.
+        freedom: degrees of freedom of Student's t for the intervals, the number of test functions without overlap.
     """
 
     parameters: list[Parameter]
@@ -113,10 +113,10 @@ def estimate_parameters(
     if not 0 < level < 1:
         raise RecordingError(f"the confidence level must lie between 0 and 1, not {level}")
     recording.require_excitation()
-    bumps = TestFunctions() if tests is None else tests
+    test_functions = TestFunctions() if tests is None else tests
     parameters = base_parameters(device) + friction_parameters(device, coulomb)
-    slowest = slowest_speed(recording, bumps)
-    rows = weak_rows(device, recording, bumps, slowest=slowest)
+    slowest = slowest_speed(recording, test_functions)
+    rows = weak_rows(device, recording, test_functions, slowest=slowest)
     if len(rows.torque) * device.dof < 4 * len(parameters):
         raise RecordingError(
             f"{recording.duration:g} s are too short for {len(parameters)} parameters; record at least 5 s"
@@ -126,25 +126,25 @@ def estimate_parameters(
         if count < 20:
             raise RecordingError(
                 f"too little excitation: joint {axis + 1} turns one way faster than {slowest[axis]:.2g} "
-                f"{recording.units[0]}/s for {bumps.width:g} s only {count:.0f} times; move it more, or leave Coulomb "
-                "friction out"
+                f"{recording.units[0]}/s for {test_functions.width:g} s only {count:.0f} times; move it more, or leave "
+                "Coulomb friction out"
             )
     weight = _balance(rows.torque)
     columns, target = _stack(rows, weight, keep, len(parameters))
     condition = _check_excitation(columns, parameters)
-    used, z = "least_squares", columns
+    solver, z = "least_squares", columns
     if method != "least_squares":
         expected = expected_angles(recording)
         if expected is None and method == "instruments":
             raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
         if expected is not None:
-            used = "instruments"
-            shadow = weak_rows(device, recording, bumps, angle=expected, slowest=slowest)
-            z = _stack(shadow, weight, keep, len(parameters))[0]
+            solver = "instruments"
+            instrument_rows = weak_rows(device, recording, test_functions, angle=expected, slowest=slowest)
+            z = _stack(instrument_rows, weight, keep, len(parameters))[0]
     size = np.sqrt(np.sum(columns**2, axis=(0, 1)))
     columns, z = columns / size, z / size
     value = np.zeros(len(parameters))
-    for _ in range(2):  # the second time, joints are weighted by what the first left of them
+    for _ in range(2):  # the second pass weights joints by the residuals of the first
         error = target - columns @ value
         joint = np.sqrt(np.mean(error**2, axis=0))
         joint = np.where(joint > 0, joint, 1.0)
@@ -152,22 +152,26 @@ def estimate_parameters(
         value = np.linalg.solve(cross, np.einsum("rip,ri,i->p", z, target, joint**-2))
     error = target - columns @ value
     moments = np.einsum("rip,ri,i->rp", z, error, joint**-2)
-    spread = long_run_covariance(moments, bumps) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
+    spread = (
+        long_run_covariance(moments, test_functions) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
+    )
     inverse = np.linalg.inv(cross)
     covariance = inverse @ spread @ inverse.T
-    worth = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
-    undetermined = [p.name for p, most in zip(parameters, worth.max(axis=0), strict=True) if most > WEAK]
+    relative_std = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
+    undetermined = [
+        p.name for p, most in zip(parameters, relative_std.max(axis=0), strict=True) if most > MAX_RELATIVE_STD
+    ]
     return ParameterFit(
         parameters,
         value / size,
         covariance / np.outer(size, size),
         level,
-        used,
+        solver,
         condition,
         undetermined,
         100 * np.sqrt(np.mean(error**2, axis=0)) / _size(target),
         len(error),
-        len(error) / (2 * _overlap(bumps)),
+        len(error) / (2 * _overlap(test_functions)),
     )
 
 
@@ -182,9 +186,9 @@ def _balance(torque: Array) -> Array:
 
 
 def _usable(rows: WeakRows, coulomb: bool) -> Array:
-    """Return (rows, dof) 1 or 0: with dry friction, only bumps in which the joint turns one way throughout.
+    """Return (rows, dof) 1 or 0: with dry friction, only test functions with one direction of motion.
 
-    A joint that sticks holds any torque and tells nothing; where it turns round, the corner in its speed is blurred.
+    A sticking joint balances any torque and carries no information; at a reversal the speed is smoothed.
     """
     return (rows.moving > 0.97).astype(float) if coulomb else np.ones_like(rows.moving)
 
@@ -214,13 +218,13 @@ def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
     return float(singular[0] / singular[-1])
 
 
-def long_run_covariance(moments: Array, bumps: TestFunctions) -> Array:
+def long_run_covariance(moments: Array, test_functions: TestFunctions) -> Array:
     """Return the covariance of the sum of correlated `moments` (rows, p).
 
-    Lags at which bumps overlap count in full, longer ones less and less up to three times as long (Politis & Romano
-    1995); should that not be a covariance, all weights fall from the start (Newey & West 1987), which always is.
+    Lags with overlapping test functions have full weight, which falls to zero at three times that lag (Politis & Romano
+    1995). If the result is not positive definite, triangular weights (Newey & West 1987) are used.
     """
-    overlap = min(_overlap(bumps), len(moments) // 12)
+    overlap = min(_overlap(test_functions), len(moments) // 12)
     flat, falling = (np.zeros((moments.shape[1], moments.shape[1])) for _ in range(2))
     for lag in range(3 * overlap):
         part = moments[lag:].T @ moments[: len(moments) - lag]
@@ -231,9 +235,9 @@ def long_run_covariance(moments: Array, bumps: TestFunctions) -> Array:
     return flat if np.linalg.eigvalsh(flat / np.outer(scale, scale)).min() > 0.01 else falling
 
 
-def _overlap(bumps: TestFunctions) -> int:
-    """Return the number of bumps that share time with one, on one side."""
-    return max(1, round(bumps.width / bumps.spacing))
+def _overlap(test_functions: TestFunctions) -> int:
+    """Return the number of test functions that overlap with one, on one side."""
+    return max(1, round(test_functions.width / test_functions.spacing))
 
 
 def summary_rows(fit: ParameterFit, catalogue: Array | None = None) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Closed-loop experiments that a drifting device survives: a joint-space servo keeps the pose, the excitation is added.
+"""Closed-loop experiments: a joint-space servo stabilizes the pose, the excitation is added.
 
     torque[k] = bias_torque + kp (pose + sway[k] - angle[k]) - kd velocity[k] + excitation[k],  held for one period
 
@@ -56,7 +56,7 @@ class JointServo:
     ) -> JointServo:
         """Return kp = M_ii w^2, kd = 2 damping M_ii w, w = 2 pi `frequency` (Hz), with the inertia at the pose.
 
-        Soft on purpose: a stiff servo answers the excitation instead of the arm. Gravity at the pose is held.
+        The servo is soft, so that the arm responds to the excitation. Gravity at the pose is compensated.
 
         Raises:
             RecordingError: the pose has the wrong shape or is not finite.
@@ -75,7 +75,7 @@ class JointServo:
         )
 
     def describe(self) -> dict[str, Any]:
-        """Return what JSON can write; `Servo(**servo.describe())` is the servo again."""
+        """Return the servo for JSON; `JointServo(**servo.describe())` restores it."""
         return asdict(self)
 
     @classmethod
@@ -90,7 +90,7 @@ class JointServo:
 
 @dataclass(frozen=True)
 class Response:
-    """What the servo loop did: reading, true angle and commanded torque, each (n, dof)."""
+    """Response of the servo loop: encoder reading, true angle and commanded torque, each (n, dof)."""
 
     reading: Array
     angle: Array
@@ -158,7 +158,7 @@ def respond(
     pose, kp, kd, bias = (np.array(part) for part in (servo.pose, servo.kp, servo.kd, servo.bias_torque))
     step = device.encoder_step
     counts = np.where(step > 0, step, 1.0)
-    quantised = encoder & (step > 0)
+    quantized = encoder & (step > 0)
     keep = float(np.exp(-2 * np.pi * servo.cutoff * period))
     wanted = bias + kp * (pose + offset) + excitation
     body = _Body(device, period)
@@ -169,7 +169,7 @@ def respond(
     before: Array | None = None
     for k in range(n):
         seen = q + jitter[k]
-        seen = np.where(quantised, np.rint(seen / counts) * counts, seen)
+        seen = np.where(quantized, np.rint(seen / counts) * counts, seen)
         if before is not None:
             velocity = keep * velocity + (1 - keep) / period * (seen - before)
         before = seen

@@ -48,7 +48,7 @@ def identify_recording(
         progress: called with a few words before each step that takes a while.
 
     Returns:
-        What JSON can write: "recording", "parameters" (a row each, with the 95 % interval beside the catalogue's
+        Dictionary for JSON: "recording", "parameters" (a row each, with the 95 % interval beside the catalogue's
         value), "excitation", "free_run" (NRMSE in percent per joint on data not used: "device", the nonlinear device
         with the parameters of the first part, driven by the torques alone, and "arx"), "arx" (orders, coefficients
         with standard deviations, residual tests on data not used), and "summary", text for a person.
@@ -57,17 +57,17 @@ def identify_recording(
         RecordingError: the recording is bad or too short, or excites too little, in one sentence.
         DeviceError: the device is unknown or its file is wrong.
     """
-    say = progress if progress is not None else lambda _: None
+    report = progress if progress is not None else lambda _: None
     recording = path if isinstance(path, Recording) else Recording.load(path)
     arm = device if isinstance(device, Device) else load(device)
     try:
-        say("estimating inertia, gravity and friction")
+        report("estimating inertia, gravity and friction")
         fit = estimate_parameters(recording, arm, coulomb=coulomb)
         rows = summary_rows(fit, true_values(arm, fit.parameters))
         used, unused = recording.split(USED)
-        say("running the fitted device on data not used")
+        report("running the fitted device on data not used")
         device_run, why_not = _device_free_run(arm, used, unused, coulomb)
-        say("fitting ARX models")
+        report("fitting ARX models")
         arx_part = _arx_part(recording, arm)
     except RecordingError as error:
         name = recording.metadata.get("file")
@@ -180,8 +180,8 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
             f"{row['meaning']}{mark}"
         )
     outside = [row["name"] for row in result["parameters"] if not row["inside"]]
-    told = ", ".join(outside) if outside else "none"
-    lines += ["", f"Parameters whose interval does not hold the catalogue's value: {told}."]
+    names = ", ".join(outside) if outside else "none"
+    lines += ["", f"Parameters whose interval does not hold the catalogue's value: {names}."]
     if fit.undetermined:
         lines.append(f"Too little excitation for {', '.join(fit.undetermined)}: move more, or at more poses.")
     runs = result["free_run"]

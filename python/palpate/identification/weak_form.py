@@ -1,12 +1,11 @@
-"""The weak form of the dynamics: torques against smooth test functions, so that no angle is differentiated twice.
+"""Weak form of the dynamics with smooth test functions, which avoids second derivatives of the angles.
 
-With a bump φ that vanishes at both ends of its support, the momentum M qd moves its derivative onto φ:
+With a test function φ that vanishes at both ends of its support, integration by parts of the momentum M qd gives
 
     ∫ φ τ dt = - ∫ φ' M qd dt - ∫ φ C^T qd dt + ∫ φ N dt + friction       (d/dt(M qd) = M qdd + (C + C^T) qd)
 
 The torque, held between samples, is integrated exactly. Speeds come from local polynomials over a few samples; at
-the bandwidth of the bumps their error is four orders below the signal, where a second difference of the same counts
-is all noise.
+the bandwidth of the test functions their error is four orders of magnitude below the signal.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TestFunctions:
-    """Bumps cos^4(pi t / width), |t| < width / 2, one every `spacing`; both in s.
+    """Test functions cos^4(pi t / width), |t| < width / 2, one every `spacing`; both in s.
 
-    Their transform falls to a half at about 1.1 / width Hz: 0.1 s listens up to some 10 Hz.
+    Their Fourier transform falls to one half at about 1.1 / width Hz.
     """
 
     __test__ = False  # not a pytest class
@@ -39,7 +38,7 @@ class TestFunctions:
     smoothing: float = 0.025  # s, window of the local polynomials
 
     def kernels(self, period: float) -> tuple[Array, Array, Array, int]:
-        """Return φ and φ' at the samples, the integral of φ over each hold, and the samples between bumps."""
+        """Return φ and φ' at the samples, the integral of φ over each hold, and the samples between test functions."""
         half = round(0.5 * self.width / period)
         if half < 4:
             raise RecordingError(
@@ -55,13 +54,13 @@ class TestFunctions:
 
 @dataclass(frozen=True)
 class WeakRows:
-    """torque[r, i] = sum over j of columns[r, i, j] * value_j, row r for one bump, joint i.
+    """torque[r, i] = sum over j of columns[r, i, j] * value_j, row r for one test function, joint i.
 
     Attributes:
         torque: (rows, dof) N*m*s.
         columns: (rows, dof, parameters), base parameters, then viscous, then Coulomb.
-        moving: (rows, dof) share of each bump during which the joint moves fast enough to know its direction.
-        time: (rows,) s, middle of each bump.
+        moving: (rows, dof) fraction of each test function with a known direction of motion.
+        time: (rows,) s, middle of each test function.
     """
 
     torque: Array
@@ -92,7 +91,7 @@ def weak_rows(
     Args:
         device: gives the mechanism and its lengths; its masses, inertias and friction are not used.
         recording: angles and torques.
-        tests: the bumps.
+        tests: the test functions.
         angle: (n, dof) to use instead of the recorded angles (for instruments).
         slowest: (dof,) speed below which dry friction is taken as proportional to speed; default twenty times the
             error of the speeds from the encoder's counts.
@@ -104,7 +103,7 @@ def weak_rows(
     if slowest is None:
         slowest = slowest_speed(recording, tests)
 
-    def against(kernel: Array, values: Array) -> Array:
+    def project(kernel: Array, values: Array) -> Array:
         flat = values.reshape(len(values), -1)
         out = signal.oaconvolve(flat, kernel[::-1, None], mode="valid", axes=0)[::stride]
         return np.asarray(out.reshape(len(out), *values.shape[1:]), dtype=float)
@@ -113,16 +112,16 @@ def weak_rows(
     for one in fictitious(device):
         momentum = np.einsum("nij,nj->ni", one.mass_matrix(q), qd)
         pull = one.gravity(q) - np.einsum("nji,nj->ni", one.coriolis(q, qd), qd)
-        columns.append(period * (against(phi, pull) - against(slope, momentum)))
+        columns.append(period * (project(phi, pull) - project(slope, momentum)))
     diagonal = np.eye(device.dof)
     middle = position.mean(axis=0)
-    speed = -period * against(slope, position - middle)
+    speed = -period * project(slope, position - middle)
     direction = np.clip(qd / slowest, -1.0, 1.0)
-    sign = period * against(phi, direction)
+    sign = period * project(phi, direction)
     columns += [speed * row for row in diagonal] + [sign * row for row in diagonal]
     rest = recording.torque.mean(axis=0)
-    torque = against(hold, recording.torque - rest) + rest * hold.sum()
-    moving = against(phi, (np.abs(qd) > slowest).astype(float)) / phi.sum()
+    torque = project(hold, recording.torque - rest) + rest * hold.sum()
+    moving = project(phi, (np.abs(qd) > slowest).astype(float)) / phi.sum()
     time = recording.time[len(phi) // 2 :: stride][: len(torque)]
     return WeakRows(torque, np.stack(columns, axis=2), moving, time)
 

@@ -1,4 +1,4 @@
-"""The sampled plant for which a controller is designed: from tip force to object force."""
+"""Sampled plant for controller design, from tip force to object force."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def rendering_plant(
 ) -> control.StateSpace:
     """Return the sampled plant from tip force u (3, N) to object force K (p - p0) (3, N) about the pose ``q``.
 
-    The device rests at ``q`` under the constant tip force that balances gravity; the Jacobian's turning with the
-    pose is in the model.
+    The device rests at ``q`` under the constant tip force that balances gravity. The change of the Jacobian with the
+    pose is included.
 
     Args:
         q: pose (dof,), rad; this and the next two may be text with units as well.
         stiffness: K, N/m, one value or three (x, y, z).
         period: servo period, s.
-        method: as in ``discretize``; "zoh" is what the servo loop does.
+        method: as in ``discretize``; "zoh" corresponds to the servo loop.
 
     Raises:
         PoseError, DesignError: from ``linearize`` and ``discretize``.

@@ -1,4 +1,4 @@
-"""Continuous state space to sampled state space, three ways, with the state left as the reader expects."""
+"""Discretization of a continuous state space by zero-order hold, Tustin's rule or a nested series."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ def discretize(
 
     - ``"zoh"``: exact for an input held between samples; the state is the continuous state.
     - ``"tustin"``: s -> (2/T)(z-1)/(z+1), with A_d = (I-AT/2)^-1 (I+AT/2), B_d = (I-AT/2)^-1 B,
-      C_d = C (I-AT/2)^-1 T, D_d = D + C (I-AT/2)^-1 B T/2. Its state is the continuous one less the
-      input's direct part, divided by T; python-control scales by sqrt(T) on either side. The transfer
+      C_d = C (I-AT/2)^-1 T, D_d = D + C (I-AT/2)^-1 B T/2. Its state is the continuous state minus the
+      direct part of the input, divided by T. python-control scales by sqrt(T) instead; the transfer
       function is the same.
-    - ``"series"``: the hold with the exponential cut to the nested series
+    - ``"series"``: zero-order hold with the exponential truncated to the nested series
       psi = I + AT/2 (I + AT/3 (I + ... (I + AT/order))); A_d = I + AT psi, B_d = T psi B.
 
     Args:
         sys: continuous state space (n states, m inputs, p outputs).
         period: T, s, positive; or text such as "0.5 ms".
+        method: discretization rule.
         order: number of nested terms of the series, at least 2; its error is O((AT)^(order+1)).
 
     Raises:
         DesignError: ``sys`` is sampled already, the period is not positive, the method is unknown, or
-            Tustin meets a pole at 2/T.
+            the system has a pole at 2/T (Tustin).
     """
     if not sys.isctime(strict=False) or sys.isdtime(strict=True):
         raise DesignError(f"discretize: the system is sampled already (dt = {sys.dt}); pass a continuous one")

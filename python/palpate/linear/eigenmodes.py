@@ -14,13 +14,13 @@ from palpate.linear.linearization import linearize
 
 @dataclass(frozen=True)
 class Mode:
-    """One eigenvalue.
+    """One mode of a linear system.
 
     Attributes:
         eigenvalue: of A: 1/s for a continuous system, per sample for a discrete one.
         pole: the equivalent continuous pole, 1/s (log(z)/T for a discrete system).
         frequency: natural frequency |pole|, rad/s.
-        damping: damping ratio -Re(pole)/|pole|; 1 for a pole at rest, where the ratio has no meaning.
+        damping: damping ratio -Re(pole)/|pole|; 1 for a pole at zero, where it is undefined.
     """
 
     eigenvalue: complex
@@ -30,9 +30,9 @@ class Mode:
 
 
 def modes(sys: control.StateSpace) -> list[Mode]:
-    """Return the modes of ``sys``, slowest first (conjugates together, positive imaginary part first)."""
+    """Return the modes of ``sys`` by ascending frequency, of conjugates the positive imaginary part first."""
     out = []
-    # Eigenvalues that are zero but for rounding (the free yaw) are reported as zero.
+    # Eigenvalues that are zero except for rounding (the free yaw) are reported as zero.
     values = np.linalg.eigvals(sys.A) if sys.nstates else np.zeros(0)
     scale = float(np.abs(values).max()) if values.size else 0.0
     for value in values:
@@ -47,7 +47,7 @@ def modes(sys: control.StateSpace) -> list[Mode]:
 
 
 def damping_effect(device: Device, q: ArrayLike) -> tuple[list[Mode], list[Mode]]:
-    """Return the open-loop modes at rest in ``q`` without viscous friction, and with the device's own.
+    """Return the open-loop modes at rest in ``q`` without viscous friction, and with that of the device.
 
     Args:
         q: pose (dof,), rad.

@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """One pose of rest.
+    """One equilibrium of a device under a constant load.
 
     Attributes:
         q: pose (dof,), rad, each within [0, 2 pi).
-        torque: the joint torque there (dof,), N m.
-        free: number of directions in which the pose can move and stay an equilibrium.
+        torque: joint torque (dof,), N m.
+        free: number of directions along which the pose remains an equilibrium.
         stable: True if no undamped mode grows: no eigenvalue in the open right half-plane.
     """
 
@@ -42,8 +42,8 @@ def equilibria(
 ) -> list[Equilibrium]:
     """Return every pose found at which ``torque`` or ``force`` balances gravity, stable ones first.
 
-    Newton's method with exact derivatives on acceleration(q, 0, tau) = 0 from ``starts`` angles per
-    joint. A joint that gravity leaves free (the base yaw) stays at its start, 0 rad.
+    Newton's method with exact derivatives solves acceleration(q, 0, tau) = 0 from ``starts`` angles per joint. A joint
+    without gravity (the base yaw) stays at 0 rad.
 
     Args:
         torque: constant joint torque (dof,), N m. Exactly one of torque and force is given.
@@ -51,7 +51,7 @@ def equilibria(
         starts: starting angles per joint, spread over the circle.
 
     Raises:
-        PoseError: none or both given, wrong shape, or no pose balances the load.
+        PoseError: none or both of torque and force given, wrong shape, or no pose balances the load.
     """
     if (torque is None) == (force is None):
         raise PoseError("equilibria: give either torque (N m) or force (N)")
@@ -61,16 +61,16 @@ def equilibria(
     tip = _vector(force, 3, "force", "N") if force is not None else np.zeros(0)
 
     def balance(q: Array) -> tuple[Array, Array, Array]:
-        """Return acceleration (dof,), its derivative along the pose (dof, dof) and the torque (dof,)."""
+        """Return acceleration (dof,), its derivative by the pose (dof, dof) and torque (dof,)."""
         if force is None:
-            tau, stiffening = load, np.zeros((n, n))
+            tau, geometric_stiffness = load, np.zeros((n, n))
         else:
             tau = np.asarray(ideal.jacobian(q), dtype=float).T @ tip
-            stiffening = np.einsum("k,kij->ij", tip, np.asarray(ideal.tip_hessian(q), dtype=float))
+            geometric_stiffness = np.einsum("k,kij->ij", tip, np.asarray(ideal.tip_hessian(q), dtype=float))
         rest = np.zeros(n)
         a_q, _, a_tau = ideal.linearization(q, rest, tau)
         acceleration = np.asarray(ideal.acceleration(q, rest, tau), dtype=float)
-        return acceleration, np.asarray(a_q + a_tau @ stiffening, dtype=float), tau
+        return acceleration, np.asarray(a_q + a_tau @ geometric_stiffness, dtype=float), tau
 
     found: list[Equilibrium] = []
     grid = 2 * np.pi * np.arange(starts) / starts + 0.1
@@ -81,14 +81,9 @@ def equilibria(
         if root is None:
             continue
         root = np.mod(root, 2 * np.pi)
-        if any(np.all(np.abs(np.angle(np.exp(1j * (root - e.q)))) < 1e-6) for e in found):
-            continue
-        _, a_q, tau = balance(root)
-        eigenvalues = np.linalg.eigvals(a_q)
-        scale = max(1.0, float(np.abs(eigenvalues).max()))
-        free = int(np.sum(np.abs(eigenvalues) < 1e-9 * scale))
-        stable = bool(np.all((eigenvalues.real < 1e-9 * scale) & (np.abs(eigenvalues.imag) < 1e-9 * scale)))
-        found.append(Equilibrium(root, tau, free, stable))
+        if not any(np.all(np.abs(np.angle(np.exp(1j * (root - e.q)))) < 1e-6) for e in found):
+            _, slope, tau = balance(root)
+            found.append(_classify(root, slope, tau))
     if not found:
         load_text = f"torque {load.tolist()} N m" if force is None else f"force {tip.tolist()} N"
         raise PoseError(
@@ -98,16 +93,25 @@ def equilibria(
     return sorted(found, key=lambda e: (not e.stable, *e.q.tolist()))
 
 
+def _classify(q: Array, slope: Array, torque: Array) -> Equilibrium:
+    """Return an equilibrium with its stability from the derivative of the acceleration by the pose, ``slope``."""
+    eigenvalues = np.linalg.eigvals(slope)
+    scale = max(1.0, float(np.abs(eigenvalues).max()))
+    free = int(np.sum(np.abs(eigenvalues) < 1e-9 * scale))
+    stable = bool(np.all((eigenvalues.real < 1e-9 * scale) & (np.abs(eigenvalues.imag) < 1e-9 * scale)))
+    return Equilibrium(q, torque, free, stable)
+
+
 def _free_joints(device: Device, samples: int = 8) -> NDArray[np.bool_]:
-    """Return, per joint, whether gravity feels no change of it (checked at seeded random poses)."""
+    """Return (dof,) whether gravity is independent of each joint (tested at seeded random poses)."""
     rng = np.random.default_rng(0)
     poses = rng.uniform(-np.pi, np.pi, (samples, device.dof))
-    moved = np.array([device.gravity(p) for p in poses])
+    reference = np.array([device.gravity(p) for p in poses])
     free = np.zeros(device.dof, dtype=bool)
     for j in range(device.dof):
         shifted = poses.copy()
         shifted[:, j] += 1.0
-        free[j] = np.allclose(np.array([device.gravity(p) for p in shifted]), moved, rtol=0, atol=1e-12)
+        free[j] = np.allclose(np.array([device.gravity(p) for p in shifted]), reference, rtol=0, atol=1e-12)
     return free
 
 

@@ -1,7 +1,7 @@
-"""What the wall feels: a linear device, moved along one line, alone or in a hand; and what one held force does to it.
+"""Linear model of a device along one line, with or without an operator, and its exact discretization.
 
-M q'' + D q' + S q = J^T f,  tip = J q, with f and the tip's motion taken along a unit vector. A mass is the case of one
-coordinate; an arm at a pose has as many as joints; a hand behind fingertip tissue adds its own.
+M q'' + D q' + S q = J^T f, tip = J q, with f and the tip motion along a unit vector. A mass has one coordinate, an arm
+one per joint. An operator behind fingertip tissue adds one per axis.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from palpate.linear.linearization import static_tip_force
 __all__ = ["HumanArm", "LinearDevice", "SampledDevice", "discretize_zoh"]
 
 Array = NDArray[np.float64]
-LONGEST = 1000  # samples of delay
+MAX_DELAY = 1000  # samples
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class HumanArm:
     Attributes:
         mass: kg.
         damping: N s/m.
-        stiffness: N/m, to the shoulder.
-        tissue_stiffness: N/m of the fingertip between arm and tip; None: the hand grips rigidly.
-        tissue_damping: N s/m of the fingertip.
+        stiffness: N/m, between hand and shoulder.
+        tissue_stiffness: stiffness of the fingertip between arm and tip, N/m; None: rigid grip.
+        tissue_damping: damping of the fingertip, N s/m.
 
     Raises:
-        StabilityError: a negative value, or a hand without mass behind tissue.
+        StabilityError: a negative value, or no mass behind tissue.
     """
 
     mass: float
@@ -64,9 +64,9 @@ class LinearDevice:
         inertia: M (n, n), kg m^2 (kg for a slider).
         damping: D (n, n), N m s/rad.
         stiffness: S (n, n), N m/rad.
-        jacobian: J (axes, n), m/rad: how each axis of the tip moves with each coordinate.
-        along: unit vector (axes,) along which wall and tip meet.
-        name: what it is, for verdicts.
+        jacobian: J (axes, n), m/rad, tip motion per coordinate.
+        along: unit normal of the wall (axes,).
+        name: description for verdicts.
     """
 
     inertia: Array
@@ -97,16 +97,16 @@ class LinearDevice:
         along: ArrayLike = (1.0, 0.0, 0.0),
         arm: HumanArm | None = None,
     ) -> LinearDevice:
-        """Return ``device`` linearised at rest in ``pose``, moved along a direction in the base frame.
+        """Return ``device`` linearized at rest in ``pose``, moved along a direction in the base frame.
 
         A constant tip force holds it against gravity; its torque turns with the pose, and is counted as stiffness.
-        Dry friction is left out: it only steadies. Coordinates that ``along`` does not excite are left out as well.
+        Dry friction, which only dissipates energy, and coordinates that ``along`` does not excite are neglected.
 
         Args:
             device: a device, or its name in the catalogue or the path of its file.
             pose: (dof,), rad (m for a slider).
             along: direction (3,), not zero.
-            arm: holds the tip.
+            arm: operator at the tip; None: no operator.
 
         Raises:
             PoseError: a wrong shape, or a pose at which the direction cannot be pushed.
@@ -140,7 +140,7 @@ class LinearDevice:
         return tip if arm is None else tip.coupled_to(arm)
 
     def coupled_to(self, arm: HumanArm) -> LinearDevice:
-        """Return this device in the hand of ``arm``: rigidly, or with one more mass per axis behind the fingertip."""
+        """Return this device coupled to ``arm``, rigidly or through fingertip tissue."""
         grip = (
             "gripped rigidly by"
             if arm.tissue_stiffness is None
@@ -160,21 +160,21 @@ class LinearDevice:
 
     @property
     def apparent_mass(self) -> float:
-        """Mass felt at the tip along the line by a force that rises at once, kg."""
-        lever = self.along @ self.jacobian
-        return float(1 / (lever @ np.linalg.solve(self.inertia, lever)))
+        """Apparent mass at the tip along the line, kg."""
+        jacobian_along = self.along @ self.jacobian
+        return float(1 / (jacobian_along @ np.linalg.solve(self.inertia, jacobian_along)))
 
     @property
     def state_space(self) -> control.StateSpace:
-        """The continuous system from force (N) to motion (m) along the line, without the modes it does not excite."""
+        """Continuous system from force (N) to motion (m) along the line, without unreachable modes."""
         root = np.linalg.cholesky(self.inertia)
         inverse = np.linalg.inv(root)
-        lever = inverse @ (self.jacobian.T @ self.along)
+        jacobian_along = inverse @ (self.jacobian.T @ self.along)
         d, s = inverse @ self.damping @ inverse.T, inverse @ self.stiffness @ inverse.T
-        basis = _reachable(lever, (d, s))
+        basis = _reachable(jacobian_along, (d, s))
         n = basis.shape[1]
         zero = np.zeros((n, n))
-        force = basis.T @ lever
+        force = basis.T @ jacobian_along
         return control.StateSpace(
             np.block([[zero, np.eye(n)], [-basis.T @ s @ basis, -basis.T @ d @ basis]]),
             np.concatenate([np.zeros(n), force])[:, None],
@@ -186,13 +186,14 @@ class LinearDevice:
 def couple_arm(
     inertia: Array, damping: Array, stiffness: Array, jacobian: Array, arm: HumanArm
 ) -> tuple[Array, Array, Array, Array]:
-    """Return M, D, S (..., n, n) and J (..., axes, n) of a device, or of a stack of them, in the hand of ``arm``.
+    """Return M, D, S (..., n, n) and J (..., axes, n) of a device, or of a stack of devices, coupled to ``arm``.
 
-    A rigid grip adds to the device; behind the fingertip the hand is one more mass per axis, after the device's own.
+    A rigid grip adds to the device. Behind fingertip tissue the arm is one more coordinate per axis, after those of
+    the device.
     """
-    turned = np.swapaxes(jacobian, -1, -2)
+    transposed = np.swapaxes(jacobian, -1, -2)
     if arm.tissue_stiffness is None:
-        extra = turned @ jacobian
+        extra = transposed @ jacobian
         return inertia + arm.mass * extra, damping + arm.damping * extra, stiffness + arm.stiffness * extra, jacobian
     axes, n = jacobian.shape[-2:]
     eye = np.broadcast_to(np.eye(axes), (*jacobian.shape[:-2], axes, axes))
@@ -214,14 +215,14 @@ def couple_arm(
 
 
 def _reachable(start: Array, maps: tuple[Array, ...], tolerance: float = 1e-10) -> Array:
-    """Return an orthonormal basis (n, k) of the smallest space with ``start`` in it that every map keeps."""
+    """Return an orthonormal basis (n, k) of the smallest invariant subspace of ``maps`` that contains ``start``."""
     columns = [start / np.linalg.norm(start)]
     index = 0
     while index < len(columns) < len(start):
         for matrix in maps:
             image = matrix @ columns[index]
             size = np.linalg.norm(matrix)
-            for _ in range(2):  # twice is enough
+            for _ in range(2):  # second pass of Gram-Schmidt, for accuracy
                 for column in columns:
                     image = image - column * (column @ image)
             if np.linalg.norm(image) > tolerance * max(float(size), 1e-300):
@@ -232,14 +233,14 @@ def _reachable(start: Array, maps: tuple[Array, ...], tolerance: float = 1e-10) 
 
 @dataclass(frozen=True)
 class SampledDevice:
-    """What forces held from sample to sample do to a tip: exact, no approximation of the hold or of the delay.
+    """Exact discretization of a device with zero-order hold and delay.
 
     x_{k+1} = x_k + step x_k + now u_{k-n} + before u_{k-n-1}; tip = out x_k, with n whole samples of delay.
 
     Attributes:
-        step: A - I (n, n); kept as a difference so that slow motions keep their digits.
-        now: response to the force that acts in the last part of a period (n,).
-        before: response to the force still acting at its beginning (n,); zero for a whole number of samples.
+        step: A - I (n, n), stored as a difference for the accuracy of slow modes.
+        now: response to the force in the last part of a period (n,).
+        before: response to the previous force in the first part (n,); zero for a whole number of samples.
         out: (n,).
         whole: whole samples of delay.
         period: s.
@@ -254,68 +255,67 @@ class SampledDevice:
 
     @property
     def fractional(self) -> bool:
-        """Whether the delay is no whole number of samples."""
+        """Whether the delay is not a whole number of samples."""
         return bool(np.any(self.before))
 
     def response(self, angle: Array) -> NDArray[np.complex128]:
-        """Return the tip's motion per force, m/N, delay included, at e^{j angle}; angle (k,) in rad per sample."""
+        """Return tip motion per force (k,), m/N, delay included, at e^{j angle}; angle (k,) in rad per sample."""
         theta = np.asarray(angle, dtype=float)
-        ahead = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)  # z - 1 without cancellation
+        z_minus_one = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)  # without cancellation
         n = len(self.step)
         force = self.now[None, :] + self.before[None, :] * np.exp(-1j * theta)[:, None]
-        if n == 2:  # a mass, a million times over
+        if n == 2:  # closed form for a mass
             (a, b), (c, d) = -self.step
-            det = (ahead + a) * (ahead + d) - b * c
-            first = ((ahead + d) * force[:, 0] - b * force[:, 1]) / det
-            second = ((ahead + a) * force[:, 1] - c * force[:, 0]) / det
-            moved = self.out[0] * first + self.out[1] * second
+            det = (z_minus_one + a) * (z_minus_one + d) - b * c
+            first = ((z_minus_one + d) * force[:, 0] - b * force[:, 1]) / det
+            second = ((z_minus_one + a) * force[:, 1] - c * force[:, 0]) / det
+            compliance = self.out[0] * first + self.out[1] * second
         else:
-            matrix = ahead[:, None, None] * np.eye(n) - self.step
-            moved = np.linalg.solve(matrix, force[:, :, None])[:, :, 0] @ self.out
-        return np.asarray(moved * np.exp(-1j * self.whole * theta), dtype=complex)
+            matrix = z_minus_one[:, None, None] * np.eye(n) - self.step
+            compliance = np.linalg.solve(matrix, force[:, :, None])[:, :, 0] @ self.out
+        return np.asarray(compliance * np.exp(-1j * self.whole * theta), dtype=complex)
 
 
 def discretize_zoh(device: LinearDevice | control.StateSpace, period: float, delay: float = 0.0) -> SampledDevice:
-    """Return ``device`` behind a zero-order hold of ``period`` (s) and ``delay`` (in samples, whole or not).
+    """Return ``device`` behind a zero-order hold of ``period`` (s) and ``delay`` (samples, may be fractional).
 
     Args:
-        device: a tip, or a continuous SISO state space from force (N) to motion (m).
+        device: a LinearDevice, or a continuous SISO state space from force (N) to motion (m).
 
     Raises:
         StabilityError: a period that is not positive, a negative delay, a device that is sampled, has several
-            inputs or outputs, or answers a force at once.
+            inputs or outputs, or has a direct feedthrough.
     """
     t = positive(period, "period", "s (a rate of zero has none)")
-    n = not_negative(delay, "delay", "samples (a negative one would look ahead)")
-    if n > LONGEST:
-        raise StabilityError(f"delay: {n:g} samples; the most is {LONGEST}, and no loop bears as many")
+    n = not_negative(delay, "delay", "samples (a negative one would not be causal)")
+    if n > MAX_DELAY:
+        raise StabilityError(f"delay: {n:g} samples; the most is {MAX_DELAY}")
     system = device.state_space if isinstance(device, LinearDevice) else device
     if not isinstance(system, control.StateSpace):
         raise StabilityError(
             f"the device must be a LinearDevice or a continuous control.StateSpace, not {type(device).__name__}; "
-            "of an arm, "
-            "LinearDevice.at_pose(arm, pose, along=(0, 0, 1)) is one"
+            "for an arm use LinearDevice.at_pose(arm, pose, along=(0, 0, 1))"
         )
     if system.isdtime(strict=True) or (system.ninputs, system.noutputs) != (1, 1):
         raise StabilityError(
-            "the device must be continuous, from one force to one displacement; palpate holds and samples it exactly"
+            "the device must be continuous, from one force to one displacement; palpate discretizes it exactly"
         )
     if np.any(system.D):
-        raise StabilityError("the device moves in the same instant as the force: its D must be zero, it needs inertia")
+        raise StabilityError("the device has a direct feedthrough: its D must be zero; add inertia")
     whole = int(np.floor(n + 1e-12))
     part = n - whole
     part = 0.0 if part < 1e-12 else part
-    step, after = _held(system.A, system.B[:, 0], (1 - part) * t)
+    step, after = _zoh(system.A, system.B[:, 0], (1 - part) * t)
     before = np.zeros_like(after)
     if part > 0:
-        early, first = _held(system.A, system.B[:, 0], part * t)
+        early, first = _zoh(system.A, system.B[:, 0], part * t)
         before = first + step @ first
         step = early + step + step @ early
     return SampledDevice(step, after, before, np.asarray(system.C[0], float), whole, t)
 
 
-def _held(a: Array, b: Array, time: float) -> tuple[Array, Array]:
-    """Return e^{a t} - I and the integral of e^{a s} b over [0, t], each to full relative accuracy."""
+def _zoh(a: Array, b: Array, time: float) -> tuple[Array, Array]:
+    """Return e^{a t} - I (n, n) and the integral of e^{a s} b over [0, t] (n,), each to full relative accuracy."""
     n = len(a)
     # blocks of expm([[a, I], [0, 0]] t): the integral of e^{as}, from which both follow without cancellation
     big = np.zeros((2 * n, 2 * n))

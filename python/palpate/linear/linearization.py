@@ -1,6 +1,6 @@
-"""Exact linearisation of a device about a pose, in joint torque or in tip force.
+"""Exact linearization of a device about a pose, in joint torque or in tip force.
 
-The device answers with derivatives by dual numbers; nothing here is a finite difference.
+The derivatives come from dual numbers, not from finite differences.
 """
 
 from __future__ import annotations
@@ -40,15 +40,14 @@ def linearize(
         device: a device, or its name in the catalogue or the path of its file.
         q: pose (dof,), rad.
         qd: joint velocity (dof,), rad/s; zero if not given.
-        tau: joint torque (dof,), N m, at which the dynamics are taken; if not given, the torque that
-            keeps the pose at rest: N(q).
+        tau: joint torque (dof,), N m, of the working point; if not given, the gravity torque N(q).
         inputs: ``"torque"``: deviation of the joint torque (dof inputs, N m); ``"force"``: deviation
             u of a tip force (3 inputs, N, base frame) that acts through the transposed Jacobian,
             tau = J(q)^T (force + u).
         outputs: ``"angle"``: dq (dof, rad); ``"tip"``: dp = J dq (3, m); ``"object_force"``:
             diag(stiffness) dp (3, N), the force of a spring anchored at the start tip.
         force: for ``inputs="force"``, the constant tip force (3,), N, held at the pose; if not given,
-            the smallest one with J^T force = tau. Because J turns with the pose, it adds
+            the smallest one with J^T force = tau. Because J changes with the pose, it adds
             M^-1 d(J^T force)/dq to the position columns.
         stiffness: N/m, one value or three (x, y, z); only for ``outputs="object_force"``.
 
@@ -71,39 +70,11 @@ def linearize(
     a_q, a_v, a_tau = (np.asarray(d, dtype=float) for d in device.linearization(pose, speed, torque))
     jacobian = np.asarray(device.jacobian(pose), dtype=float)
 
-    if inputs == "torque":
-        if force is not None:
-            raise PoseError('linearize: force is only for inputs="force"; with inputs="torque" pass tau')
-        gain, stiffening = np.eye(n), np.zeros((n, n))
-        input_names = [f"torque[{i + 1}]" for i in range(n)]
-    elif inputs == "force":
-        require_regular(jacobian, pose)
-        held = static_tip_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
-        gain = jacobian.T
-        stiffening = np.einsum("k,kij->ij", held, np.asarray(device.tip_hessian(pose), dtype=float))
-        input_names = [f"force[{a}]" for a in AXES]
-    else:
-        raise PoseError(f'linearize: inputs must be "torque" or "force", not {inputs!r}')
-
-    if outputs == "object_force":
-        if stiffness is None:
-            raise PoseError('linearize: outputs="object_force" needs the object\'s stiffness in N/m')
-        k = np.broadcast_to(array_to_si(stiffness, "N/m", "linearize: stiffness", error=PoseError), (3,))
-        if not np.all(np.isfinite(k)) or np.any(k < 0):
-            raise PoseError(f"linearize: stiffness must be finite and not negative in N/m, not {k.tolist()}")
-        position, output_names = k[:, None] * jacobian, [f"object_force[{a}]" for a in AXES]
-    elif stiffness is not None:
-        raise PoseError('linearize: stiffness is only for outputs="object_force"')
-    elif outputs == "tip":
-        position, output_names = jacobian, [f"tip[{a}]" for a in AXES]
-    elif outputs == "angle":
-        position, output_names = np.eye(n), [f"angle[{i + 1}]" for i in range(n)]
-    else:
-        raise PoseError(f'linearize: outputs must be "angle", "tip" or "object_force", not {outputs!r}')
-
+    gain, geometric_stiffness, input_names = _input(device, pose, torque, jacobian, inputs, force)
+    position, output_names = _output(jacobian, outputs, stiffness)
     zero = np.zeros((n, n))
     return control.StateSpace(
-        np.block([[zero, np.eye(n)], [a_q + a_tau @ stiffening, a_v]]),
+        np.block([[zero, np.eye(n)], [a_q + a_tau @ geometric_stiffness, a_v]]),
         np.vstack([np.zeros((n, gain.shape[1])), a_tau @ gain]),
         np.hstack([position, np.zeros((position.shape[0], n))]),
         np.zeros((position.shape[0], gain.shape[1])),
@@ -111,6 +82,42 @@ def linearize(
         inputs=input_names,
         outputs=output_names,
     )
+
+
+def _input(
+    device: Device, pose: Array, torque: Array, jacobian: Array, inputs: str, force: ArrayLike | None
+) -> tuple[Array, Array, list[str]]:
+    """Return the map from input to torque (dof, m), the geometric stiffness (dof, dof), N m/rad, and input names."""
+    n = device.dof
+    if inputs == "torque":
+        if force is not None:
+            raise PoseError('linearize: force is only for inputs="force"; with inputs="torque" pass tau')
+        return np.eye(n), np.zeros((n, n)), [f"torque[{i + 1}]" for i in range(n)]
+    if inputs == "force":
+        require_regular(jacobian, pose)
+        constant = static_tip_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
+        geometric_stiffness = np.einsum("k,kij->ij", constant, np.asarray(device.tip_hessian(pose), dtype=float))
+        return jacobian.T, geometric_stiffness, [f"force[{a}]" for a in AXES]
+    raise PoseError(f'linearize: inputs must be "torque" or "force", not {inputs!r}')
+
+
+def _output(jacobian: Array, outputs: str, stiffness: ArrayLike | None) -> tuple[Array, list[str]]:
+    """Return the map from pose to output (p, dof), and output names."""
+    n = jacobian.shape[1]
+    if outputs == "object_force":
+        if stiffness is None:
+            raise PoseError('linearize: outputs="object_force" needs the object\'s stiffness in N/m')
+        k = np.broadcast_to(array_to_si(stiffness, "N/m", "linearize: stiffness", error=PoseError), (3,))
+        if not np.all(np.isfinite(k)) or np.any(k < 0):
+            raise PoseError(f"linearize: stiffness must be finite and not negative in N/m, not {k.tolist()}")
+        return k[:, None] * jacobian, [f"object_force[{a}]" for a in AXES]
+    if stiffness is not None:
+        raise PoseError('linearize: stiffness is only for outputs="object_force"')
+    if outputs == "tip":
+        return jacobian, [f"tip[{a}]" for a in AXES]
+    if outputs == "angle":
+        return np.eye(n), [f"angle[{i + 1}]" for i in range(n)]
+    raise PoseError(f'linearize: outputs must be "angle", "tip" or "object_force", not {outputs!r}')
 
 
 def static_tip_force(jacobian: Array, torque: Array) -> Array:

@@ -1,7 +1,7 @@
-"""The sampled loop of a tip and a wall, as one matrix that is affine in the wall's stiffness K and damping B.
+"""Sampled loop of a tip and a wall, as one matrix that is affine in the wall's stiffness K and damping B.
 
-Each sample: f = K x + B v, with v the backward difference of x through v <- alpha v + (1 - alpha) dx/T; the command -f,
-through a controller if there is one, is held for a period and acts after the delay.
+At each sample f = K x + B v, where v <- alpha v + (1 - alpha) dx/T is the filtered backward difference of x. The
+command -f passes through the controller, if any, is held for a period and acts after the delay.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class WallLoop:
 
     Attributes:
         base: (n, n), the loop without the wall.
-        entry: (n,), what the wall's force does to the next state.
+        entry: (n,), input of the wall's force to the next state.
         position: (n,), tip position of a state, m.
         velocity: (n,), the servo's estimate of the tip's velocity, m/s.
-        tip: the device behind its hold.
+        tip: the discretized device.
         velocity_filter: alpha.
         controller: between the wall's force and the command; None: a gain of one.
     """
@@ -60,19 +60,19 @@ class WallLoop:
         return float(np.abs(np.linalg.eigvals(self.matrix(stiffness, damping))).max())
 
     def required_wall_response(self, angle: Array) -> NDArray[np.complex128]:
-        """Return W(theta): the wall's response K + B V that puts a root at e^{j theta}; theta (k,), rad per sample."""
+        """Return W(theta) (k,), N/m: the response K + B V with a root at e^{j theta}; theta (k,), rad per sample."""
         theta = np.asarray(angle, dtype=float)
         gain = self.tip.response(theta)
         if self.controller is not None:
-            gain = gain * _at(self.controller, np.exp(1j * theta))
+            gain = gain * frequency_values(self.controller, np.exp(1j * theta))
         return np.asarray(-1 / gain, dtype=complex)
 
     def velocity_response(self, angle: Array) -> NDArray[np.complex128]:
-        """Return V(theta), the servo's velocity per position, 1/s."""
+        """Return V(theta) (k,), the servo's velocity per position, 1/s; theta (k,), rad per sample."""
         theta = np.asarray(angle, dtype=float)
         z, a = np.exp(1j * theta), self.velocity_filter
-        ahead = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)
-        return np.asarray((1 - a) / self.period * ahead / (z - a), dtype=complex)
+        z_minus_one = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)
+        return np.asarray((1 - a) / self.period * z_minus_one / (z - a), dtype=complex)
 
 
 def wall_loop(
@@ -85,14 +85,14 @@ def wall_loop(
     """Return the loop of ``device`` against a wall.
 
     Args:
-        device: a tip, a continuous SISO state space from force (N) to motion (m), or a tip already behind its hold.
-        period: T, s; not for a held tip, which has one.
-        delay: in samples, whole or not.
+        device: a LinearDevice, a continuous SISO state space from force (N) to motion (m), or a SampledDevice.
+        period: T, s; not for a SampledDevice, which has one.
+        delay: in samples, may be fractional.
         velocity_filter: alpha of v <- alpha v + (1 - alpha) dx/T, 0 for none.
-        controller: sampled SISO system from the wall's force to the command; None: as it is.
+        controller: sampled SISO system from the wall's force to the command; None: unity.
 
     Raises:
-        StabilityError: as ``hold`` and ``causal_controller``.
+        StabilityError: as ``discretize_zoh`` and ``causal_controller``.
     """
     alpha = fraction(velocity_filter, "velocity_filter")
     if isinstance(device, SampledDevice):
@@ -101,14 +101,14 @@ def wall_loop(
         if period is None:
             raise StabilityError("period is missing: the loop's servo period in s")
         tip = discretize_zoh(device, period, delay)
-    law = None if controller is None else causal_controller(controller, tip.period)
+    feedback = None if controller is None else causal_controller(controller, tip.period)
     n = len(tip.step)
-    line = tip.whole + (1 if tip.fractional else 0)  # forces on their way
-    m = 0 if law is None else law.nstates
+    line = tip.whole + (1 if tip.fractional else 0)  # length of the delay line
+    m = 0 if feedback is None else feedback.nstates
     size = n + line + 1 + m
     base = np.zeros((size, size))
     base[:n, :n] = np.eye(n) + tip.step
-    direct = np.zeros(size)  # what the newest command does
+    direct = np.zeros(size)  # input of the newest command
     if tip.whole == 0:
         direct[:n] += tip.now
     else:
@@ -119,29 +119,29 @@ def wall_loop(
         base[n + i, n + i - 1] = 1.0
     if line:
         direct[n] = 1.0
-    # the filter's memory: s <- alpha s + x; v = (1 - alpha)/T (x - (1 - alpha) s)
-    memory = n + line
-    base[memory, memory] = alpha
-    base[memory, :n] = tip.out
+    # state of the filter: s <- alpha s + x; v = (1 - alpha)/T (x - (1 - alpha) s)
+    filter_state = n + line
+    base[filter_state, filter_state] = alpha
+    base[filter_state, :n] = tip.out
     position, velocity = np.zeros(size), np.zeros(size)
     position[:n] = tip.out
     velocity[:n] = (1 - alpha) / tip.period * tip.out
-    velocity[memory] = -((1 - alpha) ** 2) / tip.period
+    velocity[filter_state] = -((1 - alpha) ** 2) / tip.period
     entry = -direct
-    if law is not None:
-        tail = slice(memory + 1, size)
-        base[tail, tail] = law.A
-        base[:, tail] -= np.outer(direct, law.C[0])
-        entry = -direct * law.D[0, 0]
-        entry[tail] = law.B[:, 0]
-    return WallLoop(base, entry, position, velocity, tip, alpha, law)
+    if feedback is not None:
+        tail = slice(filter_state + 1, size)
+        base[tail, tail] = feedback.A
+        base[:, tail] -= np.outer(direct, feedback.C[0])
+        entry = -direct * feedback.D[0, 0]
+        entry[tail] = feedback.B[:, 0]
+    return WallLoop(base, entry, position, velocity, tip, alpha, feedback)
 
 
 def causal_controller(controller: Any, period: float) -> control.StateSpace:
-    """Return a sampled SISO controller as a state space, once it is seen to be one that a servo can run.
+    """Return a sampled SISO controller as a state space, checked to be causal and stable.
 
     Raises:
-        StabilityError: it looks ahead (its numerator is of higher degree than its denominator), is unstable, is
+        StabilityError: it is not causal (its numerator is of higher degree than its denominator), is unstable, is
             continuous or sampled otherwise, or has several inputs or outputs.
     """
     if isinstance(controller, control.TransferFunction) and (controller.ninputs, controller.noutputs) == (1, 1):
@@ -183,7 +183,8 @@ def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
     return a, b, (num[1:] - num[0] * den[1:])[None, :], np.array([[num[0]]])
 
 
-def _at(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def frequency_values(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the response (k,) of a SISO system at each z (k,)."""
     if not system.nstates:
         return np.full(z.shape, complex(system.D[0, 0]))
     matrix = z[:, None, None] * np.eye(system.nstates) - system.A

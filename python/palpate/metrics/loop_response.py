@@ -1,12 +1,13 @@
-"""What a hand feels of a sampled loop, over frequency: exact for the oscillation that the hand imposes.
+"""Frequency response of a sampled loop to the operator's force, exact at the frequency of the excitation.
 
-The hand's force moves a continuous device; samples of that motion go through object and controller, are held, delayed,
-and act back. Of the staircase that acts back, the part at the hand's own frequency counts:
-(1 - e^{-j w T})/(j w T) times the samples' amplitude. Nothing else is left out, so below half the sampling rate
+The operator's force moves a continuous device. Samples of that motion pass through object and controller, are held and
+delayed, and act back. The component of the held force at the excitation frequency is (1 - e^{-j w T})/(j w T) times the
+amplitude of the samples. Below half the sampling rate
 
     q* = (I - z^-n R(z) Y(z))^-1 G(jw) J^T F,     x = J G(jw) (J^T F + H(jw) z^-n Y(z) q*),     z = e^{jwT},
 
-with G the device from torque to joint motion, R the same behind the hold, and Y = J^T C(z) (K + B v(z)) J + turning.
+with G the device from torque to joint motion, R the same behind the hold, and Y = J^T C(z) (K + B v(z)) J plus the
+geometric stiffness.
 """
 
 from __future__ import annotations
@@ -33,28 +34,28 @@ Complex = NDArray[np.complex128]
 
 def hold_response(frequency: ArrayLike, period: float) -> Complex:
     """Return H(jw) = (1 - e^{-jwT})/(jwT) of a zero-order hold, (k,); frequency in Hz, period in s."""
-    turn = np.asarray(frequency, dtype=float) * period
-    return np.asarray(np.sinc(turn) * np.exp(-1j * np.pi * turn), dtype=complex)
+    cycles = np.asarray(frequency, dtype=float) * period
+    return np.asarray(np.sinc(cycles) * np.exp(-1j * np.pi * cycles), dtype=complex)
 
 
 def arm_stiffness(arm: HumanArm, frequency: ArrayLike) -> Complex:
-    """Return the force per motion of a hand at its grip at each frequency (Hz), (k,), N/m, fingertip included."""
+    """Return the dynamic stiffness of an arm at the grip (k,), N/m, fingertip included; frequency in Hz."""
     w = 2 * np.pi * np.asarray(frequency, dtype=float)
-    bone = arm.stiffness + 1j * w * arm.damping - w**2 * arm.mass
+    skeleton = arm.stiffness + 1j * w * arm.damping - w**2 * arm.mass
     if arm.tissue_stiffness is None:
-        return np.asarray(bone, dtype=complex)
+        return np.asarray(skeleton, dtype=complex)
     tissue = arm.tissue_stiffness + 1j * w * arm.tissue_damping
-    return np.asarray(tissue * bone / (tissue + bone), dtype=complex)
+    return np.asarray(tissue * skeleton / (tissue + skeleton), dtype=complex)
 
 
 @dataclass(frozen=True)
 class LoopResponse:
-    """A device at rest in a pose, an object, and the servo between them; nobody holds the tip.
+    """A device at rest in a pose, an object, and the servo between them, without operator.
 
     Attributes:
         device: the arm or slider.
         pose: (dof,), rad.
-        law: the controller.
+        controller: the controller.
         period: T, s.
         delay: n, samples.
         stiffness: K (3, 3), N/m, of the object; damping: B (3, 3), N s/m.
@@ -64,7 +65,7 @@ class LoopResponse:
 
     device: Device
     pose: Array
-    law: Controller
+    controller: Controller
     period: float
     delay: int
     stiffness: Array
@@ -74,18 +75,18 @@ class LoopResponse:
 
     @classmethod
     def of(cls, scenario: Scenario) -> LoopResponse:
-        """Return the loop of a scenario at its start; a wall is taken as touched.
+        """Return the loop of a scenario at its start, in contact with the object.
 
         Raises:
-            StabilityError: it touches no spring or wall, or its device is the identified model, which has no motion
+            StabilityError: the object is no spring or wall, or the device is the identified model, which has no motion
                 between samples.
             ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
         """
         o = scenario.object
         if o.stiffness is None:
-            raise StabilityError(f'object.kind: nothing to feel in "{o.kind}"; give a spring or a wall')
+            raise StabilityError(f'object.kind: "{o.kind}" has no stiffness; give a spring or a wall')
         if scenario.device.model == "experimental":
-            raise StabilityError('device.model: "experimental" knows no motion between samples; use "nonlinear"')
+            raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
         device = scenario.load_device()
         start = scenario.start
         pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
@@ -94,11 +95,11 @@ class LoopResponse:
             k, b = (float(values[0]) * np.outer(normal, normal) for values in (o.stiffness, o.damping))
         else:
             k, b = np.diag(o.stiffness), np.diag(o.damping)
-        law = build_controller(scenario, device, pose)
+        controller = build_controller(scenario, device, pose)
         return cls(
             device,
             pose,
-            law,
+            controller,
             scenario.period,
             scenario.device.delay,
             k,
@@ -108,7 +109,7 @@ class LoopResponse:
         )
 
     def directions(self) -> Array:
-        """Return unit vectors (r, 3) along which the object is felt and the device moves."""
+        """Return unit vectors (r, 3) along which the object acts and the device moves."""
         reach = np.linalg.norm(self.device.jacobian(self.pose), axis=1)
         stiff = np.diag(self.stiffness) + np.diag(self.damping)
         if np.count_nonzero(self.stiffness - np.diag(np.diag(self.stiffness))):
@@ -117,22 +118,22 @@ class LoopResponse:
         return np.asarray(np.eye(3)[(stiff > 0) & (reach > 1e-9 * reach.max())], dtype=float)
 
     def displacement(self, frequency: ArrayLike, object_on: bool = True) -> Complex:
-        """Return the tip's motion per force of the hand, (k, 3, 3), m/N.
+        """Return tip motion per force of the operator, (k, 3, 3), m/N.
 
         Args:
             frequency: (k,), Hz, above 0 and below half the sampling rate.
-            object_on: False: of the device alone, held against gravity.
+            object_on: include the object; False: the device alone, with gravity compensation.
 
         Raises:
-            StabilityError: a frequency out of that range.
+            StabilityError: a frequency is out of that range.
         """
         f = self._frequencies(frequency)
-        moved, sampled, law = self._device(f), self._sampled(f), self._law(f, object_on)
-        jacobian, late = self.device.jacobian(self.pose), self._late(f)
-        pushed = moved @ jacobian.T
-        samples = np.linalg.solve(np.eye(self.device.dof) - late * sampled @ law, pushed)
-        back = hold_response(f, self.period)[:, None, None] * late * law @ samples
-        return np.asarray(jacobian @ (pushed + moved @ back), dtype=complex)
+        compliance, sampled, law = self._device(f), self._sampled(f), self._law(f, object_on)
+        jacobian, delayed = self.device.jacobian(self.pose), self._delay_factor(f)
+        forced = compliance @ jacobian.T
+        samples = np.linalg.solve(np.eye(self.device.dof) - delayed * sampled @ law, forced)
+        back = hold_response(f, self.period)[:, None, None] * delayed * law @ samples
+        return np.asarray(jacobian @ (forced + compliance @ back), dtype=complex)
 
     def reference(self, frequency: ArrayLike) -> Complex:
         """Return the object's force per reference force of a force-tracking loop, sampled, (k, 3, 3), N/N.
@@ -142,18 +143,18 @@ class LoopResponse:
         """
         f = self._frequencies(frequency)
         z = np.exp(2j * np.pi * f * self.period)
-        jacobian, late = self.device.jacobian(self.pose), self._late(f)
-        s = self.law.system
+        jacobian, delayed = self.device.jacobian(self.pose), self._delay_factor(f)
+        s = self.controller.system
         forward = _response(s.A, s.B[:, :3], s.C, s.D[:, :3], z)
         sampled = self._sampled(f)
-        driven = late * sampled @ (jacobian.T @ forward)
-        moved = np.linalg.solve(np.eye(self.device.dof) - late * sampled @ self._law(f, True), driven)
-        return np.asarray(self._object(z) @ (jacobian @ moved), dtype=complex)
+        driven = delayed * sampled @ (jacobian.T @ forward)
+        compliance = np.linalg.solve(np.eye(self.device.dof) - delayed * sampled @ self._law(f, True), driven)
+        return np.asarray(self._object(z) @ (jacobian @ compliance), dtype=complex)
 
     def transmitted(self, frequency: ArrayLike, arm: HumanArm, along: ArrayLike) -> Complex:
-        """Return the force on a hand per commanded tip force, both along one direction, (k,), N/N.
+        """Return the force on an arm per commanded tip force, both along one direction, (k,), N/N.
 
-        What the device's mass and the hold let through; the object is off.
+        The response includes the inertia of the device and the hold; the object is off.
 
         Raises:
             StabilityError: as ``displacement``.
@@ -163,8 +164,8 @@ class LoopResponse:
         jacobian = self.device.jacobian(self.pose)
         free = jacobian @ self._device(f) @ jacobian.T
         hand = arm_stiffness(arm, f)[:, None, None] * np.eye(3)
-        felt = hand @ np.linalg.solve(np.eye(3) + free @ hand, free)
-        return np.asarray(hold_response(f, self.period) * (n @ felt @ n), dtype=complex)
+        transmitted = hand @ np.linalg.solve(np.eye(3) + free @ hand, free)
+        return np.asarray(hold_response(f, self.period) * (n @ transmitted @ n), dtype=complex)
 
     def _frequencies(self, frequency: ArrayLike) -> Array:
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
@@ -175,14 +176,14 @@ class LoopResponse:
         return f
 
     def _geometric_stiffness(self) -> Array:
-        """Return how the torque of the motors' hold turns with the pose, (dof, dof), N m/rad."""
+        """Return the derivative of the gravity compensation torque by the pose, (dof, dof), N m/rad."""
         if not self.gravity_compensation:
             return np.zeros((self.device.dof, self.device.dof))
         force = static_tip_force(self.device.jacobian(self.pose), self.device.gravity(self.pose))
         return np.asarray(np.einsum("k,kij->ij", force, self.device.tip_hessian(self.pose)), dtype=float)
 
     def _device(self, f: Array) -> Complex:
-        """Return G(jw), joint motion per torque (k, dof, dof)."""
+        """Return G(jw), joint motion per torque, (k, dof, dof)."""
         w = (2 * np.pi * f)[:, None, None]
         a_q, a_v, a_t = self.device.linearization(self.pose, np.zeros(self.device.dof), self.device.gravity(self.pose))
         return np.asarray(np.linalg.solve(-(w**2) * np.eye(len(a_q)) - 1j * w * a_v - a_q, a_t.astype(complex)))
@@ -205,11 +206,11 @@ class LoopResponse:
         )
         if not object_on:
             return geometric_stiffness
-        feedback, jacobian = self.law.feedback, self.device.jacobian(self.pose)
+        feedback, jacobian = self.controller.feedback, self.device.jacobian(self.pose)
         command = _response(feedback.A, feedback.B, feedback.C, feedback.D, z) @ self._object(z)
         return np.asarray(jacobian.T @ command @ jacobian + geometric_stiffness, dtype=complex)
 
-    def _late(self, f: Array) -> Complex:
+    def _delay_factor(self, f: Array) -> Complex:
         return np.asarray(np.exp(-2j * np.pi * f * self.period * self.delay)[:, None, None], dtype=complex)
 
 

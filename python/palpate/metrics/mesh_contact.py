@@ -1,4 +1,4 @@
-"""What a slide over a mesh shows: force steps, deflection, lost contact, energy, and ripple."""
+"""Metrics of a run on a mesh: force steps, deflection, lost contact, energy and ripple."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from palpate.units import parse_quantity
 __all__ = ["LAST", "RIPPLE_BAND", "SlidingMetrics", "sliding_metrics"]
 
 Array = NDArray[np.float64]
-RIPPLE_BAND = (20.0, 500.0)  # Hz: vibration that an operator perceives
-LAST = 0.1  # s at the end of a run, over which its state of rest is taken
+RIPPLE_BAND = (20.0, 500.0)  # Hz, perceptible vibration
+LAST = 0.1  # s at the end of a run, over which the final state is averaged
 
 
 @dataclass(frozen=True)
 class SlidingMetrics:
-    """A tip's way over a mesh, from its first touch to the end of the run. N, m, J, N^2.
+    """Metrics of a tip on a mesh, from the first contact to the end of the run, in N, m, J and N^2.
 
     Attributes:
-        path: length of the proxy's way over the surface.
-        lost_ticks: servo ticks apart from the surface; None, as the next two, if not every tick was recorded.
-        step_at_crossing: largest change of the object force from one tick to the next, over those in which the proxy
-            goes from one triangle to another.
-        step_elsewhere: the same over the ticks on one triangle.
+        path: length of the path of the proxy on the surface.
+        lost_ticks: servo ticks without contact; None, as the next two, if not every tick was recorded.
+        step_at_crossing: largest change of the object force per tick while the proxy crosses to another triangle.
+        step_elsewhere: largest change of the object force per tick within one triangle.
         deflection: depth of the tip, mean over the last 0.1 s.
-        expected_deflection: reference force along the normal over the stiffness (F/K), then; None without one.
-        deflection_error_percent: of the two.
-        deflection_rms_error: root mean square of depth - F/K over the whole slide; None without a reference.
-        energy_generated: work of the field on the tip plus what it stores at the end less at the beginning: zero
-            for a field that derives from a potential. The force is taken as linear between samples.
-        energy_dissipated: what friction took, by the force that joins tip and proxy along the surface.
-        ripple_power: power of the object force between 20 and 500 Hz, the three axes together (Welch 1967).
-        final_force: size of the object force, mean over the last 0.1 s.
-        final_swing: peak-to-peak swing of the object force over the last 0.1 s, largest of the axes.
-        touching_at_end: whether contact held over the last 0.1 s.
+        expected_deflection: reference force along the normal over the stiffness (F/K), mean over the last 0.1 s; None
+            without a reference.
+        deflection_error_percent: relative error of `deflection`.
+        deflection_rms_error: root mean square of depth - F/K over the run; None without a reference.
+        energy_generated: work of the force field on the tip plus the increase of its stored energy; zero for a
+            conservative field. The force is linear between samples.
+        energy_dissipated: energy dissipated by friction, from the tangential force between tip and proxy.
+        ripple_power: power of the object force between 20 and 500 Hz, sum of the axes (Welch 1967).
+        final_force: magnitude of the object force, mean over the last 0.1 s.
+        final_swing: peak-to-peak object force over the last 0.1 s, largest of the axes.
+        touching_at_end: whether contact was kept over the last 0.1 s.
     """
 
     path: float
@@ -59,11 +59,11 @@ class SlidingMetrics:
 
     @property
     def settled(self) -> bool:
-        """Whether the tip rests on the surface at the end: in contact, its force steady to 1 % (or 1 mN)."""
+        """Whether the tip is at rest in contact at the end, with a force steady to 1 % or 1 mN."""
         return self.touching_at_end and self.final_swing <= max(1e-3, 0.01 * self.final_force)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON holds, each number's unit at the end of its name."""
+        """Return the metrics for JSON, with the unit as suffix of each name."""
         units = {
             "path": "m",
             "deflection": "m",
@@ -78,11 +78,14 @@ class SlidingMetrics:
 
 
 def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> SlidingMetrics | None:
-    """Return what a trace on a mesh shows; None if there is no mesh, or the tip touched it in fewer than two samples.
+    """Return the metrics of a trace on a mesh; None without a mesh or with fewer than two samples in contact.
 
-    `tangential` is the stiffness between tip and proxy along the surface, N/m: if not given, as the trace's scenario
-    has it, and as along the normal if that says nothing. The sampled force is the field's at the tip; with encoders
-    the tip that the servo saw is up to half a count away.
+    With encoders the tip position of the servo differs from the recorded one by up to half a count.
+
+    Args:
+        trace: a run on a mesh.
+        tangential: stiffness between tip and proxy along the surface, N/m; None: that of the scenario, by default the
+            stiffness along the normal.
     """
     if "proxy" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
@@ -90,31 +93,31 @@ def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> Sliding
     time = trace.time[first:]
     names = ("touching", "proxy", "tip", "normal", "depth", "surface_stiffness", "triangle", "object_force")
     touching, proxy, tip, normal, depth, stiffness, triangle, force = (trace[name][first:] for name in names)
-    on = touching[:, 0] > 0.0
-    both = on[1:] & on[:-1]
+    contact = touching[:, 0] > 0.0
+    both = contact[1:] & contact[:-1]
     every_tick = _record_every(trace) == 1
     steps = np.linalg.norm(np.diff(force, axis=0), axis=1)
     crossing = both & (np.diff(triangle[:, 0]) != 0.0)
     last = time >= time[-1] - LAST
     spring = _tangential(trace) if tangential is None else tangential
-    along = stiffness[:, 0] if spring is None else np.where(on, spring, 0.0)
+    along = stiffness[:, 0] if spring is None else np.where(contact, spring, 0.0)
     generated, dissipated = _energy(tip, proxy, normal, depth[:, 0], stiffness[:, 0], along, force)
-    expected = _expected(trace, first, normal, stiffness[:, 0], on)
-    at_rest = last & on
+    expected = _expected(trace, first, normal, stiffness[:, 0], contact)
+    at_rest = last & contact
     deflection = float(np.mean(depth[at_rest])) if at_rest.any() else 0.0
-    wanted = rms = error = None
+    expected_at_rest = rms = error = None
     if expected is not None:
-        rms = float(np.sqrt(np.mean((depth[on, 0] - expected[on]) ** 2)))
+        rms = float(np.sqrt(np.mean((depth[contact, 0] - expected[contact]) ** 2)))
         if at_rest.any():
-            wanted = float(np.mean(expected[at_rest]))
-            error = (deflection / wanted - 1.0) * 100.0 if wanted > 0.0 else None
+            expected_at_rest = float(np.mean(expected[at_rest]))
+            error = (deflection / expected_at_rest - 1.0) * 100.0 if expected_at_rest > 0.0 else None
     return SlidingMetrics(
         path=float(np.sum(np.linalg.norm(np.diff(proxy, axis=0), axis=1)[both])),
-        lost_ticks=int(np.count_nonzero(~on)) if every_tick else None,
+        lost_ticks=int(np.count_nonzero(~contact)) if every_tick else None,
         step_at_crossing=float(np.max(steps[crossing], initial=0.0)) if every_tick else None,
         step_elsewhere=float(np.max(steps[~crossing], initial=0.0)) if every_tick else None,
         deflection=deflection,
-        expected_deflection=wanted,
+        expected_deflection=expected_at_rest,
         deflection_error_percent=error,
         deflection_rms_error=rms,
         energy_generated=generated,
@@ -122,7 +125,7 @@ def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> Sliding
         ripple_power=_ripple_power(force, float(time[1] - time[0])),
         final_force=float(np.mean(np.linalg.norm(force[last], axis=1))),
         final_swing=float(np.max(np.ptp(force[last], axis=0))),
-        touching_at_end=bool(on[last].all()),
+        touching_at_end=bool(contact[last].all()),
     )
 
 
@@ -135,13 +138,13 @@ def _tangential(trace: Trace) -> float | None:
     return None if text is None else parse_quantity(text, "N/m")
 
 
-def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, on: NDArray[np.bool_]) -> Array | None:
+def _expected(trace: Trace, first: int, normal: Array, stiffness: Array, contact: NDArray[np.bool_]) -> Array | None:
     """Return F/K (n,), m, at each sample; None without a reference force."""
     reference = trace["reference_force"][first:]
     if not np.any(reference):
         return None
     pressed = np.maximum(0.0, -np.sum(reference * normal, axis=1))
-    return np.asarray(np.divide(pressed, stiffness, out=np.zeros_like(pressed), where=on & (stiffness > 0.0)))
+    return np.asarray(np.divide(pressed, stiffness, out=np.zeros_like(pressed), where=contact & (stiffness > 0.0)))
 
 
 def _energy(
@@ -149,12 +152,12 @@ def _energy(
 ) -> tuple[float, float]:
     """Return the energy (J) that the field generated, and what friction dissipated.
 
-    The force on the tip is the field's (normal, and its slope along the surface) and the spring's between tip and
-    proxy along the surface; only the field's may create energy, and only the other may take it.
+    The force on the tip is the sum of the field (normal force and its tangential gradient) and of the tangential spring
+    between tip and proxy. Only the field may generate energy, and only the spring may dissipate it.
     """
-    lag = proxy - tip - depth[:, None] * normal
-    length = np.sum(lag * lag, axis=1)
-    drag = spring[:, None] * lag
+    tangential_offset = proxy - tip - depth[:, None] * normal
+    length = np.sum(tangential_offset * tangential_offset, axis=1)
+    tangential_force = spring[:, None] * tangential_offset
     move = np.diff(tip, axis=0)
 
     def work(force: Array) -> float:
@@ -164,13 +167,13 @@ def _energy(
         return float(0.5 * (stiff[-1] * square[-1] - stiff[0] * square[0]))
 
     return (
-        work(-object_force - drag) + stored(stiffness, depth**2),
-        -work(drag) - stored(spring, length),
+        work(-object_force - tangential_force) + stored(stiffness, depth**2),
+        -work(tangential_force) - stored(spring, length),
     )
 
 
 def _ripple_power(force: Array, period: float) -> float:
-    """Return the force's power (N^2) in the band of `BUZZ`, or as much of it as lies below half the sampling rate."""
+    """Return the power (N^2) of the force in `RIPPLE_BAND`, below half the sampling rate."""
     samples = min(len(force), round(0.25 / period))
     frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="constant")
     band = (frequency >= RIPPLE_BAND[0]) & (frequency <= RIPPLE_BAND[1])

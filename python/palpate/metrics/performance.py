@@ -1,4 +1,4 @@
-"""The performance of a scenario's loop, in numbers and as a page."""
+"""Performance of a scenario's loop: rendered stiffness, bandwidth, rate hardness and ripple."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ __all__ = ["DirectionalPerformance", "Performance", "measure_performance"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-NOTICED = 0.23  # of stiffness, the least difference that a person notices (Jones & Hunter 1990)
-BAND = (0.5, 8.0)  # Hz, what a hand does on purpose
-STRETCH = 0.5  # s, over which ripple is measured
-HAND = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # where the scenario has none
+JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1990)
+BAND = (0.5, 8.0)  # Hz, voluntary motion
+RIPPLE_WINDOW = 0.5  # s, over which ripple is measured
+DEFAULT_ARM = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # for a scenario without operator
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,16 @@ class DirectionalPerformance:
     Attributes:
         direction: unit vector (3,).
         frequency: (k,), Hz.
-        rendered: force per motion of the loop, (k,), N/m, complex; divided by j w it is the impedance.
-        desired: the same of the object by itself; free: of the device without object.
-        static_stiffness: N/m, at rest; inf where an integrator gives way to no force for ever.
-        band_stiffness: (smallest, largest) Re(rendered), N/m, from 0.5 to 8 Hz.
-        transparency_bandwidth: Hz, up to which rendered and desired stiffness differ by at most 23 %; 0: nowhere.
-        rate_hardness: N/m, over the first 10 ms of a touch; nan but for an impedance display with a
-            damper by backward difference.
-        bandwidth: Hz, -3 dB of the force on the hand per command, or of the object's force per reference; inf: none
-            below half the sampling rate.
+        rendered: dynamic stiffness of the loop, (k,), N/m, complex.
+        desired: dynamic stiffness of the object, (k,), N/m; free: that of the device without object.
+        static_stiffness: N/m; inf with an integrator that admits no steady deflection.
+        band_stiffness: (smallest, largest) Re(rendered) from 0.5 to 8 Hz, N/m.
+        transparency_bandwidth: frequency up to which rendered and desired stiffness differ by at most 23 %, Hz; 0:
+            none.
+        rate_hardness: over the first 10 ms of contact, N/m; nan unless the loop is an impedance display with a damper
+            by backward difference.
+        bandwidth: -3 dB frequency of the force on the operator per command, or of the object force per reference, Hz;
+            inf: above half the sampling rate.
     """
 
     direction: tuple[float, float, float]
@@ -62,21 +63,22 @@ class DirectionalPerformance:
 
     @property
     def impedance(self) -> NDArray[np.complex128]:
-        """Return Z(jw), force per speed that the hand feels, (k,), N s/m."""
+        """Return the rendered impedance Z(jw), force per velocity, (k,), N s/m."""
         return np.asarray(self.rendered / (2j * np.pi * self.frequency), dtype=complex)
 
 
 @dataclass(frozen=True)
 class Performance:
-    """The performance of a scenario's loop.
+    """Performance of a scenario's loop.
 
     Attributes:
-        title: the scenario's.
+        title: title of the scenario.
         topology: "impedance_display" or "force_tracking".
-        hold_bandwidth: Hz, -3 dB of the hold alone, as on a clamped tip.
+        hold_bandwidth: -3 dB frequency of the hold alone (clamped tip), Hz.
         along: performance along each direction of the object.
-        ripple: of the tip in the run's quietest half second of contact; None: it diverged, or touches too briefly.
-        remark: on the ripple.
+        ripple: ripple of the tip in the half second of contact with the least motion; None: the run diverged, or the
+            contact is too short.
+        remark: the ripple in words.
     """
 
     title: str
@@ -87,7 +89,7 @@ class Performance:
     remark: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers as JSON can hold them; what is not finite is null."""
+        """Return the numbers for JSON; values that are not finite become null."""
 
         def plain(value: float) -> float | None:
             return float(value) if math.isfinite(value) else None
@@ -120,10 +122,10 @@ class Performance:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the numbers as `.json`, whole or not at all; return the path.
+        """Write the numbers atomically as `.json` and return the path.
 
         Raises:
-            OutputError: the suffix is another one, or the file cannot be written.
+            OutputError: the suffix is not `.json`, or the file cannot be written.
         """
         return write_json(check_suffix(path, (".json",), "performance"), self.to_dict())
 
@@ -131,7 +133,7 @@ class Performance:
 def measure_performance(
     scenario: Scenario | Mapping[str, Any] | str | Path, *, controller: Any = None, progress: Progress | None = None
 ) -> Performance:
-    """Return what a hand feels of a scenario's loop at its start, and the ripple of its run's quietest half second.
+    """Return the performance of a scenario's loop at its start, and the ripple of its run.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -140,43 +142,43 @@ def measure_performance(
         progress: called with a text and the share done.
 
     Raises:
-        StabilityError: it touches no spring or wall, or its device has no motion between samples.
+        StabilityError: the object is no spring or wall, or the device model has no motion between samples.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
-    tell = progress or (lambda _text, _share: None)
+    report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
     loop = LoopResponse.of(s)
-    tell("what the hand feels", 0.1)
-    along = tuple(_along(loop, n, s) for n in loop.directions())
-    tell("the run", 0.5)
+    report("frequency response", 0.1)
+    along = tuple(_directional(loop, n, s) for n in loop.directions())
+    report("simulating", 0.5)
     ripple, remark = _ripple(s)
     return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark)
 
 
-def _along(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:
+def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:
     f = np.geomspace(0.1, 0.499 / loop.period, 400)
     rendered, free = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
     k, b = float(n @ loop.stiffness @ n), float(n @ loop.damping @ n)
     desired = np.array(k + 2j * np.pi * f * b, dtype=complex)
-    off = np.abs(rendered / desired - 1) > NOTICED
+    deviates = np.abs(rendered / desired - 1) > JND
     band = np.linspace(*BAND, 60)
     in_band = (1 / (n @ loop.displacement(band) @ n)).real
     display = s.servo.topology == "impedance_display"
-    passed = loop.transmitted(f, scenario_arm(s) or HAND, n) if display else n @ loop.reference(f) @ n
-    through = np.abs(passed)
-    low = np.flatnonzero(through < through[0] / np.sqrt(2))
+    transfer = loop.transmitted(f, scenario_arm(s) or DEFAULT_ARM, n) if display else n @ loop.reference(f) @ n
+    gain = np.abs(transfer)
+    low = np.flatnonzero(gain < gain[0] / np.sqrt(2))
     return DirectionalPerformance(
         (float(n[0]), float(n[1]), float(n[2])), f, rendered, desired, free,
-        _static(loop, n),
+        _static_stiffness(loop, n),
         (float(in_band.min()), float(in_band.max())),
-        float(f[-1] if not off.any() else 0.0 if off[0] else f[int(np.argmax(off)) - 1]),
+        float(f[-1] if not deviates.any() else 0.0 if deviates[0] else f[int(np.argmax(deviates)) - 1]),
         rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
         float(f[low[0]]) if low.size else float("inf"),
     )  # fmt: skip
 
 
-def _static(loop: LoopResponse, n: Array) -> float:
-    """Return the stiffness felt at rest, N/m; inf where an integrator gives way to no force for ever."""
+def _static_stiffness(loop: LoopResponse, n: Array) -> float:
+    """Return the static stiffness, N/m; inf with an integrator that admits no steady deflection."""
     slow, slower = 1 / (n @ loop.displacement([2e-3, 1e-3]) @ n)
     return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
 
@@ -184,18 +186,18 @@ def _static(loop: LoopResponse, n: Array) -> float:
 def _ripple(s: Scenario) -> tuple[Ripple | None, str]:
     trace = simulate(s)
     if not trace.stable:
-        return None, f"The run diverges at {trace.unstable_from:g} s: there is no ripple to speak of."
+        return None, f"The run diverges at {trace.unstable_from:g} s: no ripple is measured."
     period = s.period * s.run.record_every
     tip, touching = trace["tip"], trace["touching"][:, 0] > 0
-    length = math.ceil(STRETCH / period)
+    length = math.ceil(RIPPLE_WINDOW / period)
     best: tuple[float, Array] | None = None
     for first in range(0, len(tip) - length, max(length // 8, 1)):
         part = slice(first, first + length)
-        moved = float(np.ptp(tip[part], axis=0).max())
-        if touching[part].all() and (best is None or moved < best[0]):
-            best = moved, tip[part]
+        motion = float(np.ptp(tip[part], axis=0).max())
+        if touching[part].all() and (best is None or motion < best[0]):
+            best = motion, tip[part]
     if best is None:
-        return None, f"The object is not touched for {STRETCH:g} s on end: too short a time to measure the ripple."
+        return None, f"The contact is shorter than {RIPPLE_WINDOW:g} s: too short to measure the ripple."
     found = ripple(best[1], period)
     counts = "" if s.device.encoder else " Encoder counts, the main cause of ripple, are switched off (device.encoder)."
     return found, f"{found}{counts}"

@@ -1,4 +1,4 @@
-"""What a step response shows: overshoot, settling, steady value and error, and whether a swing grows."""
+"""Step response metrics: overshoot, settling time, steady value and error, growth of an oscillation."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ __all__ = ["StepResponse", "step_response"]
 
 @dataclass(frozen=True)
 class StepResponse:
-    """One channel's answer to a step.
+    """Step response of one channel.
 
     Attributes:
         steady: mean over the last twentieth of the response, the channel's unit.
-        expected: what it should settle at, same unit; None if nothing was expected.
+        expected: expected steady value, same unit; None if unknown.
         error_percent: (steady - expected) / |expected| * 100; None without an expected value other than 0.
-        overshoot_percent: how far the peak passes the steady value, of the way there; 0 if it never does, or if the
-            response comes back to where it began (within `band` of its peak).
-        settling_time: s after the step from when on it stays within the band of the steady value; None if it
-            has not stayed there for the last twentieth of the response.
-        peak: value farthest from where it began, same unit.
-        ripple: half the difference of largest and smallest value in the last twentieth, same unit.
-        swing_growth: peak-to-peak swing in the last quarter over that in the quarter before: above 1 it grows. None if
-            the last half does not swing (fewer than four passes through its mean in either quarter).
+        overshoot_percent: overshoot of the peak over the steady value, relative to the step; 0 if there is none, or if
+            the response returns to its initial value (within `band` of its peak).
+        settling_time: time after the step from which the response stays within the band of the steady value, s; None
+            if it is outside during the last twentieth of the response.
+        peak: value farthest from the initial one, same unit.
+        ripple: half the peak-to-peak value of the last twentieth, same unit.
+        swing_growth: peak-to-peak value of the last quarter over that of the quarter before. None if the last half
+            does not oscillate (fewer than four crossings of its mean in either quarter).
     """
 
     steady: float
@@ -46,13 +46,18 @@ def step_response(
     expected: float | None = None,
     band: float = 0.05,
 ) -> StepResponse:
-    """Describe the response of `values` (n,) at `time` (n,), s, to a step at `start`, s.
+    """Return the metrics of a step response.
 
-    `band` is the settling band, as a fraction of the way from the value at `start` to the steady value; of the way to
-    the peak where the response comes back.
+    Args:
+        time: (n,), s.
+        values: (n,), any unit.
+        start: time of the step, s.
+        expected: expected steady value, same unit.
+        band: settling band as a fraction of the step from the initial to the steady value; of the step to the peak
+            where the response returns to its initial value.
 
     Raises:
-        ValueError: fewer than two samples from `start` on, other shapes, or values that are not finite.
+        ValueError: fewer than two samples from `start` on, different shapes, or values that are not finite.
     """
     t, y = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if t.ndim != 1 or t.shape != y.shape:
@@ -66,12 +71,12 @@ def step_response(
 
     tail = y[-max(1, len(y) // 20) :]
     begin, steady = float(y[0]), float(np.mean(tail))
-    way = steady - begin
+    step = steady - begin
     farthest = int(np.argmax(np.abs(y - begin)))
     reach = float(abs(y[farthest] - begin))
     overshoot, measure = 0.0, reach
-    if abs(way) > band * reach:
-        overshoot, measure = max(0.0, float(np.max((y - steady) / way))) * 100.0, abs(way)
+    if abs(step) > band * reach:
+        overshoot, measure = max(0.0, float(np.max((y - steady) / step))) * 100.0, abs(step)
     settled: float | None = 0.0
     outside = np.flatnonzero(np.abs(y - steady) > band * measure)
     if len(outside):

@@ -1,4 +1,4 @@
-"""A trace in numbers, and its verdict in one sentence."""
+"""Summary of a trace: metrics, and a verdict in one sentence."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ __all__ = ["expected_deflection", "scenario_of", "summarize"]
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
-GROWS = 1.02  # a swing that is this much larger in each quarter of the run than in the one before is unstable
-MANY = 3  # touches in a quarter of a run, under constant forces: more is a bounce that does not end
-DEEP = 1e-4  # m under the surface of a mesh or body, that a run should not begin with: more than a few encoder counts
+GROWTH_LIMIT = 1.02  # growth of an oscillation per quarter of the run above which it is unstable
+MAX_TOUCHES = 3  # contacts in a quarter of a run under constant forces above which the tip bounces endlessly
+MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the verdict mentions it
 
 
 def summarize(trace: Trace) -> dict[str, Any]:
-    """Return the run in numbers, all SI but percentages; JSON can hold it.
+    """Return the metrics of a run for JSON, in SI except for percentages.
 
-    Per axis: steady tip deflection, the deflection that the reference force should reach (force over stiffness)
-    and the error against it, overshoot, 5 % settling time, growth of a swing; over all: peak command, torque and
-    object force. "stable" is false also where the run went to its end with a swing that grows.
-    On a mesh "sliding" takes the axes' place, see `palpate.metrics.Slide`; on a body "palpation", see
-    `palpate.metrics.Palpation`.
-    Where the loop diverged there is no steady state, and only the peaks are given.
+    Each axis has the steady tip deflection, the expected deflection (reference force over stiffness) and the error
+    against it, overshoot, 5 % settling time, and the growth of an oscillation. The whole run has the peak command,
+    torque and object force. "stable" is also false for a run that ends with a growing oscillation.
+
+    A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
+    the axes. A run that diverged has no steady state, and only the peaks are given.
     """
     scenario = scenario_of(trace)
     summary: dict[str, Any] = {
@@ -71,9 +71,9 @@ def summarize(trace: Trace) -> dict[str, Any]:
                 "ripple_m": response.ripple,
                 "swing_growth": response.swing_growth if _rests(scenario, trace) else None,
             }
-    summary["stable"] = trace.stable and not _growing(summary)
+    summary["stable"] = trace.stable and not _growing_axes(summary)
     if scenario is not None and scenario.operator.kind == "fixed":
-        summary["verdict"] = f"held still for {summary['duration_s']:.4g} s"
+        summary["verdict"] = f"tip fixed for {summary['duration_s']:.4g} s"
     elif trace.stable and not _rests(scenario, trace):
         summary["verdict"] = f"bounded for {summary['duration_s']:.4g} s under a force that changes: no steady state"
     else:
@@ -82,14 +82,14 @@ def summarize(trace: Trace) -> dict[str, Any]:
 
 
 def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
-    """Return the summary of a run on a mesh: what its slide shows, in place of a step response per axis."""
+    """Return the summary of a run on a mesh, with sliding metrics in place of the axes."""
     found = sliding_metrics(trace)
     summary["sliding"] = None if found is None else found.to_dict()
     if found is None or not trace.stable:
         return _without_contact(summary, trace, "mesh")
     depth = step_response(trace.time, trace["depth"][:, 0])
     if _grows(depth) and not found.settled:
-        return _unstable(summary, f"the swing of the depth grows, by {_percent(depth)} in a quarter of the run")
+        return _unstable(summary, f"the oscillation of the depth grows, by {_percent(depth)} in a quarter of the run")
     if bounces := _endless_bounces(trace):
         return _unstable(summary, f"the tip bounces on the mesh, {bounces} times in the last quarter of the run")
     summary["verdict"] = f"stable: slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found)} at the end"
@@ -102,33 +102,35 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
 
 
 def _on_body(summary: dict[str, Any], trace: Trace) -> dict[str, Any]:
-    """Return the summary of a run on a body: what palpating it shows, in place of a step response per axis."""
+    """Return the summary of a run on a body, with palpation metrics in place of the axes."""
     found = palpation_metrics(trace)
     summary["palpation"] = None if found is None else found.to_dict()
     if found is None or not trace.stable:
         return _without_contact(summary, trace, "body")
     scenario, size = scenario_of(trace), np.linalg.norm(trace["deflection"], axis=1)
-    deep = step_response(trace.time, size)
-    if _grows(deep) and not found.settled:
-        return _unstable(summary, f"the swing of the deflection grows, by {_percent(deep)} in a quarter of the run")
-    if (deep.swing_growth or 0.0) > 1.0 / GROWS and not found.settled and _rests(scenario, trace):
-        return _unstable(summary, f"the force swings by {found.final_swing:.3g} N and does not die out")
+    response = step_response(trace.time, size)
+    if _grows(response) and not found.settled:
+        return _unstable(
+            summary, f"the oscillation of the deflection grows, by {_percent(response)} in a quarter of the run"
+        )
+    if (response.swing_growth or 0.0) > 1.0 / GROWTH_LIMIT and not found.settled and _rests(scenario, trace):
+        return _unstable(summary, f"the force oscillates by {found.final_swing:.3g} N and does not decay")
     if bounces := _endless_bounces(trace):
         return _unstable(summary, f"the tip bounces on the body, {bounces} times in the last quarter of the run")
-    there, most = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
+    at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
     summary["verdict"] = (
-        f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {there}"
-        f"{'' if there == most else f' (largest force {most})'}, {_at_the_end(found)} at the end"
+        f"stable: presses the body in by {found.deepest * 1e3:.3g} mm with {at_depth}"
+        f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found)} at the end"
     )
     if found.nodes < FEW:
         summary["verdict"] += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
     if found.unsolved:
-        summary["verdict"] += f"; in {found.unsolved} samples more nodes lay under the tip than are looked at"
+        summary["verdict"] += f"; in {found.unsolved} samples more nodes were under the tip than the solver considers"
     return _began_and_saturated(summary, float(size[0]) if trace["touching"][0, 0] else 0.0, "body")
 
 
 def _without_contact(summary: dict[str, Any], trace: Trace, touched: str) -> dict[str, Any]:
-    """Return the summary of a run that diverged, or never touched what it should."""
+    """Return the summary of a run that diverged or never made contact."""
     if not trace.stable:
         summary["verdict"] = f"unstable from t = {summary['unstable_from_s']:.4g} s"
     else:
@@ -143,7 +145,7 @@ def _unstable(summary: dict[str, Any], why: str) -> dict[str, Any]:
 
 
 def _grows(response: StepResponse) -> bool:
-    return (response.swing_growth or 0.0) > GROWS and response.settling_time is None
+    return (response.swing_growth or 0.0) > GROWTH_LIMIT and response.settling_time is None
 
 
 def _percent(response: StepResponse) -> str:
@@ -155,8 +157,8 @@ def _at_the_end(found: SlidingMetrics | PalpationMetrics) -> str:
 
 
 def _began_and_saturated(summary: dict[str, Any], depth: float, touched: str) -> dict[str, Any]:
-    """Add to a verdict how deep the run began, m, and how long the drive was at its limit."""
-    if depth > DEEP:
+    """Add the initial penetration (m) and the saturation of the drive to the verdict."""
+    if depth > MAX_INITIAL_DEPTH:
         summary["verdict"] += f"; it began {depth * 1e3:.3g} mm deep in the {touched}"
     return _saturated(summary)
 
@@ -168,14 +170,14 @@ def _saturated(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _endless_bounces(trace: Trace) -> int:
-    """Return how often contact begins in the last quarter of a run; 0 if that is seldom, or forces change meanwhile."""
-    on = trace["touching"][-(len(trace) // 4) :, 0] > 0.0
-    bounces = int(np.count_nonzero(on[1:] & ~on[:-1]))
-    return bounces if bounces > MANY and _rests(scenario_of(trace), trace, 0.25) else 0
+    """Return the number of contacts in the last quarter of a run; 0 if they are few or the forces change."""
+    contact = trace["touching"][-(len(trace) // 4) :, 0] > 0.0
+    bounces = int(np.count_nonzero(contact[1:] & ~contact[:-1]))
+    return bounces if bounces > MAX_TOUCHES and _rests(scenario_of(trace), trace, 0.25) else 0
 
 
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:
-    """Return force over stiffness per axis, m, where the loop follows a constant force; None elsewhere."""
+    """Return force over stiffness per axis, m, for a constant reference force; None for other axes."""
     if scenario is None or scenario.reference is None or scenario.object.kind != "spring":
         return [None, None, None]
     reference, stiffness = scenario.reference, scenario.object.stiffness
@@ -190,7 +192,7 @@ def expected_deflection(scenario: Scenario | None) -> list[float | None]:
 
 
 def _rests(scenario: Scenario | None, trace: Trace, part: float = 0.5) -> bool:
-    """Return whether the forces from outside are constant over the last `part` of the run."""
+    """Return whether the external forces are constant over the last fraction `part` of the run."""
     if scenario is None or not len(trace):
         return True
     signal = scenario.reference or scenario.operator
@@ -202,12 +204,12 @@ def _rests(scenario: Scenario | None, trace: Trace, part: float = 0.5) -> bool:
     return signal.shape != "sine" and not any(middle < time <= float(trace.time[-1]) for time in times)
 
 
-def _growing(summary: dict[str, Any]) -> list[str]:
-    """Return the axes whose swing grows and has not settled."""
+def _growing_axes(summary: dict[str, Any]) -> list[str]:
+    """Return the axes with a growing oscillation that has not settled."""
     return [
         axis
         for axis, row in summary["axes"].items()
-        if row["settling_5_percent_s"] is None and (row["swing_growth"] or 0.0) > GROWS
+        if row["settling_5_percent_s"] is None and (row["swing_growth"] or 0.0) > GROWTH_LIMIT
     ]
 
 
@@ -217,11 +219,11 @@ def _step_time(scenario: Scenario) -> float:
 
 
 def scenario_of(trace: Trace) -> Scenario | None:
-    """Return the scenario of a trace; None if it has none that can be read."""
+    """Return the scenario of a trace; None if it is missing or cannot be read."""
     try:
         return Scenario.from_dict(trace.scenario) if trace.scenario else None
     except PalpateError:
-        return None  # written by another version, or its device file has gone
+        return None  # written by another version, or its device file is missing
 
 
 def _peak(trace: Trace, name: str) -> float | None:
@@ -240,16 +242,16 @@ def _verdict(summary: dict[str, Any]) -> str:
     axes = summary["axes"]
     if summary["unstable_from_s"] is not None:
         return f"unstable from t = {summary['unstable_from_s']:.4g} s"
-    if growing := _growing(summary):
-        factor = max(axes[axis]["swing_growth"] for axis in growing)
+    if axes_growing := _growing_axes(summary):
+        factor = max(axes[axis]["swing_growth"] for axis in axes_growing)
         return (
-            f"unstable: the swing along {', '.join(growing)} grows, by {(factor - 1.0) * 100.0:.3g} % in a quarter "
-            "of the run"
+            f"unstable: the oscillation along {', '.join(axes_growing)} grows, by {(factor - 1.0) * 100.0:.3g} % "
+            "in a quarter of the run"
         )
     unsettled = [axis for axis, row in axes.items() if row["settling_5_percent_s"] is None]
     if unsettled:
-        dying = all((axes[axis]["swing_growth"] or GROWS) < 1.0 / GROWS for axis in unsettled)
-        state = "stable, its swing dies out," if dying else "bounded,"
+        decaying = all((axes[axis]["swing_growth"] or GROWTH_LIMIT) < 1.0 / GROWTH_LIMIT for axis in unsettled)
+        state = "stable, its oscillation decays," if decaying else "bounded,"
         return f"{state} but not settled along {', '.join(unsettled)} after {summary['duration_s']:.4g} s"
     worst = max((abs(row["error_percent"]) for row in axes.values() if row["error_percent"] is not None), default=None)
     slowest = max((row["settling_5_percent_s"] for row in axes.values()), default=None)

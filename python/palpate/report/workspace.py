@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.plotting.style import FAINT, INK, TITLE, new_figure
 from palpate.report.html import Page
-from palpate.stability.workspace_map import Workspace
+from palpate.stability.maps.workspace_map import Workspace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

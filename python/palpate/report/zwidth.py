@@ -9,9 +9,9 @@ import numpy as np
 
 from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report.html import Page
-from palpate.stability.boundaries import Boundary
-from palpate.stability.simulated import SimulatedBoundary
-from palpate.stability.zwidth_map import ZWidth
+from palpate.stability.maps.boundary_curve import Boundary
+from palpate.stability.maps.simulated import SimulatedBoundary
+from palpate.stability.maps.zwidth_map import ZWidth
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -1,15 +1,8 @@
-"""Stability of a haptic loop: criteria, passivity, exact maps of stable objects, and certificates."""
+"""Stability of a haptic loop: criteria, passivity, exact maps of stable walls, and certificates."""
 
 from palpate.errors import StabilityError
-from palpate.stability.boundaries import (
-    Boundary,
-    StabilityInterval,
-    critical_stiffness,
-    stability_boundary,
-    stability_interval,
-    wall_spectral_radius,
-)
-from palpate.stability.certificate import Certificate, certify
+from palpate.stability.certificate import Certificate
+from palpate.stability.certification import certify
 from palpate.stability.contact_loop import ContactStability, contact_stability
 from palpate.stability.counter_example import CounterExample, destabilizing_operator
 from palpate.stability.criteria import (
@@ -23,28 +16,39 @@ from palpate.stability.criteria import (
     routh,
     wall_polynomial,
 )
-from palpate.stability.energy import EnergyObserver, PassivityController, naive_energy, zoh_energy
+from palpate.stability.maps import (
+    Boundary,
+    StabilityInterval,
+    Workspace,
+    ZWidth,
+    critical_stiffness,
+    stability_boundary,
+    stability_interval,
+    wall_spectral_radius,
+    workspace,
+    zwidth,
+)
 from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
 from palpate.stability.passivity import (
+    CouplingVerdict,
+    EnergyObserver,
+    PassivityController,
+    certify_coupling,
     coulomb_amplitude,
     coupling_damping,
     field_damping,
+    llewellyn,
+    naive_energy,
     passive_damping,
     passive_stiffness,
+    positive_real_margin,
     quantized_stiffness,
     sufficient_damping,
-)
-from palpate.stability.two_port import (
-    CouplingVerdict,
-    certify_coupling,
-    llewellyn,
-    positive_real_margin,
     two_port_limit,
     two_port_margin,
+    zoh_energy,
 )
 from palpate.stability.wall_verdict import WallVerdict, wall_limit
-from palpate.stability.workspace_map import Workspace, workspace
-from palpate.stability.zwidth_map import ZWidth, zwidth
 
 __all__ = [
     "Boundary",

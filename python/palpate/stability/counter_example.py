@@ -1,4 +1,4 @@
-"""Scenarios that show an instability when they are run: an unstable loop pushed, or the hand that it cannot bear."""
+"""Scenarios that demonstrate an instability: an unstable loop with a push, or a destabilizing operator."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = ["CounterExample", "destabilizing_operator", "divergence_example", "gr
 
 @dataclass(frozen=True)
 class CounterExample:
-    """A scenario that was run and seen to grow.
+    """A scenario whose simulation diverges or oscillates with growing amplitude.
 
     Attributes:
-        scenario: its tables, as ``Scenario.to_dict`` gives them.
-        growth: how many times larger the swing is in the last fifth of the run than in the second; inf if it diverged.
-        sentence: what it shows.
+        scenario: its tables, as from ``Scenario.to_dict``.
+        growth: ratio of the oscillation in the last fifth of the run to that in the second; inf if it diverged.
+        sentence: the observed instability.
     """
 
     scenario: Mapping[str, Any]
@@ -32,30 +32,38 @@ class CounterExample:
     sentence: str
 
     def toml(self) -> str:
-        """Return the scenario as the text of a file for `palpate run`."""
+        """Return the scenario as TOML text for `palpate run`."""
         return to_toml(self.scenario)
 
 
 def divergence_example(scenario: Scenario, radius: float) -> CounterExample | None:
-    """Return the unstable ``scenario``, run for long enough to see it grow; None if the run does not show it.
+    """Return the unstable ``scenario`` with a duration that shows the growth; None if the run does not show it.
 
     Args:
-        scenario: its loop has the spectral radius ``radius`` > 1.
+        scenario: scenario of an unstable loop.
+        radius: spectral radius of the loop, above 1.
     """
     tables = scenario.to_dict()
     ticks = min(max(math.log(1e3) / math.log(radius), 400.0), 400_000.0)
     tables["run"] = {**tables.get("run", {}), "duration": f"{ticks * scenario.period:.6g} s", "record_every": 1}
     if scenario.servo.topology == "impedance_display":
-        tables["operator"] = _pushed(scenario, tables.get("operator", {}), scenario.operator.kind)
-        _press_in(scenario, tables)
-    return _run(tables, "the swing")
+        tables["operator"] = _with_push(scenario, tables.get("operator", {}), scenario.operator.kind)
+        _make_bilateral(scenario, tables)
+    return _run(tables, "the oscillation")
 
 
 def destabilizing_operator(scenario: Scenario, masses: int = 9, stiffnesses: int = 17) -> CounterExample | None:
-    """Return the mass and spring, as a rigid hand without damping, with which the loop is most unstable.
+    """Return the scenario with the passive mass and spring, gripped rigidly, that destabilizes the loop most.
 
-    A hand of mass and spring is passive. The search goes over both on a logarithmic grid, then finer about the worst.
-    None if the loop is stable in all of them, or the device's model takes no hand.
+    The search uses a logarithmic grid over mass and stiffness, refined about the worst operator.
+
+    Args:
+        scenario: scenario of a stable loop.
+        masses: grid points from 1 g to 10 kg.
+        stiffnesses: grid points from 0.1 N/m to 10 MN/m.
+
+    Returns:
+        The counter-example; None if the loop is stable with every operator tested, or the device model has none.
     """
     if scenario.device.model != "nonlinear":
         return None
@@ -74,11 +82,11 @@ def destabilizing_operator(scenario: Scenario, masses: int = 9, stiffnesses: int
         return None
     tables = scenario.to_dict()
     mass, stiffness = float(f"{10**log_mass:.4g}"), float(f"{10**log_stiffness:.4g}")
-    tables["operator"] = _pushed(
+    tables["operator"] = _with_push(
         scenario, {"mass": f"{mass!r} kg", "damping": "0 N*s/m", "stiffness": f"{stiffness!r} N/m"}, "arm"
     )
-    tables["title"] = f"{scenario.title}, in the worst passive hand"
-    _press_in(scenario, tables)
+    tables["title"] = f"{scenario.title}, with the worst passive operator"
+    _make_bilateral(scenario, tables)
     ticks = min(max(math.log(1e3) / math.log(worst), 400.0), 400_000.0)
     tables["run"] = {
         **tables.get("run", {}),
@@ -86,12 +94,12 @@ def destabilizing_operator(scenario: Scenario, masses: int = 9, stiffnesses: int
         "record_every": 1,
         "substeps": max(scenario.run.substeps, 20),
     }
-    return _run(tables, f"in a hand of {mass:g} kg and {stiffness:g} N/m without damping, the swing")
+    return _run(tables, f"in a hand of {mass:g} kg and {stiffness:g} N/m without damping, the oscillation")
 
 
-def _pushed(scenario: Scenario, operator: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    """Return the operator's table with a small steady push into the object on it."""
-    keep = {
+def _with_push(scenario: Scenario, operator: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Return the operator's table with a small constant push into the object."""
+    arm = {
         k: operator[k] for k in ("mass", "damping", "stiffness", "tissue_stiffness", "tissue_damping") if k in operator
     }
     inward = -np.array(scenario.object.normal) if scenario.object.normal is not None else np.array([1.0, 1.0, 1.0])
@@ -99,52 +107,54 @@ def _pushed(scenario: Scenario, operator: Mapping[str, Any], kind: str) -> dict[
         inward = inward * [1.0, 0.0, 0.0]
     force = [f"{0.1 * part:.6g} N" for part in inward]
     if kind == "arm":
-        return {"kind": "arm", **keep, "shape": "step", "force": force}
+        return {"kind": "arm", **arm, "shape": "step", "force": force}
     return {"kind": "force", "shape": "step", "force": force}
 
 
-def _press_in(scenario: Scenario, tables: dict[str, Any]) -> None:
-    """Hold the object from both sides where the tip starts: the contact that the linear verdict is about."""
+def _make_bilateral(scenario: Scenario, tables: dict[str, Any]) -> None:
+    """Replace a wall by a bilateral spring at the start tip, the contact of the linear verdict."""
     if scenario.object.kind != "wall":
         return
-    touched = {k: v for k, v in tables["object"].items() if k != "normal"}
-    touched["kind"] = "spring"
-    touched.pop("position", None)
+    spring = {k: v for k, v in tables["object"].items() if k != "normal"}
+    spring["kind"] = "spring"
+    spring.pop("position", None)
     normal = np.abs(np.array(scenario.object.normal))
     axis = int(np.argmax(normal))
     if normal[axis] < 1 - 1e-9:
-        return  # an oblique surface has no spring of its own: the wall stays one-sided
+        return  # springs act along the axes only: an oblique wall stays unilateral
     for key in ("stiffness", "damping"):
-        value = touched.get(key)
+        value = spring.get(key)
         if value is not None:
-            one = value[axis] if isinstance(value, list) else value
-            unit = one.split(" ", 1)[1]
-            touched[key] = [one if i == axis else f"0 {unit}" for i in range(3)]
-    tables["object"] = touched
+            text = value[axis] if isinstance(value, list) else value
+            unit = text.split(" ", 1)[1]
+            spring[key] = [text if i == axis else f"0 {unit}" for i in range(3)]
+    tables["object"] = spring
 
 
-def _run(tables: dict[str, Any], what: str) -> CounterExample | None:
-    """Run with ever harder pushes (dry friction may hold a soft one) until the swing grows; None if it never does."""
+def _run(tables: dict[str, Any], subject: str) -> CounterExample | None:
+    """Run with increasing pushes, against dry friction, until the oscillation grows; None if it never does."""
     base = tables.get("operator", {}).get("force")
     for push in (1, 10, 50) if base else (1,):
         if base:
-            force = [f"{float(one.split()[0]) * push:.6g} N" for one in base]
+            force = [f"{float(part.split()[0]) * push:.6g} N" for part in base]
             tables = {**tables, "operator": {**tables["operator"], "force": force}}
         trace = simulate(Scenario.from_dict(tables))
-        pushed = f"pushed with {0.1 * push:g} N, {what}" if base else what
+        pushed = f"pushed with {0.1 * push:g} N, {subject}" if base else subject
         if trace.unstable_from is not None:
             return CounterExample(tables, float("inf"), f"{pushed} diverges after {trace.unstable_from:.3g} s.")
-        times = growth(trace["tip"])
-        if times >= 1.5:
-            said = f"{pushed} grows {times:.3g}-fold from the run's second fifth to its last."
-            return CounterExample(tables, times, said)
+        ratio = growth(trace["tip"])
+        if ratio >= 1.5:
+            sentence = f"{pushed} grows {ratio:.3g}-fold from the run's second fifth to its last."
+            return CounterExample(tables, ratio, sentence)
     return None
 
 
 def growth(tip: Any, differences: int = 1) -> float:
-    """Return how many times larger the tip's swing (sample to sample) is in the last fifth than in the second.
+    """Return the ratio of the tip's oscillation (sample to sample) in the last fifth to that in the second.
 
-    Each further difference hides slow motions more: of two swings, the faster one is judged.
+    Args:
+        tip: positions (n, 3), m.
+        differences: order of the difference; a higher order emphasizes faster oscillations.
     """
     moved = np.linalg.norm(np.diff(np.asarray(tip, dtype=float), n=differences, axis=0), axis=1)
     fifth = max(len(moved) // 5, 1)

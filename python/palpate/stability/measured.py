@@ -1,4 +1,4 @@
-"""A verdict from a measured frequency response: what it says, and "cannot tell" where it does not say it."""
+"""Critical stiffness from a measured frequency response, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MeasuredVerdict:
-    """What a measured response says about a wall.
+    """Verdict of a measured response on a wall.
 
     Attributes:
-        known: whether it says anything; if not, ``sentence`` has the reason.
+        known: whether the response determines the limit; if not, ``sentence`` has the reason.
         critical_stiffness: N/m, nan if not known.
-        low: lower end of its 95 % interval, N/m: claim no more than this.
+        low: lower end of its 95 % interval, N/m.
         high: upper end, N/m.
-        frequency: of the oscillation at the limit, Hz.
+        frequency: frequency of the oscillation at the limit, Hz.
         sentence: the verdict in words.
     """
 
@@ -41,17 +41,18 @@ class MeasuredVerdict:
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """The sampled response of a device, from commanded force to measured tip motion, its own hold and delay in it.
+    """Sampled response of a device from commanded force to measured tip motion, hold and delay included.
 
     Attributes:
         frequency: Hz, increasing (k,).
         response: m/N, complex (k,).
-        deviation: standard deviation of the response's real and imaginary part, m/N, (k,); None: not known, and then
-            estimated from the roughness of the curve.
+        deviation: standard deviation of the real and of the imaginary part, m/N, (k,); None: estimated from the
+            roughness of the curve.
         period: T, s.
 
     Raises:
-        StabilityError: shapes differ, frequencies do not increase or lie at or above half the rate, values not finite.
+        StabilityError: the shapes differ, the frequencies do not increase or exceed half the sampling rate, or a
+            value is not finite.
     """
 
     frequency: Array
@@ -88,113 +89,116 @@ class MeasuredResponse:
     def critical_stiffness(
         self, virtual_damping: float = 0.0, *, delay: float = 0.0, velocity_filter: float = 0.0
     ) -> MeasuredVerdict:
-        """Return the stiffness at which the measured device against a wall loses stability, or why it cannot be told.
+        """Return the stiffness at which the measured device against a wall becomes unstable, or why it is unknown.
 
-        Assumes, as no response can show it, that the device without a wall is stable or rests anywhere, and that it
-        has no resonance narrower than the spacing of the frequencies.
+        A response cannot show two things that are assumed: the device is stable or at rest anywhere without a wall,
+        and it has no resonance narrower than the spacing of the frequencies.
 
         Args:
             virtual_damping: B, N s/m.
-            delay: in samples, on top of what the response has in it.
+            delay: in samples, in addition to the delay in the response.
             velocity_filter: alpha.
         """
         b = finite(virtual_damping, "virtual_damping", "N s/m")
         n, alpha = not_negative(delay, "delay", "samples"), fraction(velocity_filter, "velocity_filter")
         f, g = self.frequency, self.response
         if len(f) < 16:
-            return _unknown(f"the response has {len(f)} frequencies, and fewer than 16 cannot show where it turns")
+            return _unknown(f"the response has {len(f)} frequencies, and at least 16 are needed")
         noise = self._noise()
-        worst = float(np.median(noise / np.abs(g)))
-        if worst > 0.3:
-            return _unknown(f"the response is too noisy: its noise is {100 * worst:.0f} % of it, and 30 % is the most")
+        relative = float(np.median(noise / np.abs(g)))
+        if relative > 0.3:
+            return _unknown(f"the response is too noisy: its relative noise is {100 * relative:.0f} %, above 30 %")
         theta = 2 * np.pi * f * self.period
         z = np.exp(1j * theta)
-        wanted = -np.exp(1j * n * theta) / g
-        turn = np.abs(np.angle(wanted[1:] / wanted[:-1]))
+        wall = -np.exp(1j * n * theta) / g
+        rotation = np.abs(np.angle(wall[1:] / wall[:-1]))
         rate = (1 - alpha) / self.period * (z - 1) / (z - alpha)
-        off = wanted.imag - b * rate.imag
-        spread = np.abs(wanted) * noise / np.abs(g)  # standard deviation of W, each part
-        at = wanted.real - b * rate.real
-        places = np.nonzero((off[:-1] * off[1:] <= 0) & ((at[:-1] > 0) | (at[1:] > 0)))[0]
+        mismatch = wall.imag - b * rate.imag
+        deviation = np.abs(wall) * noise / np.abs(g)  # of the real and of the imaginary part of W
+        stiffness = wall.real - b * rate.real
+        places = np.nonzero((mismatch[:-1] * mismatch[1:] <= 0) & ((stiffness[:-1] > 0) | (stiffness[1:] > 0)))[0]
         if places.size == 0:
-            if f[-1] < 0.49 / self.period:
-                return _unknown(
-                    f"the response is too short: it ends at {f[-1]:g} Hz, before the loop's oscillation; measure up to "
-                    f"{0.5 / self.period:g} Hz"
-                )
-            return _unknown(
-                f"no stiffness puts an oscillation between {f[0]:g} Hz and {f[-1]:g} Hz; measure lower frequencies, "
-                "and see that the response has the hold and the delay of the loop in it"
-            )
-        candidates = [(max(at[i], at[i + 1]), int(i)) for i in places]
-        i = min(candidates)[1]
+            return self._no_crossing()
+        i = min((max(stiffness[k], stiffness[k + 1]), int(k)) for k in places)[1]
         about = slice(max(i - 1, 0), i + 2)
-        if turn[about].max() > 0.5:
+        if rotation[about].max() > 0.5:
             return _unknown(
-                f"the frequencies are too far apart about {f[i]:g} Hz: the response turns by "
-                f"{np.degrees(turn[about].max()):.0f} degrees from one to the next, and 29 is the most"
+                f"the frequencies are too far apart about {f[i]:g} Hz: the phase changes by "
+                f"{np.degrees(rotation[about].max()):.0f} degrees from one to the next, and 29 is the limit"
             )
         window = slice(max(i - 5, 0), i + 7)
-        angle, stiffness, sigma = _crossing(theta[window], off[window], at[window], spread[window], theta[i : i + 2])
-        if not np.isfinite(sigma) or not 2 * sigma < 0.5 * stiffness:
+        angle, critical, sigma = _crossing(
+            theta[window], mismatch[window], stiffness[window], deviation[window], theta[i : i + 2]
+        )
+        if not np.isfinite(sigma) or not 2 * sigma < 0.5 * critical:
             return _unknown(
-                f"the response is too noisy about {f[i]:g} Hz: a critical stiffness near {at[i]:.4g} N/m could be "
-                "half as large or half as large again"
+                f"the response is too noisy about {f[i]:g} Hz: the error of the critical stiffness near "
+                f"{stiffness[i]:.4g} N/m could exceed 50 %"
             )
         frequency = float(angle / (2 * np.pi * self.period))
-        low, high = stiffness - 2 * sigma, stiffness + 2 * sigma
-        return MeasuredVerdict(
-            True,
-            stiffness,
-            low,
-            high,
-            frequency,
-            f"Stable up to {stiffness:.4g} N/m (95 %: {low:.4g} to {high:.4g} N/m), where it oscillates at "
-            f"{frequency:.4g} Hz.",
+        low, high = critical - 2 * sigma, critical + 2 * sigma
+        sentence = (
+            f"Stable up to {critical:.4g} N/m (95 %: {low:.4g} to {high:.4g} N/m), where it oscillates at "
+            f"{frequency:.4g} Hz."
+        )
+        return MeasuredVerdict(True, critical, low, high, frequency, sentence)
+
+    def _no_crossing(self) -> MeasuredVerdict:
+        low, high, nyquist = self.frequency[0], self.frequency[-1], 0.5 / self.period
+        if high < 0.49 / self.period:
+            return _unknown(
+                f"the response is too short: it ends at {high:g} Hz, below the oscillation of the loop; measure up to "
+                f"{nyquist:g} Hz"
+            )
+        return _unknown(
+            f"no stiffness puts an oscillation between {low:g} Hz and {high:g} Hz; measure lower frequencies, "
+            "and check that the response includes the hold and the delay of the loop"
         )
 
     def _noise(self) -> Array:
-        """Return the standard deviation of the response (each part), given or from its second differences."""
+        """Return the standard deviation of each part (k,), m/N, given or from the second differences."""
         if self.deviation is not None:
             return np.asarray(self.deviation, dtype=float)
         relative = np.log(self.response / self.response[0])
         phase = np.unwrap(relative.imag)
         curve = relative.real + 1j * phase
         x = np.log(self.frequency)
-        # what a straight line through the two neighbours misses, in the middle
-        left = (x[2:] - x[1:-1]) / (x[2:] - x[:-2])
-        rough = curve[1:-1] - left * curve[:-2] - (1 - left) * curve[2:]
-        size = np.sqrt(1 + left**2 + (1 - left) ** 2)
-        level = float(np.median(np.abs(rough) / size)) / 1.1774  # the median of a Rayleigh variate
+        # deviation from the straight line through the two neighbors
+        weight = (x[2:] - x[1:-1]) / (x[2:] - x[:-2])
+        deviation = curve[1:-1] - weight * curve[:-2] - (1 - weight) * curve[2:]
+        size = np.sqrt(1 + weight**2 + (1 - weight) ** 2)
+        level = float(np.median(np.abs(deviation) / size)) / 1.1774  # the median of a Rayleigh variate
         return np.asarray(level * np.abs(self.response), dtype=float)
 
 
-def _crossing(theta: Array, off: Array, at: Array, spread: Array, between: Array) -> tuple[float, float, float]:
-    """Return (angle, stiffness there, its standard deviation) where ``off`` crosses zero.
+def _crossing(
+    theta: Array, mismatch: Array, stiffness: Array, deviation: Array, between: Array
+) -> tuple[float, float, float]:
+    """Return (angle, critical stiffness, its standard deviation) where ``mismatch`` crosses zero.
 
-    Cubics are fitted to both curves over a few points. Noise moves the angle through the slope of ``off`` and the
-    stiffness at it; what a parabola would have said otherwise is added as the error of the fit.
+    Cubics are fitted to both curves over a few points. Noise acts through the slope of ``mismatch`` and directly on
+    the stiffness. The difference from a fit by parabolas is added as the error of the fit.
     """
-    centre, width = float(between.mean()), float(np.ptp(theta)) / 2
-    x = (theta - centre) / width
+    center, width = float(between.mean()), float(np.ptp(theta)) / 2
+    x = (theta - center) / width
     found = []
     for degree in (3, 2):
-        wave = np.polynomial.Polynomial.fit(x, off, degree, domain=[-1, 1], window=[-1, 1])
-        level = np.polynomial.Polynomial.fit(x, at, degree, domain=[-1, 1], window=[-1, 1])
+        wave = np.polynomial.Polynomial.fit(x, mismatch, degree, domain=[-1, 1], window=[-1, 1])
+        level = np.polynomial.Polynomial.fit(x, stiffness, degree, domain=[-1, 1], window=[-1, 1])
         roots = wave.roots()
         real = roots.real[np.abs(roots.imag) < 1e-9]
         if real.size == 0:
             return float("nan"), float("nan"), float("inf")
         root = float(real[np.argmin(np.abs(real))])
         found.append((root, float(level(root)), float(level.deriv()(root)), float(wave.deriv()(root))))
-    root, stiffness, slope, steep = found[0]
+    root, critical, slope, steepness = found[0]
     powers = np.vander(x, 4, increasing=True)
-    weights = (root ** np.arange(4)) @ np.linalg.pinv(powers)  # of each point in the fit at the root
-    noise = float(np.sqrt(np.sum((weights * spread) ** 2)))
-    if abs(root) > 1 or steep == 0:
+    weights = (root ** np.arange(4)) @ np.linalg.pinv(powers)  # weight of each point in the fitted value at the root
+    noise = float(np.sqrt(np.sum((weights * deviation) ** 2)))
+    if abs(root) > 1 or steepness == 0:
         return float("nan"), float("nan"), float("inf")
-    sigma = np.hypot(noise * np.hypot(1.0, slope / steep), stiffness - found[1][1])
-    return centre + width * root, stiffness, float(sigma)
+    sigma = np.hypot(noise * np.hypot(1.0, slope / steepness), critical - found[1][1])
+    return center + width * root, critical, float(sigma)
 
 
 def _unknown(reason: str) -> MeasuredVerdict:

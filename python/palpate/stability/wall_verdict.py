@@ -1,4 +1,4 @@
-"""The one-line question: how stiff a wall this device bears."""
+"""Critical and passive stiffness of a wall for a device with one axis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from palpate.linear.linear_device import HumanArm, LinearDevice
 from palpate.linear.wall import wall_loop
-from palpate.stability.boundaries import stability_interval
+from palpate.stability.maps.wall_interval import stability_interval
 from palpate.stability.passivity import passive_stiffness
 
 __all__ = ["WallVerdict", "wall_limit"]
@@ -15,14 +15,14 @@ __all__ = ["WallVerdict", "wall_limit"]
 
 @dataclass(frozen=True)
 class WallVerdict:
-    """How stiff a wall a mass with damping bears.
+    """Limits of the stiffness of a wall for a mass with damping.
 
     Attributes:
-        critical_stiffness: N/m, exact; 0 if no wall is stable.
-        frequency: of the oscillation that starts there, Hz.
-        passive_stiffness: N/m, up to which the wall is passive: stable in every passive hand.
+        critical_stiffness: exact, N/m; 0 if no wall is stable.
+        frequency: frequency of the oscillation at the critical stiffness, Hz.
+        passive_stiffness: largest passive stiffness, N/m; a passive wall is stable with every passive operator.
         period: s; delay: samples; virtual_damping: N s/m; velocity_filter: alpha.
-        device: in words, with the hand that holds it.
+        device: device and operator in words.
     """
 
     critical_stiffness: float
@@ -47,8 +47,8 @@ class WallVerdict:
                 f"oscillates at {self.frequency:.4g} Hz."
             )
         if self.passive_stiffness > 0:
-            return f"{stable} Up to {self.passive_stiffness:.5g} N/m it is passive: stable in every passive hand."
-        return f"{stable} No wall is passive: in some passive hand each of them is unstable."
+            return f"{stable} Up to {self.passive_stiffness:.5g} N/m it is passive: stable with every passive operator."
+        return f"{stable} No wall is passive: each is unstable with some passive operator."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as plain numbers and text."""
@@ -65,16 +65,16 @@ def wall_limit(
     velocity_filter: float = 0.0,
     arm: HumanArm | None = None,
 ) -> WallVerdict:
-    """Return how stiff a wall a device of one axis bears, exactly.
+    """Return the exact critical and passive stiffness of a wall for a device with one axis.
 
     Args:
         mass: kg, apparent at the tip.
         damping: b, N s/m, physical.
         period: servo period T, s.
-        delay: between sample and force, in samples, whole or not.
+        delay: between sample and force, in samples, may be fractional.
         virtual_damping: B of the wall, N s/m, by backward difference.
         velocity_filter: alpha of v <- alpha v + (1 - alpha) dx/T.
-        arm: who holds it; None: nobody.
+        arm: the operator; None: no operator.
 
     Raises:
         StabilityError: a mass or period that is not positive, a negative damping or delay, alpha outside [0, 1).

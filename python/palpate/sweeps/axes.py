@@ -1,4 +1,4 @@
-"""What a sweep varies: a scenario's key and its values, `"object.stiffness" = "100 N/m..5 N/mm:100"`."""
+"""Axes of a sweep: a key of the scenario and its values, `"object.stiffness" = "100 N/m..5 N/mm:100"`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "
 
 Array = NDArray[np.float64]
 
-# Keys that every lane of the batch has for itself: the core's column, SI unit.
+# Keys with a separate value in every lane of the batch: column of the core, SI unit.
 COLUMNS: dict[str, tuple[str, str]] = {
     "object.stiffness": ("stiffness", "N/m"),
     "object.damping": ("damping", "N*s/m"),
@@ -37,12 +37,12 @@ LARGEST = 100_000_000  # cells
 
 
 class SweepError(PalpateError):
-    """A sweep that cannot be made or gone on with: an unknown key, no such scheduler, another sweep's file."""
+    """A sweep cannot be run or resumed: an unknown key, a missing scheduler, or the file of another sweep."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One key of the scenario and the values it takes.
+    """One key of the scenario and its values.
 
     Attributes:
         path: table and key, and x, y or z for one spatial axis: "object.stiffness", "operator.force.z".
@@ -69,15 +69,15 @@ class Axis:
         return "xyz".index(parts[2]) if len(parts) == 3 else None
 
     def text(self, index: int) -> Any:
-        """Return value `index` as the scenario's file has it."""
+        """Return value `index` in the form of a scenario file."""
         return _written(self.values[index], self.unit)
 
 
 def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
     """Return the axes of a mapping from paths to values.
 
-    Values are text for a range, `"FROM..TO:COUNT"` or `"FROM..TO:COUNT log"` (both ends included, with units), a list
-    of such values as the scenario's file has, or, for keys in COLUMNS, plain numbers in SI.
+    Values are a range as text, `"FROM..TO:COUNT"` or `"FROM..TO:COUNT log"` (both ends included, with units), or a list
+    of values as in a scenario file. Keys in COLUMNS also take plain numbers in SI.
 
     Raises:
         SweepError: a path or a value cannot be read.
@@ -94,7 +94,7 @@ def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
 
 
 def limits_of(path: str, text: Any) -> tuple[float, float]:
-    """Return the two ends of "FROM..TO" in the SI unit of `path`, one of COLUMNS.
+    """Return the ends of the range "FROM..TO" in the SI unit of `path`, a key of COLUMNS.
 
     Raises:
         SweepError: the path has no column, or the text is no range.
@@ -113,7 +113,7 @@ def limits_of(path: str, text: Any) -> tuple[float, float]:
 
 
 def with_value(tables: Mapping[str, Any], axis: Axis, index: int) -> dict[str, Any]:
-    """Return a scenario's tables with value `index` of `axis` put in."""
+    """Return the tables of a scenario with value `index` of `axis`."""
     table, key = axis.key.split(".")
     inside = dict(tables.get(table, {}))
     value = axis.text(index)

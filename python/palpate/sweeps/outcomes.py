@@ -1,4 +1,4 @@
-"""What a cell of a sweep leaves behind: a few numbers of its loop, and a verdict."""
+"""Outcomes of the cells of a sweep: a few numbers per loop, and a verdict."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 __all__ = ["QUANTITIES", "Outcomes", "Verdict", "name_rows"]
 
 Array = NDArray[np.float64]
-# Name: (columns, unit, what it is).
+# Name: (columns, unit, meaning).
 QUANTITIES: dict[str, tuple[int, str, str]] = {
-    "unstable_from": (1, "s", "when the loop diverged; nan: it did not"),
+    "unstable_from": (1, "s", "time at which the loop diverged; nan: it did not"),
     "oscillation_2": (1, "m", "largest second difference of the tip's position in the run's second fifth"),
     "oscillation_4": (1, "m", "the same in the fourth fifth"),
     "oscillation_5": (1, "m", "the same in the last fifth"),
@@ -21,18 +21,18 @@ QUANTITIES: dict[str, tuple[int, str, str]] = {
     "steady_tip": (3, "m", "mean displacement of the tip from its start over the last fifth"),
     "peak_object_force": (1, "N", "largest force of the tip on the object"),
     "peak_command_force": (1, "N", "largest commanded force"),
-    "touching": (1, "", "share of the time in touch"),
-    "saturated": (1, "", "share of the time at the drive's limits"),
-    "verdict": (1, "", "0 dies out, 1 keeps swinging, 2 grows, 3 diverges"),
+    "touching": (1, "", "fraction of the time in contact"),
+    "saturated": (1, "", "fraction of the time at the limits of the drive"),
+    "verdict": (1, "", "0 decays, 1 sustained, 2 grows, 3 diverges"),
 }
-STILL = 1e-14  # m: second differences of tip positions below are rounding
-# A swing that is multiplied by as much from one fifth of the run to the next keeps on. Impacts are irregular: of 350
-# arms that chattered on a wall for ever the largest of a fifth was, in all but one, 0.9 of the largest before or more.
-SAME = (0.9, 1.02)
+STILL = 1e-14  # m, second differences of tip positions at rounding level
+# Growth factors per fifth of the run of a sustained oscillation. Impacts are irregular: in 349 of 350 arms with endless
+# impacts on a wall the maximum of a fifth was at least 0.9 times that of the fifth before.
+SUSTAINED_GROWTH = (0.9, 1.02)
 
 
 class Verdict(IntEnum):
-    """How a loop's swing ends."""
+    """Final behavior of a loop's oscillation."""
 
     DECAYING = 0
     SUSTAINED = 1
@@ -43,8 +43,8 @@ class Verdict(IntEnum):
 class Outcomes(Mapping[str, Array]):
     """Arrays by name of QUANTITIES, each with one row per cell.
 
-    `growth` is what the swing is multiplied by in a fifth of the run: inf where the loop diverged, 0 where it came to
-    rest. `unstable`: it is above 1.
+    `growth` is the growth factor of the oscillation per fifth of the run: inf where the loop diverged, 0 where it came
+    to rest. `unstable` is true where it is above 1.
     """
 
     def __init__(self, values: Mapping[str, Array]) -> None:
@@ -61,20 +61,20 @@ class Outcomes(Mapping[str, Array]):
 
     @property
     def growth(self) -> Array:
-        """What the swing is multiplied by in a fifth of the run, as `growth` has it."""
+        """Growth factor of the oscillation per fifth of the run; see the function `growth`."""
         return growth(*(self[name] for name in ("unstable_from", "oscillation_2", "oscillation_4", "oscillation_5")))
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the swing grows or the loop diverges."""
+        """Whether the oscillation grows or the loop diverges."""
         return np.asarray(self.growth > 1.0, dtype=bool)
 
 
 def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Array:
-    """Return what a swing is multiplied by in a fifth of the run: inf where the loop diverged, 0 where it came to rest.
+    """Return the growth factor of an oscillation per fifth of the run: inf where the loop diverged, 0 at rest.
 
-    Seen from the fourth fifth to the last, or as a mean from the second to the last, whichever is more: what grew, and
-    is bounded now, has grown; and a first impact, however hard, does not hide what goes on after it.
+    It is the larger of the ratio of the last to the fourth fifth and the mean ratio from the second to the last. An
+    oscillation that grew and is now bounded counts as growing, and a hard first impact does not hide later growth.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(late <= STILL, 0.0, np.maximum(late / prior, np.cbrt(late / early)))
@@ -84,9 +84,9 @@ def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Arr
 def name_rows(rows: Array, period: float) -> dict[str, Array]:
     """Return the core's rows of outcomes (n, 12 + 2 dof) as arrays by name of QUANTITIES."""
     unstable_from = np.where(rows[:, 0] < 0, np.nan, rows[:, 0] * period)
-    times = growth(unstable_from, rows[:, 1], rows[:, 2], rows[:, 3])
+    factor = growth(unstable_from, rows[:, 1], rows[:, 2], rows[:, 3])
     verdict = np.select(
-        [~np.isnan(unstable_from), times > SAME[1], times >= SAME[0]],
+        [~np.isnan(unstable_from), factor > SUSTAINED_GROWTH[1], factor >= SUSTAINED_GROWTH[0]],
         [Verdict.DIVERGES, Verdict.GROWING, Verdict.SUSTAINED],
         Verdict.DECAYING,
     )

@@ -1,4 +1,4 @@
-"""Which cells a sweep has, and how a stretch of them is run: the same anywhere, whoever runs it."""
+"""Cells of a sweep and their simulation; the result does not depend on where or in which order cells run."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ CHUNK_LIMITS = (64, 16384)  # cells
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep before it is run. Plain data: it travels to other processes, and a file keeps it.
+    """Definition of a sweep, as plain data for other processes and for files.
 
     Attributes:
         tables: the scenario's, as text with units.
-        axes: what varies; the last one fastest.
-        random: key of COLUMNS to its two limits, SI: drawn uniformly, anew for each cell.
+        axes: varied keys; the last one varies fastest.
+        random: key of COLUMNS to its two limits, SI, drawn uniformly for each cell.
         draws: cells for each combination of the axes.
         seed: of the draws, whose generator is spawned from it for each cell, and of late ticks: `run.seed` of a cell
             is its number plus 10^8 times this seed, unless run.seed is varied.
@@ -62,7 +62,7 @@ class Plan:
 
     @property
     def chunk(self) -> int:
-        """Cells that are run and stored together; it does not depend on who runs them."""
+        """Number of cells that are run and stored together."""
         scenario = Scenario.from_dict(self.tables)
         cells = TICKS_A_CHUNK / (scenario.run.duration / scenario.period)
         low, high = CHUNK_LIMITS
@@ -88,14 +88,14 @@ class Plan:
 
     @classmethod
     def of_text(cls, text: str) -> Plan:
-        """Read what `text` wrote."""
+        """Return the plan of the JSON `text`."""
         raw = json.loads(text)
         axes = tuple(Axis(path, unit, tuple(values)) for path, unit, values in raw["over"])
         random = {path: (float(low), float(high)) for path, (low, high) in raw["random"].items()}
         return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"])
 
     def check(self) -> None:
-        """Make the scenario ready at the ends of every axis and range, so that a mistake is told before the run.
+        """Build the scenario at the ends of every axis and range, to find mistakes before the run.
 
         Raises:
             ScenarioError, DesignError, PoseError: as `palpate.simulate`.
@@ -124,16 +124,16 @@ class Plan:
         if not _runs_in_lanes(self.tables):
             return self._run_singly(cells, threads)
         indices = dict(zip([axis.path for axis in self.axes], np.unravel_index(cells, self.shape), strict=False))
-        lane, shape = _split(text)
+        lane, rebuilt = _split(text)
         combination = np.zeros(len(cells), dtype=np.int64)
-        for axis in shape:
+        for axis in rebuilt:
             combination = combination * len(axis) + indices[axis.path]
         drawn = self._draw(cells)
         out: dict[str, Array] = {}
         for one in np.unique(combination):
             here = np.flatnonzero(combination == one)
-            chosen = tuple(int(indices[axis.path][here[0]]) for axis in shape)
-            experiment = _ready(text, chosen)
+            chosen = tuple(int(indices[axis.path][here[0]]) for axis in rebuilt)
+            experiment = _prepared(text, chosen)
             columns: dict[str, Array] = {}
             for axis in lane:
                 _put(columns, experiment, axis.path, np.asarray(axis.values, dtype=float)[indices[axis.path][here]])
@@ -160,7 +160,7 @@ class Plan:
         return name_rows(rows, self.period)
 
     def scenario(self, cell: int) -> Scenario:
-        """Return the scenario of one cell, by its number: run alone it finds what the cell found."""
+        """Return the scenario of one cell, by its number: a simulation of it reproduces the cell."""
         tables: Mapping[str, Any] = self.tables
         for axis, index in zip(self.axes, np.unravel_index(cell, self.shape), strict=False):
             tables = with_value(tables, axis, int(index))
@@ -174,11 +174,11 @@ class Plan:
         return Scenario.from_dict(tables)
 
     def _seeds(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return what names the late ticks of each cell."""
+        """Return the seed of the late ticks of each cell (n,)."""
         return np.asarray(self.seed * LARGEST + cells, dtype=np.int64)
 
     def _draw(self, cells: NDArray[np.int64]) -> dict[str, Array]:
-        """Return the random values of each cell, by path: a generator for each cell, spawned from the seed."""
+        """Return the random values of each cell by path, from one generator per cell spawned from the seed."""
         out = {path: np.empty(len(cells)) for path in self.random}
         if not out:
             return out
@@ -206,9 +206,9 @@ def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:
 
 @lru_cache(maxsize=64)
 def _split(plan_text: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
-    """Return the axes that lanes have for themselves, and those for which the scenario is made ready anew.
+    """Return the axes that vary between lanes, and those that need a new simulation for each value.
 
-    A controller that is designed for the object or the hand follows them: such an axis is of the second kind.
+    An axis that changes the designed controller is of the second kind.
     """
     plan = Plan.of_text(plan_text)
     lane, shape = [], []
@@ -232,8 +232,8 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _ready(plan_text: str, chosen: tuple[int, ...]) -> Simulation:
-    """Return the scenario made ready with the chosen value of each axis that lanes do not have."""
+def _prepared(plan_text: str, chosen: tuple[int, ...]) -> Simulation:
+    """Return the simulation with the chosen value of each axis that is not a lane axis."""
     plan = Plan.of_text(plan_text)
     tables: Mapping[str, Any] = plan.tables
     for axis, index in zip(_split(plan_text)[1], chosen, strict=True):

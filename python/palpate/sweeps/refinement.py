@@ -23,13 +23,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Refined:
-    """A map of two axes, each cell run or, far from the boundary, taken over from its coarse neighbours.
+    """Map over two axes, with cells far from the boundary interpolated from coarse neighbors.
 
     Attributes:
         paths: of the two axes.
         values: of the two axes, SI, (m,) and (n,).
         unstable: (m, n).
-        growth: (m, n), late over early swing; nan where not run.
+        growth: (m, n), growth factor of the oscillation; nan where not run.
         ran: (m, n), whether the cell was run.
     """
 
@@ -50,8 +50,8 @@ class Refined:
     def boundary(self) -> Array:
         """Return points (k, 2) of the boundary, SI, where the verdict changes along the second axis.
 
-        Between two neighbours it is put where the logarithm of the growth, taken as straight, is zero; in the middle
-        where one of them diverged or came to rest.
+        Between two neighbors the logarithm of the growth is interpolated linearly to zero; the midpoint is used where
+        one of them diverged or came to rest.
         """
         first, second = self.values
         at = np.argwhere(self.unstable[:, 1:] != self.unstable[:, :-1])
@@ -74,13 +74,13 @@ def refine(
     """Return the map of verdicts over two axes, as fine near the boundary as a grid with 2^levels times the steps.
 
     Args:
-        scenario: as `sweep`; a small push shows the linear boundary, a large one what counts and friction make of it.
+        scenario: as `sweep`; a small push shows the linear boundary, a large one also encoder counts and friction.
         over: two keys of COLUMNS, such as object.damping and object.stiffness, each with a coarse range or list.
         levels: how often steps are halved.
         threads: all cores if not given.
 
     Raises:
-        SweepError: not two axes that lanes can have for themselves, or a grid too fine.
+        SweepError: not two axes of COLUMNS, or the grid is too fine.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`.
     """
     axes = axes_of(over)
@@ -94,21 +94,21 @@ def refine(
     plan = Plan(scenario.to_dict(), fine, {}, 1, 0)
     plan.check()
 
-    def look(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+    def simulate_cells(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
         cells = np.ravel_multi_index((i, j), plan.shape)
         return Outcomes(plan.run_cells(cells, threads or os.cpu_count() or 1)).growth
 
     values = tuple(np.asarray(axis.values, dtype=float) for axis in fine)
-    return follow((axes[0].path, axes[1].path), (values[0], values[1]), levels, look)
+    return follow((axes[0].path, axes[1].path), (values[0], values[1]), levels, simulate_cells)
 
 
 def follow(
     paths: tuple[str, str],
     values: tuple[Array, Array],
     levels: int,
-    look: Callable[[NDArray[np.int64], NDArray[np.int64]], Array],
+    simulate_cells: Callable[[NDArray[np.int64], NDArray[np.int64]], Array],
 ) -> Refined:
-    """Return the map whose cells `look` runs: a coarse grid first, then only what lies at the boundary.
+    """Return the map of cells: a coarse grid first, then only cells at the boundary.
 
     Every square whose corners differ, and those beside it, are halved, `levels` times.
 
@@ -116,7 +116,7 @@ def follow(
         paths: of the two axes.
         values: of the two axes at their finest, SI, with a multiple of 2^levels steps each.
         levels: how often steps are halved.
-        look: from the indices (k,) along both axes to the growth (k,) of these cells.
+        simulate_cells: function from the indices (k,) along both axes to the growth (k,) of these cells.
     """
     shape = (len(values[0]), len(values[1]))
     growth = np.full(shape, np.nan)
@@ -126,7 +126,7 @@ def follow(
     def run(wanted: NDArray[np.bool_]) -> None:
         i, j = np.nonzero(wanted & ~ran)
         if len(i):
-            growth[i, j] = look(i, j)
+            growth[i, j] = simulate_cells(i, j)
             unstable[i, j] = growth[i, j] > 1
             ran[i, j] = True
 
@@ -139,7 +139,7 @@ def follow(
         wanted = np.zeros(shape, dtype=bool)
         for i, j in np.argwhere(_mixed(unstable[::step, ::step])):
             wanted[i * step : (i + 1) * step + 1 : half, j * step : (j + 1) * step + 1 : half] = True
-        _take_over(unstable, ran, step)
+        _inherit(unstable, ran, step)
         run(wanted)
         step = half
     return Refined(paths, values, unstable, growth, ran)
@@ -163,8 +163,8 @@ def _mixed(corners: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return wide
 
 
-def _take_over(unstable: NDArray[np.bool_], ran: NDArray[np.bool_], step: int) -> None:
-    """Give cells of the lattice half as wide that are not run the verdict of the corner before them."""
+def _inherit(unstable: NDArray[np.bool_], ran: NDArray[np.bool_], step: int) -> None:
+    """Copy the verdict of the preceding corner to cells of the finer lattice that are not run."""
     half = step // 2
     for i, j in ((half, 0), (0, half), (half, half)):
         part = unstable[i::step, j::step]

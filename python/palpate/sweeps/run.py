@@ -1,4 +1,4 @@
-"""Run a sweep: on this machine's threads, any executor, or Dask; to memory, or to a file that can be gone on with."""
+"""Run a sweep on threads, an executor or Dask, in memory or in a file that can be resumed."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """A sweep that was run, or the part of it that was.
+    """Result of a sweep, complete or partial.
 
     Attributes:
-        axes: what varied.
+        plan: definition of the sweep.
         outcomes: by name, cells shaped as `shape`, the last axis fastest; nan where a cell was not run. Those of a
-            file are read when they are asked for.
-        done: share of the cells that were run, 0 to 1.
-        path: of the file, if there is one.
+            file are read on access.
+        done: fraction of the cells that were run, 0 to 1.
+        path: path of the file, if any.
     """
 
     plan: Plan
@@ -54,7 +54,7 @@ class Sweep:
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """What varied."""
+        """Axes of the sweep."""
         return self.plan.axes
 
     @property
@@ -70,7 +70,7 @@ class Sweep:
         raise SweepError(f"{path} was not varied; {', '.join(axis.path for axis in self.axes)} were")
 
     def scenario(self, *index: int) -> Scenario:
-        """Return the scenario of one cell: `palpate.simulate` of it finds what the cell found."""
+        """Return the scenario of one cell: `palpate.simulate` of it reproduces the cell."""
         return self.plan.scenario(int(np.ravel_multi_index(index, self.shape)))
 
     def __getitem__(self, name: str) -> Array:
@@ -78,7 +78,7 @@ class Sweep:
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Where the loop's swing grows or the loop diverges."""
+        """Where the oscillation grows or the loop diverges."""
         return self.outcomes.unstable
 
 
@@ -97,7 +97,7 @@ def sweep(
 ) -> Sweep:
     """Run a scenario for every combination of values, each cell the whole nonlinear loop.
 
-    What a cell finds does not depend on who runs it, nor beside which others: bit for bit.
+    The result of a cell is bitwise independent of the worker and of the other cells.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -107,16 +107,16 @@ def sweep(
         random: path to a range, "0.05 kg..0.3 kg", drawn uniformly for each cell by itself.
         draws: cells for each combination.
         seed: of the draws, and of how late the ticks of each cell come (servo.jitter).
-        out: HDF5 file; made, or gone on with if the same sweep was begun in it. None: results stay in memory.
-        executor: runs chunks elsewhere; none: this machine's cores.
+        out: HDF5 file, created, or resumed if it holds the same sweep. None: results stay in memory.
+        executor: runs the chunks; None: the cores of this machine.
         workers: threads here, or workers of the executor (chunks are kept ready for each); all cores if not given.
         shard: (i, n): only every n-th chunk, from the i-th on, 1 <= i <= n; `merge` puts the files together.
-        progress: called with a text and the share done, 0 to 1.
+        progress: called with a text and the fraction done, 0 to 1.
 
     Raises:
         SweepError: an unknown key, a scenario that the batch does not run, another sweep's file.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`, for any combination of ends.
-        OutputError: the file cannot be written; what was done is kept.
+        OutputError: the file cannot be written; finished chunks are kept.
     """
     plan = plan_of(scenario, over, random=random, draws=draws, seed=seed)
     plan.check()
@@ -152,7 +152,7 @@ def plan_of(
     draws: int = 1,
     seed: int = 0,
 ) -> Plan:
-    """Return what `sweep` would run."""
+    """Return the plan that `sweep` runs."""
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
     for name, number in (("draws", draws), ("seed", seed)):

@@ -1,7 +1,7 @@
-"""A sweep's file: HDF5, laid out in full before the first cell is run, filled chunk by chunk, gone on with at any time.
+"""HDF5 file of a sweep, allocated before the first cell runs, filled by chunks and resumable at any time.
 
-Every dataset takes its place on the disk at the start. A chunk is written, flushed, and only then marked as done: a
-run that is killed leaves whole chunks, and a disk that is too small is told of before anything is computed.
+All datasets are allocated at the start, so a disk that is too small is reported before the computation. A chunk is
+written, flushed and then marked as done, so an interrupted run leaves complete chunks.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ class MemoryStore:
         self._done = np.zeros(plan.chunks, dtype=bool)
 
     def missing(self) -> list[int]:
-        """Return the numbers of the chunks that are still to be run."""
+        """Return the numbers of the chunks that have not been run."""
         return [int(i) for i in np.flatnonzero(~self._done)]
 
     def put(self, chunk: int, values: Mapping[str, Array]) -> None:
-        """Keep a chunk's outcomes."""
+        """Store the outcomes of a chunk."""
         first = chunk * self._chunk
         for name, rows in values.items():
             self._values[name][first : first + len(rows)] = rows
         self._done[chunk] = True
 
     def values(self) -> dict[str, Array]:
-        """Return everything, by name of QUANTITIES."""
+        """Return all outcomes by name of QUANTITIES."""
         return self._values
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing; no file is open."""
 
 
 class FileStore:
-    """Outcomes in a file that may have been begun before; a context that closes it."""
+    """Outcomes in a new or existing file; a context manager that closes it."""
 
     def __init__(self, path: str | Path, plan: Plan) -> None:
-        """Open the file if it is this sweep's, else make it.
+        """Open the file of this sweep, or create it.
 
         Raises:
             SweepError: the file holds another sweep, or something else.
@@ -84,11 +84,11 @@ class FileStore:
             raise OutputError(f"{self.path}: cannot be written: {problem}") from problem
 
     def missing(self) -> list[int]:
-        """Return the numbers of the chunks that are still to be run."""
+        """Return the numbers of the chunks that have not been run."""
         return [int(i) for i in np.flatnonzero(self._file["done"][:] == 0)]
 
     def put(self, chunk: int, values: Mapping[str, Array]) -> None:
-        """Write a chunk, then mark it.
+        """Write a chunk and mark it as done.
 
         Raises:
             OutputError: the disk refused. What was marked before is on it.
@@ -115,7 +115,7 @@ class FileStore:
 
 
 class StoredValues(Mapping[str, Array]):
-    """A file's outcomes by name of QUANTITIES, shaped as the sweep; each is read when it is asked for."""
+    """A file's outcomes by name of QUANTITIES, shaped as the sweep; each is read on access."""
 
     def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
         self._path, self._shape = path, shape
@@ -135,7 +135,7 @@ class StoredValues(Mapping[str, Array]):
 
 
 def tally(path: str | Path) -> list[int]:
-    """Return how many of a file's cells die out, keep swinging, grow and diverge, read piece by piece."""
+    """Return the numbers of decaying, sustained, growing and diverged cells of a file, read in blocks."""
     counts = np.zeros(4, dtype=np.int64)
     with h5py.File(path, "r") as file:
         verdict = file["verdict"]
@@ -146,7 +146,7 @@ def tally(path: str | Path) -> list[int]:
 
 
 def read(path: str | Path) -> tuple[Plan, StoredValues, NDArray[np.bool_]]:
-    """Return a file's plan, its outcomes, and which chunks are done.
+    """Return a file's plan, its outcomes, and whether each chunk is done.
 
     Raises:
         SweepError: it is no sweep's file.
@@ -216,7 +216,7 @@ def _plan_text(path: Path) -> str | None:
 
 
 def _lay_out(path: Path, plan: Plan) -> None:
-    """Make a file in which every number has its place."""
+    """Create a file with all datasets allocated."""
     _reserve(path, plan)
     with h5py.File(path, "w", track_order=True) as file:
         file.attrs["sweep"] = plan.text()
@@ -235,14 +235,14 @@ def _lay_out(path: Path, plan: Plan) -> None:
 
 
 def _reserve(path: Path, plan: Plan) -> None:
-    """Ask the disk for the room that the file will need: HDF5 itself does not take a refusal well."""
+    """Allocate the disk space of the file, because HDF5 handles a full disk poorly."""
     numbers = sum(columns for columns, _, _ in QUANTITIES.values())
     with path.open("wb") as file:
         os.posix_fallocate(file.fileno(), 0, 8 * numbers * plan.count + 2 * len(plan.text()) + 65536)
 
 
 def _place(file: h5py.File, name: str, shape: tuple[int, ...], kind: str, fill: float) -> None:
-    """Make a contiguous dataset that is on the disk from now on."""
+    """Create a contiguous dataset that is allocated immediately."""
     properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     properties.set_fill_time(h5py.h5d.FILL_TIME_ALLOC)

@@ -1,7 +1,7 @@
-"""Watching the energy a display gives, and damping it when it gives more than it got (Hannaford & Ryu 2002).
+"""Passivity observer and passivity controller for a sampled display (Hannaford & Ryu 2002).
 
 A force held over a period does exactly F_k (x_{k+1} - x_k) of work. The usual F_k (x_k - x_{k-1}) pairs the force with
-the way before it: its sign can be wrong, and an observer built on it never acts.
+the displacement before it. Its sign can be wrong, so an observer based on it may never act.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ Array = NDArray[np.float64]
 
 
 def zoh_energy(force: ArrayLike, position: ArrayLike) -> float:
-    """Return the work (J) of forces held from sample to sample on the tip: the sum of F_k (x_{k+1} - x_k), exact.
+    """Return the exact work (J) of sampled and held forces on the tip, the sum of F_k (x_{k+1} - x_k).
 
     Args:
-        force: of the display on the tip, N, (n,) or (n, axes); the last one acts after the record and does not count.
-        position: of the tip at the samples, m, the same shape.
+        force: force of the display on the tip, N, (n,) or (n, axes); the last one acts after the record and is ignored.
+        position: position of the tip at the samples, m, the same shape.
 
     Raises:
-        StabilityError: the shapes differ, or hold fewer than two samples.
+        StabilityError: the shapes differ, or there are fewer than two samples.
     """
     f, x = _pair(force, position)
     return float(np.sum(f[:-1] * np.diff(x, axis=0)))
 
 
 def naive_energy(force: ArrayLike, position: ArrayLike) -> float:
-    """Return the sum of F_k (x_k - x_{k-1}), J: what a careless observer adds up, for comparison only."""
+    """Return the sum of F_k (x_k - x_{k-1}), J: the usual but inexact estimate, for comparison only."""
     f, x = _pair(force, position)
     return float(np.sum(f[1:] * np.diff(x, axis=0)))
 
@@ -52,39 +52,39 @@ def _pair(force: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:
 
 @dataclass
 class EnergyObserver:
-    """The work that held forces have done on the tip so far, known exactly at each sample.
+    """Exact work of sampled and held forces on the tip.
 
     Attributes:
-        given: energy given to the tip, J; negative while the display has taken more than it gave.
+        energy: energy delivered to the tip, J; negative while the display has absorbed more than it delivered.
     """
 
-    given: float = 0.0
+    energy: float = 0.0
     _force: float = 0.0
     _position: float | None = None
 
     def update(self, position: float) -> float:
-        """Take the tip's position (m) at a sample, and return the energy (J) given up to it."""
+        """Add the work up to a sample with the tip at ``position`` (m) and return the energy (J)."""
         if self._position is not None:
-            self.given += self._force * (position - self._position)
+            self.energy += self._force * (position - self._position)
         self._position = position
-        return self.given
+        return self.energy
 
     def set_force(self, force: float) -> None:
-        """Take the force (N) on the tip that is held from the sample on."""
+        """Set the force (N) on the tip that is held from this sample on."""
         self._force = force
 
 
 class PassivityController:
-    """Adds damping, never more than the cap, when the display has given energy that it never got.
+    """Passivity controller: injects limited damping while the display has delivered more energy than it absorbed.
 
     With an `object` it stands between the tip and that object in a simulated loop, and acts along `normal`:
     `palpate.simulate(scenario, object=PassivityController(..., object=wall))`.
 
     Args:
         period: T, s.
-        largest_damping: cap of the injected damping, N s/m. Sampled damping above the device's limits destabilizes by
-            itself: keep it at half of mass/period or less.
-        credit: energy, J, that the display may give before it is damped.
+        max_damping: upper limit of the injected damping, N s/m. Sampled damping is itself destabilizing above about
+            half of mass/period.
+        credit: energy, J, that the display may deliver before damping is injected.
         object: as for `palpate.simulate`; needed in a loop only.
         normal: direction along which the energy is observed (3,); its length does not matter.
 
@@ -95,14 +95,14 @@ class PassivityController:
     def __init__(
         self,
         period: float,
-        largest_damping: float,
+        max_damping: float,
         credit: float = 0.0,
         *,
         object: Any = None,
         normal: ArrayLike = (1.0, 0.0, 0.0),
     ) -> None:
         self.period = positive(period, "period", "s")
-        self.largest = not_negative(largest_damping, "largest_damping", "N s/m")
+        self.max_damping = not_negative(max_damping, "max_damping", "N s/m")
         self.credit = not_negative(credit, "credit", "J")
         self.object = None if object is None else as_object(object)
         direction = np.asarray(normal, dtype=float)
@@ -120,14 +120,14 @@ class PassivityController:
             self.object.restart()
 
     def force(self, position: float, wall: float) -> float:
-        """Return the force (N) on the tip at a sample: the wall's force ``wall`` (N), damped if energy is owed."""
-        given = self.observer.update(position)
+        """Return the force (N) on the tip: ``wall`` (N) with injected damping if the energy exceeds the credit."""
+        energy = self.observer.update(position)
         velocity = 0.0 if self._position is None else (position - self._position) / self.period
         self._position = position
-        owed = given - self.credit
+        excess = energy - self.credit
         damping = 0.0
-        if owed > 0.0 and velocity != 0.0:
-            damping = min(self.largest, owed / (self.period * velocity**2))
+        if excess > 0.0 and velocity != 0.0:
+            damping = min(self.max_damping, excess / (self.period * velocity**2))
         command = wall - damping * velocity
         self.observer.set_force(command)
         return command

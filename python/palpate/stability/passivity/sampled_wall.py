@@ -1,11 +1,12 @@
-"""Passivity of a rendered wall: how much of the device's own damping it takes, exactly, whoever holds the device.
+"""Passivity of a sampled wall: the exact damping that it requires of the device (Colgate & Schenkel 1997).
 
-A passive device is stable in every passive hand. The sampled wall makes energy because the force is held while the tip
-moves on; only the device's physical damping b takes it away again (Colgate & Schenkel 1997; the mass plays no part).
+A passive display is stable with every passive operator. A sampled wall generates energy because the force is held
+while the tip moves. Only the device's physical damping b dissipates it; the mass has no effect.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import control
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import finite, fraction, not_negative, positive
 from palpate.errors import StabilityError
-from palpate.linear.wall import _at, causal_controller
+from palpate.linear.wall import causal_controller, frequency_values
 
 __all__ = [
     "coulomb_amplitude",
@@ -39,35 +40,35 @@ def passive_damping(
     virtual_mass: float = 0.0,
     law: Any = None,
 ) -> float:
-    """Return the least damping b (N s/m) of the device with which the wall is passive, exactly.
+    """Return the least device damping b (N s/m) with which the wall is passive, exactly.
 
-    b > max over theta of (T/2)/(1 - cos theta) Re{(1 - e^{-j theta}) H(e^{j theta}) e^{-j n theta}}: KT/2 + |B|
-    without delay, and (KT/2) sin((n+1/2) theta)/sin(theta/2) - B cos((n+1) theta) with n samples of it. Between
-    whole samples the force changes within a period; the worst motion is then linear in each part, and the condition is
-    on the largest eigenvalue of a 2 x 2 form, which becomes the above at whole delays.
+    b > max over theta of (T/2)/(1 - cos theta) Re{(1 - e^{-j theta}) H(e^{j theta}) e^{-j n theta}}. Without delay
+    this is KT/2 + |B|. With n samples of delay it is the maximum of (KT/2) sin((n+1/2) theta)/sin(theta/2) -
+    B cos((n+1) theta). With a fractional delay the force changes within a period. The worst motion is then linear in
+    each part, and the condition applies to the largest eigenvalue of a 2 x 2 form.
 
     Args:
         stiffness: K, N/m.
         virtual_damping: B, N s/m, through the backward difference.
         period: T, s.
-        delay: in samples, whole or not.
+        delay: in samples, may be fractional.
         velocity_filter: alpha of v <- alpha v + (1 - alpha) dx/T.
-        virtual_mass: M, kg, through the second backward difference; alone it needs 2M/T.
-        law: any other sampled law from motion (m) to force (N), added to these.
+        virtual_mass: M, kg, through the second backward difference; alone it requires 2M/T.
+        law: sampled control law from motion (m) to force (N), added to these.
 
     Raises:
-        StabilityError: a value out of range, or a law that looks ahead or is unstable.
+        StabilityError: a value out of range, or a law that is not causal or not stable.
     """
     wall = _Wall(stiffness, virtual_damping, period, delay, velocity_filter, virtual_mass, law)
-    return max(0.0, _largest(wall.demand, wall.delay))
+    return max(0.0, _maximum(wall.required_damping, wall.delay))
 
 
 def sufficient_damping(*, stiffness: float, virtual_damping: float = 0.0, period: float, delay: float = 0.0) -> float:
-    """Return K(n + 1/2)T + |B| (N s/m), n the delay rounded up: never less than ``passive_damping``."""
+    """Return K(n + 1/2)T + |B| (N s/m), n the delay rounded up: an upper bound of ``passive_damping``."""
     t = positive(period, "period", "s")
     n = np.ceil(not_negative(delay, "delay", "samples"))
-    held = not_negative(stiffness, "stiffness", "N/m") * float(n + 0.5) * t
-    return held + abs(finite(virtual_damping, "virtual_damping", "N s/m"))
+    spring = not_negative(stiffness, "stiffness", "N/m") * float(n + 0.5) * t
+    return spring + abs(finite(virtual_damping, "virtual_damping", "N s/m"))
 
 
 def passive_stiffness(
@@ -78,13 +79,13 @@ def passive_stiffness(
     delay: float = 0.0,
     velocity_filter: float = 0.0,
 ) -> Array:
-    """Return the largest K (N/m) that is passive with the device's ``damping`` b, for each B; 0 where none is.
+    """Return the largest passive K (N/m) with the device damping b, for each B; 0 where no wall is passive.
 
     Args:
         damping: b, N s/m.
         period: T, s.
         virtual_damping: B, N s/m, any shape.
-        delay: in samples, whole or not.
+        delay: in samples, may be fractional.
         velocity_filter: alpha.
 
     Raises:
@@ -93,16 +94,21 @@ def passive_stiffness(
     b = not_negative(damping, "damping", "N s/m")
     values = np.asarray(virtual_damping, dtype=float)
     out = np.zeros(values.size)
-    for i, one in enumerate(values.ravel()):
-        wall = _Wall(0.0, float(one), period, delay, velocity_filter, 0.0, None)
-        if _largest(wall.demand, wall.delay) > b * (1 + 1e-12):
+    for i, b_wall in enumerate(values.ravel()):
+        wall = _Wall(0.0, float(b_wall), period, delay, velocity_filter, 0.0, None)
+        if _maximum(wall.required_damping, wall.delay) > b * (1 + 1e-12):
             continue
-        low, high = 0.0, 2.0 * b / wall.period * (1 + 1e-9)  # what the bare hold alone allows
-        spread = abs(float(one)) * 4 / wall.period
+        low, high = 0.0, 2.0 * b / wall.period * (1 + 1e-9)  # limit of the hold alone
+        spread = abs(float(b_wall)) * 4 / wall.period
         high = high + spread
-        for _ in range(60):  # the demand is convex in K and the set of passive K an interval from zero
+        for _ in range(60):  # the requirement is convex in K, so passive K form an interval from zero
             middle = 0.5 * (low + high)
-            inside = _largest(_Wall(middle, float(one), period, delay, velocity_filter, 0.0, None).demand, delay) <= b
+            inside = (
+                _maximum(
+                    _Wall(middle, float(b_wall), period, delay, velocity_filter, 0.0, None).required_damping, delay
+                )
+                <= b
+            )
             low, high = (middle, high) if inside else (low, middle)
             if high - low <= 1e-13 * high:
                 break
@@ -111,7 +117,7 @@ def passive_stiffness(
 
 
 class _Wall:
-    """What a wall demands of the device's damping at each angle."""
+    """Damping that a sampled wall requires of the device at each angle."""
 
     def __init__(
         self,
@@ -126,75 +132,77 @@ class _Wall:
         self.period = positive(period, "period", "s (a rate of zero has none)")
         self.stiffness = finite(stiffness, "stiffness", "N/m")
         self.damping = finite(virtual_damping, "virtual_damping", "N s/m")
-        self.delay = not_negative(delay, "delay", "samples (a negative one would look ahead)")
+        self.delay = not_negative(delay, "delay", "samples (a negative one would not be causal)")
         self.alpha = fraction(velocity_filter, "velocity_filter")
         self.mass = finite(virtual_mass, "virtual_mass", "kg")
         self.law: control.StateSpace | None = None if law is None else causal_controller(law, self.period)
 
     def over_difference(self, theta: Array) -> NDArray[np.complex128]:
-        """H/(z - 1): force per change of position, (k,), N/m."""
+        """Return H/(z - 1), force per change of position, (k,), N/m, at angles (k,), rad per sample."""
         t, a = self.period, self.alpha
         z = np.exp(1j * theta)
-        ahead = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)
-        result = self.stiffness / ahead + self.damping / t * (1 - a) / (z - a) + self.mass / t**2 * ahead / z**2
+        z_minus_one = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)
+        result = (
+            self.stiffness / z_minus_one + self.damping / t * (1 - a) / (z - a) + self.mass / t**2 * z_minus_one / z**2
+        )
         if self.law is not None:
-            result = result + _at(self.law, z) / ahead
+            result = result + frequency_values(self.law, z) / z_minus_one
         return np.asarray(result, dtype=complex)
 
-    def demand(self, theta: Array) -> Array:
-        """Return the damping that a motion at ``theta`` (rad per sample) needs, N s/m."""
+    def required_damping(self, theta: Array) -> Array:
+        """Return the damping (k,), N s/m, required at angles ``theta`` (k,), rad per sample."""
         whole = np.floor(self.delay + 1e-12)
         part = max(self.delay - whole, 0.0)
         h = self.over_difference(theta) * np.exp(-1j * whole * theta)
         if part < 1e-12:
             return np.asarray(-self.period * h.real, dtype=float)
-        # A period falls in two: the first `part` of it under the older force. With p, q the ways in each, the force's
-        # work is f*(q + z p), the position's change p + q, and the device dissipates b (p^2/part + q^2/(1 - part))/T.
+        # In the first `part` of a period the older force acts. With displacements p and q in the two parts, the work is
+        # f*(q + z p), the change of position p + q, and the dissipation b (p^2/part + q^2/(1 - part))/T.
         z = np.exp(1j * theta)
-        inner = part * np.conj(z) + (1 - part)  # of the two forms, weighted; each has length 1
+        inner = part * np.conj(z) + (1 - part)  # weighted inner product of the two forms, each of length 1
         real, imag = (h * inner).real, (h * inner).imag
         root = np.sqrt(np.maximum(np.abs(h) ** 2 - imag**2, 0.0))
         return np.asarray(0.5 * self.period * (root - real), dtype=float)
 
 
-def _largest(height: Any, delay: float) -> float:
-    """Return the maximum of a smooth function of theta over (0, pi], grid and then ever finer about its best."""
+def _maximum(function: Callable[[Array], Array], delay: float) -> float:
+    """Return the maximum of a smooth function of theta over (0, pi], by a grid refined about its maximum."""
     theta = np.concatenate([np.geomspace(1e-5, 1e-2, 40), np.linspace(1.1e-2, np.pi, 400 * (int(delay) + 1))])
-    values = height(theta)
+    values = function(theta)
     for _ in range(6):
         k = int(np.argmax(values))
         low, high = theta[max(k - 1, 0)], theta[min(k + 1, len(theta) - 1)]
         theta = np.linspace(low, high, 41)
-        values = height(theta)
+        values = function(theta)
     return float(values.max())
 
 
 def field_damping(*, lipschitz: float, longest_period: float, delay: int = 0, virtual_damping: float = 0.0) -> float:
-    """Return the damping (N s/m) with which a nonlinear conservative force field is passive, late ticks included.
+    """Return the damping (N s/m) with which a nonlinear conservative force field is passive, with late ticks.
 
-    lambda_min(D) >= L (T_max/2 + n T_max) + B_max: D the device's damping at the tip, L the largest change of force per
-    way anywhere in the field (the Lipschitz constant of its gradient), T_max the longest time between ticks that
-    happens, n samples of delay, B_max of damping by backward difference. Sufficient; exact for the stiffest wall.
+    The condition is lambda_min(D) >= L (T_max/2 + n T_max) + B_max, with D the device damping at the tip and L the
+    Lipschitz constant of the force. It is sufficient in general and exact for the stiffest wall.
 
     Args:
-        lipschitz: L, N/m.
-        longest_period: T_max, s.
+        lipschitz: L, largest change of force per displacement in the field, N/m.
+        longest_period: T_max, longest time between ticks, s.
         delay: n, samples.
-        virtual_damping: B_max, N s/m.
+        virtual_damping: B_max, damping by backward difference, N s/m.
 
     Raises:
-        StabilityError: a negative value, or no time between ticks.
+        StabilityError: a negative value, or a longest period that is not positive.
     """
     slope = not_negative(lipschitz, "lipschitz", "N/m")
     longest = positive(longest_period, "longest_period", "s")
-    late = not_negative(delay, "delay", "samples")
-    return slope * longest * (0.5 + late) + not_negative(virtual_damping, "virtual_damping", "N s/m")
+    samples = not_negative(delay, "delay", "samples")
+    return slope * longest * (0.5 + samples) + not_negative(virtual_damping, "virtual_damping", "N s/m")
 
 
 def quantized_stiffness(*, damping: float, coulomb: float, period: float, quantum: float) -> float:
     """Return the largest passive K (N/m) of a wall seen through an encoder: min(2b/T, 2 f_c/Delta).
 
-    Abbott & Okamura 2005: viscous damping pays for sampling, Coulomb friction for quantisation, neither for both.
+    Viscous damping dissipates the energy generated by sampling, Coulomb friction that generated by quantization
+    (Abbott & Okamura 2005).
 
     Args:
         damping: b, N s/m.
@@ -212,10 +220,10 @@ def quantized_stiffness(*, damping: float, coulomb: float, period: float, quantu
 
 
 def coulomb_amplitude(*, mass: float, stiffness: float, damping: float, coulomb: float, period: float) -> float:
-    """Return A* (m): a swing against the wall smaller than this dies in Coulomb friction, a larger one grows.
+    """Return the amplitude A* (m) below which Coulomb friction damps an oscillation against the wall.
 
-    A* = 4 f_c / (pi sqrt(K/m) (KT/2 - b)), by the describing function of Coulomb friction; inf where b >= KT/2 and
-    every swing dies. Good where the swing is slow against the rate, sqrt(K/m) T << 1.
+    A* = 4 f_c / (pi sqrt(K/m) (KT/2 - b)), from the describing function of Coulomb friction. A larger oscillation
+    grows. The result is inf where b >= KT/2, and accurate where sqrt(K/m) T << 1.
 
     Args:
         mass: kg; stiffness: K, N/m; damping: b, N s/m; coulomb: f_c, N; period: T, s.
@@ -224,14 +232,14 @@ def coulomb_amplitude(*, mass: float, stiffness: float, damping: float, coulomb:
         StabilityError: a value out of range.
     """
     m, k = positive(mass, "mass", "kg"), positive(stiffness, "stiffness", "N/m")
-    short = k * positive(period, "period", "s") / 2 - not_negative(damping, "damping", "N s/m")
-    if short <= 0:
+    deficit = k * positive(period, "period", "s") / 2 - not_negative(damping, "damping", "N s/m")
+    if deficit <= 0:
         return float("inf")
-    return float(4 * not_negative(coulomb, "coulomb", "N") / (np.pi * np.sqrt(k / m) * short))
+    return float(4 * not_negative(coulomb, "coulomb", "N") / (np.pi * np.sqrt(k / m) * deficit))
 
 
 def coupling_damping(*, coupling_stiffness: float, coupling_damping: float, period: float) -> float:
-    """Return b_c + k_c T/2 (N s/m): with it the display is passive before every passive discrete object, and not less.
+    """Return b_c + k_c T/2 (N s/m), the least device damping for passivity with every passive discrete object.
 
     Args:
         coupling_stiffness: k_c, N/m, of the virtual coupling.

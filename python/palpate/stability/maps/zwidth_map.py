@@ -1,4 +1,4 @@
-"""The Z-width of a scenario: every stiffness and damping that its loop bears, exact and as the simulation finds it."""
+"""Z-width of a scenario: the stable and passive walls in stiffness and damping, exact and by simulation."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from palpate.linear.wall import WallLoop, wall_loop
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
-from palpate.stability.boundaries import Boundary, stability_boundary, trace
+from palpate.stability.maps.boundary_curve import Boundary, stability_boundary, trace_boundary
+from palpate.stability.maps.simulated import SimulatedBoundary, simulated_boundary
 from palpate.stability.passivity import passive_stiffness
-from palpate.stability.simulated import SimulatedBoundary, simulated_boundary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,19 +34,19 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 HAND = HumanArm(0.15, 4.5, 560.0)
 TISSUE = (500.0, 0.5)  # N/m, N s/m
-MARGIN = 1.08  # of the map beyond the exact curve
-VANISHES = 0.02  # share of the map below which nothing is seen
-CLOSE = 100_000  # points of a curve of which a corner shows a few hundred
+MARGIN = 1.08  # size of the map relative to the exact curve
+VANISHES = 0.02  # fraction of the map below which details are invisible
+FINE = 100_000  # points of a curve of which the corner shows a few hundred
 
 
 @dataclass(frozen=True)
 class Corner:
-    """The map about no damping and no stiffness, where its whole would hide the object or the passive walls.
+    """Enlarged map about the origin, for an object or passive walls too small for the whole map.
 
     Attributes:
         window: largest B, N s/m, and K, N/m, of the corner.
-        edge: the exact boundary of the scenario's own loop there.
-        simulated: the same, found by running the loop; None where it was not.
+        edge: exact boundary of the scenario's own loop there.
+        simulated: the same by simulation; None if it was not simulated.
     """
 
     window: tuple[float, float]
@@ -56,19 +56,19 @@ class Corner:
 
 @dataclass(frozen=True)
 class ZWidth:
-    """The stable walls of a scenario.
+    """Stable walls of a scenario.
 
     Attributes:
-        title: the scenario's.
-        curves: exact boundaries by who holds the device; the first is the scenario's own operator.
-        passive: (B, K) of the edge of the passive walls, each (k,); None where nothing is known of them.
-        not_passive: why `passive` is None; empty otherwise.
-        simulated: the scenario's own boundary, found by running it; None where it was not.
-        here: (B, K) of the scenario's object.
-        corner: the map about its origin, where something would vanish at the scale of the whole.
-        never: operators with whom no wall of any size is stable, as where the arm tips over along the surface.
-        min_stable_stiffness: K from which on the scenario's loop is stable, N/m, for any damping; above 0 if the device
-            falls over without an object.
+        title: title of the scenario.
+        curves: exact boundaries by operator; the first is the scenario's own operator.
+        passive: (B, K) of the boundary of the passive walls, each (k,); None if it is unknown.
+        not_passive: reason why `passive` is None; empty otherwise.
+        simulated: the scenario's own boundary by simulation; None if it was not simulated.
+        here: (B, K) of the scenario's object, N s/m and N/m.
+        corner: enlarged map about the origin, if details would be invisible in the whole.
+        never: operators with which no wall is stable, for example because the arm tips over along the surface.
+        min_stable_stiffness: least K with which the scenario's loop is stable, N/m, for any damping; above 0 if the
+            device is unstable without an object.
     """
 
     title: str
@@ -115,7 +115,7 @@ class ZWidth:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers as JSON can hold them, in N/m and N s/m."""
+        """Return the numbers for JSON, in N/m and N s/m."""
         return {
             "title": self.title,
             "curves": {
@@ -139,10 +139,10 @@ class ZWidth:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the numbers as `.json`, whole or not at all; return the path.
+        """Write the numbers atomically as `.json` and return the path.
 
         Raises:
-            OutputError: the suffix is another one, or the file cannot be written.
+            OutputError: the suffix is not `.json`, or the file cannot be written.
         """
         return write_json(check_suffix(path, (".json",), "a Z-width"), self.to_dict())
 
@@ -166,78 +166,78 @@ def zwidth(
     simulated: bool = True,
     progress: Progress | None = None,
 ) -> ZWidth:
-    """Return the Z-width of a scenario's loop: the exact boundary, the passive walls, and the boundary found by runs.
+    """Return the Z-width of a scenario's loop: exact boundary, passive walls, and boundary by simulation.
 
-    The object of the scenario is replaced by spring and damper of every size, the same in all directions in which it is
-    felt, damped by backward difference. An impedance display is also judged in other hands.
+    The object of the scenario is replaced by springs and dampers of every size, equal in all directions of the object
+    and damped by backward difference. The map of an impedance display includes other operators.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
         controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
             Python function has no linear model and is refused.
-        simulated: whether to find the boundary by simulation as well.
-        progress: called with a text and the share done.
+        simulated: also find the boundary by simulation.
+        progress: called with a text and the fraction done.
 
     Raises:
-        StabilityError: no object of any stiffness is stable, or the loop has none.
+        StabilityError: no object of any stiffness is stable, or the scenario has no loop.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
-    tell = progress or (lambda _text, _share: None)
+    report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
     own = scenario_loop(s)
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')
-    tell("exact boundary", 0.05)
+    report("exact boundary", 0.05)
     edge = _edge(own)
-    min_stable_stiffness = _softest(own, edge)
-    curves = {_holder(s): edge}
+    min_stable_stiffness = _min_stable_stiffness(own, edge)
+    curves = {_operator_name(s): edge}
     never = []
-    for name, arm in _other_hands(s):
+    for name, arm in _other_operators(s):
         try:
             curves[name] = _edge(scenario_loop(s, arm=arm, operator_force=(0.0, 0.0, 0.0)))
         except StabilityError:
             never.append(name)
-    tell("passive walls", 0.15)
+    report("passive walls", 0.15)
     here = (float(own.damping.max()), float(own.stiffness.max()))
     passive, reason = _passive(s, own, edge)
     found, corner = None, None
     if simulated:
         whole = (MARGIN * float(edge.damping.max()), MARGIN * float(edge.stiffness.max()))
         found = simulated_boundary(
-            s, own, edge, whole, min_stable_stiffness, lambda share: tell("simulating", 0.2 + 0.4 * share)
+            s, own, edge, whole, min_stable_stiffness, lambda done: report("simulating", 0.2 + 0.4 * done)
         )
     window = _corner_window(edge, passive, here)
     if window is not None:
-        near = _edge(own, CLOSE).up_to(1.1 * window[0])
-        again = None
+        near = _edge(own, FINE).up_to(1.1 * window[0])
+        near_simulated = None
         if simulated:
-            again = simulated_boundary(
-                s, own, near, window, min_stable_stiffness, lambda share: tell("simulating", 0.6 + 0.3 * share)
+            near_simulated = simulated_boundary(
+                s, own, near, window, min_stable_stiffness, lambda done: report("simulating", 0.6 + 0.3 * done)
             )
-        corner = Corner(window, near, again)
+        corner = Corner(window, near, near_simulated)
     return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never), min_stable_stiffness)
 
 
-def _softest(loop: ScenarioLoop, edge: Boundary) -> float:
-    """Return the stiffness from which on a loop is stable, N/m: the object has to make up for what is negative.
+def _min_stable_stiffness(loop: ScenarioLoop, edge: Boundary) -> float:
+    """Return the least stiffness with which a loop is stable, N/m; 0 if it is stable without an object.
 
-    There a root is at +1, where damping has no say.
+    There a root is at +1, whatever the damping.
     """
     b, k = edge.inside
 
-    def grows(exponent: float) -> float:
+    def excess_radius(exponent: float) -> float:
         return loop.spectral_radius(math.exp(exponent), b) - 1.0
 
-    min_stable_stiffness, inside = math.log(1e-6 * k), math.log(k)
-    if grows(min_stable_stiffness) < 1e-9:
+    low, inside = math.log(1e-6 * k), math.log(k)
+    if excess_radius(low) < 1e-9:
         return 0.0
-    return float(math.exp(brentq(grows, min_stable_stiffness, inside, xtol=1e-9)))
+    return float(math.exp(brentq(excess_radius, low, inside, xtol=1e-9)))
 
 
 def _corner_window(
     edge: Boundary, passive: tuple[Array, Array] | None, here: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Return the largest (B, K) of the corner that needs a picture of its own; None if the whole shows everything."""
+    """Return the largest (B, K) of the corner map; None if the whole map shows every detail."""
     wide, high = float(edge.damping.max()), float(edge.stiffness.max())
     b, k = here if here[0] < VANISHES * wide and here[1] < VANISHES * high else (0.0, 0.0)
     if passive is not None and (passive[0].max() < VANISHES * wide or passive[1].max() < VANISHES * high):
@@ -248,15 +248,15 @@ def _corner_window(
     return window if window[0] < wide / 4 and window[1] < high / 4 else None
 
 
-def _holder(s: Scenario) -> str:
+def _operator_name(s: Scenario) -> str:
     o = s.operator
     if o.kind != "arm":
         return "nobody holds it" if s.servo.topology == "impedance_display" else "the loop"
     return "the scenario's arm" + (", through tissue" if o.tissue_stiffness is not None else ", rigid grip")
 
 
-def _other_hands(s: Scenario) -> list[tuple[str, HumanArm | None]]:
-    """Return other operators to draw, where the device can be held at all."""
+def _other_operators(s: Scenario) -> list[tuple[str, HumanArm | None]]:
+    """Return other operators for the map, by name; empty if the device model admits none."""
     if s.servo.topology != "impedance_display" or s.device.model != "nonlinear":
         return []
     tissue = HumanArm(HAND.mass, HAND.damping, HAND.stiffness, *TISSUE)
@@ -275,7 +275,7 @@ def _other_hands(s: Scenario) -> list[tuple[str, HumanArm | None]]:
 
 
 def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
-    """Return a scenario's loop as loops against a wall (K, B), one per direction that the others leave alone.
+    """Return a scenario's loop as loops against a wall (K, B), one per decoupled direction.
 
     Raises:
         StabilityError: the directions are coupled through device or controller.
@@ -284,7 +284,9 @@ def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
     r = loop.directions.shape[1]
     if r == 1:
         return [_single(path.A, path.B[:, 0], path.C[0], loop.period)]
-    raise StabilityError("the directions are coupled: one (K, B) for all of them has no single curve")
+    raise StabilityError(
+        "the directions are coupled, so one (K, B) for all of them has no single curve; use one direction"
+    )
 
 
 def _single(a: Array, b: Array, c: Array, period: float) -> WallLoop:
@@ -293,14 +295,19 @@ def _single(a: Array, b: Array, c: Array, period: float) -> WallLoop:
 
 
 class _Coupled(WallLoop):
-    """A wall of one (K, B) in several coupled directions: W is an eigenvalue of the inverse response."""
+    """Wall with one (K, B) in several coupled directions; W is an eigenvalue of the inverse response.
+
+    Attributes:
+        loop: the scenario's loop.
+        index: rank of the eigenvalue of the response by modulus.
+    """
 
     loop: ScenarioLoop
     index: int
 
     @classmethod
     def of(cls, loop: ScenarioLoop, index: int) -> _Coupled:
-        """Return the loop as seen by the eigenvalue that is ``index``-th in modulus."""
+        """Return the loop of the eigenvalue with rank ``index`` by modulus."""
         path, r = loop.path, loop.directions.shape[1]
         n = path.nstates
         tip = SampledDevice(path.A - np.eye(n), path.B[:, 0], np.zeros(n), path.C[0], 0, loop.period)
@@ -339,11 +346,11 @@ def _edge(loop: ScenarioLoop, points: int = 1000) -> Boundary:
         return stability_boundary(wall_loops(loop)[0], points=points)
     parts: list[Boundary] = []
     scale: tuple[float, float] | None = None
-    for count in (100, points):  # first to see how large the region is: one direction alone may cut it very steeply
+    for count in (100, points):  # the first pass estimates the size of the region
         parts = []
         for index in range(r):
             with suppress(StabilityError):
-                parts.append(trace(_Coupled.of(loop, index), count, 0.0, scale, alone=False))
+                parts.append(trace_boundary(_Coupled.of(loop, index), count, 0.0, scale, single=False))
         if parts:
             scale = max(float(p.damping.max()) for p in parts), max(float(p.stiffness.max()) for p in parts)
     if not parts:
@@ -355,18 +362,18 @@ def _edge(loop: ScenarioLoop, points: int = 1000) -> Boundary:
 
 
 def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[tuple[Array, Array] | None, str]:
-    """Return (B, K) of the edge of the passive walls, or None and the reason."""
+    """Return (B, K) of the boundary of the passive walls, or None and the reason."""
     if s.servo.topology != "impedance_display":
-        return None, "the loop tracks a reference force: no hand holds it, so passivity says nothing of it"
+        return None, "the loop tracks a reference force and has no operator, so passivity does not apply"
     if s.controller.kind not in ("none", "gain"):
-        return None, "a controller with a memory is in the loop: no closed form tells where it is passive"
+        return None, "the controller is dynamic, and the passivity condition holds for a constant gain only"
     if math.isnan(loop.device_damping):
-        return None, "the model does not say how much damping the device has of its own"
+        return None, "the device model does not specify its own damping"
     if loop.device_damping <= 0:
         return None, "the device has no damping of its own, so no wall is passive"
     if not loop.rests:
-        return None, "in nobody's hand the device tips over under gravity, so no wall is passive"
-    share = max(s.controller.gain or (1.0,))
-    b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.device_damping / share), 25)
-    k = passive_stiffness(damping=loop.device_damping, period=s.period, virtual_damping=b * share, delay=s.device.delay)
-    return (b, k / share), ""
+        return None, "without an operator the device tips over under gravity, so no wall is passive"
+    gain = max(s.controller.gain or (1.0,))
+    b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.device_damping / gain), 25)
+    k = passive_stiffness(damping=loop.device_damping, period=s.period, virtual_damping=b * gain, delay=s.device.delay)
+    return (b, k / gain), ""

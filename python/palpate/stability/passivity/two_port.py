@@ -1,4 +1,4 @@
-"""The virtual coupling as a two-port: Llewellyn's criterion (Adams & Hannaford 1999), and why it is not enough."""
+"""Virtual coupling: Llewellyn's two-port criterion (Adams & Hannaford 1999) and the exact passivity condition."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import not_negative, positive
 from palpate.errors import StabilityError
-from palpate.linear.wall import _at, causal_controller
-from palpate.stability.passivity import coupling_damping
+from palpate.linear.wall import causal_controller, frequency_values
+from palpate.stability.passivity.sampled_wall import coupling_damping
 
 __all__ = [
     "CouplingVerdict",
@@ -27,27 +27,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CouplingVerdict:
-    """Whether a virtual coupling makes a display passive before every passive discrete object.
+    """Passivity of a display with a virtual coupling, for every passive discrete object.
 
     Attributes:
-        passive: the exact verdict: b >= b_c + k_c T/2.
-        needed: b_c + k_c T/2, N s/m.
-        margin: b less ``needed``, N s/m.
-        two_port: Llewellyn's margin, least over frequency; not negative: the two-port calls it stable.
+        passive: exact verdict, b >= b_c + k_c T/2.
+        required_damping: b_c + k_c T/2, N s/m.
+        margin: b minus ``required_damping``, N s/m.
+        two_port: least Llewellyn margin over frequency; the two-port criterion accepts the coupling if not negative.
         sentence: the verdict in words.
     """
 
     passive: bool
-    needed: float
+    required_damping: float
     margin: float
     two_port: float
     sentence: str
 
 
 def llewellyn(h11: ArrayLike, h12: ArrayLike, h21: ArrayLike, h22: ArrayLike) -> Array:
-    """Return Llewellyn's margin of a two-port over frequency; it is absolutely stable if none is negative.
+    """Return Llewellyn's margin of a two-port over frequency; it is absolutely stable if no value is negative.
 
-    The least of Re h11, Re h22 and 2 Re h11 Re h22 - Re(h12 h21) - |h12 h21|; (k,) for parameters (k,).
+    The margin is the minimum of Re h11, Re h22 and 2 Re h11 Re h22 - Re(h12 h21) - |h12 h21|, (k,) for parameters
+    (k,).
     """
     a, b, c, d = (np.asarray(h, dtype=complex) for h in (h11, h12, h21, h22))
     product = b * c
@@ -58,9 +59,9 @@ def llewellyn(h11: ArrayLike, h12: ArrayLike, h21: ArrayLike, h22: ArrayLike) ->
 def two_port_margin(
     *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float, angles: int = 2000
 ) -> float:
-    """Return the least Llewellyn margin of an impedance display with a virtual coupling, as Adams & Hannaford model it.
+    """Return the least Llewellyn margin of an impedance display with a virtual coupling (Adams & Hannaford 1999).
 
-    h11 = Z_d by Tustin (its mass is lossless), h12 = (1 + 1/z)/2 for the hold, h21 = -1, h22 = 1/Z_c with
+    h11 = Z_d by Tustin, whose mass is lossless; h12 = (1 + 1/z)/2 for the hold; h21 = -1; h22 = 1/Z_c with
     Z_c = b_c + k_c T z/(z - 1).
     """
     b, t = not_negative(damping, "damping", "N s/m"), positive(period, "period", "s")
@@ -75,32 +76,32 @@ def two_port_margin(
 
 
 def two_port_limit(*, damping: float, period: float) -> float:
-    """Return the k_c (N/m) up to which the two-port accepts a coupling without damping: 8b/T, four times too much."""
+    """Return 8b/T, the k_c (N/m) up to which the two-port accepts an undamped coupling: four times the exact limit."""
     return 8 * not_negative(damping, "damping", "N s/m") / positive(period, "period", "s")
 
 
 def positive_real_margin(admittance: Any, period: float) -> float:
-    """Return the least real part of a sampled admittance (velocity per force) over the circle; below 0: not passive.
+    """Return the least real part of a sampled admittance on the unit circle; it is passive if not negative.
 
-    A virtual mass moved by the force of the sample before, (T/M)/(z - 1), has -T/2M; by that of the same sample,
-    (T/M) z/(z - 1), it has T/2M. Only the second may stand behind a virtual coupling.
+    A virtual mass driven by the force of the previous sample, (T/M)/(z - 1), has -T/2M. Driven by the force of the
+    same sample, (T/M) z/(z - 1), it has T/2M. Only the second is admissible behind a virtual coupling.
 
     Args:
-        admittance: sampled SISO system, poles on the circle allowed.
+        admittance: sampled SISO system, velocity per force; poles on the circle allowed.
         period: T, s.
 
     Raises:
-        StabilityError: it looks ahead or is unstable.
+        StabilityError: the admittance is not causal or not stable.
     """
     law = causal_controller(admittance, positive(period, "period", "s"))
     theta = np.concatenate([np.geomspace(1e-4, 1e-2, 100), np.linspace(0.0101, np.pi, 2000)])
-    return float(_at(law, np.exp(1j * theta)).real.min())
+    return float(frequency_values(law, np.exp(1j * theta)).real.min())
 
 
 def certify_coupling(
     *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float
 ) -> CouplingVerdict:
-    """Return the verdict on a virtual coupling: the two-port's beside the exact one, and only the exact one counts.
+    """Return the exact passivity verdict on a virtual coupling, with the two-port margin for comparison.
 
     Args:
         damping: b of the device, N s/m.
@@ -111,25 +112,27 @@ def certify_coupling(
     Raises:
         StabilityError: a value out of range.
     """
-    needed = _needed(coupling_stiffness, coupling_damping, period)
-    margin = not_negative(damping, "damping", "N s/m") - needed
+    required = _required(coupling_stiffness, coupling_damping, period)
+    margin = not_negative(damping, "damping", "N s/m") - required
     port = two_port_margin(
         damping=damping, coupling_stiffness=coupling_stiffness, coupling_damping=coupling_damping, period=period
     )
-    passive = margin >= -1e-12 * needed
+    passive = margin >= -1e-12 * required
     if passive:
         sentence = (
-            f"Passive before every passive object: the device's damping {damping:g} N s/m covers "
-            f"b_c + k_c T/2 = {needed:g} N s/m."
+            f"Passive with every passive object: the device's damping {damping:g} N s/m covers "
+            f"b_c + k_c T/2 = {required:g} N s/m."
         )
     else:
-        says = "though the two-port test accepts it" if port >= -1e-12 else "and the two-port test agrees"
-        sentence = (
-            f"Not passive, {says}: the coupling needs b_c + k_c T/2 = {needed:g} N s/m of damping and the device has "
-            f"{damping:g} N s/m."
+        comparison = (
+            "although the two-port criterion accepts it" if port >= -1e-12 else "and the two-port criterion agrees"
         )
-    return CouplingVerdict(passive, needed, margin, port, sentence)
+        sentence = (
+            f"Not passive, {comparison}: the coupling requires b_c + k_c T/2 = {required:g} N s/m of damping "
+            f"and the device has {damping:g} N s/m."
+        )
+    return CouplingVerdict(passive, required, margin, port, sentence)
 
 
-def _needed(stiffness: float, damping: float, period: float) -> float:
+def _required(stiffness: float, damping: float, period: float) -> float:
     return coupling_damping(coupling_stiffness=stiffness, coupling_damping=damping, period=period)

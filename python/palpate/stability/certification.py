@@ -1,0 +1,248 @@
+"""Certification of a scenario's servo loop by four criteria, its margins, its passivity and a full simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.control.stability_margins import critical_gain, loop_margins
+from palpate.errors import PalpateError
+from palpate.scenario import Scenario
+from palpate.simulation.controllers import read_scenario
+from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.simulation.simulator import simulate
+from palpate.stability.assumptions import assumptions, method, start_pose
+from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
+from palpate.stability.criteria import check_stability
+from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
+
+__all__ = ["certify"]
+
+
+def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Certificate:
+    """Return the certificate of a scenario's servo loop.
+
+    The loop is linearized at the start and where the run comes to rest, sampled exactly, and tested by four independent
+    criteria. If the criteria disagree, nothing is claimed. An unstable loop comes with a scenario that diverges. A
+    stable loop that is not passive comes with the passive operator, found by search, that destabilizes it. Every
+    counter-example has been simulated.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. It
+            is written into the scenario of the certificate. A Python function has no linear model and is refused.
+
+    Raises:
+        ScenarioError, DesignError, PoseError: the scenario has a mistake, or the controller is not linear.
+        StabilityError: the scenario has no loop (no contact, or a fixed tip).
+    """
+    s = read_scenario(scenario, controller)
+    loop = scenario_loop(s)
+    radius, criteria = check_stability(loop.matrix())
+    if len(set(criteria.values())) > 1 or abs(radius - 1) < 1e-12:
+        verdicts = ", ".join(f"{name}: {'stable' if stable else 'unstable'}" for name, stable in criteria.items())
+        claim = (
+            f"Cannot tell: the loop is so near its limit (spectral radius 1 {radius - 1:+.1e}) that the criteria "
+            f"disagree within rounding ({verdicts})."
+        )
+        return _certificate(s, criteria, "cannot tell", claim, {}, method(s))
+    if radius >= 1:
+        return _unstable(s, loop, radius, criteria)
+    return _stable(s, loop, radius, criteria)
+
+
+def _certificate(
+    s: Scenario,
+    criteria: Mapping[str, bool],
+    verdict: Verdict,
+    claim: str,
+    margin: Mapping[str, float],
+    steps: tuple[str, ...],
+    passive: bool | None = None,
+    example: CounterExample | None = None,
+) -> Certificate:
+    return Certificate(
+        s.title, verdict, claim, assumptions(s), margin, steps, dict(criteria), passive, example, s.to_dict()
+    )
+
+
+def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[str, bool]) -> Certificate:
+    doubling = math.log(2) / math.log(radius) * loop.period
+    margin = {"spectral_radius": radius, "doubling_time_s": doubling}
+    limit = ""
+    try:
+        gain = critical_gain(loop.gain())
+        margin["critical_gain"] = gain
+        limit = f"; the loop is stable below {gain:.4g} times the object's stiffness and damping"
+    except PalpateError:
+        pass
+    angle = _dominant_angle(loop)
+    margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
+    motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without oscillation"
+    example = divergence_example(s, radius)
+    claim = f"Unstable: {motion} doubles every {doubling:.3g} s{limit}."
+    return _certificate(s, criteria, "unstable", claim, margin, method(s), None, example)
+
+
+def _dominant_angle(loop: ScenarioLoop) -> float:
+    """Return the angle of the largest eigenvalue, rad per sample."""
+    values = np.linalg.eigvals(loop.matrix())
+    return float(abs(np.angle(values[np.argmax(np.abs(values))])))
+
+
+def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[str, bool]) -> Certificate:
+    m = loop_margins(loop.gain())
+    margin = {
+        "spectral_radius": radius,
+        "gain_margin": m.gain_up,
+        "gain_reduction_margin": m.gain_down,
+        "phase_margin_deg": m.phase,
+        "delay_margin_s": m.delay,
+        "disk_margin": m.disk,
+    }
+    rest, diverged, sentence = _simulate_to_rest(s)
+    steps = [*method(s), sentence]
+    if diverged is not None:
+        claim = f"Unstable: small motions about the start decay, but the run itself diverges at {diverged:g} s."
+        example = CounterExample(s.to_dict(), float("inf"), f"the scenario itself diverges after {diverged:.3g} s.")
+        return _certificate(s, criteria, "unstable", claim, margin, tuple(steps), None, example)
+    if rest is not None:
+        radius_at_rest, criteria_at_rest = check_stability(rest.matrix())
+        margin["spectral_radius_at_rest"] = radius_at_rest
+        if not all(criteria_at_rest.values()):
+            claim = (
+                "Cannot tell: stable at the start, but not where the run comes to rest (spectral radius "
+                f"{radius_at_rest:.6g}); the loop may oscillate between the two."
+            )
+            return _certificate(s, criteria, "cannot tell", claim, margin, tuple(steps))
+        margin["gain_margin_at_rest"] = loop_margins(rest.gain()).gain_up
+    passive, destabilizing, addition = _passivity(s, loop, margin, steps)
+    claim = f"Stable: the object may be {_stiffness_factor(m.gain_up, loop)} before the loop oscillates{addition}."
+    return _certificate(s, criteria, "stable", claim, margin, tuple(steps), passive, destabilizing)
+
+
+def _passivity(
+    s: Scenario, loop: ScenarioLoop, margin: dict[str, float], steps: list[str]
+) -> tuple[bool | None, CounterExample | None, str]:
+    """Return the passivity of a stable loop, a counter-example, and an addition to the claim.
+
+    The numbers are added to ``margin`` and the remarks to ``steps``.
+    """
+    passive, required, remark = _passivity_condition(s, loop)
+    example = None
+    addition = ""
+    if not math.isnan(required):
+        margin["passive_damping_required_N_s_per_m"] = required
+        margin["device_damping_N_s_per_m"] = loop.device_damping
+    if passive:
+        addition = ", and passive: stable with every passive operator"
+        longest = _longest_interval(s, loop)
+        if longest > s.period:
+            margin["max_passive_interval_s"] = longest
+            remark += f" It stays passive if a tick is late, up to {1e3 * longest:.4g} ms after the one before."
+    elif not math.isnan(required):
+        example = destabilizing_operator(s)
+        if example is not None:
+            passive = False
+        if passive is False:
+            addition = ", with the operator described; it is not passive, so another operator can destabilize it"
+        if example is None:
+            steps.append(
+                "No mass and spring that destabilizes the loop was found; more general passive operators were not "
+                "searched."
+            )
+    if remark:
+        steps.append(remark)
+    return passive, example, addition
+
+
+def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
+    if math.isinf(factor):
+        return "of any stiffness"
+    stiffest = factor * float(np.linalg.eigvalsh(loop.stiffness).max())
+    damped = " and as damped" if np.any(loop.damping) else ""
+    return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
+
+
+def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, str]:
+    """Run the scenario; return its loop at rest, the time of divergence (s), and the observation as a sentence."""
+    trace = simulate(s)
+    run = f"The full scenario was run for {s.run.duration:g} s"
+    if not trace.stable:
+        return None, trace.unstable_from, f"{run} and diverged at {trace.unstable_from:g} s."
+    if s.device.model != "nonlinear":
+        return None, None, f"{run} and stayed bounded."
+    if s.object.kind == "wall" and not trace["touching"][-1, 0]:
+        return None, None, f"{run} and stayed bounded; at its end the tip is off the wall."
+    speed = np.abs(np.diff(trace["tip"][-20:], axis=0)).max() / (s.period * s.run.record_every)
+    if speed > 5e-3:
+        return None, None, f"{run} and stayed bounded; it has not come to rest (tip speed {speed:.2g} m/s)."
+    force = trace["command_force"][-1]
+    rest = scenario_loop(s, pose=trace["angle"][-1], tip_force=force, operator_force=trace["operator_force"][-1])
+    return rest, None, f"{run}, stayed bounded, and was tested again where it came to rest."
+
+
+def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:
+    """Return whether the display is passive (None: open), the damping it requires (N s/m or nan), and a remark."""
+    if s.servo.topology != "impedance_display" or s.controller.kind not in ("none", "gain"):
+        return None, float("nan"), "Passivity is not defined for this topology and controller."
+    if s.object.coupling != "backward" or math.isnan(loop.device_damping):
+        return None, float("nan"), ""
+    if not loop.rests:
+        return (
+            None,
+            float("nan"),
+            "No passivity is claimed: under the constant force of its motors alone the device tips over at this pose.",
+        )
+    gain = max(s.controller.gain or (1.0,))
+    k = float(np.linalg.eigvalsh(loop.stiffness).max()) * gain
+    b = float(np.linalg.eigvalsh(loop.damping).max()) * gain
+    required = passive_damping(stiffness=k, virtual_damping=b, period=s.period, delay=s.device.delay)
+    if late := s.servo.jitter:
+        longest = s.period + late  # the servo divides a difference over it by the period: the damping grows as much
+        required = field_damping(
+            lipschitz=k, longest_period=longest, delay=s.device.delay, virtual_damping=b * longest / s.period
+        )
+    passive: bool | None = loop.device_damping >= required
+    several = loop.directions.shape[1] > 1  # stiffest direction with the least damped one: sufficient, not exact
+    exactly, at_most, at_least = ("", " at most", " at least") if several else (", exactly", "", "")
+    if late:
+        exactly, at_most = f" with ticks up to {1e3 * late:.4g} ms late", " at most"
+    remark = (
+        f"Passivity{exactly}: the object requires{at_most} {required:.4g} N s/m of the device's own damping at the tip "
+        f"and there is{at_least} {loop.device_damping:.4g} N s/m."
+    )
+    if (several or late) and not passive:
+        passive = None
+    if s.device.encoder:
+        quantum, bound = _quantization_bound(s, loop)
+        if passive and k > bound:
+            passive = False
+            remark += (
+                f" Encoder counts of {quantum * 1e6:.3g} um at the tip require friction for {k:.4g} N/m, and the "
+                f"friction suffices for {bound:.4g} N/m (Abbott & Okamura 2005)."
+            )
+    return passive, required, remark
+
+
+def _quantization_bound(s: Scenario, loop: ScenarioLoop) -> tuple[float, float]:
+    """Return one encoder count at the tip (m), and the largest passive stiffness with it (N/m)."""
+    device = s.load_device()
+    jacobian = np.abs(loop.directions.T @ device.jacobian(start_pose(s))).max(axis=0)
+    quantum = float((jacobian * device.encoder_step).max())
+    friction = float(np.where(jacobian > 1e-9, device.coulomb / np.maximum(jacobian, 1e-9), np.inf).min())
+    return quantum, quantized_stiffness(damping=loop.device_damping, coulomb=friction, period=s.period, quantum=quantum)
+
+
+def _longest_interval(s: Scenario, loop: ScenarioLoop) -> float:
+    """Return the T_max (s) up to which the device's damping covers ``field_damping``."""
+    gain = max(s.controller.gain or (1.0,))
+    k, b = (gain * float(np.linalg.eigvalsh(m).max()) for m in (loop.stiffness, loop.damping))
+    # The servo divides its differences by the period, whatever their interval: b grows with T_max.
+    required = k * (0.5 + s.device.delay) + b / s.period
+    return loop.device_damping / required if required > 0 else float("inf")

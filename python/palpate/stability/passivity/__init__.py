@@ -1,0 +1,40 @@
+"""Passivity of a sampled display: walls, virtual couplings, and observers of the generated energy."""
+
+from palpate.stability.passivity.energy import EnergyObserver, PassivityController, naive_energy, zoh_energy
+from palpate.stability.passivity.sampled_wall import (
+    coulomb_amplitude,
+    coupling_damping,
+    field_damping,
+    passive_damping,
+    passive_stiffness,
+    quantized_stiffness,
+    sufficient_damping,
+)
+from palpate.stability.passivity.two_port import (
+    CouplingVerdict,
+    certify_coupling,
+    llewellyn,
+    positive_real_margin,
+    two_port_limit,
+    two_port_margin,
+)
+
+__all__ = [
+    "CouplingVerdict",
+    "EnergyObserver",
+    "PassivityController",
+    "certify_coupling",
+    "coulomb_amplitude",
+    "coupling_damping",
+    "field_damping",
+    "llewellyn",
+    "naive_energy",
+    "passive_damping",
+    "passive_stiffness",
+    "positive_real_margin",
+    "quantized_stiffness",
+    "sufficient_damping",
+    "two_port_limit",
+    "two_port_margin",
+    "zoh_energy",
+]

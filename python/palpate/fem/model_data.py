@@ -45,10 +45,10 @@ def model_data(body: Body) -> ModelData:
         law = body.free_form_law
         parameters |= {
             "spacing": law.spacing,
-            "control_compliance": law.give,
-            "surface_layer": law.layer,
-            "tangential_control_compliance": law.give_across,
-            "tangential_surface_layer": law.layer_across,
+            "control_compliance": law.control_compliance,
+            "surface_layer": law.layer_compliance,
+            "tangential_control_compliance": law.tangential_control_compliance,
+            "tangential_surface_layer": law.tangential_layer_compliance,
         }
         return ModelData("free_form", parameters, arrays)
     if name == "mass_spring":
@@ -69,9 +69,9 @@ def _network(body: Body) -> Arrays:
     network = body.spring_network
     begin, vertices, weights = body._patches()
     return {
-        "positions": network.places,
+        "positions": network.points,
         "masses": network.masses,
-        "fixed": np.asarray(body.contents.held, dtype=np.uint8),
+        "fixed": np.asarray(body.contents.dirichlet, dtype=np.uint8),
         "springs": np.asarray(network.springs, dtype=np.int32).reshape(-1, 2),
         "stiffness": network.stiffness,
         "tetrahedra": np.asarray(network.tetrahedra, dtype=np.int32).reshape(-1, 4),

@@ -96,6 +96,8 @@ class _Blobs:
 
 def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     scenario, device, setup = simulation.scenario, simulation.device, simulation.setup
+    if not isinstance(simulation.controller, Controller):
+        raise OutputError("controller: a controller written in Python cannot be resolved; write it in C++")
     known = device.model.parameters
     parameters = {key: _list(values) for key, values in device.parameters.values.items() if key in known}
     return {

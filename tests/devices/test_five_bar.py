@@ -89,4 +89,4 @@ def test_a_wall_on_the_haply_holds_the_tip() -> None:
     assert trace.unstable_from is None
     moved = trace["tip"][-1] - trace["tip"][0]
     assert 2e-3 < moved[1] < 5e-3
-    assert trace["q"].shape[1] == 2
+    assert trace["angle"].shape[1] == 2

@@ -59,8 +59,8 @@ class FiveBar : public MechanismDefaults<FiveBar, 2> {
       parameter<&Parameters::gravity>("environment.gravity", "m/s^2", ParameterRange::any, "along -y", false),
   };
 
-  FiveBar() : FiveBar(Parameters{}) {}
-  explicit FiveBar(const Parameters& p) : p_(p) {
+  [[gnu::always_inline]] FiveBar() : FiveBar(Parameters{}) {}
+  [[gnu::always_inline]] explicit FiveBar(const Parameters& p) : p_(p) {
     for (int i = 0; i < 2; ++i) {
       // A rigid bar between two moving points: kinetic energy (ve' W ve)/2 in the velocities of elbow and tip, with constant W.
       const double c = p.distal_center[i] / p.distal_length[i];

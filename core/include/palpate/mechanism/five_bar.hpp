@@ -59,6 +59,7 @@ class FiveBar : public MechanismDefaults<FiveBar, 2> {
       parameter<&Parameters::gravity>("environment.gravity", "m/s^2", ParameterRange::any, "along -y", false),
   };
 
+  // Inlined, so that no copy compiled for wide vector registers is shared with other files.
   [[gnu::always_inline]] FiveBar() : FiveBar(Parameters{}) {}
   [[gnu::always_inline]] explicit FiveBar(const Parameters& p) : p_(p) {
     for (int i = 0; i < 2; ++i) {

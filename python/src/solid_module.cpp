@@ -170,9 +170,9 @@ void bind_pressed(nb::module_& m) {
   nb::class_<PressedCore>(m, "QuasiStaticSolver")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
-             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near) {
+          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near) {
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
             new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
@@ -229,8 +229,8 @@ void bind_pressed(nb::module_& m) {
               const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
                 const palpate::deformable::TipPair& tips = ways.at(k);
-                const auto due = begin + std::chrono::duration_cast<Clock::duration>(
-                                             std::chrono::duration<double>(period * static_cast<double>(k)));
+                const auto due =
+                    begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
                 std::this_thread::sleep_until(due);
                 const auto woken = Clock::now();
                 self.pressing.tick(tips);
@@ -315,10 +315,10 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearCore, BodyInLoop>(m, "HyperelasticBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& held, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
-             const Integers& shared, const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway,
-             double mu_static, double mu_dynamic) {
+          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
+             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double mu_static,
+             double mu_dynamic) {
             if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);

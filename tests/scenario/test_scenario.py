@@ -124,7 +124,7 @@ def test_the_devices_own_period_and_rest_are_filled_in() -> None:
          "cube.toml, line 7: start.pose: the joints of phantom-premium-1.5a take angles, such as 2.2305 rad"),
         ('[servo]', 'tip = "1 mm"\n[servo]', "cube.toml, line 6: start: give pose or tip, not both"),
         ('name = "phantom-premium-1.5a"', 'name = "phantom-premium-15a"',
-         "cube.toml, line 4: device.name: there is no device 'phantom-premium-15a' in the catalogue "
+         "cube.toml, line 4: device.name: there is no device 'phantom-premium-15a' in the catalog "
          "(haply-2diy, phantom-premium-1.5a, phantom-premium-1.5a-rotors, slider); did you mean phantom-premium-1.5a? "
          "For your own, give the path of a .toml file"),
         ('name = "phantom-premium-1.5a"', 'name = "phantom-premium-1.5a"\nmodel = "non-linear"',

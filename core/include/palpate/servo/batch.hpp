@@ -69,22 +69,26 @@ struct JobQueue {
 namespace detail {
 
 /// Set a value that is not in lanes.
-inline void set_lane(double& value, int /*lane*/, double one) noexcept { value = one; }
+inline void set_lane(double& value, int /*lane*/, double one) noexcept {
+  value = one;
+}
 template <int rows, int columns>
 void set_lane(Eigen::Matrix<double, rows, columns>& value, int /*lane*/, const Eigen::Matrix<double, rows, columns>& one) noexcept {
   value = one;
 }
 
 /// Return the value of one lane.
-inline double lane_of(double value, int /*lane*/) noexcept { return value; }
+inline double lane_of(double value, int /*lane*/) noexcept {
+  return value;
+}
 template <int lanes>
 double lane_of(const Pack<lanes>& value, int lane) noexcept {
   return value[lane];
 }
 
-/// Measures loops side by side, each at its own tick, or one loop (Scalar double). A swing is the largest second difference of the tip's position over a fifth of the
-/// run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along the axis of the largest,
-/// over the last fifth.
+/// Measures loops side by side, each at its own tick, or one loop (Scalar double). A swing is the largest second difference of the tip's
+/// position over a fifth of the run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along
+/// the axis of the largest, over the last fifth.
 template <class Mechanism, class Number>
 class StabilityMonitor {
  public:

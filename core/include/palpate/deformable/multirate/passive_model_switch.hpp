@@ -78,7 +78,10 @@ class PassiveModelSwitch {
   class ContactCursor {
    public:
     ContactCursor(ModelBuffer& models, const ModelSlot& slot, double weight) noexcept
-        : model_(&models.read_slot(slot.slot)), contact_(&slot.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
+        : model_(&models.read_slot(slot.slot)),
+          contact_(&slot.contact),
+          weight_(weight),
+          count_(weight > 0.0 ? contact_->last().nodes : 0) {}
     explicit operator bool() const noexcept { return at_ < count_; }
     [[nodiscard]] std::int32_t node() const noexcept { return contact_->contact_nodes()[at_]; }
     void add(double& force, Vector3<>& push) noexcept {

@@ -88,8 +88,8 @@ def _specifications(page: Page, device: Device) -> list[Check]:
         *compare("tab2.1-resolution", count, scale=1e3),
     ]
     rows: list[tuple[object, ...]] = [
-        ("maximum force [N]", "8.5", device.peak_force, "carried by the catalogue"),
-        ("continuous force [N]", "1.4", device.continuous_force, "carried by the catalogue"),
+        ("maximum force [N]", "8.5", device.peak_force, "carried by the catalog"),
+        ("continuous force [N]", "1.4", device.continuous_force, "carried by the catalog"),
         ("position resolution [mm]", "0.03", f"{count * 1e3:.3f}", "one count of the coarsest joint, at (2.84)"),
         ("apparent mass [g]", "< 75", f"{mass[0] * 1e3:.0f}, {mass[1] * 1e3:.0f}, {mass[2] * 1e3:.0f}",
          "along x, y, z at θ = 0, motor rotors not counted"),

@@ -37,7 +37,7 @@ ARM: Final = (
     [[2, 0, 0], [0, 2, 2], [0, 2, 2]],
     [[1, 0, 0], [0, 1, 1], [0, 1, 1]],
 )
-TOLERANCE: Final = 0.05  # of the catalogue's value
+TOLERANCE: Final = 0.05  # of the catalog's value
 
 
 def arx_models(page: Page, device: Device) -> list[Check]:
@@ -120,7 +120,7 @@ def friction_factors(page: Page, device: Device) -> list[Check]:
     checks = []
     table = []
     for row in rows:
-        name, wanted = row["name"], row["catalogue"]
+        name, wanted = row["name"], row["catalog"]
         interval = f"{row['low']:.4g} to {row['high']:.4g}".replace("-", "−")
         status = ""
         if wanted != 0.0:

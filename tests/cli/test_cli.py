@@ -163,7 +163,7 @@ def test_a_warning_is_told_in_a_line_once(tmp_path: Path) -> None:
     soft = ["body", "phantom", "--young", "5 Pa", "--contrast", "1", "--spacing", "10 mm", "-o", tmp_path / "soft.h5"]
     code, text = palpate(*soft)
     assert code == 0
-    assert text.count('warning: young: 5 Pa is softer than any tissue; if kPa are meant, write "5 kPa"') == 1
+    assert text.count('warning: young: 5 Pa is softer than any tissue; for a value in kPa, write "5 kPa"') == 1
     assert "BodyWarning" not in text
     assert ".py" not in text
 
@@ -193,7 +193,7 @@ def test_a_full_disk_is_told_by_the_name_that_was_asked_for(tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_devices_lists_the_catalogue_and_shows_sources() -> None:
+def test_devices_lists_the_catalog_and_shows_sources() -> None:
     """Each device by name; each number with the mark of its source."""
     code, text = palpate("devices")
     assert code == 0

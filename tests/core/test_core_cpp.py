@@ -38,7 +38,7 @@ def test_core_under_sanitizers() -> None:
     assert "100% tests passed" in output
 
 
-def test_the_catalogue_in_cpp_is_the_catalogue_in_toml() -> None:
+def test_the_catalog_in_cpp_is_the_catalog_in_toml() -> None:
     """phantom_premium_1_5a() of the core has the numbers of phantom-premium-1.5a.toml, one by one."""
     from palpate import _core, devices
 

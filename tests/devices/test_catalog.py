@@ -1,4 +1,4 @@
-"""Device files: a user's own loads like the catalogue's; each mistake is one sentence; no number without a source."""
+"""Device files: a user's own loads like the catalog's; each mistake is one sentence; no number without a source."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def refusal(folder: Path, text: str) -> str:
     return re.sub(r"^(, line \d+)?: ", "", told.removeprefix(str(path)))
 
 
-def test_the_catalogue_holds_what_the_documentation_names() -> None:
+def test_the_catalog_holds_what_the_documentation_names() -> None:
     assert devices.names() == ["haply-2diy", "phantom-premium-1.5a", "phantom-premium-1.5a-rotors", "slider"]
 
 
 @pytest.mark.parametrize("name", devices.names())
-def test_every_number_of_the_catalogue_has_a_unit_and_a_source(name: str) -> None:
+def test_every_number_of_the_catalog_has_a_unit_and_a_source(name: str) -> None:
     """A number that nobody can trace is no parameter: each source is spelt out in the file's [sources]."""
     device, numbers = devices.load(name), read_numbers(name)
     assert device.name == name
@@ -90,7 +90,7 @@ def test_rotors_add_gear_squared_times_their_inertia() -> None:
     assert bare.coulomb.tolist() == [0.0] * 3
 
 
-def test_a_users_own_file_loads_like_the_catalogues(tmp_path: Path) -> None:
+def test_a_users_own_file_loads_like_the_catalogs(tmp_path: Path) -> None:
     """By path, as text or as a Path; what the file leaves out has its documented default."""
     path = file(tmp_path, SLIDER)
     for device in (devices.load(path), devices.load(str(path))):
@@ -111,7 +111,7 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
 
 
 def test_a_variant_says_only_what_it_changes(tmp_path: Path) -> None:
-    """based_on: every other number, and its source, is the catalogue device's."""
+    """based_on: every other number, and its source, is the catalog device's."""
     path = file(
         tmp_path,
         'name = "heavy"\nbased_on = "phantom-premium-1.5a"\n[mass]\na = { value = "50 g", source = "scale" }\n',
@@ -203,7 +203,7 @@ def test_what_is_no_name_is_refused(name: Any) -> None:
 
 
 def test_a_device_that_is_not_there_says_what_is(tmp_path: Path) -> None:
-    """Unknown names list the catalogue and suggest; a missing file says that it cannot be read."""
+    """Unknown names list the catalog and suggest; a missing file says that it cannot be read."""
     with pytest.raises(DeviceError, match=r"there is no device 'phantom-premium' in the catalog \(.*, slider\); did"):
         devices.load("phantom-premium")
     with pytest.raises(DeviceError, match=r"none\.toml: the device file cannot be read: No such file"):

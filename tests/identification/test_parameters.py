@@ -102,7 +102,7 @@ def test_weak_rows_hold_for_the_true_parameters_without_noise():
     assert np.abs(rest).max() < 1e-4 * np.abs(rows.torque).max()
 
 
-def test_the_method_does_not_use_the_catalogue_values():
+def test_the_method_does_not_use_the_catalog_values():
     wrong = identify.with_base_values(ARM, 1.7 * identify.base_values(ARM), viscous=np.full(3, 0.3))
     one, other = (identify.estimate_parameters(premium_recording(), d).value for d in (ARM, wrong))
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-15)

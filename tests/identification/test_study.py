@@ -28,12 +28,12 @@ def test_result_is_json_and_says_where_the_recording_comes_from(study):
     assert len(steps) == 3
 
 
-def test_every_parameter_has_an_interval_beside_the_catalogue(study):
+def test_every_parameter_has_an_interval_beside_the_catalog(study):
     rows = study[0]["parameters"]
     assert len(rows) == 14
     for row in rows:
         assert row["low"] < row["value"] < row["high"]
-        if row["catalogue"]:
+        if row["catalog"]:
             assert abs(row["error_percent"]) < 5
 
 

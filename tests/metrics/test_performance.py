@@ -184,7 +184,7 @@ def test_encoder_counts_cause_ripple_of_the_arm() -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"object": {"kind": "none"}}, "nothing to feel"),
+        ({"object": {"kind": "none"}}, "has no stiffness; give a spring or a wall"),
         (
             {
                 "device": {"name": "phantom-premium-1.5a", "model": "experimental"},

@@ -440,7 +440,7 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert summaries["identified-model"]["axes"]["y"]["settling_5_percent_s"] > 5 * 0.05
 
     assert summaries["slider-wall-stable"]["stable"]
-    assert "dies out" in summaries["slider-wall-stable"]["verdict"]
+    assert "decays" in summaries["slider-wall-stable"]["verdict"]
     assert not summaries["slider-wall-unstable"]["stable"]
     assert "grows" in summaries["slider-wall-unstable"]["verdict"]
 

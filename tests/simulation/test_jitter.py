@@ -15,7 +15,7 @@ from palpate.simulation.simulator import build_simulation
 from palpate.sweeps import SweepError, sweep
 from scipy.stats import kstest
 
-MASS, DAMPING, PERIOD = 0.06, 0.05, 1e-3  # the catalogue's slider
+MASS, DAMPING, PERIOD = 0.06, 0.05, 1e-3  # the catalog's slider
 SLIDER: dict[str, Any] = {
     "device": {"name": "slider"},
     "servo": {"topology": "impedance_display", "jitter": "0.9 ms"},

@@ -68,7 +68,7 @@ def test_boundary_of_the_arm_is_where_its_eigenvalues_cross(along: tuple[int, in
     assert critical_stiffness(loop, virtual_damping=float(b[20])) == pytest.approx(k[20], rel=1e-6)
 
 
-def test_slider_of_the_catalogue_is_its_mass() -> None:
+def test_slider_of_the_catalog_is_its_mass() -> None:
     tip = LinearDevice.at_pose(SLIDER, [0.0])
     assert critical_stiffness(tip, period=T) == pytest.approx(
         wall_limit(mass=0.06, damping=0.05, period=T).critical_stiffness, rel=1e-12

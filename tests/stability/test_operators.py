@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import differential_evolution
 
 Array = NDArray[np.float64]
-MASS, B, PERIOD = 0.06, 0.05, 1e-3  # the slider of the catalogue
+MASS, B, PERIOD = 0.06, 0.05, 1e-3  # the slider of the catalog
 
 
 def slider(stiffness: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`palpate devices`: the catalogue, and every number of a device."""
+"""`palpate devices`: the catalog, and every number of a device."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["devices"]
 
 
 def devices(
-    name: Annotated[str | None, typer.Argument(help="Catalogue name, or the path of your own TOML file.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Catalog name, or the path of your own TOML file.")] = None,
 ) -> None:
     """List the devices; with a name, every number of that device with its unit and source.
 

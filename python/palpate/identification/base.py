@@ -122,7 +122,7 @@ def base_values(device: Device) -> Array:
 
 
 def true_values(device: Device, parameters: list[Parameter]) -> Array:
-    """Return the catalogue's value of each of `parameters`, SI."""
+    """Return the catalog's value of each of `parameters`, SI."""
     values = dict(zip((p.name for p in base_parameters(device)), base_values(device), strict=True))
     values |= {f"k{j + 1}": device.viscous[j] for j in range(device.dof)}
     values |= {f"c{j + 1}": device.coulomb[j] for j in range(device.dof)}

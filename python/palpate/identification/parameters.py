@@ -240,8 +240,8 @@ def _overlap(test_functions: TestFunctions) -> int:
     return max(1, round(test_functions.width / test_functions.spacing))
 
 
-def summary_rows(fit: ParameterFit, catalogue: Array | None = None) -> list[dict[str, Any]]:
-    """Return one row per parameter: name, meaning, unit, value, interval, and the catalogue's value if given."""
+def summary_rows(fit: ParameterFit, catalog: Array | None = None) -> list[dict[str, Any]]:
+    """Return one row per parameter: name, meaning, unit, value, interval, and the catalog's value if given."""
     rows = []
     for i, p in enumerate(fit.parameters):
         row: dict[str, Any] = {
@@ -253,9 +253,9 @@ def summary_rows(fit: ParameterFit, catalogue: Array | None = None) -> list[dict
             "high": float(fit.high[i]),
             "determined": p.name not in fit.undetermined,
         }
-        if catalogue is not None:
-            row["catalogue"] = float(catalogue[i])
-            row["inside"] = bool(fit.low[i] <= catalogue[i] <= fit.high[i])
-            row["error_percent"] = float(100 * (fit.value[i] / catalogue[i] - 1)) if catalogue[i] else None
+        if catalog is not None:
+            row["catalog"] = float(catalog[i])
+            row["inside"] = bool(fit.low[i] <= catalog[i] <= fit.high[i])
+            row["error_percent"] = float(100 * (fit.value[i] / catalog[i] - 1)) if catalog[i] else None
         rows.append(row)
     return rows

@@ -42,13 +42,13 @@ def identify_recording(
 
     Args:
         path: CSV or HDF5 file (see `Recording.load`), or a recording.
-        device: catalogue name, path of a device file, or a device: mechanism, lengths and the values to compare with.
+        device: catalog name, path of a device file, or a device: mechanism, lengths and the values to compare with.
         out: folder for `identification.json`, written whole or not at all; made if need be.
         coulomb: estimate Coulomb friction too.
         progress: called with a few words before each step that takes a while.
 
     Returns:
-        Dictionary for JSON: "recording", "parameters" (a row each, with the 95 % interval beside the catalogue's
+        Dictionary for JSON: "recording", "parameters" (a row each, with the 95 % interval beside the catalog's
         value), "excitation", "free_run" (NRMSE in percent per joint on data not used: "device", the nonlinear device
         with the parameters of the first part, driven by the torques alone, and "arx"), "arx" (orders, coefficients
         with standard deviations, residual tests on data not used), and "summary", text for a person.
@@ -170,18 +170,18 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
     lines = [
         f"{result['device']}: {about['duration']:g} s, {about['samples']} samples; source: {about['source']}",
         "",
-        f"{'':5}{'value':>12}  {'95 % interval':>26}{'catalogue':>13}  unit",
+        f"{'':5}{'value':>12}  {'95 % interval':>26}{'catalog':>13}  unit",
     ]
     for row in result["parameters"]:
         interval = f"{row['low']:.4g} … {row['high']:.4g}"
         mark = "" if row["determined"] else "  not determined by this recording"
         lines.append(
-            f"{row['name']:5}{row['value']:>12.4g}  {interval:>26}{row['catalogue']:>13.4g}  {row['unit']}, "
+            f"{row['name']:5}{row['value']:>12.4g}  {interval:>26}{row['catalog']:>13.4g}  {row['unit']}, "
             f"{row['meaning']}{mark}"
         )
     outside = [row["name"] for row in result["parameters"] if not row["inside"]]
     names = ", ".join(outside) if outside else "none"
-    lines += ["", f"Parameters whose interval does not hold the catalogue's value: {names}."]
+    lines += ["", f"Parameters whose interval does not hold the catalog's value: {names}."]
     if fit.undetermined:
         lines.append(f"Too little excitation for {', '.join(fit.undetermined)}: move more, or at more poses.")
     runs = result["free_run"]

@@ -103,7 +103,7 @@ class LinearDevice:
         Dry friction, which only dissipates energy, and coordinates that ``along`` does not excite are neglected.
 
         Args:
-            device: a device, or its name in the catalogue or the path of its file.
+            device: a device, or its name in the catalog or the path of its file.
             pose: (dof,), rad (m for a slider).
             along: direction (3,), not zero.
             arm: operator at the tip; None: no operator.

@@ -37,7 +37,7 @@ def linearize(
     Numbers are SI; `q` to `stiffness` may also be text with a unit, or a list of such texts.
 
     Args:
-        device: a device, or its name in the catalogue or the path of its file.
+        device: a device, or its name in the catalog or the path of its file.
         q: pose (dof,), rad.
         qd: joint velocity (dof,), rad/s; zero if not given.
         tau: joint torque (dof,), N m, of the working point; if not given, the gravity torque N(q).

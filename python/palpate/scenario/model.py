@@ -55,7 +55,7 @@ class DeviceChoice(Section):
     """[device]: what is held, and how faithfully it is modelled.
 
     Attributes:
-        name: catalogue name, or path of a TOML file (relative to the scenario's file; absolute once read).
+        name: catalog name, or path of a TOML file (relative to the scenario's file; absolute once read).
         model: "nonlinear", "linear" (exact linearisation at the start pose) or "experimental" (the model
             identified from measurements that the device's file names, `identified_model`).
         kinematics: "nonlinear", or "linear" (tip and torques with the Jacobian frozen at the start pose).

@@ -216,7 +216,7 @@ def test_mistakes_are_told(surface: dict[str, Any], mesh: dict[str, Any] | None,
         ("none.obj", "mm", None, r"line 13: object\.mesh\.file: .*none\.obj: there is no such file"),
         ("flat.obj", "mm", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", r"line 13: object\.mesh\.file: .*has an area"),
         ("nan.obj", "mm", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", r"line 13: object\.mesh\.file: .*vertex 2"),
-        ("any.obj", "kg", "", r'line 14: object\.mesh\.unit: "kg" is no unit of length'),
+        ("any.obj", "kg", "", r'line 14: object\.mesh\.unit: "kg" is not a unit of length'),
     ],
 )
 def test_a_meshs_mistakes_name_the_scenarios_line(

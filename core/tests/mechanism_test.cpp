@@ -43,7 +43,7 @@ class PlainPremium : public MechanismDefaults<PlainPremium, 3> {
   template <class Scalar>
   [[nodiscard]] JointMatrix<3, Scalar> mass_matrix(const Joints<3, Scalar>& q) const {
     using std::cos, std::sin;
-    const auto& m = Premium(p_).inertia_parameters();
+    const auto m = Premium(p_).inertia_parameters();
     JointMatrix<3, Scalar> out = JointMatrix<3, Scalar>::Constant(Scalar(0.0));
     out(0, 0) = m.level - m.upper * sin(q[1]) * sin(q[1]) + m.fore * sin(q[2]) * sin(q[2]) + 2.0 * m.both * cos(q[1]) * sin(q[2]);
     out(1, 1) = m.m22;

@@ -118,6 +118,7 @@ class AabbTree {
   ///
   /// Return false if there is no such face, if the tree is empty or if `x` is not finite.
   template <class Visit>
+  // NOLINTNEXTLINE(modernize-use-nodiscard): most callers need the visits only
   bool overlap_sphere(const Vector3<>& x, double distance, Visit visit) const noexcept {
     if (nodes_.empty() || !x.allFinite()) return false;
     bool found = false;
@@ -147,6 +148,7 @@ class AabbTree {
   /// false if no face was visited, if the tree is empty or if `from` or `motion` is not
   /// finite.
   template <class Visit>
+  // NOLINTNEXTLINE(modernize-use-nodiscard): most callers need the visits only
   bool sweep_sphere(const Vector3<>& from, const Vector3<>& motion, double radius, Visit visit) const noexcept {
     if (nodes_.empty() || !from.allFinite() || !motion.allFinite()) return false;
     bool found = false;

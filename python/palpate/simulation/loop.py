@@ -54,11 +54,12 @@ class Sample:
 
 
 class Loop:
-    """The servo loop of a scenario, for stepping it by hand: in a notebook, or from a program of one's own.
+    """Servo loop of a scenario that the caller steps, in a notebook or in a program.
 
-    Stepped with the scenario's own signals it gives the trace of `palpate.simulate`, bit for bit.
+    Stepped with the scenario's own signals, it gives the trace of `palpate.simulate` bit for bit.
 
-    Example:
+    Example::
+
         loop = palpate.Loop("scenarios/press-stiff-cube-lqg.toml")
         for _ in range(100):
             sample = loop.step()
@@ -68,7 +69,7 @@ class Loop:
     def __init__(
         self, scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None
     ) -> None:
-        """Make the loop ready at its first sample; arguments and errors as `palpate.simulate`."""
+        """Build the loop at its first sample; arguments and errors as `palpate.simulate`."""
         self._simulation: Simulation = build_simulation(scenario, controller, object)
         self.reset()
 

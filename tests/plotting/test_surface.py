@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize, to_rgba
 from palpate import fem as bodies
 from palpate.fem import Body
 from palpate.plotting.bodies import draw_sweep
-from palpate.plotting.body_contact import deformed
+from palpate.plotting.body_contact import deformed_surface
 from palpate.plotting.style import FAINT
 from palpate.plotting.surface import divided, draw_colored, frame, new_space, stretched
 
@@ -75,7 +75,7 @@ def test_the_colour_scales_end_at_the_nodes_largest_values_and_the_picture_reach
     """The mean of a facet under the edge of a tip is a third or two of what its nodes have."""
     felt = block.indent([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
     pressure = block.pressure()
-    figure = deformed(block, felt.displacement, pressure)
+    figure = deformed_surface(block, felt.displacement, pressure)
     most = (1e3 * np.linalg.norm(felt.displacement, axis=1).max(), 1e-3 * pressure.max())
     assert scale_ends(figure) == pytest.approx(most)
     solids = [axes for axes in figure.axes if axes.name == "3d"]
@@ -90,7 +90,7 @@ def test_the_colour_scales_end_at_the_nodes_largest_values_and_the_picture_reach
 def test_a_body_at_rest_is_drawn(block: Body) -> None:
     """Flat and without pressure: nothing to divide by is divided by."""
     zero = np.zeros(len(block.nodes))
-    figure = deformed(block, np.zeros((len(zero), 3)), zero)
+    figure = deformed_surface(block, np.zeros((len(zero), 3)), zero)
     solid = next(axes for axes in figure.axes if axes.name == "3d")
     assert np.ptp(solid.get_zlim()) > 0.0
 
@@ -101,7 +101,7 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
     A surface that no extent of is shorter is drawn as it is, and nothing is said.
     """
     felt = block.indent([0.02, 0.02, 0.02], 8e-3, 2e-3, tip="flat")
-    figure = deformed(block, felt.displacement, block.pressure())
+    figure = deformed_surface(block, felt.displacement, block.pressure())
     x = block.surface.vertices + block.on_surface(felt.displacement)
     high, wide = np.ptp(x[:, 2]), max(np.ptp(x[:, 0]), np.ptp(x[:, 1]))
     assert stretched(figure) == f" For visibility, z is stretched {0.15 * wide / high:.3g} times."

@@ -17,14 +17,14 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["body_energy", "deformed", "force_and_deflection", "stiffness_along_path_figure"]
+__all__ = ["body_energy", "deformed_surface", "force_and_deflection", "stiffness_along_path_figure"]
 
 Array = NDArray[np.float64]
 
 _MIN_AXIS: Final = 0.15  # smallest length of an axis over the longest one
 
 
-def deformed(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure:
+def deformed_surface(body: Body, displacement: ArrayLike, pressure: ArrayLike) -> Figure:
     """Return 3D views of the deformed contact surface, colored by displacement and by pressure.
 
     Values are interpolated between the nodes. Each color scale ends at the maximum.

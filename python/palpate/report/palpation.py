@@ -7,7 +7,12 @@ from typing import Any, Final
 import numpy as np
 
 from palpate.metrics.body_contact import JND
-from palpate.plotting.body_contact import body_energy, deformed, force_and_deflection, stiffness_along_path_figure
+from palpate.plotting.body_contact import (
+    body_energy,
+    deformed_surface,
+    force_and_deflection,
+    stiffness_along_path_figure,
+)
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.report.numbers import Number, numbers_table
@@ -41,7 +46,7 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
     deepest = int(np.argmax(np.linalg.norm(trace["deflection"], axis=1)))
     page.section("Deformable body")
     at = pressed_at(trace, deepest)
-    picture = deformed(at.body, at.displacement, at.pressure)
+    picture = deformed_surface(at.body, at.displacement, at.pressure)
     page.figure(
         picture,
         f"Surface of the body at t = {trace.time[deepest]:.3g} s, at the largest deflection, in the body frame: "

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from palpate.plotting.body_contact import deformed
+from palpate.plotting.body_contact import deformed_surface
 from palpate.plotting.figures import forces, thin
 from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 from palpate.plotting.surface import stretched
@@ -109,7 +109,7 @@ def _phantom(page: Page, sweep: PalpationSweep) -> None:
     trace = sweep.trace
     middle = int(np.argmin(np.abs(trace["tip"][:, 0] - trace["tip"][0, 0]) + 1e3 * (trace.time < 1.2)))
     at = pressed_at(trace, middle)
-    picture = deformed(at.body, at.displacement, at.pressure)
+    picture = deformed_surface(at.body, at.displacement, at.pressure)
     page.figure(
         picture, "Top of the phantom with the tip over the nodule: displacement and pressure." + stretched(picture)
     )

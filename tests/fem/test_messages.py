@@ -354,18 +354,6 @@ def test_what_is_drawn_is_the_surface_with_its_fixed_vertices() -> None:
         whole.on_surface([1.0, 2.0, 3.0])
 
 
-@pytest.mark.xfail(strict=True, reason="docs/bodies.md imports the modules by their former names")
-@pytest.mark.filterwarnings("ignore:only .* of the body's nodes")
-def test_the_drawing_in_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    bodies.phantom(contrast=1.0, spacing="20 mm", output="phantom.h5")
-    text = (Path(__file__).parents[2] / "docs" / "bodies.md").read_text("utf-8")
-    code = text.split("## Drawing a press")[1].split("```python")[1].split("```")[0]
-    exec(compile(code, "docs/bodies.md", "exec"), {})
-    assert {path.name for path in tmp_path.iterdir()} == {"phantom.h5", "pressed.png", "mine.png", "pressed.vtu"}
-
-
 def test_a_pressed_solid_refuses_what_is_no_tip() -> None:
     solid = QuasiStaticSolver(HyperelasticModel(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm"))
     for options, sentence in (

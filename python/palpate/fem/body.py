@@ -154,7 +154,7 @@ class Body(IndentableBody):
 
         See `palpate.fem.spring_network` for the springs and their accuracy. The model is correct for large rotations
         and stable at any period. Damping is as in `modal`, where `rayleigh_beta` is that of shear. Half a period is
-        added to it (see docs/bodies.md). The tip also moves nodes sideways.
+        added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways.
 
         Raises:
             BodyError: a number is out of range, or the model needs more than 4 GB.

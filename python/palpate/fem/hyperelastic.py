@@ -33,7 +33,8 @@ class Strain(NamedTuple):
 class HyperelasticModel:
     """Hyperelastic solid of N points under large displacements.
 
-    Linear tetrahedra lock as Poisson's ratio approaches 0.5, and are too stiff in bending (see docs/theory/large-displacements.md).
+    Linear tetrahedra lock as Poisson's ratio approaches 0.5, and are too stiff in bending. See
+    docs/theory/large-displacements.md.
 
     Args:
         volume: tetrahedral mesh.

@@ -16,3 +16,11 @@ std::pair<nanobind::ndarray<nanobind::numpy, T>, T*> new_array(std::initializer_
   const nanobind::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
   return {nanobind::ndarray<nanobind::numpy, T>(data, shape, owner), data};
 }
+
+using Rows = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
+
+/// Raise ValueError unless both signals are (ticks + 1) x 3.
+inline void check_signals(const Rows& reference, const Rows& operator_force) {
+  if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
+    throw nanobind::value_error("reference and operator_force must both be (ticks + 1) x 3");
+}

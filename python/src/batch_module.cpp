@@ -22,8 +22,6 @@ using namespace nb::literals;
 
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
 /// Columns that cells may have of their own, each with how many numbers it takes and where they go.
 template <class Mechanism>
 struct Columns {
@@ -78,8 +76,7 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
                      const std::map<std::string, Rows>& columns, std::ptrdiff_t count, int threads, int lanes) {
   constexpr int width = palpate::servo::outcome_width<Mechanism::dof>;
   using Setup = LoopSetup<Mechanism>;
-  if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) || operator_force.shape(1) != 3)
-    throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+  check_signals(reference, operator_force);
   if (!palpate::servo::runs_in_lanes(base.complete()))
     throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear controller");
   struct Own {

@@ -31,8 +31,6 @@
 namespace nb = nanobind;
 using namespace nb::literals;
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
 /// Run the loop of the moving device and time the servo's part of each period. If `paced`, model updates of a body run in a thread.
 template <class Mechanism>
 void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force, bool paced,
@@ -175,9 +173,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "time_ticks",
           [](const Setup& self, const Rows& reference, const Rows& operator_force, bool paced) {
-            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
-                operator_force.shape(1) != 3)
-              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            check_signals(reference, operator_force);
             auto [seconds, data] = new_array<double>({reference.shape(0)});
             const nb::gil_scoped_release unlocked;
             time_ticks(self, static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced, data);
@@ -188,9 +184,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "outcome",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {
-            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
-                operator_force.shape(1) != 3)
-              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            check_signals(reference, operator_force);
             if (self.fixed || self.linear) throw nb::value_error("an outcome is that of the nonlinear device, free to move");
             const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();
             auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::outcome_width<dof>)});
@@ -206,9 +200,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "run",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {
-            if (reference.shape(0) < 1 || reference.shape(1) != 3 || operator_force.shape(0) != reference.shape(0) ||
-                operator_force.shape(1) != 3)
-              throw nb::value_error("reference and operator_force must both be (ticks + 1) x 3");
+            check_signals(reference, operator_force);
             const int ticks = static_cast<int>(reference.shape(0)) - 1;
             const int most = ticks / self.record_every + 1;
             const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();

@@ -26,7 +26,6 @@ using palpate::mechanism::JointKind;
 using palpate::mechanism::ParameterField;
 using palpate::mechanism::ParameterRange;
 using palpate::mechanism::Registry;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Values = std::map<std::string, std::vector<double>>;
 
 /// One parameter of a mechanism as Python sees it.

@@ -137,7 +137,7 @@ def _unit(path: str) -> str:
 
 def _axis(path: str, values: Any) -> Axis:
     if path.startswith(_MESHES):
-        raise SweepError(f"{path}: a sweep runs springs and walls, no meshes and bodies")
+        raise SweepError(f"{path}: a sweep varies no meshes and bodies; vary another key, or sweep each scenario")
     if not _PATH.fullmatch(path):
         raise SweepError(
             f'"{path}" is no key of a scenario; write table.key, as in object.stiffness, and .x, .y or .z for one axis'

@@ -108,22 +108,7 @@ def scenario_loop(
         StabilityError: nothing is touched, the hand does not let the tip move, or the directions cannot be pushed.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
-    if scenario.object.kind == "none":
-        raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
-    if scenario.object.kind == "mesh":
-        raise StabilityError(
-            "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
-            "polygon"
-        )
-    if scenario.object.kind == "body":
-        raise StabilityError(
-            "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
-            "palpate.stability.contact_stability(trace)"
-        )
-    if scenario.operator.kind == "fixed" and arm is None:
-        raise StabilityError(
-            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
-        )
+    _require_loop(scenario, arm)
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     law = build_controller(scenario, device, start) if controller is None else controller
@@ -148,6 +133,26 @@ def scenario_loop(
     rests = _rests(device, at, geometric_stiffness)
     own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
     return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
+
+
+def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
+    """Raise StabilityError unless one linear loop describes the scenario's contact."""
+    if scenario.object.kind == "none":
+        raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
+    if scenario.object.kind == "mesh":
+        raise StabilityError(
+            "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
+            "polygon"
+        )
+    if scenario.object.kind == "body":
+        raise StabilityError(
+            "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
+            "palpate.stability.contact_stability(trace)"
+        )
+    if scenario.operator.kind == "fixed" and arm is None:
+        raise StabilityError(
+            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
+        )
 
 
 def scenario_arm(scenario: Scenario) -> HumanArm | None:

@@ -13,6 +13,7 @@ SOURCE = Path(__file__).parent.parent / "python" / "palpate"
 # A package imports only from those before it. The modules at the top (errors, files, units, checks) come first.
 ORDER = (
     "_core",
+    "arrays",
     "errors",
     "units",
     "files",

@@ -6,8 +6,6 @@ import math
 
 from palpate.errors import StabilityError
 
-__all__ = ["finite", "fraction", "not_negative", "positive"]
-
 
 def positive(value: float, name: str, unit: str) -> float:
     """Return ``value`` as a float, or raise StabilityError unless it is finite and above zero."""

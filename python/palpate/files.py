@@ -16,18 +16,6 @@ from typing import Final
 
 from palpate.errors import OutputError, PalpateError
 
-__all__ = [
-    "HDF5_SIGNATURE",
-    "as_path",
-    "atomic_write",
-    "check_readable",
-    "check_suffix",
-    "check_writable",
-    "find_line",
-    "write_folder",
-    "write_json",
-]
-
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # with which every HDF5 file begins
 _HEADER: Final = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY: Final = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
 from palpate.errors import PalpateError, ScenarioError
+from palpate.files import find_line
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
-from palpate.scenario.reader import find_line
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 TEXT = """\

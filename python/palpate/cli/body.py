@@ -14,8 +14,6 @@ from palpate.cli.console import output, stages
 if TYPE_CHECKING:
     from palpate.fem import Body
 
-__all__ = ["build", "phantom", "show"]
-
 
 def build(
     source: Annotated[

@@ -12,8 +12,6 @@ from palpate.cli.console import errors, warnings_in_a_line
 from palpate.cli.interrupt import control_c
 from palpate.errors import PalpateError
 
-__all__ = ["one_sentence"]
-
 
 def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
     """Let a mistake end a command in one sentence, and Ctrl-C in one line, never in a traceback."""

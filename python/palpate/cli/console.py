@@ -14,8 +14,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from palpate.errors import PalpateWarning
 
-__all__ = ["errors", "output", "progress", "stages", "warnings_in_a_line"]
-
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 

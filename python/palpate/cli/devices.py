@@ -10,8 +10,6 @@ from rich.table import Table
 
 from palpate.cli.console import output
 
-__all__ = ["devices"]
-
 
 def devices(
     name: Annotated[str | None, typer.Argument(help="Catalog name, or the path of your own TOML file.")] = None,

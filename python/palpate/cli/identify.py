@@ -9,8 +9,6 @@ import typer
 
 from palpate.cli.console import output, progress
 
-__all__ = ["identify"]
-
 
 def identify(
     recording: Annotated[

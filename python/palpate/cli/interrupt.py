@@ -13,8 +13,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-__all__ = ["control_c"]
-
 _AGAIN: Final = 0.02  # s
 
 

@@ -20,8 +20,6 @@ from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     name="palpate",
     no_args_is_help=True,

@@ -14,8 +14,6 @@ from palpate.cli.console import output
 from palpate.errors import OutputError
 from palpate.files import atomic_write
 
-__all__ = ["Template", "new"]
-
 
 class Template(StrEnum):
     """What `palpate new` writes."""

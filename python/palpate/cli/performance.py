@@ -11,8 +11,6 @@ import typer
 from palpate.cli.console import output, progress
 from palpate.files import write_folder
 
-__all__ = ["performance"]
-
 
 def performance(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],

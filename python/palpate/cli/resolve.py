@@ -9,8 +9,6 @@ import typer
 
 from palpate.cli.console import output, progress
 
-__all__ = ["resolve"]
-
 
 def resolve(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],

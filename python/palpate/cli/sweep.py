@@ -13,8 +13,6 @@ from rich.markup import escape
 
 from palpate.cli.console import errors, output, progress
 
-__all__ = ["merge", "sweep"]
-
 
 def sweep(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-__all__ = ["Contact", "Contacts"]
-
-Array = NDArray[np.float64]
+from palpate.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True)
@@ -35,7 +30,7 @@ class Contact:
 class Contacts:
     """Contact in the n ticks of a path; `contacts[i]` is a `Contact`."""
 
-    touching: NDArray[np.bool_]
+    touching: Flags
     """(n,)"""
     position: Array
     """(n, 3), m."""
@@ -43,7 +38,7 @@ class Contacts:
     """(n, 3), unit, or zero without contact."""
     force: Array
     """(n, 3), N."""
-    triangle: NDArray[np.int64]
+    triangle: Indices
     """(n,), -1 without contact."""
     depth: Array
     """(n,), m."""

@@ -7,17 +7,14 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
+from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import Diagnosis, format_size
 from palpate.errors import PalpateError
 from palpate.files import check_readable
 from palpate.units import parse_quantity
-
-__all__ = ["Mesh", "MeshError"]
-
-Array = NDArray[np.float64]
 
 
 class MeshError(PalpateError):
@@ -127,7 +124,7 @@ class Mesh:
             mended=self._mended,
         )
 
-    def nearest(self, points: ArrayLike) -> tuple[Array, NDArray[np.int64]]:
+    def nearest(self, points: ArrayLike) -> tuple[Array, Indices]:
         """Return the points of the surface (n, 3), m, nearest to `points` (n, 3), m, and their triangles (n,)."""
         nearest, faces = self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
         return np.asarray(nearest), np.asarray(faces)
@@ -192,7 +189,7 @@ def _numbers(vertices: ArrayLike) -> Array:
     return points
 
 
-def _indices(triangles: ArrayLike, vertices: int) -> NDArray[np.int64]:
+def _indices(triangles: ArrayLike, vertices: int) -> Indices:
     raw = np.asarray(triangles)
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
         raise MeshError(f"triangles must be (m, 3) vertex indices, at least one row; they are {raw.shape}")
@@ -205,7 +202,7 @@ def _indices(triangles: ArrayLike, vertices: int) -> NDArray[np.int64]:
     return np.array(raw, dtype=np.int64, order="C")
 
 
-def _weld(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+def _weld(points: Array, faces: Indices) -> tuple[Array, Indices]:
     """Merge vertices with equal coordinates, in the order of their first use."""
     _, first, same = np.unique(
         points + 0.0, axis=0, return_index=True, return_inverse=True

@@ -11,8 +11,6 @@ from palpate.contact.mesh import Mesh, MeshError
 from palpate.contact.surface import Surface, SurfaceError, number
 from palpate.errors import PoseError
 
-__all__ = ["Proxy"]
-
 
 class Proxy:
     """Proxy of a tip on a mesh: a point, or a sphere.

@@ -14,8 +14,6 @@ from palpate.contact.mesh import Mesh
 from palpate.errors import PalpateError
 from palpate.units import parse_quantity, to_si
 
-__all__ = ["SHADED_MOST", "Surface", "SurfaceError"]
-
 SHADED_MOST: Final = math.radians(85.0)  # of force shading; sharper edges are not smoothed
 
 

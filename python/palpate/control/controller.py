@@ -7,12 +7,10 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import DesignError
 from palpate.units import to_si
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,12 @@ from typing import Any, Final, Protocol, runtime_checkable
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.errors import DesignError, PalpateError
 
-__all__ = ["CommandController", "PythonController", "as_controller", "as_linear_controller", "checked_force"]
-
-Array = NDArray[np.float64]
 _FORMS: Final = (
     "a palpate.Controller, a python-control system (6 to 3, or one input and one output for every axis), a function "
     "f(tick) -> force, or an object with command(tick)"

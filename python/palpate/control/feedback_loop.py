@@ -13,10 +13,9 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array, Complex
 from palpate.control.controller import Controller
 from palpate.errors import DesignError
-
-Array = NDArray[np.float64]
 
 
 def require_sampled(plant: control.StateSpace, caller: str) -> float:
@@ -75,7 +74,7 @@ def loop_gain(
     return series(plant, negative) if at == "command" else series(negative, plant)
 
 
-def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) -> NDArray[np.complex128]:
+def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) -> Complex:
     """Return the state matrix of negative unity feedback around ``gain`` times ``loop``.
 
     A - B (I + g D)^-1 g C, where ``gain`` is a number (complex: a rotation of every channel) or a matrix (m x m) at the

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_discrete_are
 
+from palpate.arrays import Array, Complex
 from palpate.errors import DesignError
 from palpate.units import array_to_si
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class KalmanFilter:
 
     gain: Array
     covariance: Array
-    poles: NDArray[np.complex128]
+    poles: Complex
 
 
 def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) -> KalmanFilter:

@@ -17,13 +17,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.feedback_loop import active_axes, loop_gain, require_sampled, spectral_radius
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.units import array_to_si
 
-Array = NDArray[np.float64]
 AXES = "xyz"
 MAX_LEAD = np.radians(75.0)  # a larger lead would amplify noise by over 50
 LAG_DECADE = 10.0  # ratio of the crossover to the zero of the lag, which costs arctan(1/10) = 5.7 deg of phase

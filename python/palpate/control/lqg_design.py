@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_discrete_are
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.feedback_loop import active_axes, require_sampled
 from palpate.control.kalman_filter import kalman, require_stabilizable
 from palpate.errors import DesignError
 from palpate.units import to_si
-
-Array = NDArray[np.float64]
 
 
 def lqg(

@@ -20,15 +20,14 @@ from typing import Any, Literal
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals
 from scipy.optimize import brentq, minimize_scalar
 
+from palpate.arrays import Array, Complex
 from palpate.control.controller import Controller
 from palpate.control.feedback_loop import loop_gain, spectral_radius
 from palpate.errors import DesignError
 
-Array = NDArray[np.float64]
 UNBOUNDED = 1e6  # gain at which the search stops; the interval is then unbounded
 
 
@@ -172,7 +171,7 @@ def _edge(loop: control.StateSpace, inside: float, outside: float) -> float:
     return float(0.5 * (inside + outside))
 
 
-def frequency_response(sys: control.StateSpace, theta: float) -> NDArray[np.complex128]:
+def frequency_response(sys: control.StateSpace, theta: float) -> Complex:
     """Return the response (p x m) at e^{j theta}, theta in rad per sample."""
     z = np.exp(1j * theta)
     return np.asarray(sys.D + sys.C @ np.linalg.solve(z * np.eye(sys.nstates) - sys.A, sys.B), dtype=complex)
@@ -198,7 +197,7 @@ def _unit_crossings(loop: control.StateSpace) -> list[tuple[float, float]]:
     """
     theta = _grid(loop)
 
-    def levels(t: float) -> NDArray[np.complex128]:
+    def levels(t: float) -> Complex:
         values = np.linalg.eigvals(frequency_response(loop, t))
         return np.asarray(values[np.argsort(np.abs(values))], dtype=complex)
 

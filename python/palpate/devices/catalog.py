@@ -22,8 +22,6 @@ from palpate.errors import DeviceError, PalpateError
 from palpate.files import find_line
 from palpate.units import parse_quantity
 
-__all__ = ["IdentifiedModel", "Number", "identified_model", "load", "names", "read_numbers"]
-
 
 @dataclass(frozen=True)
 class Number:

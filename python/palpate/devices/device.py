@@ -8,15 +8,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.devices.mechanisms import MECHANISMS, Mechanism
 from palpate.errors import DeviceError, PoseError
 from palpate.units import array_to_si
-
-__all__ = ["Device", "Parameters"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,6 @@ from typing import Any, Literal
 
 from palpate import _core
 
-__all__ = ["MECHANISMS", "Field", "Mechanism"]
-
 Range = Literal["any", "nonnegative", "positive"]
 
 

@@ -24,8 +24,6 @@ from palpate.fem.indentation import IndentableBody
 from palpate.fem.model_spec import COMPLIANCE, LAWS, Law, ModelSpec
 from palpate.fem.storage import BodyData
 
-__all__ = ["Body"]
-
 _MAX_MEMORY = 4e9  # bytes of a mass-spring model
 _CACHED = ("spring_network", "free_form_law")  # properties that depend on the contents only
 

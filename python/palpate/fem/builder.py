@@ -22,8 +22,6 @@ from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import modes as find_modes
 from palpate.fem.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
 
-__all__ = ["build", "volume_of"]
-
 
 def build(
     source: Volume | Mesh | str | Path,

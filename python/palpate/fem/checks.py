@@ -6,32 +6,13 @@ from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import PoseError
 from palpate.fem.errors import BodyError
 from palpate.units import parse_quantity, to_si
 
-__all__ = [
-    "TipShape",
-    "check_finite",
-    "check_tip",
-    "directions",
-    "friction_coefficients",
-    "indentation_depth",
-    "length",
-    "lengths",
-    "not_negative",
-    "number",
-    "point_of",
-    "positive",
-    "stiffness_ratio",
-    "tick_period",
-    "unit_of_length",
-    "whole",
-]
-
-Array = NDArray[np.float64]
 TipShape = Literal["sphere", "flat"]
 
 

@@ -18,8 +18,6 @@ from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
 from palpate.fem.multifrontal import MultifrontalSolver
 
-__all__ = ["Condensation", "check_memory"]
-
 _PROGRAM = 0.15e9  # bytes of the program and its libraries
 _EFFICIENCY = 0.7  # speed of the factorization over that of a dense product in double precision
 

@@ -13,6 +13,7 @@ from scipy import sparse
 from scipy.optimize import nnls
 
 from palpate import _core
+from palpate.arrays import Array, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError
@@ -22,10 +23,6 @@ from palpate.fem.spring_network import SpringNetwork, build_network, contact_pat
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.volume import Volume
 
-__all__ = ["CondensedBody", "CoreBody"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 CoreBody = (
     _core.ComplianceBody
     | _core.ModalBody
@@ -96,7 +93,7 @@ class CondensedBody:
         return self.contents.normals
 
     @property
-    def compliance(self) -> NDArray[np.float32]:
+    def compliance(self) -> Single:
         """Displacement of each contact node per force on each (3n, 3n), m/N, row 3 x node + axis."""
         return self.contents.compliance
 
@@ -203,6 +200,6 @@ class CondensedBody:
         nodes, triangles = self._volume_triangles()
         return contact_patches(self.volume.points, triangles, nodes)
 
-    def _arrays(self) -> tuple[Array, Array, Array, NDArray[np.float32]]:
+    def _arrays(self) -> tuple[Array, Array, Array, Single]:
         nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_blas, cython_lapack
 from threadpoolctl import threadpool_info, threadpool_limits
 
-__all__ = ["gemm", "one_thread", "potrf", "syrk", "threads", "trsm"]
-
 Real = NDArray[Any]
 _LETTERS = {np.dtype(np.float64): "d", np.dtype(np.float32): "s"}
 _NUMBERS = {"d": ctypes.c_double, "s": ctypes.c_float}

@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-__all__ = ["Front", "nested_dissection"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from palpate.arrays import Array, Indices
 
 _LEAF = 96  # nodes of a front that is not bisected any further
 _LARGE = 4000  # nodes above which three planes are tried

@@ -15,19 +15,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, SurfaceLayer
 from palpate.fem.selectors import Selector
 from palpate.fem.volume import Volume
-
-__all__ = ["Elements", "check_order"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def check_order(order: int) -> None:
@@ -103,14 +98,14 @@ class Elements:
         return np.ascontiguousarray(self._basis.doflocs.T)
 
     @cached_property
-    def surface_nodes(self) -> NDArray[np.bool_]:
+    def surface_nodes(self) -> Flags:
         """Whether each node lies on the surface (N,)."""
         on = np.zeros(len(self.nodes), dtype=bool)
         on[self._basis.get_dofs(self._mesh.boundary_facets()).all()] = True
         return on
 
     @cached_property
-    def dirichlet(self) -> NDArray[np.bool_]:
+    def dirichlet(self) -> Flags:
         """Whether each node is fixed (N,)."""
         dirichlet = np.zeros(len(self.nodes), dtype=bool)
         for region in self.fixed:

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from palpate.arrays import Array
 from palpate.fem.errors import BodyError
 from palpate.fem.pardiso import Pardiso, PardisoError
 
-__all__ = ["NOT_DEFINITE", "Factor", "installed"]
-
-Array = NDArray[np.float64]
 NOT_DEFINITE = "the stiffness is not positive definite: the body has a rigid-body motion; fix a larger part of it"
 
 

@@ -11,14 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
-__all__ = ["FreeFormLaw", "calibrate", "weights"]
+from palpate.arrays import Array, Indices, Single
 
-Array = NDArray[np.float64]
 _PATCHES = 24  # sampled for the calibration
 _PATCH_NODES, _INDENTER_NODES = 40, 12  # nodes of a patch, and under the flat indenter that sets the scale
 
@@ -49,7 +47,7 @@ def weights(points: Array, spacing: float) -> sparse.csr_matrix:
 
 
 def calibrate(
-    points: Array, normals: Array, areas: Array, compliance: NDArray[np.float32], spacing: float | None = None
+    points: Array, normals: Array, areas: Array, compliance: Single, spacing: float | None = None
 ) -> FreeFormLaw:
     """Return the law of least misfit to a compliance.
 
@@ -115,7 +113,7 @@ class _Calibration:
         return np.asarray(np.einsum("pi,pi->p", forces, self.displacement))
 
 
-def _overlaps(points: Array, patches: NDArray[np.int64], spacing: float) -> Array:
+def _overlaps(points: Array, patches: Indices, spacing: float) -> Array:
     """Return B B^T of each patch (p, k, k)."""
     return np.array([(b @ b.T).toarray() for b in (weights(points[patch], spacing) for patch in patches)])
 

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
+from palpate.arrays import Array, Flags, Indices
 from palpate.fem.checks import positive, whole
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
@@ -16,11 +17,6 @@ from palpate.fem.material import Material
 from palpate.fem.model_spec import LAWS, Law
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.volume import Volume
-
-__all__ = ["HyperelasticModel", "Strain"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class Strain(NamedTuple):
@@ -70,7 +66,7 @@ class HyperelasticModel:
     def __repr__(self) -> str:
         return f"<HyperelasticModel: {self.law}, of {self.elements.volume!r}>"
 
-    def arrays(self) -> tuple[Array, Indices, Array, Array, NDArray[np.bool_], bool]:
+    def arrays(self) -> tuple[Array, Indices, Array, Array, Flags, bool]:
         """Return the arguments of the core's model.
 
         Points (N, 3), m, tetrahedra (m, 4), shear modulus and Lame's lambda of each tetrahedron (m,), Pa, whether each

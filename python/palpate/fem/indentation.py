@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
+from palpate.arrays import Array, Indices
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -23,11 +24,6 @@ from palpate.fem.checks import (
 )
 from palpate.fem.condensed_body import CondensedBody
 from palpate.fem.errors import BodyError, BodyWarning
-
-__all__ = ["ContactHistory", "IndentableBody", "Indentation", "settle_at_depths"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth

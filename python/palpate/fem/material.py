@@ -9,15 +9,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.fem.checks import number, positive
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.selectors import Selector, parse_selector
 
-__all__ = ["Material", "Region", "SurfaceLayer"]
-
-Array = NDArray[np.float64]
 _SOFTEST: Final = 50.0  # Pa; below any tissue, and above the numerical value of a tissue's modulus in kPa
 
 

@@ -14,11 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array, Indices
 from palpate.fem.errors import BodyError
 
-__all__ = ["tetrahedra"]
-
-Array = NDArray[np.float64]
 _PROGRAM: Final = """
 import numpy as np
 from pytetwild import tetrahedralize
@@ -30,7 +28,7 @@ np.savez("volume.npz", points=points, tetrahedra=cells)
 """
 
 
-def tetrahedra(points: Array, triangles: NDArray[np.int32], spacing: float) -> tuple[Array, NDArray[np.int64]]:
+def tetrahedra(points: Array, triangles: NDArray[np.int32], spacing: float) -> tuple[Array, Indices]:
     """Return points (n, 3), m, and tetrahedra (m, 4) that fill a surface, with edges of about `spacing`, m.
 
     There may be no tetrahedra.

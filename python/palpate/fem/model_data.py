@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from palpate.fem.body import Body
 from palpate.fem.errors import BodyError
 
-__all__ = ["ModelData", "model_data"]
-
 Arrays = dict[str, NDArray[Any]]
 
 

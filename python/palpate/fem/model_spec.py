@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple, get_args
 
-__all__ = ["COMPLIANCE", "LAWS", "Law", "ModelSpec"]
-
 Law = Literal["neo-hookean", "corotational"]
 LAWS: Final = get_args(Law)
 

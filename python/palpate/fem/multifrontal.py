@@ -16,20 +16,15 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from palpate import _core
+from palpate.arrays import Array, Indices, Single
 from palpate.fem import dense
 from palpate.fem.dissection import nested_dissection
 from palpate.fem.errors import BodyError
 from palpate.fem.factor import NOT_DEFINITE
 
-__all__ = ["MultifrontalSolver"]
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Indices = NDArray[np.int64]
 _TRIALS = 4  # loads that check the compliance
 _TOLERANCE = 1e-4  # on their energy, relative
 _TILE = 1024  # rows and columns that are mirrored at a time

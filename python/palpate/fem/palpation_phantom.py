@@ -13,8 +13,6 @@ from palpate.fem.material import Region, SurfaceLayer
 from palpate.fem.selectors import half_space, sphere
 from palpate.fem.volume import block
 
-__all__ = ["phantom"]
-
 _SIDE, _HEIGHT = 0.1, 0.05  # m
 
 

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
+from palpate.arrays import Array, Flags, Indices
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -26,20 +27,16 @@ from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
 from palpate.fem.indentation import settle_at_depths
 
-__all__ = ["MultiTipHistory", "QuasiStaticSolver", "RealtimeRun"]
-
-Array = NDArray[np.float64]
-
 
 class MultiTipHistory(NamedTuple):
     """Contact of t tips along paths of m ticks."""
 
     force: Array  # of the body on each tip (m, t, 3), N
     deflection: Array  # of the nodes in contact with each tip, weighted by their forces (m, t, 3), m
-    nodes: NDArray[np.int64]  # number of nodes in contact with each tip (m, t)
+    nodes: Indices  # number of nodes in contact with each tip (m, t)
     potential: Array  # energy that the contact releases if the tips leave (m,), J
     tank_energy: Array  # level of the energy tank (m,), J; potential + tank_energy is the work since first contact
-    tank_empty: NDArray[np.bool_]  # whether the tank was too low for a full switch of models (m,)
+    tank_empty: Flags  # whether the tank was too low for a full switch of models (m,)
 
 
 class RealtimeRun(NamedTuple):

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array, Flags
 from palpate.fem.checks import length, lengths, positive
 from palpate.fem.errors import BodyError
 from palpate.units import parse_quantity
 
-__all__ = ["Selector", "box", "half_space", "on_surface", "parse_selector", "parse_selectors", "sphere"]
-
-Array = NDArray[np.float64]
 _AXES: Final = "xyz"
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _BEFORE_UNIT: Final = re.compile(r"(?<=[\d.])(?![eE][+-]?\d)(?=[A-Za-zµμ])")  # in "12mm", not in "1e-3"
@@ -39,7 +36,7 @@ class Selector:
     """
 
     text: str
-    inside: Callable[[Array], NDArray[np.bool_]]
+    inside: Callable[[Array], Flags]
     surface: bool = False
 
     def __str__(self) -> str:

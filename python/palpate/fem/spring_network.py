@@ -24,13 +24,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import cg
 
+from palpate.arrays import Array, Indices
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import Volume
 
-__all__ = ["SpringNetwork", "build_network", "contact_patches"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _FACES = ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0))  # three corners, and the opposite one
 _PRIOR = 0.1  # regularization: weight of a spring's initial stiffness relative to one equation of strain
 

@@ -11,16 +11,12 @@ from typing import Any, Final
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array, Flags, Indices, Single
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import SURFACES, VOLUMES
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write, check_readable, check_writable
 
-__all__ = ["VERSION", "BodyData", "check_target", "read", "write"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _FORMAT: Final = "palpate body"
 VERSION: Final = 3
 _UNITS: Final = {
@@ -40,17 +36,17 @@ class BodyData:
 
     points: Array  # of the whole surface at rest (s, 3), m
     triangles: Indices  # of the whole surface (k, 3), counterclockwise seen from outside
-    contact_triangles: NDArray[np.bool_]  # whether each triangle belongs to the contact surface (k,)
+    contact_triangles: Flags  # whether each triangle belongs to the contact surface (k,)
     nodes: Indices  # contact nodes, as indices of points (n,)
     normals: Array  # outward unit normals at the contact nodes (n, 3)
     areas: Array  # of the patches of the contact nodes (n,), m^2
-    compliance: NDArray[np.float32]  # (3n, 3n), m/N, row 3 x node + axis
+    compliance: Single  # (3n, 3n), m/N, row 3 x node + axis
     frequencies: Array  # of the vibration modes (m,), rad/s; m = 0 if the body was built without modes
-    shapes: NDArray[np.float32]  # of the modes at the contact nodes (3n, m), 1/sqrt(kg), row 3 x node + axis
+    shapes: Single  # of the modes at the contact nodes (3n, m), 1/sqrt(kg), row 3 x node + axis
     vertices: Array  # of the mesh at rest (v, 3), m; those on its surface, in their order, are `points`
     tetrahedra: Indices  # of the mesh (t, 4)
     young: Array  # mean Young's modulus of each tetrahedron (t,), Pa
-    dirichlet: NDArray[np.bool_]  # whether each vertex is fixed (v,)
+    dirichlet: Flags  # whether each vertex is fixed (v,)
     record: Mapping[str, Any]  # inputs, sizes, times and versions of the build
 
 

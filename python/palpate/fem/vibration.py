@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import eigh
 
+from palpate.arrays import Array, Single
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
 from palpate.fem.factor import Factor
-
-__all__ = ["modes"]
-
-Array = NDArray[np.float64]
 
 _BLOCK = 12  # right-hand sides solved at once
 _TOLERANCE = 1e-6  # on the residual of an eigenvalue, relative
 
 
-def modes(elements: Elements, count: int) -> tuple[Array, NDArray[np.float32]]:
+def modes(elements: Elements, count: int) -> tuple[Array, Single]:
     """Return the `count` lowest frequencies (m,), rad/s, and the shapes (3n, m), 1/sqrt(kg), of unit modal mass.
 
     The method is shift-and-invert at zero (Ericsson & Ruhe 1980), with the consistent mass.

@@ -15,17 +15,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.checks import length, lengths, point_of, positive, unit_of_length
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.mesher import tetrahedra
 from palpate.files import check_readable
-
-__all__ = ["SURFACES", "VOLUMES", "Volume", "block", "check_mesh_file", "fill", "grid", "read_volume"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 SURFACES: Final = (".stl", ".obj", ".ply", ".off", ".glb")
 VOLUMES: Final = (
@@ -127,7 +123,7 @@ class Volume:
         return np.asarray(faces[np.sort(first[count == 1])])
 
     @cached_property
-    def parts(self) -> NDArray[np.int64]:
+    def parts(self) -> Indices:
         """Index of the connected component of each point (n,)."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components

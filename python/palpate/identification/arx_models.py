@@ -14,14 +14,14 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 
+from palpate.arrays import Array, Indices
 from palpate.errors import RecordingError
 from palpate.identification.recording import Recording
 
-Array = NDArray[np.float64]
-Orders = NDArray[np.int64]
+Orders = Indices
 
 
 @dataclass(frozen=True)

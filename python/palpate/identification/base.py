@@ -16,12 +16,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
-
-Array = NDArray[np.float64]
 
 _ZERO: dict[str, Any] = {f"mass__{s}": 0.0 for s in ("a", "c", "be", "df")} | {
     f"inertia__{s}": [0.0, 0.0, 0.0] for s in ("a", "c", "be", "df")

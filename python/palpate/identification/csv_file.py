@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import RecordingError
 from palpate.identification.channel_units import (
     ANGLE_UNITS,
@@ -22,8 +22,6 @@ from palpate.identification.channel_units import (
     scale_of,
 )
 from palpate.identification.samples import MINIMUM_SAMPLES, Columns, check_samples
-
-Array = NDArray[np.float64]
 
 _HEADER = re.compile(r"^\s*([A-Za-z_]+?)\s*_?(\d*)\s*(?:\[\s*(.*?)\s*\])?\s*$")
 _ANGLE_NAMES = {"theta", "angle", "q", "position", "x"}

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import signal
 
+from palpate.arrays import Array, Indices
 from palpate.errors import RecordingError
-
-Array = NDArray[np.float64]
 
 
 class Excitation(Protocol):
@@ -116,7 +115,7 @@ class Multisine:
         }
 
 
-def _compressed(count: int, bins: NDArray[np.int64], phases: Array, rounds: int = 60) -> Array:
+def _compressed(count: int, bins: Indices, phases: Array, rounds: int = 60) -> Array:
     """Return equal cosines on `bins` of a `count`-point period, with the phases of the lowest peak of all rounds."""
     spectrum = np.zeros(count // 2 + 1, dtype=complex)
     spectrum[bins] = np.exp(1j * phases)

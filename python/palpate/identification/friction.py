@@ -9,16 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.parameters import estimate_parameters
 from palpate.identification.recording import Recording
 from palpate.identification.servo import JointServo, respond
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import RecordingError
 from palpate.identification.channel_units import (
     ANGLE_UNITS,
@@ -21,8 +21,6 @@ from palpate.identification.channel_units import (
     scale_of,
 )
 from palpate.identification.samples import Columns
-
-Array = NDArray[np.float64]
 
 
 def read_hdf5(file: Path) -> Columns:

@@ -8,13 +8,11 @@ beforehand: it knows nothing of the noise, nor does any signal computed from it 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from palpate.arrays import Array
 from palpate.identification.arx_models import arx_from_excitation
 from palpate.identification.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 def expected_angles(recording: Recording, order: int = 6, bandwidth: float = 25.0) -> Array | None:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import RecordingError
 from palpate.identification.arx_models import arx
 from palpate.identification.recording import Recording
 
-Array = NDArray[np.float64]
 Structure = tuple[ArrayLike, ArrayLike, ArrayLike]
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.base import Parameter, base_parameters, friction_parameters
@@ -21,7 +21,6 @@ from palpate.identification.instruments import expected_angles
 from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_speed, weak_rows
 
-Array = NDArray[np.float64]
 Method = Literal["auto", "instruments", "least_squares"]
 
 SINGULAR = 1e-6  # ratio of singular values of the scaled columns at rounding level

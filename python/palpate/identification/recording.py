@@ -13,16 +13,14 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from palpate.arrays import Array
 from palpate.errors import OutputError, RecordingError
 from palpate.files import as_path, atomic_write, check_readable
 from palpate.identification.csv_file import read_csv, write_csv
 from palpate.identification.hdf5_file import read_hdf5, write_hdf5
 from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_columns, check_samples, uniform_period
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

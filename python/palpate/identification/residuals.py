@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal, stats
 
+from palpate.arrays import Array
 from palpate.errors import RecordingError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

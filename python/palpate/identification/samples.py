@@ -6,11 +6,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import RecordingError
-
-Array = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 50
 JITTER = 0.1  # of a period: a time stamp further off the grid than this is not uniform sampling

@@ -12,13 +12,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
-
-Array = NDArray[np.float64]
 
 
 def home(device: Device) -> Array:

@@ -8,15 +8,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.excitation import Excitation, multisine
 from palpate.identification.recording import Recording
 from palpate.identification.servo import JointServo, home, respond
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

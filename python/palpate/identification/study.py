@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device, load
 from palpate.errors import PalpateError, RecordingError
 from palpate.files import atomic_write
@@ -22,8 +22,6 @@ from palpate.identification.recording import Recording
 from palpate.identification.residuals import independence, whiteness
 from palpate.identification.servo import torque_response
 from palpate.identification.weak_form import smooth
-
-Array = NDArray[np.float64]
 
 USED = 0.7  # share of the recording that models are fitted to; the rest judges them
 ARX_RATE = 100.0  # Hz, at most: faster, two samples differ by less than the encoder's counts

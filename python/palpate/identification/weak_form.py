@@ -13,15 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.base import fictitious
 from palpate.identification.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from palpate.devices import Device
 from palpate.linear.discretization import discretize
 from palpate.linear.linearization import linearize
 
-__all__ = ["rendering_plant"]
-
 
 def rendering_plant(
     device: Device,

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.errors import PoseError
 from palpate.linear.linearization import _vector
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def _classify(q: Array, slope: Array, torque: Array) -> Equilibrium:
     return Equilibrium(q, torque, free, stable)
 
 
-def _free_joints(device: Device, samples: int = 8) -> NDArray[np.bool_]:
+def _free_joints(device: Device, samples: int = 8) -> Flags:
     """Return (dof,) whether gravity is independent of each joint (tested at seeded random poses)."""
     rng = np.random.default_rng(0)
     poses = rng.uniform(-np.pi, np.pi, (samples, device.dof))

@@ -11,17 +11,15 @@ from os import PathLike
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from palpate.arrays import Array, Complex
 from palpate.checks import not_negative, positive
 from palpate.devices import Device, load
 from palpate.errors import PoseError, StabilityError
 from palpate.linear.linearization import static_tip_force
 
-__all__ = ["HumanArm", "LinearDevice", "SampledDevice", "discretize_zoh"]
-
-Array = NDArray[np.float64]
 MAX_DELAY = 1000  # samples
 
 
@@ -258,7 +256,7 @@ class SampledDevice:
         """Whether the delay is not a whole number of samples."""
         return bool(np.any(self.before))
 
-    def response(self, angle: Array) -> NDArray[np.complex128]:
+    def response(self, angle: Array) -> Complex:
         """Return tip motion per force (k,), m/N, delay included, at e^{j angle}; angle (k,) in rad per sample."""
         theta = np.asarray(angle, dtype=float)
         z_minus_one = -2 * np.sin(theta / 2) ** 2 + 1j * np.sin(theta)  # without cancellation

@@ -10,13 +10,13 @@ from typing import Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.devices import Device, load
 from palpate.errors import PoseError
 from palpate.units import array_to_si
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 
 

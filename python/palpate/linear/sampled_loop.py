@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.linear.linear_device import HumanArm, couple_arm
-
-__all__ = ["assemble_loop", "observable_reduction", "sampled_plants"]
-
-Array = NDArray[np.float64]
 
 
 def sampled_plants(

@@ -11,15 +11,12 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array, Complex
 from palpate.checks import fraction
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import LinearDevice, SampledDevice, discretize_zoh
-
-__all__ = ["WallLoop", "causal_controller", "wall_loop"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class WallLoop:
         """Return the largest modulus of the loop's eigenvalues, per sample."""
         return float(np.abs(np.linalg.eigvals(self.matrix(stiffness, damping))).max())
 
-    def required_wall_response(self, angle: Array) -> NDArray[np.complex128]:
+    def required_wall_response(self, angle: Array) -> Complex:
         """Return W(theta) (k,), N/m: the response K + B V with a root at e^{j theta}; theta (k,), rad per sample."""
         theta = np.asarray(angle, dtype=float)
         gain = self.tip.response(theta)
@@ -67,7 +64,7 @@ class WallLoop:
             gain = gain * frequency_values(self.controller, np.exp(1j * theta))
         return np.asarray(-1 / gain, dtype=complex)
 
-    def velocity_response(self, angle: Array) -> NDArray[np.complex128]:
+    def velocity_response(self, angle: Array) -> Complex:
         """Return V(theta) (k,), the servo's velocity per position, 1/s; theta (k,), rad per sample."""
         theta = np.asarray(angle, dtype=float)
         z, a = np.exp(1j * theta), self.velocity_filter
@@ -183,7 +180,7 @@ def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
     return a, b, (num[1:] - num[0] * den[1:])[None, :], np.array([[num[0]]])
 
 
-def frequency_values(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def frequency_values(system: control.StateSpace, z: Complex) -> Complex:
     """Return the response (k,) of a SISO system at each z (k,)."""
     if not system.nstates:
         return np.full(z.shape, complex(system.D[0, 0]))

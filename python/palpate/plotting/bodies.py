@@ -13,8 +13,6 @@ from palpate.fem.body import Body
 from palpate.plotting.style import COLORS, FAINT, INK, PAPER, TITLE, new_figure
 from palpate.plotting.surface import draw_colored, frame, stretched
 
-__all__ = ["draw_models", "draw_sweep"]
-
 
 def draw_sweep(
     with_nodule: Body,

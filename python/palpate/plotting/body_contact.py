@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.fem import Body
 from palpate.metrics.body_contact import JND, stiffness_along_path, work_so_far
 from palpate.plotting.figures import thin
@@ -17,9 +18,6 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["body_energy", "deformed_surface", "force_and_deflection", "stiffness_along_path_figure"]
-
-Array = NDArray[np.float64]
 
 _MIN_AXIS: Final = 0.15  # smallest length of an axis over the longest one
 

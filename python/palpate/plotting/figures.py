@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.metrics.summary import expected_deflection, scenario_of
 from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.simulation.trace import Trace
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["angles", "compare", "deflection", "energy", "forces", "panels", "thin", "torques"]
-
-Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
 _POINTS: Final = 1600  # maximum number of points of a line
 

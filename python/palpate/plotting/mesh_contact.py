@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.contact import Mesh
 from palpate.plotting.figures import thin
 from palpate.plotting.style import COLORS, FAINT, INK, new_figure
@@ -18,9 +18,6 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["profile", "stiffness_and_depth", "trajectory"]
-
-Array = NDArray[np.float64]
 
 _MARGIN: Final = 6e-3  # m, of the surface around the path
 _DASHED: Final = (0, (4, 3))

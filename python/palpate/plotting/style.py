@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLORS", "FAINT", "INK", "PAPER", "RC", "TITLE", "new_figure"]
-
 # Okabe & Ito 2008, without yellow, which has too little contrast on white; INK takes the place of black.
 COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 INK: Final = "#1d2126"  # text and axes

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.arrays import Array
 from palpate.plotting.style import FAINT, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["divided", "draw_colored", "frame", "new_space", "stretched"]
-
-Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
 _STEPS: Final = 16  # of color over the range of the values; no piece of a triangle spans more than one
 _LINE: Final = 0.25  # points

@@ -15,8 +15,6 @@ from palpate.report.theme import CSS, inline_svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Page", "differs_in_print", "number"]
-
 Tone = Literal["good", "note", "bad"]
 _STATUS: Final = {"match": "✓ match", "erratum": "✎ erratum", "differs": "✗ differs"}
 _MINUS: Final = "−"

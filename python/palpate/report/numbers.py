@@ -7,8 +7,6 @@ from typing import Any, Final
 
 from palpate.report.html import Page, number
 
-__all__ = ["Number", "in_column", "numbers_table"]
-
 Number = tuple[str, str, str, float]  # name, key, unit shown, factor from the unit of the key to the unit shown
 
 

@@ -19,8 +19,6 @@ from palpate.report.numbers import Number, numbers_table
 from palpate.simulation.bodies import pressed_at
 from palpate.simulation.trace import Trace
 
-__all__ = ["palpation_section", "palpation_table"]
-
 # name, key in summary["palpation"], unit, factor
 _NUMBERS: Final[tuple[Number, ...]] = (
     ("deepest deflection", "deepest_m", "mm", 1e3),

@@ -14,8 +14,6 @@ from palpate.report.html import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["performance_page", "ripple_figure", "stiffness_figure"]
-
 
 def performance_page(p: Performance) -> Page:
     """Return the page of a loop's performance."""

@@ -12,8 +12,6 @@ from palpate.report.palpation import palpation_section
 from palpate.report.sliding import sliding_section
 from palpate.simulation.trace import Trace
 
-__all__ = ["run_page"]
-
 
 def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     """Return the page of a trace; `summary` is `summarize(trace)`, which is computed if None."""

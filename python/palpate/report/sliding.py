@@ -10,8 +10,6 @@ from palpate.report.html import Page
 from palpate.report.numbers import numbers_table
 from palpate.simulation.trace import Trace
 
-__all__ = ["sliding_section", "sliding_table"]
-
 # name, key in summary["sliding"], unit, factor
 _NUMBERS: Final = (
     ("path length on the surface", "path_m", "mm", 1e3),

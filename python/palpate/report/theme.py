@@ -12,8 +12,6 @@ from palpate.plotting.style import COLORS, FAINT, INK, PAPER, RC
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CSS", "inline_svg"]
-
 _UNDATED: Final = {"Date": None, "Creator": None}
 _ON_DARK: Final = ("#4aa8e0", "#f08a3c", "#2cc295", "#e2a0c4", "#f0b840", "#8fd0f5")
 

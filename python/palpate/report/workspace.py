@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.plotting.style import FAINT, INK, TITLE, new_figure
 from palpate.report.html import Page
 from palpate.stability.maps.workspace_map import Workspace
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["axes_figure", "section_figure", "workspace_page"]
-
-Array = NDArray[np.float64]
 MAP = "cividis"  # perceptually uniform, also for color-blind readers and in gray
 AXES = {"y-z": (2, 1), "x-z": (0, 2)}  # horizontal and vertical component of the tip in the panel of a plane
 LABELS = ("x, right [mm]", "y, up [mm]", "z, toward the operator [mm]")

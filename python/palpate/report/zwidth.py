@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["close_figure", "zwidth_figure", "zwidth_page"]
-
 MARGIN = 1.12  # size of the map over the extent of the scenario's own curve
 DOTS = 40  # approximate number drawn
 BEYOND = 1.15  # size over the map from which another operator's curve has a figure of its own

@@ -12,8 +12,6 @@ from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, fie
 from palpate.scenario.fields import Angle3, Length, Number, OneLength, Position3, Pressure, Section, Size3, Whole
 from palpate.units import parse_quantity, write
 
-__all__ = ["KINDS", "BodyChoice"]
-
 
 class Option(NamedTuple):
     """A number that a kind takes, in `unit`; `fits` or it `must` be otherwise; `needed` if it has no default."""

@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from palpate.units import parse_quantity, write
 
-__all__ = ["options_text", "sort_options"]
-
 FLAG: Final = "true or false"
 
 # kind: option: (unit or FLAG, whether it may differ between the axes)

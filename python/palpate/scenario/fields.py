@@ -10,33 +10,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Pla
 
 from palpate.units import parse_quantity, write
 
-__all__ = [
-    "Angle",
-    "Angle3",
-    "Damping3",
-    "Duration",
-    "Flag",
-    "Force3",
-    "Fraction",
-    "Frequency",
-    "Length",
-    "Matrix",
-    "MistakesError",
-    "Number",
-    "Number3",
-    "OneDamping",
-    "OneLength",
-    "OneMass",
-    "OneStiffness",
-    "Position3",
-    "Pressure",
-    "Section",
-    "Size3",
-    "Stiffness3",
-    "Time",
-    "Whole",
-]
-
 _Axes = tuple[float, float, float]
 
 

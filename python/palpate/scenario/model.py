@@ -25,6 +25,7 @@ from pydantic import (
 
 from palpate.devices import Device, load
 from palpate.errors import DeviceError, PoseError, ScenarioError
+from palpate.files import find_line
 from palpate.scenario.body import BodyChoice
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
@@ -43,12 +44,10 @@ from palpate.scenario.fields import (
     Time,
     Whole,
 )
-from palpate.scenario.reader import find_line, lay_settings, read_file, read_text, validate
+from palpate.scenario.reader import lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
 from palpate.units import parse_quantity, write
-
-__all__ = ["Controller", "DeviceChoice", "Object", "Operator", "Run", "Scenario", "Servo", "Start"]
 
 
 class DeviceChoice(Section):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-__all__ = ["OPERATOR_STIFFNESS", "default_operator"]
-
 OPERATOR_STIFFNESS: Final = 200.0  # N/m: the hand follows a force by so much
 
 

@@ -15,8 +15,6 @@ from palpate.errors import ScenarioError
 from palpate.files import HDF5_SIGNATURE, as_path, find_line
 from palpate.scenario.fields import MistakesError
 
-__all__ = ["ScenarioText", "find_line", "lay_settings", "read_file", "read_text", "validate"]
-
 Model = TypeVar("Model", bound=BaseModel)
 _LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
 _FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing| has no meaning)")

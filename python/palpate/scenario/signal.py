@@ -11,8 +11,6 @@ from pydantic import BeforeValidator, PlainSerializer, model_validator
 from palpate.scenario.fields import Duration, Force3, Frequency, Section, Time
 from palpate.units import parse_quantity, write
 
-__all__ = ["Row", "Signal"]
-
 Row = tuple[float, float, float, float]
 
 

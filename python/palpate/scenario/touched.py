@@ -25,8 +25,6 @@ from palpate.scenario.fields import (
 )
 from palpate.units import parse_quantity, write
 
-__all__ = ["MeshChoice", "SurfaceChoice"]
-
 
 class MeshChoice(Section):
     """[object.mesh]: a file, or a shape made by formula; placed by [object] position, its origin there.

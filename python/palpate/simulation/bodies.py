@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate import _core
 from palpate import fem as bodies
+from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
@@ -24,9 +24,6 @@ from palpate.simulation.trace import Trace
 if TYPE_CHECKING:
     from palpate.fem import Body
 
-__all__ = ["Pressed", "cache_path", "place_body", "pressed_at", "scenario_body", "touched_body"]
-
-Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 _MAKING = 3  # goes up when bodies are made in another way: those that are kept are made anew
 

@@ -15,8 +15,6 @@ from palpate.devices import Device
 from palpate.errors import DesignError
 from palpate.linear.design_plant import rendering_plant
 
-__all__ = ["DESIGN_STIFFNESS", "design_for"]
-
 DESIGN_STIFFNESS: Final = 1000.0  # N/m, where there is no object to design for
 
 

@@ -16,8 +16,6 @@ from palpate.devices import Device
 from palpate.scenario import ControllerChoice, Scenario
 from palpate.simulation.controller_design import design_for
 
-__all__ = ["build_controller", "read_scenario", "with_controller"]
-
 
 def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float64]) -> Controller:
     """Return the scenario's controller; lead-lag and LQG are designed for the device linearised at `start` (dof,), rad.

@@ -7,15 +7,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation.loop import Loop, Sample
-
-__all__ = ["Environment"]
-
-Array = NDArray[np.float64]
 
 
 class _Held:

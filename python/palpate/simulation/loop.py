@@ -8,16 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import BEYOND, Simulation, build_simulation
 from palpate.simulation.trace import Trace
-
-__all__ = ["Loop", "Sample"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,6 @@ from palpate.simulation.simulator import Simulation, build_simulation
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["FORMAT", "VERSION", "resolve"]
-
 FORMAT: Final = "palpate loop"
 VERSION: Final = 1
 _DTYPES: Final = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "uint8": "|u1"}

@@ -5,18 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from palpate.arrays import Array, Indices
 from palpate.contact import Mesh, Surface
 from palpate.errors import PalpateError
 from palpate.scenario.model import Scenario
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
 
-__all__ = ["box_mesh", "bumpy_ellipsoid", "touched_mesh"]
-
-Array = NDArray[np.float64]
-Triangles = NDArray[np.int64]
+Triangles = Indices
 
 
 def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
@@ -59,8 +56,8 @@ def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:
     i, j = (grid.ravel() for grid in np.meshgrid(steps[:-1], steps[:-1], indexing="ij"))
     a, b, c, d = i * (n + 1) + j, (i + 1) * (n + 1) + j, (i + 1) * (n + 1) + j + 1, i * (n + 1) + j + 1
     face = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    grids: list[NDArray[np.int64]] = []
-    triangles: list[NDArray[np.int64]] = []
+    grids: list[Indices] = []
+    triangles: list[Indices] = []
     for axis in range(3):
         for high in (True, False):
             points = np.zeros((len(u), 3), dtype=np.int64)

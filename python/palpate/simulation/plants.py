@@ -6,15 +6,11 @@ from typing import NamedTuple
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device, identified_model
 from palpate.errors import ScenarioError
 from palpate.linear import discretize, linearize
-
-__all__ = ["SampledPlant", "sampled_plant"]
-
-Array = NDArray[np.float64]
 
 
 class SampledPlant(NamedTuple):

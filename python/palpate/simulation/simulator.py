@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import PythonController, as_controller
 from palpate.devices import Device
@@ -25,9 +25,6 @@ from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
-__all__ = ["Simulation", "build_simulation", "simulate"]
-
-Array = NDArray[np.float64]
 # What the core adds to a row: columns of each channel.
 MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
 BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}

@@ -13,8 +13,6 @@ from palpate.fem.errors import BodyError
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import Simulation
 
-__all__ = ["Frame", "SurfaceFrames"]
-
 
 class Frame(NamedTuple):
     """One frame."""

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.simulation.trace_export import (
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-__all__ = ["CHANNELS", "Channel", "Trace", "TraceError"]
-
-Array = NDArray[np.float64]
 
 # channel: (unit, description); `angle`, `velocity` and `torque` are per joint (m, m/s, N for a sliding one).
 CHANNELS: Final[dict[str, tuple[str, str]]] = {

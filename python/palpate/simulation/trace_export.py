@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import OutputError
 
-__all__ = ["Exported", "column_names", "columns", "write_csv", "write_mat", "write_mcap", "write_parquet"]
-
-Array = NDArray[np.float64]
 AXES: Final = ("x", "y", "z")
 _PER_JOINT: Final = ("angle", "velocity", "torque")
 

@@ -12,8 +12,6 @@ from palpate import _core
 from palpate.control.controller_forms import checked_force
 from palpate.errors import ScenarioError
 
-__all__ = ["ContactResult", "PythonObject", "as_object"]
-
 
 class ContactResult(NamedTuple):
     """What an object of the user may return instead of a force: the contact at one sample. SI units, device frame.

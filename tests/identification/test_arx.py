@@ -119,7 +119,7 @@ def test_noise_on_the_angles_biases_least_squares_and_instruments_do_not():
 def test_too_little_excitation_names_the_coefficient():
     recording = record(500)
     twice = replace(recording, torque=np.column_stack([recording.torque[:, 0], recording.torque[:, 0]]))
-    with pytest.raises(RecordingError, match=r"too little excitation: b\d\d\[\d\] cannot be told apart"):
+    with pytest.raises(RecordingError, match=r"too little excitation: b\d\d\[\d\] cannot be distinguished"):
         arx(twice, 2, 2, 1)
     still = replace(recording, torque=recording.torque * [1.0, 0.0])
     with pytest.raises(RecordingError, match=r"nothing in the recording acts on b12\[1\]"):

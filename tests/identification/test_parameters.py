@@ -145,7 +145,7 @@ def test_weak_excitation_is_told_by_parameter():
 
 def test_slow_motion_cannot_show_dry_friction():
     small = identify.multisine([2e-3, 1e-3, 5e-4], (0.3, 3.0), lines=6)
-    with pytest.raises(RecordingError, match="too little excitation: joint 1 turns one way faster than"):
+    with pytest.raises(RecordingError, match="too little excitation: joint 1 moves in one direction faster than"):
         identify.estimate_parameters(identify.simulate_experiment(ARM, small, duration=10.0, period=2e-3), ARM)
 
 

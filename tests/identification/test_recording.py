@@ -72,7 +72,7 @@ def without(first, last):
         (changed(0, "time [s], theta1 [rad], tau1 [N]"), "rad goes with N*m"),
         (changed(0, "time [s], theta2 [rad], tau1 [N*m]"), "the angle columns are numbered [2]"),
         (changed(0, "time [s], theta1 [rad], current [A]"), "there is no torque column"),
-        (lines()[:20], "19 samples are too short"),
+        (lines()[:20], "19 samples are too few"),
         ([], "the file is empty"),
     ],
 )

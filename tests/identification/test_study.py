@@ -100,7 +100,7 @@ def test_the_servo_law_is_what_is_recorded():
 def test_a_runaway_experiment_says_when():
     tuned = identify.JointServo.tuned(ARM)
     wrong_way = identify.JointServo(tuned.pose, tuple(-10 * k for k in tuned.kp), tuned.kd, tuned.bias_torque)
-    with pytest.raises(RecordingError, match=r"runs away at t = [\d.]+ s"):
+    with pytest.raises(RecordingError, match=r"diverges at t = [\d.]+ s"):
         identify.simulate_experiment(ARM, fast(), duration=5.0, servo=wrong_way)
     with pytest.raises(RecordingError, match=r"has 2 channels; phantom-premium-1\.5a has 3 joints"):
         identify.simulate_experiment(ARM, identify.multisine([0.1, 0.1], (1.0, 5.0)))

@@ -41,7 +41,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class ArxModel:
-    """An ARX model and what is known about its uncertainty.
+    """ARX model with its uncertainty.
 
     Attributes:
         na: (ny, ny) number of coefficients of each a_kj; nb: (ny, nu) of each b_kj; nk: (ny, nu) delays, samples.
@@ -112,7 +112,7 @@ class ArxModel:
         )
 
     def residuals(self, recording: Recording) -> Array:
-        """Return the one-step prediction errors (n - reach, ny), rad."""
+        """Return the one-step prediction errors (n - reach, ny), rad. Raise RecordingError if the sampling differs."""
         y, u = self._deviations(recording)
         out = np.zeros((len(y) - self.reach, len(self.na)))
         for k in range(len(self.na)):
@@ -145,7 +145,7 @@ class ArxModel:
         return np.asarray(forced + out[:, :, 1:] @ first + self.output_mean, dtype=float)
 
     def fit(self, recording: Recording) -> Fit:
-        """Return the fit on `recording`, best one that the model has not seen; raises if the sampling differs."""
+        """Return the fit on a recording, if possible one not used for the estimate. Raise as `residuals`."""
         error = self.residuals(recording)
         spread = np.linalg.norm(recording.angle - recording.angle.mean(axis=0), axis=0)
         rest = np.linalg.norm((recording.angle - recording.angle.mean(axis=0))[self.reach :], axis=0)
@@ -172,7 +172,7 @@ class ArxModel:
         if abs(recording.period - self.period) > 1e-6 * self.period:
             raise RecordingError(
                 f"the model is sampled every {self.period:g} s but the recording every {recording.period:g} s; "
-                "decimate the one like the other"
+                "decimate both alike"
             )
         if recording.dof != len(self.na):
             raise RecordingError(f"the model has {len(self.na)} outputs but the recording {recording.dof} joints")
@@ -187,7 +187,7 @@ class ArxModel:
 def arx(
     recording: Recording, na: ArrayLike, nb: ArrayLike, nk: ArrayLike, *, instruments: Recording | None = None
 ) -> ArxModel:
-    """Estimate an ARX model from torques to angles.
+    """Return the ARX model from torques to angles.
 
     Args:
         recording: angles (outputs) and torques (inputs).
@@ -200,39 +200,29 @@ def arx(
     Raises:
         RecordingError: orders of the wrong shape, too few samples, or too little excitation, naming the coefficient.
     """
-    dof = recording.dof
-    orders = _orders(na, nb, nk, dof)
-    mean_y, mean_u = recording.angle.mean(axis=0), recording.torque.mean(axis=0)
-    regressors = recording.angle - mean_y, recording.torque - mean_u
-    return _estimate(recording, regressors, orders, (mean_y, mean_u), instruments)
+    return _estimate(recording, recording.torque, _orders(na, nb, nk, recording.dof), instruments)
 
 
 def arx_from_excitation(recording: Recording, na: int, nb: int) -> ArxModel:
     """Return the closed loop's model from the excitation to the angles, every output from every input.
 
-    Its free run is what the experiment would have measured without noise (to first order): the source of instruments.
+    To first order, its free run is the measurement without noise, which is the source of instruments.
 
     Raises:
         RecordingError: the recording does not hold its excitation.
     """
     if recording.excitation is None:
         raise RecordingError("the recording does not hold its excitation")
-    dof = recording.dof
-    orders = _orders(na, nb, 1, dof)
-    mean_y, mean_u = recording.angle.mean(axis=0), recording.excitation.mean(axis=0)
-    regressors = recording.angle - mean_y, recording.excitation - mean_u
-    return _estimate(recording, regressors, orders, (mean_y, mean_u), None)
+    return _estimate(recording, recording.excitation, _orders(na, nb, 1, recording.dof), None)
 
 
 def _estimate(
-    recording: Recording,
-    signals: tuple[Array, Array],
-    orders: tuple[Orders, Orders, Orders],
-    means: tuple[Array, Array],
-    instruments: Recording | None,
+    recording: Recording, inputs: Array, orders: tuple[Orders, Orders, Orders], instruments: Recording | None
 ) -> ArxModel:
+    """Return the model from `inputs` (n, dof) to the angles."""
     na, nb, nk = orders
-    y, u = signals
+    means = recording.angle.mean(axis=0), inputs.mean(axis=0)
+    y, u = recording.angle - means[0], inputs - means[1]
     ny, nu = nb.shape
     reach = _reach(na, nb, nk)
     rows = len(y) - reach
@@ -322,8 +312,8 @@ def _least_squares(columns: Array, target: Array, name: Any) -> tuple[Array, Arr
     diagonal = np.abs(np.diag(r))
     if diagonal.min() < 1e-10 * diagonal.max():
         raise RecordingError(
-            f"too little excitation: {name(int(np.argmin(diagonal)))} cannot be told apart from the others"
-            "; excite more frequencies or lower the orders"
+            f"too little excitation: {name(int(np.argmin(diagonal)))} cannot be distinguished from the others; "
+            "excite more frequencies or lower the orders"
         )
     inverse = linalg.solve_triangular(r, np.eye(len(scale)))
     return inverse @ rest / scale, inverse @ inverse.T / np.outer(scale, scale)
@@ -336,7 +326,7 @@ def _instrumental(columns: Array, target: Array, z: Array) -> tuple[Array, Array
         raise RecordingError("too little excitation: a regressor of the model is zero throughout")
     cross = (z / size).T @ (columns / scale)
     if np.linalg.cond(cross) > 1e12:
-        raise RecordingError("too little excitation: the instruments do not tell the coefficients apart")
+        raise RecordingError("too little excitation: the instruments do not distinguish the coefficients")
     inverse = np.linalg.inv(cross)
     gain = inverse @ (z / size).T
     return gain @ target / scale, gain @ gain.T / np.outer(scale, scale)

@@ -1,9 +1,9 @@
-"""Base parameters: the combinations of inertia and gravity in which a device's dynamics are linear.
+"""Base parameters: combinations of inertia and gravity in which the dynamics of a device are linear.
 
     M(q) qdd + C(q, qd) qd + N(q) = sum over j of value_j * (torque of a fictitious device with that one parameter at 1)
 
-The fictitious devices are the device itself with other masses and inertias, so the physics stays in the core: nothing
-of it is written a second time here. Their masses may be negative; no such arm exists, but its columns are right.
+The fictitious devices are the device itself with other masses and inertias, so the core computes the physics. Their
+masses may be negative.
 
 premium:  M11 = A + P cos 2θ2 - Q cos 2θ3 + h cos θ2 sin θ3,  M22, M33,  M23 = -h/2 sin(θ2 - θ3),
           N = (0, n2 cos θ2, n3 sin θ3);  P and Q are an eighth of the P and Q of the usual closed form.
@@ -30,7 +30,7 @@ _PREMIUM: dict[str, tuple[str, str, dict[str, Any]]] = {
     "A": ("kg*m^2", "constant part of M11", {"inertia__base": 1.0}),
     "P": ("kg*m^2", "part of M11 with cos 2θ2", {"inertia__be": [0.0, 1.0, -1.0]}),
     "Q": ("kg*m^2", "part of M11 with -cos 2θ3", {"inertia__df": [0.0, -1.0, 1.0]}),
-    # Every square cancels between these two masses; only the product l1 (l2 ma + l3 mc) stays.
+    # The squares of these two masses' terms cancel; the product l1 (l2 ma + l3 mc) remains.
     "h": (
         "kg*m^2",
         "coupling l1 (l2 ma + l3 mc)",
@@ -82,12 +82,12 @@ class Parameter:
 
 
 def base_parameters(device: Device) -> list[Parameter]:
-    """Return the parameters of inertia and gravity of `device`'s mechanism, in order."""
+    """Return the parameters of inertia and gravity of a device's mechanism, in order."""
     return [Parameter(name, unit, meaning) for name, (unit, meaning, _) in _table(device).items()]
 
 
 def friction_parameters(device: Device, coulomb: bool = True) -> list[Parameter]:
-    """Return viscous (and Coulomb) friction of each joint."""
+    """Return the parameters of viscous friction, and of Coulomb friction if requested, of each joint."""
     torque, speed = device.torque_unit, device.model.fields["friction.viscous"].unit
     joints = range(device.dof)
     out = [Parameter(f"k{j + 1}", speed, f"viscous friction of joint {j + 1}", j) for j in joints]
@@ -97,16 +97,16 @@ def friction_parameters(device: Device, coulomb: bool = True) -> list[Parameter]
 
 
 def fictitious(device: Device) -> list[Device]:
-    """Return, for each base parameter, the device in which it alone is 1 and the rest, friction too, is 0."""
+    """Return one device per base parameter: that parameter is 1; all others and the friction are 0."""
     has = device.model.parameters
     zero = device.parameters.with_values(**{k: v for k, v in _ZERO.items() if k.replace("__", ".") in has})
     return [replace(device, parameters=zero.with_values(**only)) for _, _, only in _table(device).values()]
 
 
 def base_values(device: Device) -> Array:
-    """Return the device's own base parameters, (base parameters,), SI.
+    """Return the base parameters of a device (base parameters,), SI.
 
-    They solve, at random states, M(q) qd and N(q) of the device on those of the fictitious devices: exact to rounding.
+    They are fitted to M(q) qd and N(q) at random states, by those of the fictitious devices; exact to rounding.
     """
     draw = np.random.default_rng(0)
     q, qd = draw.uniform(-np.pi, np.pi, (2, 40, device.dof))
@@ -120,7 +120,7 @@ def base_values(device: Device) -> Array:
 
 
 def true_values(device: Device, parameters: list[Parameter]) -> Array:
-    """Return the catalog's value of each of `parameters`, SI."""
+    """Return the catalog's value of each parameter (p,), SI."""
     values = dict(zip((p.name for p in base_parameters(device)), base_values(device), strict=True))
     values |= {f"k{j + 1}": device.viscous[j] for j in range(device.dof)}
     values |= {f"c{j + 1}": device.coulomb[j] for j in range(device.dof)}
@@ -130,12 +130,12 @@ def true_values(device: Device, parameters: list[Parameter]) -> Array:
 def with_base_values(
     device: Device, values: Array, viscous: Array | None = None, coulomb: Array | None = None
 ) -> Device:
-    """Return a device of the same lengths whose base parameters are `values` (and whose friction is as given).
+    """Return a device with the same lengths, the base parameters `values` and the given friction.
 
-    Infinitely many segments have the same base parameters, hence the same motion; this is one choice of them.
+    Infinitely many segments have the same base parameters, hence the same motion; the result is one choice.
 
     Raises:
-        RecordingError: gravity is asked of a device whose file gives its centres of mass no lever.
+        RecordingError: the device's gravity, l5 or l6 is zero, so its gravity cannot be fitted.
         DeviceError: the values make no physical device (an inertia matrix that is not positive definite).
     """
     names = [p.name for p in base_parameters(device)]

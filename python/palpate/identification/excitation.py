@@ -1,12 +1,12 @@
-"""Excitation signals: PRBS, multisine and sweep. Each has a seed, an exact peak per channel, and never a hidden scale.
+"""Excitation signals: PRBS, multisine and sweep. Each has a seed and an exact peak per channel.
 
-All signals are (samples x channels), sampled at the servo period and held between samples.
+Signals are (samples, channels), sampled at the servo period and held between samples.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,23 +15,25 @@ from scipy import signal
 from palpate.arrays import Array, Indices
 from palpate.errors import RecordingError
 
+_KEYS = {"band": "band_hz", "clock": "clock_s"}  # of fields in a description
+
 
 class Excitation(Protocol):
-    """A signal that can be drawn for any duration."""
+    """Signal of any duration."""
 
     @property
     def amplitude(self) -> Array:
         """Peak of each channel, (channels,)."""
 
     def sample(self, duration: float, period: float) -> Array:
-        """Values at t = 0, period, … over `duration` seconds, (n, channels)."""
+        """Return the values at t = 0, period, … over `duration` seconds, (n, channels)."""
 
     def describe(self) -> dict[str, Any]:
-        """What JSON can write: kind, parameters, seed."""
+        """Return kind, parameters and seed, as JSON can hold them."""
 
 
 def crest_factor(values: ArrayLike) -> Array:
-    """Peak over root mean square of each column (1 for a binary signal, 1.41 for a sine)."""
+    """Return peak over root mean square of each column: 1 for a binary signal, 1.41 for a sine."""
     x = np.asarray(values, dtype=float)
     rms = np.sqrt(np.mean(x**2, axis=0))
     return np.asarray(np.max(np.abs(x), axis=0) / rms, dtype=float)
@@ -63,15 +65,28 @@ def _count(duration: float, period: float) -> int:
     return count
 
 
-@dataclass(frozen=True)
-class Multisine:
-    """Sines on a grid of 1/duration, dealt out in turn to the channels, so that the channels are orthogonal.
+class _Described:
+    """Signal whose fields describe it."""
 
-    Phases start from Schroeder's (1970), -πk(k-1)/N, and are improved by clipping the wave and keeping the phases of
-    what is left (Van der Ouderaa, Schoukens and Renneboog 1988); the seed shifts the whole signal in time and draws
-    the sign of every channel. `lines` sines per channel, spread evenly over `band` (logarithmically if `logarithmic`,
-    which puts more of them low). Amplitudes of all lines are equal, scaled so that the peak is exactly `amplitude`.
+    kind: ClassVar[str]
+
+    def describe(self) -> dict[str, Any]:
+        """Return kind, parameters and seed, as JSON can hold them."""
+        parameters = {f.name: np.asarray(getattr(self, f.name)).tolist() for f in fields(self)}  # type: ignore[arg-type]
+        return {"kind": self.kind, **{_KEYS.get(name, name): value for name, value in parameters.items()}}
+
+
+@dataclass(frozen=True)
+class Multisine(_Described):
+    """Sines on a grid of 1/duration, assigned to the channels in turn, so that the channels are orthogonal.
+
+    Phases start from those of Schroeder (1970), -πk(k-1)/N. Repeated clipping lowers the peak (Van der Ouderaa,
+    Schoukens and Renneboog 1988). The seed shifts the signal in time and draws the sign of each channel. Each channel
+    has `lines` sines over `band`, evenly spaced or `logarithmic`. Their amplitudes are equal, and scaled to a peak of
+    `amplitude`.
     """
+
+    kind = "multisine"
 
     amplitude: Array
     band: tuple[float, float]
@@ -103,20 +118,9 @@ class Multisine:
             out[:, channel] = sign * self.amplitude[channel] * wave / np.max(np.abs(wave))
         return out
 
-    def describe(self) -> dict[str, Any]:
-        """Return kind, parameters and seed, as JSON can write them."""
-        return {
-            "kind": "multisine",
-            "amplitude": self.amplitude.tolist(),
-            "band_hz": list(self.band),
-            "lines": self.lines,
-            "seed": self.seed,
-            "logarithmic": self.logarithmic,
-        }
-
 
 def _compressed(count: int, bins: Indices, phases: Array, rounds: int = 60) -> Array:
-    """Return equal cosines on `bins` of a `count`-point period, with the phases of the lowest peak of all rounds."""
+    """Return equal cosines on `bins` of a period of `count` points, with the phases of the lowest peak found."""
     spectrum = np.zeros(count // 2 + 1, dtype=complex)
     spectrum[bins] = np.exp(1j * phases)
     best = wave = np.fft.irfft(spectrum, count)
@@ -131,12 +135,14 @@ def _compressed(count: int, bins: Indices, phases: Array, rounds: int = 60) -> A
 
 
 @dataclass(frozen=True)
-class Prbs:
+class Prbs(_Described):
     """Pseudo-random binary sequence of maximal length, one shift of the same register per channel.
 
-    `clock` seconds between possible switches; its power is flat to about 0.4/clock Hz. The seed draws the register's
-    state.
+    `clock` is the time between possible switches, s. The power is flat to about 0.4/clock Hz. The seed draws the state
+    of the register.
     """
+
+    kind = "prbs"
 
     amplitude: Array
     clock: float
@@ -162,17 +168,15 @@ class Prbs:
             out[:, channel] = self.amplitude[channel] * np.repeat(chips, hold)[:n]
         return out
 
-    def describe(self) -> dict[str, Any]:
-        """Return kind, parameters and seed, as JSON can write them."""
-        return {"kind": "prbs", "amplitude": self.amplitude.tolist(), "clock_s": self.clock, "seed": self.seed}
-
 
 @dataclass(frozen=True)
-class Sweep:
-    """Logarithmic chirp through `band`; the channels sweep one after the other, each its share of the duration.
+class Sweep(_Described):
+    """Logarithmic chirp through `band`, Hz, by one channel after the other, for equal parts of the duration.
 
-    The seed draws the order of the channels and each start phase.
+    The seed draws the order of the channels and their start phases.
     """
+
+    kind = "chirp"
 
     amplitude: Array
     band: tuple[float, float]
@@ -192,27 +196,23 @@ class Sweep:
             out[place * share : (place + 1) * share, channel] = self.amplitude[channel] * wave
         return out
 
-    def describe(self) -> dict[str, Any]:
-        """Return kind, parameters and seed, as JSON can write them."""
-        return {"kind": "chirp", "amplitude": self.amplitude.tolist(), "band_hz": list(self.band), "seed": self.seed}
-
 
 def multisine(
     amplitude: ArrayLike, band: tuple[float, float], *, lines: int = 20, seed: int = 0, logarithmic: bool = False
 ) -> Multisine:
-    """A multisine with peaks `amplitude` (one per channel) over `band` Hz; see `Multisine`."""
+    """Return a multisine over `band`, Hz, with the peaks `amplitude`, one per channel; see `Multisine`."""
     if lines < 1:
         raise RecordingError(f"a multisine needs at least one line; got {lines}")
     return Multisine(_amplitudes(amplitude), band, lines, seed, logarithmic)
 
 
 def prbs(amplitude: ArrayLike, clock: float, *, seed: int = 0) -> Prbs:
-    """A binary sequence of ±`amplitude` (one per channel) that may switch every `clock` seconds; see `Prbs`."""
+    """Return a binary sequence of ±`amplitude`, one per channel, that may switch every `clock` s; see `Prbs`."""
     if not (np.isfinite(clock) and clock > 0):
         raise RecordingError(f"the clock must be a positive time; got {clock} s")
     return Prbs(_amplitudes(amplitude), float(clock), seed)
 
 
 def chirp(amplitude: ArrayLike, band: tuple[float, float], *, seed: int = 0) -> Sweep:
-    """A logarithmic chirp with peaks `amplitude` (one per channel) through `band` Hz; see `Sweep`."""
+    """Return a logarithmic chirp through `band`, Hz, with the peaks `amplitude`, one per channel; see `Sweep`."""
     return Sweep(_amplitudes(amplitude), band, seed)

@@ -1,7 +1,7 @@
-"""Friction two ways: by matching closed-loop responses, and by the direct regressor.
+"""Estimation of friction by matching closed-loop responses, and by the direct regressor.
 
-Matching (Hosseini-Zadeh 2004, 3.7): the damping is chosen so that the nonlinear model, in the same servo loop and under
-the same excitation, answers like the recorded device. The inertia is taken as known. Gauss-Newton on the angles.
+Matching (Hosseini-Zadeh 2004, 3.7): the nonlinear model runs in the same servo loop under the same excitation. Its
+damping minimizes the error of the angles, by Gauss-Newton. The inertia is known.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class FrictionFit:
     Attributes:
         viscous: (dof,) N*m*s/rad.
         viscous_half: (dof,) half the width of its confidence interval.
-        coulomb: (dof,) N*m, or None where it was taken from the device.
+        coulomb: (dof,) N*m, or None if the device's was used.
         coulomb_half: (dof,) or None.
         level: confidence.
-        misfit: (dof,) what the fit leaves, rms: of the angles in rad (matching), of the torque in percent (regressor).
-        runs: simulated experiments it took; 0 for the regressor.
+        misfit: (dof,) rms residual: of the angles in rad (matching), of the torque in percent (regressor).
+        runs: number of simulated experiments; 0 for the regressor.
     """
 
     viscous: Array
@@ -68,67 +68,79 @@ def friction_by_matching(
     """Estimate viscous friction by matching the closed-loop response from rest.
 
     Args:
-        recording: must hold its excitation.
-        device: inertia, gravity and Coulomb friction are taken as known from it.
-        servo: the loop the recording was made in (default: as its metadata says).
-        start: (dof,) first guess of the viscous friction; default a tenth of critical damping in that loop.
+        recording: with its excitation.
+        device: gives inertia, gravity and Coulomb friction.
+        servo: loop of the recording; None for the one in its metadata.
+        start: first guess of the viscous friction (dof,); None for a tenth of critical damping in that loop.
         seconds: length of the response that is matched.
         level: of the confidence intervals.
-        rounds: most Gauss-Newton steps.
+        rounds: maximum number of Gauss-Newton steps.
 
     Raises:
-        RecordingError: the recording lacks its excitation or its servo, or no damping brings the responses together.
+        RecordingError: the recording lacks its excitation or its servo, or the steps do not converge.
     """
     loop = JointServo.from_metadata(recording.metadata.get("servo")) if servo is None else servo
     if recording.excitation is None or loop is None or len(loop.pose) != device.dof:
         raise RecordingError("matching needs a recording that holds its excitation and its servo; give `servo`")
-    n = min(len(recording), round(seconds / recording.period))
-    push, measured = recording.excitation[:n], recording.angle[:n]
-    stiff = np.diag(device.mass_matrix(np.array(loop.pose))) * np.array(loop.kp)
-    scale = np.sqrt(np.maximum(stiff, 1e-300))  # damping's natural size, N*m*s/rad
-    guess = 0.2 * scale if start is None else np.asarray(start, dtype=float)
-    runs = 0
-
-    def error(viscous: Array) -> Array:
-        nonlocal runs
-        runs += 1
-        trial = device.with_viscous(viscous)
-        run = respond(trial, loop, push, recording.period, encoder=False, start=measured[0])
-        return np.asarray(measured - run.angle, dtype=float)
-
-    def sensitivity(at: Array, rest: Array) -> Array:
-        columns = []
-        for joint in range(device.dof):
-            step = np.zeros(device.dof)
-            step[joint] = max(0.05 * at[joint], 1e-3 * scale[joint])
-            columns.append((rest - error(at + step)) / step[joint])
-        return np.stack(columns, axis=2)  # (n, dof, k): angle per damping
-
-    k = np.maximum(guess, 0.0)
-    rest = error(k)
-    slope = sensitivity(k, rest)
+    matching = _Matching(recording, device, loop, min(len(recording), round(seconds / recording.period)))
+    k = np.maximum(0.2 * matching.scale if start is None else np.asarray(start, dtype=float), 0.0)
+    rest = matching.error(k)
+    slope = matching.sensitivity(k, rest)
     for turn in range(rounds):
         size = np.sqrt(np.mean(rest**2, axis=0))
         flat, left = (slope / size[:, None]).reshape(-1, device.dof), (rest / size).ravel()
         move = np.linalg.lstsq(flat, left, rcond=None)[0]
         new = np.maximum(k + move, 0.1 * k)
-        settled = bool(np.all(np.abs(new - k) < 1e-3 * np.maximum(new, 1e-4 * scale)))
+        settled = bool(np.all(np.abs(new - k) < 1e-3 * np.maximum(new, 1e-4 * matching.scale)))
         if settled:
             break
         far = bool(np.any(np.abs(new - k) > 0.1 * new))
-        k, rest = new, error(new)
+        k, rest = new, matching.error(new)
         if far or turn == 0:
-            slope = sensitivity(k, rest)
+            slope = matching.sensitivity(k, rest)
     else:
-        raise RecordingError(f"no damping brings the simulated response to the recorded one in {rounds} steps")
+        raise RecordingError(f"matching does not converge in {rounds} steps: try another start, or more rounds")
     size = np.sqrt(np.mean(rest**2, axis=0))
     spread, freedom = _block_covariance(slope / size[:, None], rest / size, recording.period)
     half = stats.t.ppf(0.5 + 0.5 * level, freedom) * np.sqrt(np.diag(spread))
-    return FrictionFit(k, np.asarray(half, dtype=float), None, None, level, size, runs)
+    return FrictionFit(k, np.asarray(half, dtype=float), None, None, level, size, matching.runs)
+
+
+class _Matching:
+    """Error of the simulated response for a viscous friction (dof,), N*m*s/rad.
+
+    Attributes:
+        scale: geometric mean of inertia and servo stiffness (dof,), N*m*s/rad.
+        runs: number of simulated experiments.
+    """
+
+    def __init__(self, recording: Recording, device: Device, servo: JointServo, samples: int) -> None:
+        assert recording.excitation is not None  # checked
+        self._device, self._servo, self._period = device, servo, recording.period
+        self._push, self._measured = recording.excitation[:samples], recording.angle[:samples]
+        stiff = np.diag(device.mass_matrix(np.array(servo.pose))) * np.array(servo.kp)
+        self.scale = np.sqrt(np.maximum(stiff, 1e-300))
+        self.runs = 0
+
+    def error(self, viscous: Array) -> Array:
+        """Return measured minus simulated angles (n, dof), rad."""
+        self.runs += 1
+        trial, start = self._device.with_viscous(viscous), self._measured[0]
+        run = respond(trial, self._servo, self._push, self._period, encoder=False, start=start)
+        return np.asarray(self._measured - run.angle, dtype=float)
+
+    def sensitivity(self, at: Array, rest: Array) -> Array:
+        """Return the derivative of the angles by the friction (n, dof, dof), by finite differences."""
+        columns = []
+        for joint in range(len(at)):
+            step = np.zeros(len(at))
+            step[joint] = max(0.05 * at[joint], 1e-3 * self.scale[joint])
+            columns.append((rest - self.error(at + step)) / step[joint])
+        return np.stack(columns, axis=2)
 
 
 def _block_covariance(slope: Array, rest: Array, period: float, block: float = 0.5) -> tuple[Array, float]:
-    """Return the covariance of the estimate from moments summed over blocks that outlast the loop's memory."""
+    """Return the covariance of the estimate, from moments summed over blocks longer than the loop's response."""
     length = max(1, round(block / period))
     count = len(rest) // length
     if count < 8:

@@ -1,92 +1,85 @@
-"""A recording as HDF5: data sets time, angle, torque (and excitation), each with its unit."""
+"""Recording as HDF5: data sets time, angle, torque (and excitation), each with its unit."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 
 from palpate.arrays import Array
 from palpate.errors import RecordingError
-from palpate.identification.channel_units import (
-    ANGLE_UNITS,
-    FORCE_UNITS,
-    LENGTH_UNITS,
-    TIME_UNITS,
-    TORQUE_UNITS,
-    joint_scale,
-    scale_of,
-)
+from palpate.identification.channel_units import channel_scale
 from palpate.identification.samples import Columns
+
+_DESCRIPTIONS = {
+    "time": "time of the sample",
+    "angle": "joint coordinates as the encoders read them",
+    "torque": "joint torque held from this sample to the next",
+    "excitation": "injected part of the torque",
+}
+
+
+class _Channel(NamedTuple):
+    values: Array  # SI
+    unit: str  # in the file
+    slides: bool
 
 
 def read_hdf5(file: Path) -> Columns:
-    """Return the samples in `file`; raises RecordingError that names the channel."""
+    """Return the samples of a file. Raise RecordingError, naming the channel, if one is missing or has no unit."""
     with h5py.File(file, "r") as store:
-
-        def channel(name: str, required: bool = True) -> tuple[Array, str] | None:
-            for place in (name, f"channels/{name}"):
-                if place in store and isinstance(store[place], h5py.Dataset):
-                    unit = store[place].attrs.get("unit", store[place].attrs.get("units", ""))
-                    return np.asarray(store[place], dtype=float), unit.decode() if isinstance(unit, bytes) else str(
-                        unit
-                    )
-            if required:
+        data = {name: _find(store, name) for name in _DESCRIPTIONS}
+        for name in ("time", "angle", "torque"):
+            if data[name] is None:
                 raise RecordingError(
                     f"{file}: there is no channel '{name}' (a palpate trace has time, angle and torque)"
                 )
-            return None
-
-        time, angle, torque = channel("time"), channel("angle"), channel("torque")
-        excitation = channel("excitation", required=False)
-        metadata: dict[str, Any] = {}
-        text = store.attrs.get("metadata")
-        if text is not None:
-            try:
-                loaded = json.loads(text)
-            except (json.JSONDecodeError, TypeError):
-                loaded = {}
-            metadata = loaded if isinstance(loaded, dict) else {}
+        time, angle, torque = (_channel(data[name], name, file) for name in ("time", "angle", "torque"))
+        excitation = None if data["excitation"] is None else _channel(data["excitation"], "excitation", file)
+        try:
+            metadata = json.loads(store.attrs.get("metadata", "{}"))
+        except (json.JSONDecodeError, TypeError):
+            metadata = {}
         period = float(store.attrs.get("period", 0.0))
-    assert time is not None
-    assert angle is not None
-    assert torque is not None
-    seconds = time[0].ravel() * scale_of(time[1], TIME_UNITS, f"{file}: channel 'time'", "time")
-    angle_scale, slides = joint_scale(angle[1], ANGLE_UNITS, LENGTH_UNITS, f"{file}: channel 'angle'", "a joint")
-    torque_scale, pushes = joint_scale(torque[1], TORQUE_UNITS, FORCE_UNITS, f"{file}: channel 'torque'", "a torque")
-    if slides != pushes:
-        raise RecordingError(f"{file}: rad goes with N*m and m with N, not '{angle[1]}' with '{torque[1]}'")
-    injected = None
-    if excitation is not None:
-        scale, _ = joint_scale(excitation[1], TORQUE_UNITS, FORCE_UNITS, f"{file}: channel 'excitation'", "a torque")
-        injected = excitation[0] * scale
+    if angle.slides != torque.slides:
+        raise RecordingError(f"{file}: rad goes with N*m and m with N, not '{angle.unit}' with '{torque.unit}'")
     return Columns(
-        seconds,
-        angle[0] * angle_scale,
-        torque[0] * torque_scale,
+        time.values.ravel(),
+        angle.values,
+        torque.values,
         period,
-        {**metadata, "file": file.name},
-        injected,
-        ("m", "N") if slides else ("rad", "N*m"),
+        {**(metadata if isinstance(metadata, dict) else {}), "file": file.name},
+        None if excitation is None else excitation.values,
+        ("m", "N") if angle.slides else ("rad", "N*m"),
     )
 
 
 def write_hdf5(recording: Columns, path: Path) -> None:
     """Write every channel with its unit and a description."""
+    angle_unit, torque_unit = recording.units
+    units = {"time": "s", "angle": angle_unit, "torque": torque_unit, "excitation": torque_unit}
     with h5py.File(path, "w") as store:
-        channels: dict[str, tuple[Array | None, str, str]] = {
-            "time": (recording.time, "s", "time of the sample"),
-            "angle": (recording.angle, recording.units[0], "joint coordinates as the encoders read them"),
-            "torque": (recording.torque, recording.units[1], "joint torque held from this sample to the next"),
-            "excitation": (recording.excitation, recording.units[1], "injected part of the torque"),
-        }
-        for name, (values, unit, description) in channels.items():
+        for name, unit in units.items():
+            values = getattr(recording, name)
             if values is not None:
                 data = store.create_dataset(name, data=values)
                 data.attrs["unit"] = unit
-                data.attrs["description"] = description
+                data.attrs["description"] = _DESCRIPTIONS[name]
         store.attrs["period"] = recording.period
         store.attrs["metadata"] = json.dumps(recording.metadata)
+
+
+def _find(store: Any, name: str) -> h5py.Dataset | None:
+    """Return a data set at the root or under `channels`; None if there is none."""
+    places = (store.get(place) for place in (name, f"channels/{name}"))
+    return next((data for data in places if isinstance(data, h5py.Dataset)), None)
+
+
+def _channel(data: h5py.Dataset, name: str, file: Path) -> _Channel:
+    unit = data.attrs.get("unit", data.attrs.get("units", ""))
+    text = unit.decode() if isinstance(unit, bytes) else str(unit)
+    scale, slides = channel_scale(name, text, f"{file}: channel '{name}'")
+    return _Channel(np.asarray(data, dtype=float) * scale, text, slides)

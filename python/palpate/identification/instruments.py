@@ -1,8 +1,8 @@
-"""Instruments: what an experiment would have measured without noise, from its known excitation alone.
+"""Instruments: the angles of an experiment without noise, computed from its excitation.
 
-In a closed loop the torque noise moves the arm and the arm's motion moves the servo's torque, so that regressors and
-noise are correlated and least squares is biased however long the recording. The excitation is known and chosen
-beforehand: it knows nothing of the noise, nor does any signal computed from it (Söderström & Stoica 1989, ch. 8).
+In a closed loop the torque noise moves the arm, and the servo responds. Regressors and noise are correlated, so least
+squares is biased even for long recordings. The excitation is independent of the noise, and so is any signal computed
+from it (Söderström & Stoica 1989, ch. 8).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from palpate.identification.recording import Recording
 
 
 def expected_angles(recording: Recording, order: int = 6, bandwidth: float = 25.0) -> Array | None:
-    """Return the angles (n, dof) that the excitation explains through a linear closed loop, or None without one.
+    """Return the response (n, dof) of a linear closed loop to the excitation, or None if there is no stable loop.
 
-    The loop is an ARX model at four times `bandwidth` Hz; its noise-free answer is brought back to the full rate.
+    The loop is an ARX model sampled at four times `bandwidth`, Hz. Its response is interpolated to the full rate.
     """
     if recording.excitation is None or np.any(np.ptp(recording.excitation, axis=0) == 0):
         return None
@@ -32,7 +32,7 @@ def expected_angles(recording: Recording, order: int = 6, bandwidth: float = 25.
     fine = np.empty_like(recording.angle)
     for joint in range(recording.dof):
         fine[:, joint] = np.interp(recording.time, coarse.time, out[:, joint])
-    window = 2 * factor + 1  # rounds the corners of the interpolation
+    window = 2 * factor + 1  # smooths the interpolation
     if factor > 1:
         fine = np.asarray(signal.savgol_filter(fine, max(window, 5), 2, axis=0), dtype=float)
     return fine

@@ -1,4 +1,4 @@
-"""Order selection for ARX models: information criteria on the data used, cross validation on the rest."""
+"""Order selection for ARX models: information criteria on training data, cross validation on the rest."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Structure = tuple[ArrayLike, ArrayLike, ArrayLike]
 
 @dataclass(frozen=True)
 class Candidate:
-    """One structure and how it did.
+    """Structure of a model, and its criteria.
 
     Attributes:
         na, nb, nk: as in `arx`.
@@ -41,7 +41,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class OrderTable:
-    """All candidates, in the order given, and the best by each criterion (its place in the table)."""
+    """Candidates in the order given, and the index of the best by each criterion."""
 
     candidates: list[Candidate]
     best: dict[str, int] = field(default_factory=dict)
@@ -64,7 +64,7 @@ class OrderTable:
 
 
 def select_order(recording: Recording, structures: Sequence[Structure], *, fraction: float = 0.7) -> OrderTable:
-    """Fit every structure to the first `fraction` of `recording` and try it on the rest.
+    """Fit each structure to the first `fraction` of a recording, and validate it on the rest.
 
     Raises:
         RecordingError: no structure given, or the recording is too short or excites too little for one of them.
@@ -84,19 +84,9 @@ def select_order(recording: Recording, structures: Sequence[Structure], *, fract
         except RecordingError:
             one_step = free_run = np.full(recording.dof, -np.inf)
         penalty = count * np.log(n)
-        candidates.append(
-            Candidate(
-                na,
-                nb,
-                nk,
-                count,
-                n * log_det + 2 * count,
-                n * log_det + penalty,
-                n * (log_det + float(np.log1p(penalty / n))),
-                one_step,
-                free_run,
-            )
-        )
+        aic, bic = n * log_det + 2 * count, n * log_det + penalty
+        mdl = n * (log_det + float(np.log1p(penalty / n)))
+        candidates.append(Candidate(na, nb, nk, count, aic, bic, mdl, one_step, free_run))
     best = {name: int(np.argmin([getattr(c, name) for c in candidates])) for name in ("aic", "bic", "mdl")}
     best |= {name: int(np.argmax([getattr(c, name).min() for c in candidates])) for name in ("one_step", "free_run")}
     return OrderTable(candidates, best)

@@ -97,25 +97,26 @@ def estimate_parameters(
     """Estimate base parameters and friction of a device from a recording.
 
     Args:
-        recording: angles and torques; any trajectory that moves every joint.
-        device: its mechanism and lengths are taken as known; masses, inertias, gravity and friction are not used.
+        recording: any trajectory that moves every joint.
+        device: mechanism with known lengths; its masses, inertias, gravity and friction are not used.
         coulomb: estimate Coulomb friction too.
-        method: "instruments" needs a recording that holds its excitation; "auto" takes them when it can.
+        method: "instruments" needs a recording with its excitation and a stable loop; "auto" uses them if possible,
+            and least squares otherwise.
         level: confidence of the intervals.
-        tests: the test functions.
+        tests: test functions; None for the default ones.
 
     Raises:
-        RecordingError: the recording belongs to another device, is too short, or excites too little, in words.
+        RecordingError: the recording belongs to another device, is too short, or has too little excitation.
     """
     if recording.dof != device.dof:
         raise RecordingError(f"the recording has {recording.dof} joints, {device.name} has {device.dof}")
     if not 0 < level < 1:
         raise RecordingError(f"the confidence level must lie between 0 and 1, not {level}")
     recording.require_excitation()
-    test_functions = TestFunctions() if tests is None else tests
+    functions = TestFunctions() if tests is None else tests
     parameters = base_parameters(device) + friction_parameters(device, coulomb)
-    slowest = slowest_speed(recording, test_functions)
-    rows = weak_rows(device, recording, test_functions, slowest=slowest)
+    slowest = slowest_speed(recording, functions)
+    rows = weak_rows(device, recording, functions, slowest=slowest)
     if len(rows.torque) * device.dof < 4 * len(parameters):
         raise RecordingError(
             f"{recording.duration:g} s are too short for {len(parameters)} parameters; record at least 5 s"
@@ -124,22 +125,34 @@ def estimate_parameters(
     for axis, count in enumerate(keep.sum(axis=0)):
         if count < 20:
             raise RecordingError(
-                f"too little excitation: joint {axis + 1} turns one way faster than {slowest[axis]:.2g} "
-                f"{recording.units[0]}/s for {test_functions.width:g} s only {count:.0f} times; move it more, or leave "
+                f"too little excitation: joint {axis + 1} moves in one direction faster than {slowest[axis]:.2g} "
+                f"{recording.units[0]}/s for {functions.width:g} s only {count:.0f} times; move it more, or leave "
                 "Coulomb friction out"
             )
     weight = _balance(rows.torque)
     columns, target = _stack(rows, weight, keep, len(parameters))
     condition = _check_excitation(columns, parameters)
-    solver, z = "least_squares", columns
-    if method != "least_squares":
-        expected = expected_angles(recording)
-        if expected is None and method == "instruments":
+    expected = None if method == "least_squares" else expected_angles(recording)
+    if expected is None:
+        if method == "instruments":
             raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
-        if expected is not None:
-            solver = "instruments"
-            instrument_rows = weak_rows(device, recording, test_functions, angle=expected, slowest=slowest)
-            z = _stack(instrument_rows, weight, keep, len(parameters))[0]
+        return _solve(parameters, columns, columns, target, functions, level, "least_squares", condition)
+    instrument_rows = weak_rows(device, recording, functions, angle=expected, slowest=slowest)
+    z = _stack(instrument_rows, weight, keep, len(parameters))[0]
+    return _solve(parameters, columns, z, target, functions, level, "instruments", condition)
+
+
+def _solve(
+    parameters: list[Parameter],
+    columns: Array,
+    z: Array,
+    target: Array,
+    tests: TestFunctions,
+    level: float,
+    method: str,
+    condition: float,
+) -> ParameterFit:
+    """Return the parameters p with target (rows, dof) = columns (rows, dof, p) p, for the instruments z."""
     size = np.sqrt(np.sum(columns**2, axis=(0, 1)))
     columns, z = columns / size, z / size
     value = np.zeros(len(parameters))
@@ -151,9 +164,7 @@ def estimate_parameters(
         value = np.linalg.solve(cross, np.einsum("rip,ri,i->p", z, target, joint**-2))
     error = target - columns @ value
     moments = np.einsum("rip,ri,i->rp", z, error, joint**-2)
-    spread = (
-        long_run_covariance(moments, test_functions) * len(moments) / max(len(moments) - len(value) / device.dof, 1.0)
-    )
+    spread = long_run_covariance(moments, tests) * len(moments) / max(len(moments) - len(value) / len(joint), 1.0)
     inverse = np.linalg.inv(cross)
     covariance = inverse @ spread @ inverse.T
     relative_std = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
@@ -165,12 +176,12 @@ def estimate_parameters(
         value / size,
         covariance / np.outer(size, size),
         level,
-        solver,
+        method,
         condition,
         undetermined,
         100 * np.sqrt(np.mean(error**2, axis=0)) / _size(target),
         len(error),
-        len(error) / (2 * _overlap(test_functions)),
+        len(error) / (2 * _overlap(tests)),
     )
 
 
@@ -198,32 +209,32 @@ def _stack(rows: WeakRows, weight: Array, keep: Array, count: int) -> tuple[Arra
 
 
 def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
-    """Return the condition of the scaled columns; raise, naming the parameters, if some cannot be told apart."""
+    """Return the condition of the scaled columns. Raise RecordingError, naming dependent parameters."""
     flat = columns.reshape(-1, columns.shape[2])
     size = np.linalg.norm(flat, axis=0)
     still = [p.name for p, s in zip(parameters, size, strict=True) if s <= 1e-12 * size.max()]
     if still:
         raise RecordingError(
-            f"too little excitation: nothing moves that would show {', '.join(still)}; move every joint through "
-            "some tenths of a radian"
+            f"too little excitation: no motion depends on {', '.join(still)}; move every joint by some tenths of a "
+            "radian"
         )
     _, singular, directions = np.linalg.svd(np.linalg.qr(flat / size, mode="r"))
     if singular[-1] < SINGULAR * singular[0]:
         mixed = [p.name for p, share in zip(parameters, np.abs(directions[-1]), strict=True) if share > 0.2]
         raise RecordingError(
-            f"too little excitation: the recording does not tell {', '.join(mixed)} apart; change the pose more, "
-            "all joints at once and not in step"
+            f"too little excitation: the recording does not distinguish {', '.join(mixed)}; change the pose more, with "
+            "all joints at once and out of phase"
         )
     return float(singular[0] / singular[-1])
 
 
-def long_run_covariance(moments: Array, test_functions: TestFunctions) -> Array:
+def long_run_covariance(moments: Array, tests: TestFunctions) -> Array:
     """Return the covariance of the sum of correlated `moments` (rows, p).
 
     Lags with overlapping test functions have full weight, which falls to zero at three times that lag (Politis & Romano
     1995). If the result is not positive definite, triangular weights (Newey & West 1987) are used.
     """
-    overlap = min(_overlap(test_functions), len(moments) // 12)
+    overlap = min(_overlap(tests), len(moments) // 12)
     flat, falling = (np.zeros((moments.shape[1], moments.shape[1])) for _ in range(2))
     for lag in range(3 * overlap):
         part = moments[lag:].T @ moments[: len(moments) - lag]
@@ -234,9 +245,9 @@ def long_run_covariance(moments: Array, test_functions: TestFunctions) -> Array:
     return flat if np.linalg.eigvalsh(flat / np.outer(scale, scale)).min() > 0.01 else falling
 
 
-def _overlap(test_functions: TestFunctions) -> int:
+def _overlap(tests: TestFunctions) -> int:
     """Return the number of test functions that overlap with one, on one side."""
-    return max(1, round(test_functions.width / test_functions.spacing))
+    return max(1, round(tests.width / tests.spacing))
 
 
 def summary_rows(fit: ParameterFit, catalog: Array | None = None) -> list[dict[str, Any]]:

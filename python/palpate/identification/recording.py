@@ -1,15 +1,14 @@
-"""A recording: joint angles and torques of one experiment, uniformly sampled, checked when it is made.
+"""Recording of an experiment: joint angles and torques, uniformly sampled and checked.
 
-Convention of time: `angle[k]` is what the encoder read at `time[k]`; `torque[k]` is the command that was held from
-`time[k]` to `time[k + 1]` (zero-order hold). Coordinates are rad and N*m, or m and N for a device that slides.
+The encoder read `angle[k]` at `time[k]`. The command `torque[k]` was held from `time[k]` to `time[k + 1]` (zero-order
+hold). Units are rad and N*m, or m and N for a sliding device.
 """
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -24,28 +23,22 @@ from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_
 
 
 @dataclass(frozen=True)
-class Recording:
+class Recording(Columns):
     """Angles and torques of one experiment.
 
-    time        (n,)     s, uniform
-    angle       (n, dof) rad (or m), as the encoder read it at `time[k]`
-    torque      (n, dof) N*m (or N), the command held over [time[k], time[k+1])
-    period      s; 0 or less means: take it from `time`
-    metadata    anything JSON can write (device, seed, servo, where it comes from)
-    excitation  (n, dof) the part of the torque that was injected on purpose, whatever was measured, when it is known
-    units       unit of angle and unit of torque
+    Attributes:
+        time: (n,), s, uniform.
+        angle: (n, dof), rad or m, as the encoder read it at `time[k]`.
+        torque: (n, dof), N*m or N, the command held over [time[k], time[k+1]).
+        period: s; 0 or less selects the period of `time`.
+        metadata: anything that JSON can hold: device, seed, servo, source.
+        excitation: (n, dof), known part of the torque that does not depend on the measurement, or None.
+        units: unit of the angle and unit of the torque.
 
-    Raises RecordingError: wrong shape, fewer than 50 samples, a sample that is not finite, a repeated or decreasing
-    time stamp, a gap, sampling that is not uniform.
+    Raises:
+        RecordingError: wrong shape, fewer than 50 samples, a sample that is not finite, a repeated or decreasing time
+            stamp, a gap, or sampling that is not uniform.
     """
-
-    time: Array
-    angle: Array
-    torque: Array
-    period: float = 0.0
-    metadata: dict[str, Any] = field(default_factory=dict)
-    excitation: Array | None = None
-    units: tuple[str, str] = ("rad", "N*m")
 
     def __post_init__(self) -> None:
         time = np.array(self.time, dtype=float)
@@ -65,10 +58,8 @@ class Recording:
             raise RecordingError(f"excitation has shape {excitation.shape}; it must be that of torque, {torque.shape}")
         check_samples(time, {"angle": angle, "torque": torque, "excitation": excitation}, "sample {}".format)
         median = float(np.median(np.diff(time)))
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "angle", angle)
-        object.__setattr__(self, "torque", torque)
-        object.__setattr__(self, "excitation", excitation)
+        for name, values in (("time", time), ("angle", angle), ("torque", torque), ("excitation", excitation)):
+            object.__setattr__(self, name, values)
         if not np.isfinite(self.period):
             raise RecordingError(f"the period is {self.period} s; it must be a positive number of seconds")
         if self.period <= 0:
@@ -95,34 +86,33 @@ class Recording:
     def load(cls, path: str | os.PathLike[str]) -> Recording:
         """Read a recording from CSV or HDF5.
 
-        CSV: a header with units, `time [s], theta1 [rad], ..., tau1 [N*m]`. HDF5: `time`, `angle`, `torque` with a
-        `unit` attribute each, at the root or under `channels`.
+        CSV has a header with units, `time [s], theta1 [rad], ..., tau1 [N*m]`. HDF5 has `time`, `angle` and `torque`
+        with a `unit` attribute each, at the root or under `channels`.
 
-        Raises RecordingError that names the file and the line, sample or channel.
+        Raises:
+            RecordingError: the message names the file and the line, sample or channel.
         """
         file = check_readable(path, RecordingError, kind="the recording's file")
         if h5py.is_hdf5(file):
             columns = read_hdf5(file)
             try:
-                return cls(*columns)
+                return cls(**vars(columns))
             except RecordingError as error:
                 raise RecordingError(f"{file}: {error}") from None
         if file.suffix.lower() in {".h5", ".hdf5"}:
             raise RecordingError(f"{file}: this is not an HDF5 file, though its name says so")
-        return cls(*read_csv(file))
+        return cls(**vars(read_csv(file)))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write `.csv` or `.h5`, whole or not at all."""
+        """Write a `.csv` or `.h5` file atomically; return the path."""
         file = as_path(path, OutputError)
-        writers = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}
-        if file.suffix.lower() not in writers:
+        writer = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}.get(file.suffix.lower())
+        if writer is None:
             raise RecordingError(f"{file}: a recording is saved as .csv or .h5, not as '{file.suffix}'")
-        columns = Columns(self.time, self.angle, self.torque, self.period, self.metadata, self.excitation, self.units)
-        atomic_write(file, lambda part: writers[file.suffix.lower()](columns, part))
-        return file
+        return atomic_write(file, lambda part: writer(self, part))
 
     def split(self, fraction: float = 0.7) -> tuple[Recording, Recording]:
-        """The first `fraction` of the samples (to estimate from) and the rest (to validate on)."""
+        """Return the first `fraction` of the samples, to estimate from, and the rest, to validate on."""
         cut = round(len(self) * fraction)
         if not 0.0 < fraction < 1.0 or min(cut, len(self) - cut) < MINIMUM_SAMPLES:
             raise RecordingError(
@@ -131,23 +121,22 @@ class Recording:
         return self.slice(0, cut), self.slice(cut, len(self))
 
     def slice(self, start: int, stop: int) -> Recording:
-        """Samples start … stop − 1 as a recording of their own, on the same time axis."""
+        """Return the samples `start` to `stop` - 1 as a recording with the same time axis."""
         part = slice(start, stop)
-        return Recording(
-            self.time[part],
-            self.angle[part],
-            self.torque[part],
-            self.period,
-            dict(self.metadata),
-            None if self.excitation is None else self.excitation[part],
-            self.units,
+        return replace(
+            self,
+            time=self.time[part],
+            angle=self.angle[part],
+            torque=self.torque[part],
+            metadata=dict(self.metadata),
+            excitation=None if self.excitation is None else self.excitation[part],
         )
 
     def decimate(self, factor: int) -> Recording:
-        """Every `factor`-th sample, after one zero-phase low-pass on angle and torque alike.
+        """Return every `factor`-th sample, after the same zero-phase low-pass on angle and torque.
 
-        The same filter on both sides leaves a linear relation between them unchanged. The torque is filtered as the
-        average over each hold, so the half period of the hold does not become a delay.
+        Equal filters leave a linear relation between angle and torque unchanged. The torque is filtered as the mean
+        of the holds at each sample, so the half period of the hold does not become a delay.
         """
         if factor < 1:
             raise RecordingError(f"a recording is decimated by 1 or more, not by {factor}")
@@ -164,21 +153,21 @@ class Recording:
             smooth = signal.oaconvolve(values - trend, taps[:, None], mode="same", axes=0) + trend
             return np.asarray(smooth[keep], dtype=float)
 
-        def held(values: Array) -> Array:  # mean of the holds that meet at a sample: a box centred on the sample
+        def held(values: Array) -> Array:  # mean of the two holds at a sample
             return np.vstack([values[:1], 0.5 * (values[1:] + values[:-1])])
 
-        return Recording(
-            self.time[keep],
-            lowpass(self.angle),
-            lowpass(held(self.torque)),
-            self.period * factor,
-            {**self.metadata, "decimated_by": factor},
-            None if self.excitation is None else lowpass(held(self.excitation)),
-            self.units,
+        return replace(
+            self,
+            time=self.time[keep],
+            angle=lowpass(self.angle),
+            torque=lowpass(held(self.torque)),
+            period=self.period * factor,
+            metadata={**self.metadata, "decimated_by": factor},
+            excitation=None if self.excitation is None else lowpass(held(self.excitation)),
         )
 
     def require_excitation(self) -> None:
-        """Raise RecordingError if a torque or an angle never changes: nothing can be learnt from it."""
+        """Raise RecordingError if a torque or an angle is constant."""
         for name, values in (("torque", self.torque), ("angle", self.angle)):
             for joint in range(self.dof):
                 if np.ptp(values[:, joint]) == 0.0:

@@ -1,4 +1,4 @@
-"""Residual tests: what a good model leaves is white and knows nothing of the inputs (Ljung 1999, 16.5 to 16.6)."""
+"""Residual tests: residuals of a good model are white and independent of inputs (Ljung 1999, 16.5 to 16.6)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Whiteness:
     """Autocorrelation of one residual.
 
     Attributes:
-        correlation: (lags,) at lags 1, 2, …, 1 being perfect correlation.
-        limit: that a white residual's correlation stays within, at each lag, with the stated confidence.
+        correlation: (lags,) at lags 1, 2, …; 1 is perfect correlation.
+        limit: bound of a white residual's correlation at each lag, with the stated confidence.
         statistic: of Ljung & Box, chi-square with `lags` degrees of freedom for a white residual.
         p_value: probability of a larger statistic if the residual is white.
         passed: p_value is at least 1 - confidence.
@@ -36,8 +36,8 @@ class Independence:
 
     Attributes:
         correlation: (lags + 1,) of the residual with the input 0, 1, … samples before.
-        limit: that an independent residual stays within, at each lag, with the stated confidence.
-        passed: no more lags lie outside than chance puts there (99 % of all cases).
+        limit: bound of an independent residual's correlation at each lag, with the stated confidence.
+        passed: the number of lags outside the bound is within the 99 % quantile of chance.
     """
 
     correlation: Array
@@ -49,7 +49,7 @@ def whiteness(residual: Array, lags: int = 25, confidence: float = 0.99) -> Whit
     """Test whether `residual` (n,) is white.
 
     Raises:
-        RecordingError: fewer than four times as many samples as lags, or a residual that never changes.
+        RecordingError: fewer than four times as many samples as lags, or a constant residual.
     """
     e = _centred(residual, lags)
     n = len(e)
@@ -64,8 +64,8 @@ def whiteness(residual: Array, lags: int = 25, confidence: float = 0.99) -> Whit
 def independence(residual: Array, driven: Array, lags: int = 25, confidence: float = 0.99) -> Independence:
     """Test whether `residual` (n,) is independent of the past of the input `driven` (n,).
 
-    The limit allows for the colour of both: z sqrt(sum of R_e R_u over all lags / n). In a closed loop the residual
-    does act on later inputs, through the servo; those lags say nothing about the model and are not tested.
+    The limit includes the color of both: z sqrt(sum of R_e R_u over all lags / n). In a closed loop the residual acts
+    on later inputs through the servo. Those lags do not depend on the model and are not tested.
     """
     e, u = _centred(residual, lags), _centred(driven, lags)
     n = len(e)
@@ -88,5 +88,5 @@ def _centred(values: Array, lags: int) -> Array:
         raise RecordingError(f"a residual test over {lags} lags needs at least {4 * lags} samples of one signal")
     x -= x.mean()
     if not np.any(x):
-        raise RecordingError("the signal of a residual test never changes")
+        raise RecordingError("the signal of a residual test is constant")
     return x

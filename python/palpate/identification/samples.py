@@ -1,9 +1,10 @@
-"""What samples of an experiment must be: finite, increasing in time, without gaps, uniform."""
+"""Samples of an experiment, and their checks: finite, increasing in time, without gaps, uniform."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,23 +13,24 @@ from palpate.arrays import Array
 from palpate.errors import RecordingError
 
 MINIMUM_SAMPLES = 50
-JITTER = 0.1  # of a period: a time stamp further off the grid than this is not uniform sampling
+JITTER = 0.1  # periods between a time stamp and the uniform grid, above which the sampling is not uniform
 
 
-class Columns(NamedTuple):
-    """What a file of a recording holds: the arguments of `Recording`."""
+@dataclass(frozen=True)
+class Columns:
+    """Content of a recording's file; `Recording` describes the fields."""
 
     time: Array
     angle: Array
     torque: Array
-    period: float
-    metadata: dict[str, Any]
-    excitation: Array | None
-    units: tuple[str, str]
+    period: float = 0.0
+    metadata: dict[str, Any] = field(default_factory=dict)
+    excitation: Array | None = None
+    units: tuple[str, str] = ("rad", "N*m")
 
 
 def as_columns(values: ArrayLike, name: str) -> Array:
-    """Return `values` as (samples, joints); raises RecordingError if they are not."""
+    """Return `values` as an array (samples, joints). Raise RecordingError for any other shape."""
     array = np.array(values, dtype=float)
     if array.ndim == 1:
         array = array[:, None]
@@ -38,9 +40,9 @@ def as_columns(values: ArrayLike, name: str) -> Array:
 
 
 def check_samples(time: Array, channels: dict[str, Array | None], place: Callable[[int], str]) -> None:
-    """Finite, increasing, without gaps; `place` turns a sample number into words."""
+    """Raise RecordingError unless samples are finite and uniform; `place` names the sample of an index."""
     if len(time) < MINIMUM_SAMPLES:
-        raise RecordingError(f"{len(time)} samples are too short; at least {MINIMUM_SAMPLES} are needed")
+        raise RecordingError(f"{len(time)} samples are too few; at least {MINIMUM_SAMPLES} are needed")
     for name, values in {"time": time[:, None], **channels}.items():
         if values is not None and not np.all(np.isfinite(values)):
             row, column = np.argwhere(~np.isfinite(values))[0]
@@ -72,7 +74,7 @@ def check_samples(time: Array, channels: dict[str, Array | None], place: Callabl
 
 
 def uniform_period(time: Array) -> float:
-    """The period, cleaned of the rounding of the time stamps."""
+    """Return the period, s, without the rounding error of the time stamps."""
     raw = (time[-1] - time[0]) / (len(time) - 1)
     short = float(f"{raw:.6g}")
     return short if abs(short - raw) * len(time) < 0.01 * raw else float(raw)

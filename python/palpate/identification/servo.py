@@ -21,7 +21,7 @@ from palpate.errors import RecordingError
 
 
 def home(device: Device) -> Array:
-    """Return the pose around which a device is identified unless another is asked for (dof,), rad or m."""
+    """Return the default pose for the identification of a device (dof,), rad or m."""
     return np.array(device.model.working_pose)
 
 
@@ -79,7 +79,7 @@ class JointServo:
 
     @classmethod
     def from_metadata(cls, described: Any) -> JointServo | None:
-        """Return the servo that `describe` wrote, or None if there is none or it is not whole."""
+        """Return the servo that `describe` wrote, or None if there is none or it is incomplete."""
         try:
             parts = {key: tuple(map(float, described[key])) for key in ("pose", "kp", "kd", "bias_torque")}
             return cls(**parts, cutoff=float(described["cutoff"]))
@@ -97,9 +97,9 @@ class Response:
 
 
 class _Body:
-    """The device between two samples: one period of the core's own loop at a time.
+    """Device between two samples, advanced by one period of the core's loop at a time.
 
-    With the kinematics frozen where the period begins, the tip force J^-T tau is the joint torque tau, held.
+    The kinematics are frozen at the begin of the period, so the tip force J^-T tau holds the joint torque tau.
     """
 
     def __init__(self, device: Device, period: float) -> None:
@@ -146,7 +146,7 @@ def respond(
     `excitation`, `sway` and both noises are (n, dof).
 
     Raises:
-        RecordingError: the arm runs away, with the time at which it does, or a signal has the wrong shape.
+        RecordingError: the arm diverges, with the time, or a signal has the wrong shape.
     """
     n, dof = len(excitation), device.dof
     silent = np.zeros((n, dof))
@@ -180,7 +180,7 @@ def respond(
             q = np.full(dof, np.nan)
         if not np.all(np.abs(q - pose) < 10.0):
             raise RecordingError(
-                f"the experiment runs away at t = {k * period:g} s; stiffen the servo or lower the excitation"
+                f"the experiment diverges at t = {k * period:g} s; stiffen the servo or lower the excitation"
             )
     return Response(reading, angle, torque)
 
@@ -189,7 +189,7 @@ def torque_response(device: Device, q: Array, qd: Array, torque: Array, period: 
     """Return the angles (n, dof) at t = 0, period, … from the state (q, qd) under `torque` (n, dof), held, no servo.
 
     Raises:
-        RecordingError: the arm runs away, with the time at which it does.
+        RecordingError: the arm diverges, with the time.
     """
     body = _Body(device, period)
     out = np.empty((len(torque), device.dof))
@@ -199,5 +199,5 @@ def torque_response(device: Device, q: Array, qd: Array, torque: Array, period: 
         try:
             q, qd = body.advance(q, qd, tau)
         except (RecordingError, np.linalg.LinAlgError):
-            raise RecordingError(f"the fitted device runs away at t = {k * period:g} s") from None
+            raise RecordingError(f"the fitted device diverges at t = {k * period:g} s") from None
     return out

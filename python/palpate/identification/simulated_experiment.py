@@ -1,4 +1,4 @@
-"""Experiments on the nonlinear device: simulated recordings with encoder counts and noise, and labelled as such.
+"""Simulated experiments on the nonlinear device: recordings with encoder counts and noise, labeled as simulated.
 
 No recordings of a PHANToM are public, so identification is shown and tested on these.
 """
@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.excitation import Excitation, multisine
@@ -34,9 +35,9 @@ class Noise:
 
 
 def default_excitation(device: Device, seed: int = 0) -> Excitation:
-    """Return a multisine of torque, 0.3 to 6 Hz, that swings each joint by about half a radian (or 20 mm).
+    """Return a multisine of torque, 0.3 to 6 Hz, that moves each joint by about half a radian (or 20 mm).
 
-    Joint 1 gets twice as much: it is the most damped, and only its speed shows how M11 depends on the pose.
+    Joint 1 gets twice as much: it has the most damping, and only its speed depends on the changes of M11.
     """
     inertia = np.diag(device.mass_matrix(home(device)))
     reach = np.resize([1.0, 0.5, 0.6] if device.model.revolute else [0.02], device.dof)
@@ -45,7 +46,7 @@ def default_excitation(device: Device, seed: int = 0) -> Excitation:
 
 
 def default_sway(device: Device, duration: float, seed: int = 0) -> Excitation:
-    """Return slow changes of the pose, below 0.35 Hz: they show how inertia and gravity change with it."""
+    """Return slow changes of the pose, below 0.35 Hz, which excite the changes of inertia and gravity with it."""
     low = 1.0 / duration
     reach = np.resize([0.4, 0.4, 0.7] if device.model.revolute else [0.01], device.dof)
     return multisine(reach, (low, max(0.35, 4 * device.dof * low)), lines=2, seed=seed + 1)
@@ -63,51 +64,42 @@ def simulate_experiment(
     encoder: bool = True,
     servo: JointServo | None = None,
 ) -> Recording:
-    """Run a closed-loop experiment on the nonlinear device, recorded as a real one would be.
+    """Run a closed-loop experiment on the nonlinear device, and return its recording.
 
     Args:
         device: from `palpate.devices.load`.
-        excitation: torque added to the servo's, N*m per joint (default: `default_excitation`).
+        excitation: torque added to the servo's, N*m per joint; None for `default_excitation`.
         duration: s.
         period: s.
         seed: of the noise.
-        sway: slow change of the servo's pose, rad per joint (default: `default_sway` with the default excitation,
-            none with one's own).
-        noise: see `Noise`.
-        encoder: read whole counts.
-        servo: default `Servo.tuned(device)`.
+        sway: slow change of the servo's pose, rad per joint; None for `default_sway` if `excitation` is None, and for
+            no sway otherwise.
+        noise: None for the default of the device.
+        encoder: whether angles are whole counts.
+        servo: None for `JointServo.tuned(device)`.
 
     Raises:
-        RecordingError: the excitation does not fit the device, or the arm runs away.
+        RecordingError: the excitation does not fit the device, or the arm diverges.
     """
     if excitation is None:
         excitation = default_excitation(device)
         sway = default_sway(device, duration) if sway is None else sway
-    level = _noise(device) if noise is None else noise
+    if noise is None:
+        noise = Noise() if device.model.revolute else Noise(angle=2e-6, torque=1e-3)
     loop = JointServo.tuned(device) if servo is None else servo
     push = excitation.sample(duration, period)
     swing = None if sway is None else sway.sample(duration, period)
-    for name, values in (("excitation", push), ("sway", swing)):
-        if values is not None and values.shape[1] != device.dof:
-            raise RecordingError(f"the {name} has {values.shape[1]} channels; {device.name} has {device.dof} joints")
+    _check_channels(device, excitation=push, sway=swing)
     draw = np.random.default_rng(seed)
-    run = respond(
-        device,
-        loop,
-        push,
-        period,
-        sway=swing,
-        encoder=encoder,
-        angle_noise=draw.normal(0.0, 1.0, push.shape) * level.angle,
-        torque_noise=draw.normal(0.0, 1.0, push.shape) * level.torque,
-    )
+    jitter, ripple = (draw.normal(0.0, 1.0, push.shape) * size for size in (noise.angle, noise.torque))
+    run = respond(device, loop, push, period, sway=swing, encoder=encoder, angle_noise=jitter, torque_noise=ripple)
     injected = push if swing is None else push + np.array(loop.kp) * swing
     metadata = {
         "source": "simulated on the nonlinear device",
         "device": device.name,
         "seed": int(seed),
         "encoder": encoder,
-        "noise": asdict(level),
+        "noise": asdict(noise),
         "servo": loop.describe(),
         "excitation": excitation.describe(),
         "sway": None if sway is None else sway.describe(),
@@ -117,5 +109,8 @@ def simulate_experiment(
     return Recording(time, run.reading, run.torque, period, metadata, injected, units)
 
 
-def _noise(device: Device) -> Noise:
-    return Noise() if device.model.revolute else Noise(angle=2e-6, torque=1e-3)
+def _check_channels(device: Device, **signals: Array | None) -> None:
+    """Raise RecordingError unless each signal (n, channels) has one channel per joint."""
+    for name, values in signals.items():
+        if values is not None and values.shape[1] != device.dof:
+            raise RecordingError(f"the {name} has {values.shape[1]} channels; {device.name} has {device.dof} joints")

@@ -1,4 +1,4 @@
-"""From a recording to a verdict: what `palpate identify RECORDING --device NAME` does."""
+"""Identification of a device from a recording, as `palpate identify` does it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from palpate.identification.residuals import independence, whiteness
 from palpate.identification.servo import torque_response
 from palpate.identification.weak_form import smooth
 
-USED = 0.7  # share of the recording that models are fitted to; the rest judges them
-ARX_RATE = 100.0  # Hz, at most: faster, two samples differ by less than the encoder's counts
+USED = 0.7  # fraction of the recording for the fit; the rest is for validation
+ARX_RATE = 100.0  # Hz, maximum; at higher rates two samples differ by less than a count of the encoder
 SPEEDS = 0.025  # s, window from which the speed at the start of the free run is taken
 
 
@@ -36,26 +36,26 @@ def identify_recording(
     coulomb: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Identify a device from a recording: its own parameters, and an ARX model beside them.
+    """Identify the parameters of a device from a recording, and an ARX model.
 
     Args:
         path: CSV or HDF5 file (see `Recording.load`), or a recording.
-        device: catalog name, path of a device file, or a device: mechanism, lengths and the values to compare with.
-        out: folder for `identification.json`, written whole or not at all; made if need be.
+        device: catalog name, path of a device file, or a device; gives mechanism, lengths and catalog values.
+        out: folder for `identification.json`, which is written atomically.
         coulomb: estimate Coulomb friction too.
-        progress: called with a few words before each step that takes a while.
+        progress: called with a description before each step.
 
     Returns:
-        Dictionary for JSON: "recording", "parameters" (a row each, with the 95 % interval beside the catalog's
-        value), "excitation", "free_run" (NRMSE in percent per joint on data not used: "device", the nonlinear device
-        with the parameters of the first part, driven by the torques alone, and "arx"), "arx" (orders, coefficients
-        with standard deviations, residual tests on data not used), and "summary", text for a person.
+        A dictionary for JSON. "parameters" has a row each, with its 95 % interval and the catalog's value. "free_run"
+        has the NRMSE in percent per joint on validation data, of the "device" with the fitted parameters, driven by
+        the torques, and of the "arx" model. "arx" has orders, coefficients with standard deviations, and residual
+        tests on validation data. "summary" is text. The others are "recording" and "excitation".
 
     Raises:
-        RecordingError: the recording is bad or too short, or excites too little, in one sentence.
+        RecordingError: the recording is invalid or too short, or has too little excitation.
         DeviceError: the device is unknown or its file is wrong.
     """
-    report = progress if progress is not None else lambda _: None
+    report = progress if progress is not None else (lambda _: None)
     recording = path if isinstance(path, Recording) else Recording.load(path)
     arm = device if isinstance(device, Device) else load(device)
     try:
@@ -68,18 +68,11 @@ def identify_recording(
         report("fitting ARX models")
         arx_part = _arx_part(recording, arm)
     except RecordingError as error:
-        name = recording.metadata.get("file")
-        if name is None or isinstance(path, Recording):
+        if isinstance(path, Recording) or "file" not in recording.metadata:
             raise
         raise RecordingError(f"{path}: {error}") from None
     result: dict[str, Any] = {
-        "recording": {
-            "file": None if isinstance(path, Recording) else str(path),
-            "samples": len(recording),
-            "period": recording.period,
-            "duration": recording.duration,
-            "source": recording.metadata.get("source", "not stated"),
-        },
+        "recording": _about(recording, None if isinstance(path, Recording) else str(path)),
         "device": arm.name,
         "method": fit.method,
         "parameters": rows,
@@ -94,10 +87,20 @@ def identify_recording(
     return result
 
 
+def _about(recording: Recording, file: str | None) -> dict[str, Any]:
+    return {
+        "file": file,
+        "samples": len(recording),
+        "period": recording.period,
+        "duration": recording.duration,
+        "source": recording.metadata.get("source", "not stated"),
+    }
+
+
 def _device_free_run(
     device: Device, used: Recording, unused: Recording, coulomb: bool
 ) -> tuple[list[float] | None, str | None]:
-    """Return the free run's fit per joint, NRMSE in percent; or None and why there is none."""
+    """Return the NRMSE of the free run per joint, percent, or None and the reason."""
     try:
         fit = estimate_parameters(used, device, coulomb=coulomb)
         base = len(base_parameters(device))
@@ -115,7 +118,7 @@ def _device_free_run(
 
 
 def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
-    """Return Coulomb friction (dof,), 0 where the interval does not exclude that there is none."""
+    """Return Coulomb friction (dof,), 0 where its interval includes 0."""
     names = [p.name for p in fit.parameters]
     if "c1" not in names:
         return np.zeros(dof)
@@ -124,7 +127,7 @@ def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
 
 
 def arx_structures(device: Device) -> list[Structure]:
-    """Return the structures tried: joints coupled as in the mass matrix (3.15), two to four samples deep."""
+    """Return structures with the coupling of the mass matrix (3.15), of orders two to four."""
     poses = np.random.default_rng(0).uniform(-1.0, 1.0, (20, device.dof)) + device.model.working_pose
     coupled = np.any(np.nan_to_num(device.mass_matrix(poses)) != 0.0, axis=0).astype(int)
     return [(n * coupled, n * coupled, coupled) for n in (2, 3, 4)]

@@ -36,7 +36,7 @@ class TestFunctions:
     smoothing: float = 0.025  # s, window of the local polynomials
 
     def kernels(self, period: float) -> tuple[Array, Array, Array, int]:
-        """Return φ and φ' at the samples, the integral of φ over each hold, and the samples between test functions."""
+        """Return φ and φ' at the samples, the integral of φ over each hold, and the stride in samples."""
         half = round(0.5 * self.width / period)
         if half < 4:
             raise RecordingError(

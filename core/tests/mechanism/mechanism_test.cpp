@@ -8,7 +8,7 @@
 #include <random>
 #include <type_traits>
 
-#include "../../docs/how-to/examples/planar_arm.hpp"
+#include "../../../docs/how-to/examples/planar_arm.hpp"
 
 namespace {
 

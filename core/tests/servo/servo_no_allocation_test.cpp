@@ -1,9 +1,9 @@
 // The servo tick and the motion take no memory: this program's own allocation functions count every call.
 #include <gtest/gtest.h>
 
-#include "allocations.hpp"
-#include "mesh_shapes.hpp"
-#include "states.hpp"
+#include "support/allocations.hpp"
+#include "support/mesh_shapes.hpp"
+#include "support/states.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "states.hpp"
+#include "support/states.hpp"
 
 namespace {
 

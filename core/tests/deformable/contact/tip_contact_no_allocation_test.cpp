@@ -9,8 +9,8 @@
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/servo/servo.hpp>
 
-#include "allocations.hpp"
-#include "mass_spring_cube.hpp"
+#include "support/allocations.hpp"
+#include "support/mass_spring_cube.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <random>
 
-#include "mass_spring_cube.hpp"
+#include "support/mass_spring_cube.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <palpate/deformable/multirate/passive_model_switch.hpp>
 #include <random>
 
-#include "tet_block.hpp"
+#include "support/tet_block.hpp"
 
 namespace {
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <palpate/mesh/mesh_repair.hpp>
 
-#include "mesh_shapes.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "states.hpp"
+#include "support/states.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <palpate/mesh/proxy.hpp>
 #include <type_traits>
 
-#include "mesh_shapes.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

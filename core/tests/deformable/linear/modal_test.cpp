@@ -9,8 +9,8 @@
 #include <palpate/deformable/linear/modal.hpp>
 #include <random>
 
-#include "modal_bodies.hpp"
-#include "rounds.hpp"
+#include "support/modal_bodies.hpp"
+#include "support/rounds.hpp"
 
 namespace {
 

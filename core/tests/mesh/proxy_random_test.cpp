@@ -5,8 +5,8 @@
 // PALPATE_ROUNDS=1000 runs ten million ticks.
 #include <gtest/gtest.h>
 
-#include "mesh_shapes.hpp"
-#include "rounds.hpp"
+#include "support/mesh_shapes.hpp"
+#include "support/rounds.hpp"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <palpate/object/scene.hpp>
 #include <vector>
 
-#include "mesh_shapes.hpp"
-#include "states.hpp"
+#include "support/mesh_shapes.hpp"
+#include "support/states.hpp"
 
 namespace {
 

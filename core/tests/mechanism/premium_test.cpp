@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "states.hpp"
+#include "support/states.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <palpate/deformable/hyperelastic/neo_hookean.hpp>
 #include <vector>
 
-#include "tet_block.hpp"
+#include "support/tet_block.hpp"
 
 namespace {
 

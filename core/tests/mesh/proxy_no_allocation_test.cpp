@@ -3,8 +3,8 @@
 
 #include <palpate/mesh/mesh_updater.hpp>
 
-#include "allocations.hpp"
-#include "mesh_shapes.hpp"
+#include "support/allocations.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

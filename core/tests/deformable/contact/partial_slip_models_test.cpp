@@ -11,8 +11,8 @@
 #include <random>
 #include <vector>
 
-#include "mass_spring_cube.hpp"
-#include "rounds.hpp"
+#include "support/mass_spring_cube.hpp"
+#include "support/rounds.hpp"
 
 namespace {
 

@@ -7,8 +7,8 @@
 #include <palpate/deformable/linear/standard_linear_solid.hpp>
 #include <random>
 
-#include "modal_bodies.hpp"
-#include "rounds.hpp"
+#include "support/modal_bodies.hpp"
+#include "support/rounds.hpp"
 
 namespace {
 

@@ -12,8 +12,8 @@
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/servo/servo.hpp>
 
-#include "allocations.hpp"
-#include "tet_block.hpp"
+#include "support/allocations.hpp"
+#include "support/tet_block.hpp"
 
 namespace {
 

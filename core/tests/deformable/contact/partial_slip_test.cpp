@@ -10,7 +10,7 @@
 #include <random>
 #include <type_traits>
 
-#include "rounds.hpp"
+#include "support/rounds.hpp"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "mesh_shapes.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

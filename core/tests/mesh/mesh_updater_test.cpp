@@ -7,7 +7,7 @@
 #include <numeric>
 #include <palpate/mesh/mesh_updater.hpp>
 
-#include "mesh_shapes.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <string>
 
-#include "mesh_shapes.hpp"
+#include "support/mesh_shapes.hpp"
 
 namespace {
 

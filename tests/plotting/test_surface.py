@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgba
 from palpate import fem as bodies
 from palpate.fem import Body
-from palpate.plotting.bodies import draw_sweep
 from palpate.plotting.body_contact import deformed_surface
 from palpate.plotting.style import FAINT
 from palpate.plotting.surface import divided, draw_colored, frame, new_space, stretched
@@ -110,13 +108,3 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
     assert stretched(other) == ""
     frame(space, np.array([[0.0, 0.0, 0.0], [0.25, 10.0, 0.5]]), 0.3)
     assert stretched(other) == " For visibility, x is stretched 12 times and z is stretched 6 times."
-
-
-def test_the_picture_of_a_sweep_tells_how_much_harder_one_body_is(tmp_path: Path) -> None:
-    """Of a body and the same one twice as stiff: each press takes twice the force."""
-    plain = bodies.build(
-        bodies.block((0.1, 0.1, 0.05), 0.0125), young=5e3, fixed="z < 0.001 mm", touch="z > 49.9 mm", order=1
-    )
-    path = tmp_path / "sweep.png"
-    assert draw_sweep(plain.scaled_stiffness(2.0), plain, path, radius=15e-3) == pytest.approx(2.0, rel=1e-3)
-    assert path.read_bytes().startswith(b"\x89PNG")

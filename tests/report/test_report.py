@@ -19,8 +19,8 @@ from palpate.errors import PalpateError
 from palpate.plotting import figures
 from palpate.plotting.style import new_figure
 from palpate.report import Page
+from palpate.report.contact import in_column, numbers_table
 from palpate.report.html import differs_in_print, number
-from palpate.report.numbers import in_column, numbers_table
 from palpate.report.theme import CSS, inline_svg
 from palpate.simulation.trace import Trace
 

@@ -1,7 +1,6 @@
 """Linear models of a device and of its sampled loop: linearization, discretization, equilibria and modes."""
 
-from palpate.linear.design_plant import rendering_plant
-from palpate.linear.discretization import discretize
+from palpate.linear.discretization import discretize, rendering_plant
 from palpate.linear.eigenmodes import Mode, damping_effect, modes
 from palpate.linear.equilibrium import Equilibrium, equilibria
 from palpate.linear.linear_device import HumanArm, LinearDevice, SampledDevice, discretize_zoh

@@ -1,4 +1,4 @@
-"""Discretization of a continuous state space by zero-order hold, Tustin's rule or a nested series."""
+"""Discretization of a continuous state space, and the sampled plant for controller design."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from typing import Literal
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from palpate.devices import Device
 from palpate.errors import DesignError
+from palpate.linear.linearization import linearize
 from palpate.units import to_si
 
 
@@ -69,3 +72,29 @@ def discretize(
     return control.StateSpace(
         ad, bd, cd, dd, period, inputs=sys.input_labels, outputs=sys.output_labels, states=sys.state_labels
     )
+
+
+def rendering_plant(
+    device: Device,
+    q: ArrayLike,
+    *,
+    stiffness: ArrayLike,
+    period: float | str,
+    method: Literal["zoh", "tustin", "series"] = "zoh",
+) -> control.StateSpace:
+    """Return the sampled plant from tip force u (3, N) to object force K (p - p0) (3, N) about the pose ``q``.
+
+    The device rests at ``q`` under the constant tip force that balances gravity. The change of the Jacobian with the
+    pose is included.
+
+    Args:
+        q: pose (dof,), rad; this and the next two may be text with units as well.
+        stiffness: K, N/m, one value or three (x, y, z).
+        period: servo period, s.
+        method: as in ``discretize``; "zoh" corresponds to the servo loop.
+
+    Raises:
+        PoseError, DesignError: from ``linearize`` and ``discretize``.
+    """
+    continuous = linearize(device, q, inputs="force", outputs="object_force", stiffness=stiffness)
+    return discretize(continuous, period, method)

@@ -7,9 +7,8 @@ from typing import Any
 
 from palpate.metrics import summarize
 from palpate.plotting import figures
+from palpate.report.contact import palpation_section, sliding_section
 from palpate.report.html import Page
-from palpate.report.palpation import palpation_section
-from palpate.report.sliding import sliding_section
 from palpate.simulation.trace import Trace
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import re
 from importlib import resources
@@ -63,14 +64,10 @@ def inline_svg(figure: Figure, number: int, label: str) -> str:
     new_head = re.sub(r' (?:width|height)="[^"]*"', "", head)
     # Black shapes have no color attribute in the file; they inherit the ink of the page.
     style = f"max-width:{shown};fill:var(--ink)"
-    new_head = new_head.replace("<svg", f'<svg role="img" aria-label="{_attribute(label)}" style="{style}"', 1)
+    new_head = new_head.replace("<svg", f'<svg role="img" aria-label="{html.escape(label)}" style="{style}"', 1)
     return new_head + svg[len(head) :]
 
 
 def _shorten(path: str) -> str:
     """Return a path with coordinates rounded to 0.01 pt and collapsed whitespace."""
     return re.sub(r"\s+", " ", re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}", path)).strip()
-
-
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

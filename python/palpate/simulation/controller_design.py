@@ -13,7 +13,7 @@ from palpate.control.lead_lag_design import lead_lag
 from palpate.control.lqg_design import lqg
 from palpate.devices import Device
 from palpate.errors import DesignError
-from palpate.linear.design_plant import rendering_plant
+from palpate.linear.discretization import rendering_plant
 
 DESIGN_STIFFNESS: Final = 1000.0  # N/m, where there is no object to design for
 

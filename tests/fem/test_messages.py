@@ -322,7 +322,7 @@ def test_the_validation_ends_in_one_sentence(capfd: pytest.CaptureFixture[str]) 
 def test_a_body_of_a_short_record_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file that a program of its own wrote: what is not said there is not needed."""
     assert app(["body", "show", str(one_node(100.0, tmp_path / "ö β.h5"))], standalone_mode=False) in (None, 0)
-    assert "one node: 1 tetrahedra, 4 vertices, 1 of them touchable" in capsys.readouterr().out
+    assert "one node: 1 tetrahedra, 4 vertices, 1 contact nodes" in capsys.readouterr().out
 
 
 def test_ctrl_c_while_meshing_reaches_python() -> None:

@@ -1,4 +1,4 @@
-"""`palpate body`: build a body that yields, and look at one."""
+"""`palpate body`: build a deformable body, and describe one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import output, stages
+from palpate.cli.console import output, print_paths, stages
 
 if TYPE_CHECKING:
     from palpate.fem import Body
@@ -22,31 +22,33 @@ def build(
     young: Annotated[str, typer.Option("--young", help='Young\'s modulus, such as "5 kPa".')],
     fixed: Annotated[
         list[str] | None,
-        typer.Option("--fixed", help='What does not move: "z < 1 mm", "box 0 0 0 to 9 9 1 mm", "surface ..."; repeat.'),
+        typer.Option("--fixed", help='Fixed region: "z < 1 mm", "box 0 0 0 to 9 9 1 mm", "surface ..."; repeat.'),
     ] = None,
-    unit: Annotated[str | None, typer.Option("--unit", help="Unit that the file is written in, such as mm.")] = None,
+    unit: Annotated[str | None, typer.Option("--unit", help="Unit of the coordinates in the file, such as mm.")] = None,
     poisson: Annotated[float, typer.Option("--poisson", help="Poisson's ratio, below 0.5.")] = 0.45,
     density: Annotated[str, typer.Option("--density", help="Mass per volume.")] = "1000 kg/m^3",
     region: Annotated[
         list[str] | None,
-        typer.Option("--region", help='Of another stiffness: "sphere 50 50 40 radius 7.5 mm = 25 kPa"; repeat.'),
+        typer.Option("--region", help='Region of other stiffness: "sphere 50 50 40 radius 7.5 mm = 25 kPa"; repeat.'),
     ] = None,
-    skin: Annotated[str | None, typer.Option("--skin", help='Under the touchable surface: "2 mm = 50 kPa".')] = None,
+    skin: Annotated[str | None, typer.Option("--skin", help='Layer at the contact surface: "2 mm = 50 kPa".')] = None,
     touch: Annotated[
-        str | None, typer.Option("--touch", help="What can be touched, as --fixed; all if absent.")
+        str | None, typer.Option("--touch", help="Contact surface, as --fixed; default: the whole surface.")
     ] = None,
     spacing: Annotated[
-        str | None, typer.Option("--spacing", help="Edges of the tetrahedra in a filled surface.")
+        str | None, typer.Option("--spacing", help="Edge length of the tetrahedra in a filled surface.")
     ] = None,
     order: Annotated[int, typer.Option("--order", help="2: quadratic elements; 1: linear, which lock near 0.5.")] = 2,
-    modes: Annotated[int, typer.Option("--modes", help="Vibration modes to find too, for a body with inertia.")] = 0,
-    memory: Annotated[str, typer.Option("--memory", help="Budget that the build must keep.")] = "8 GB",
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write; the source's name with .h5.")] = None,
+    modes: Annotated[int, typer.Option("--modes", help="Number of vibration modes, for a body with inertia.")] = 0,
+    memory: Annotated[str, typer.Option("--memory", help="Memory budget of the build.")] = "8 GB",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write; default: source name with .h5.")
+    ] = None,
 ) -> None:
-    """Build a body from a mesh: fill it, solve how its surface yields, write that to a file.
+    """Build a deformable body from a mesh: fill the mesh, compute the compliance of its surface, and write a file.
 
-    Says first how large the result will be and how long it will take, and stops with a proposal if that is over the
-    budget. The file appears whole or not at all.
+    The size of the result and the time are estimated first. The build stops with a proposal if they exceed the budget.
+    The file is written atomically.
 
     Example: palpate body build liver.stl --unit mm --young "5 kPa" --fixed "z < 2 mm" -o liver.h5
     """
@@ -71,8 +73,8 @@ def build(
             output=target,
             progress=tell,
         )
-    _tell(body)
-    output.print(f"  {target}", style="dim", markup=False, soft_wrap=True)
+    _print_size(body)
+    print_paths([target])
 
 
 def phantom(
@@ -90,62 +92,55 @@ def phantom(
         from palpate.fem import phantom as make
 
         body = make(young=young, contrast=contrast, depth=depth, spacing=spacing, output=out, progress=tell)
-    _tell(body)
-    output.print(f"  {out}", style="dim", markup=False, soft_wrap=True)
+    _print_size(body)
+    print_paths([out])
 
 
 def show(file: Annotated[Path, typer.Argument(help="A body (.h5).")]) -> None:
-    """Say what a body is and how it was made."""
+    """Print the contents of a body and how it was built."""
     from palpate.fem import load
 
     body = load(file)
-    _tell(body)
+    _print_size(body)
     for name, text in _rows(body):
         output.print(f"  {name:<12}{text}", markup=False, soft_wrap=True)
 
 
-def _tell(body: Body) -> None:
+def _print_size(body: Body) -> None:
     seconds = sum(time for stage, time in body.record.get("seconds", {}).items() if stage != "meshing")
     output.print(
         f"[bold]{escape(str(body.record['source']))}[/]: {len(body.contents.tetrahedra):,} tetrahedra, "
-        f"{len(body.contents.vertices):,} vertices, {len(body.nodes):,} of them touchable; "
+        f"{len(body.contents.vertices):,} vertices, {len(body.nodes):,} contact nodes; "
         f"{36e-6 * len(body.nodes) ** 2:.3g} MB, solved in {seconds:.3g} s",
         soft_wrap=True,
     )
 
 
 def _rows(body: Body) -> Iterator[tuple[str, str]]:
-    """What a body is made of and how, for people: a name and a text each."""
+    """Yield name and text of each property of a body."""
     import numpy as np
 
     from palpate.contact.diagnosis import format_size
 
-    told = body.record.get
+    record = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
     yield "size", f"{format_size((x, y, z))}, {1e6 * body.volume.size:.4g} cm³"
     young = body.contents.young / 1e3
     spread = f"{young.min():.4g}" if np.ptp(young) < 1e-6 * young.max() else f"{young.min():.4g} to {young.max():.4g}"
-    yield (
-        "material",
-        (f"Young's modulus {spread} kPa, Poisson's ratio {told('poisson')}, {told('density_kg_per_m3', 0.0):g} kg/m³"),
-    )
-    for region in told("regions") or ():
+    density = f"{record('density_kg_per_m3', 0.0):g} kg/m³"
+    yield "material", f"Young's modulus {spread} kPa, Poisson's ratio {record('poisson')}, {density}"
+    for region in record("regions") or ():
         yield "region", str(region)
-    if told("skin"):
-        yield "skin", str(told("skin"))
-    yield "fixed", ", ".join(told("fixed") or ["?"])
-    yield "touchable", told("touch") or "all of its surface that is not fixed"
-    elements = {1: "linear", 2: "quadratic"}.get(told("order", 0), "?")
-    yield "elements", f"{elements}, {told('nodes', 0):,} nodes, {told('unknowns', 0):,} unknowns"
-    frequencies = body.contents.frequencies / (2 * np.pi)
-    yield (
-        "modes",
-        (
-            f"{len(frequencies)}, {frequencies.min():.3g} to {frequencies.max():.3g} Hz"
-            if len(frequencies)
-            else "none: the kind modal needs some (--modes 100)"
-        ),
-    )
-    stages = ", ".join(f"{stage} {time:.3g} s" for stage, time in told("seconds", {}).items())
-    yield "built in", f"{1e-9 * told('memory_bytes', 0.0):.2g} GB, {1e-9 * told('operations', 0.0):.3g} Gflop; {stages}"
-    yield "built with", ", ".join(f"{name} {version}" for name, version in told("versions", {}).items())
+    if record("skin"):
+        yield "skin", str(record("skin"))
+    yield "fixed", ", ".join(record("fixed") or ["?"])
+    yield "contact", record("touch") or "whole surface that is not fixed"
+    elements = {1: "linear", 2: "quadratic"}.get(record("order", 0), "?")
+    yield "elements", f"{elements}, {record('nodes', 0):,} nodes, {record('unknowns', 0):,} unknowns"
+    hertz = body.contents.frequencies / (2 * np.pi)
+    modes = f"{len(hertz)}, {hertz.min():.3g} to {hertz.max():.3g} Hz" if len(hertz) else "none (--modes 100)"
+    yield "modes", modes
+    stages = ", ".join(f"{stage} {time:.3g} s" for stage, time in record("seconds", {}).items())
+    memory, operations = 1e-9 * record("memory_bytes", 0.0), 1e-9 * record("operations", 0.0)
+    yield "build", f"{memory:.2g} GB, {operations:.3g} Gflop; {stages}"
+    yield "versions", ", ".join(f"{name} {version}" for name, version in record("versions", {}).items())

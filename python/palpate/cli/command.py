@@ -14,7 +14,7 @@ from palpate.errors import PalpateError
 
 
 def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
-    """Let a mistake end a command in one sentence, and Ctrl-C in one line, never in a traceback."""
+    """End a command after a mistake of the user with one sentence, and after Ctrl-C with one line."""
 
     @wraps(command)
     def wrapped(*args: Any, **kwargs: Any) -> None:

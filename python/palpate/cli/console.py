@@ -1,26 +1,40 @@
-"""Where the commands print, and how they show progress."""
+"""Output, progress and common options of the commands."""
 
 from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from pathlib import Path
+from typing import Annotated, TextIO
 
+import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from palpate.errors import PalpateWarning
 
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", help="Folder to write; the default is results/ and the scenario's name."),
+]
+
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
+def print_paths(paths: Iterable[Path]) -> None:
+    """Print the files that a command wrote."""
+    for path in paths:
+        output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
+
+
 @contextmanager
 def warnings_in_a_line() -> Iterator[None]:
-    """Print each of palpate's own warnings once, without the place in the code; others as Python does."""
+    """Print each warning of palpate once, without its place in the code, and other warnings as Python does."""
     with warnings.catch_warnings():
         others, seen = warnings.showwarning, set[str]()
 
@@ -45,7 +59,7 @@ def warnings_in_a_line() -> Iterator[None]:
 
 @contextmanager
 def progress(text: str) -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on stderr until the block ends; it yields what moves it: a text, and the fraction done, 0 to 1."""
+    """Show a bar on stderr until the block ends; yield a function of a text and the fraction done, 0 to 1."""
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=30), TimeElapsedColumn())
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task(text, total=1.0)
@@ -54,7 +68,7 @@ def progress(text: str) -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def stages(text: str) -> Iterator[Callable[[str, float], None]]:
-    """As `progress`, for few and long stages: each text stays on stderr, with the time that it took."""
+    """Show long stages on stderr as `progress` does; the text of each remains, with its duration."""
     now, begin = text, time.perf_counter()
     with Progress(TextColumn("{task.description}"), BarColumn(30), TimeElapsedColumn(), console=errors) as bar:
         task = bar.add_task(text, total=None)

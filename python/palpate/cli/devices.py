@@ -1,4 +1,4 @@
-"""`palpate devices`: the catalog, and every number of a device."""
+"""`palpate devices`: catalog of devices, and the numbers of a device."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate.cli.console import output
 def devices(
     name: Annotated[str | None, typer.Argument(help="Catalog name, or the path of your own TOML file.")] = None,
 ) -> None:
-    """List the devices; with a name, every number of that device with its unit and source.
+    """List the devices, or the numbers of one device with their units and sources.
 
     Example: palpate devices phantom-premium-1.5a
     """
@@ -22,7 +22,7 @@ def devices(
     from palpate.devices.catalog import read_numbers
 
     if name is None:
-        table = Table("name", "degrees of freedom", "what it is", box=None, pad_edge=False)
+        table = Table("name", "degrees of freedom", "description", box=None, pad_edge=False)
         for known in names():
             device = load(known)
             table.add_row(known, str(device.dof), device.description)
@@ -32,7 +32,7 @@ def devices(
     device = load(name)
     numbers = read_numbers(name)
     sources = list(dict.fromkeys(number.source for number in numbers))
-    table = Table("number", "value", "source", "what", box=None, pad_edge=False)
+    table = Table("number", "value", "source", "note", box=None, pad_edge=False)
     for number in numbers:
         mark = f"[{sources.index(number.source) + 1}]"
         table.add_row(number.key, escape(number.text), escape(mark), escape(number.note))

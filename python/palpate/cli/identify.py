@@ -1,4 +1,4 @@
-"""`palpate identify`: inertia, gravity and friction of a device from a recording."""
+"""`palpate identify`: inertia, gravity and friction of a device, from a recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.console import output, progress
+from palpate.cli.console import output, print_paths, progress
 
 
 def identify(
@@ -16,7 +16,7 @@ def identify(
     ],
     device: Annotated[
         str,
-        typer.Option("--device", "-d", help="Catalogue name, or a TOML file: mechanism, lengths, values to compare."),
+        typer.Option("--device", "-d", help="Catalog name, or a TOML file: mechanism, lengths, values to compare."),
     ] = "phantom-premium-1.5a",
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for identification.json.")] = None,
     simulate: Annotated[
@@ -26,8 +26,8 @@ def identify(
 ) -> None:
     """Identify a device from recorded angles and torques, with confidence intervals and a test on data not used.
 
-    No recording of a real PHANToM is public; --simulate writes one of the nonlinear arm with encoder counts and noise,
-    20 s at 1 kHz, to the given path and stops.
+    No recording of a real PHANToM is public. With --simulate, write one of the nonlinear device to the given path
+    instead: 20 s at 1 kHz, with encoder counts and noise.
 
     Example: palpate identify --simulate recording.csv, then palpate identify recording.csv
     """
@@ -48,4 +48,4 @@ def identify(
         return
     output.print(result["summary"], markup=False, soft_wrap=True)
     if out is not None:
-        output.print(f"  {out / 'identification.json'}", style="dim")
+        print_paths([out / "identification.json"])

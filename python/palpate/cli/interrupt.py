@@ -1,7 +1,7 @@
-"""Ctrl-C that does not get lost while a command imports what it needs.
+"""Ctrl-C that takes effect after imports.
 
-Libraries try imports that may fail (trimesh: `except BaseException`), and take a KeyboardInterrupt within one for such
-a failure; Python itself drops one that meets the release of an import's lock. So it waits until no import is under way.
+Some libraries catch any exception of an import (trimesh: `except BaseException`), and so a KeyboardInterrupt in it.
+Python itself drops one during the release of an import lock. The interrupt therefore waits until no import is running.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _AGAIN: Final = 0.02  # s
 
 @contextmanager
 def control_c() -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt within the block, but within no import: after it."""
+    """Let Ctrl-C raise KeyboardInterrupt within the block, after an import that is running."""
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
         return

@@ -1,6 +1,6 @@
 """`palpate`: all commands of the command line.
 
-Exit codes: 0 done; 1 done, and the answer is bad (a loop diverges, a number differs); 2 the input is wrong; 130 Ctrl-C.
+Exit codes: 0 done; 1 done, with a bad result (a loop diverges, a number differs); 2 wrong input; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -32,27 +32,11 @@ app = typer.Typer(
 )
 
 
-for function in (
-    run,
-    new,
-    certify,
-    zwidth,
-    workspace,
-    performance,
-    sweep,
-    merge,
-    identify,
-    devices,
-    resolve,
-):
+for function in (run, new, certify, zwidth, workspace, performance, sweep, merge, identify, devices, resolve):
     app.command()(one_sentence(function))
 
-bodies = typer.Typer(no_args_is_help=True, help="Bodies that yield: build one from a mesh, or look at one.")
-for name, command in (
-    ("build", body.build),
-    ("phantom", body.phantom),
-    ("show", body.show),
-):
+bodies = typer.Typer(no_args_is_help=True, help="Deformable bodies: build one from a mesh, or describe one.")
+for name, command in (("build", body.build), ("phantom", body.phantom), ("show", body.show)):
     bodies.command(name)(one_sentence(command))
 app.add_typer(bodies, name="body")
 

@@ -1,4 +1,4 @@
-"""`palpate new`: commented templates that load and run as they are."""
+"""`palpate new`: commented templates that load and run unchanged."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def new(
     kind: Annotated[Template, typer.Argument(help="What to write.")],
     name: Annotated[str, typer.Argument(help="Name of the device, scenario or controller, with or without a folder.")],
 ) -> None:
-    """Write a commented template that works as it is: NAME.toml, or NAME.py for a controller.
+    """Write a commented template that works unchanged: NAME.toml, or NAME.py for a controller.
 
     Example: palpate new device my-slider
     """

@@ -1,25 +1,16 @@
-"""`palpate performance`: what a hand feels of a scenario's loop."""
+"""`palpate performance`: rendering performance of a scenario's loop."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from palpate.cli.console import output, progress
+from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
 from palpate.files import write_folder
 
 
-def performance(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
-    ] = None,
-) -> None:
-    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth, and ripple.
+def performance(scenario: ScenarioFile, out: OutFolder = None) -> None:
+    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth and ripple.
 
     Writes performance.html and performance.json.
 
@@ -39,23 +30,13 @@ def performance(
     output.print(f"[bold]{loaded.title}[/]")
     for one in found.along:
         where = ", ".join(f"{part:.3g}" for part in one.direction)
-        output.print(
-            f"  along ({where}): "
-            + (
-                "gives way to no force at rest (an integrator); "
-                if math.isinf(one.static_stiffness)
-                else f"{one.static_stiffness:.4g} N/m felt at rest, "
-            )
-            + (
-                f"as wished to within 23 % up to {one.transparency_bandwidth:.3g} Hz; "
-                if one.transparency_bandwidth
-                else "nowhere as wished to within 23 %; "
-            )
-            + ("" if math.isnan(one.rate_hardness) else f"rate-hardness {one.rate_hardness:.4g} N/m; ")
-            + f"force bandwidth {one.bandwidth:.3g} Hz",
-            markup=False,
-            soft_wrap=True,
-        )
+        stiffness, transparent = one.static_stiffness, one.transparency_bandwidth
+        parts = [
+            "infinite stiffness at rest" if math.isinf(stiffness) else f"stiffness at rest {stiffness:.4g} N/m",
+            f"transparent to within 23 % up to {transparent:.3g} Hz" if transparent else "nowhere transparent to 23 %",
+            *([] if math.isnan(one.rate_hardness) else [f"rate-hardness {one.rate_hardness:.4g} N/m"]),
+            f"force bandwidth {one.bandwidth:.3g} Hz",
+        ]
+        output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
     output.print(f"  {found.remark}", markup=False, soft_wrap=True)
-    for path in paths:
-        output.print(f"  {path}", style="dim")
+    print_paths(paths)

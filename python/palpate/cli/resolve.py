@@ -1,4 +1,4 @@
-"""`palpate resolve`: a scenario as plain data, for the C++ core."""
+"""`palpate resolve`: scenario as plain data, for the C++ core."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.console import output, progress
+from palpate.cli.console import ScenarioFile, print_paths, progress
 
 
 def resolve(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
+    scenario: ScenarioFile,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="Folder to write; if not given, results/ and in it the scenario's name and loop/."
+            "--out", "-o", help="Folder to write; the default is results/ and the scenario's name, with loop/."
         ),
     ] = None,
 ) -> None:
@@ -29,5 +29,4 @@ def resolve(
         from palpate.simulation.loop_config import resolve as write
 
         folder = write(scenario, out if out is not None else Path("results") / scenario.stem / "loop")
-    for path in sorted(folder.iterdir()):
-        output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
+    print_paths(sorted(folder.iterdir()))

@@ -1,4 +1,4 @@
-"""`palpate sweep`: a scenario over every combination of values, in bulk; and `palpate merge` for its shards."""
+"""`palpate sweep`: a scenario over every combination of values; `palpate merge`: the shards of a sweep."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import re
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import errors, output, progress
+from palpate.cli.console import ScenarioFile, errors, output, print_paths, progress
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from palpate.sweeps.run import Sweep
 
 
 def sweep(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")],
-    over: Annotated[
-        list[str],
-        typer.Option("--over", help="KEY=FROM..TO:COUNT with units, or KEY=A,B,C."),
-    ],
+    scenario: ScenarioFile,
+    over: Annotated[list[str], typer.Option("--over", help="KEY=FROM..TO:COUNT with units, or KEY=A,B,C.")],
     random: Annotated[
         list[str] | None, typer.Option("--random", help="KEY=FROM..TO, drawn uniformly for each cell.")
     ] = None,
@@ -27,22 +29,20 @@ def sweep(
     seed: Annotated[int, typer.Option(min=0, help="Of the draws, and of late ticks.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", help="HDF5 file; if not given, results/ and in it the scenario's name with -sweep.h5."
-        ),
+        typer.Option("--out", "-o", help="HDF5 file; the default is results/ and the scenario's name with -sweep.h5."),
     ] = None,
     engine: Annotated[str, typer.Option(help="threads (this machine's cores) or dask.")] = "threads",
     scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Threads; all cores if not given.")] = None,
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th chunk from the I-th on, for job arrays.")] = None,
 ) -> None:
-    """Run a scenario for every combination of values: the whole nonlinear loop, thousands of times a second.
+    """Run a scenario for every combination of values, with the whole nonlinear loop.
 
-    Writes one HDF5 file, laid out at the start and filled as cells are done. Stopped or killed, the same command goes
-    on where it was. The file does not depend on the number of workers, threads or vector lanes.
+    The result is one HDF5 file, which is filled as cells are done. After an interruption the same command continues.
+    The file does not depend on the number of workers, threads or vector lanes.
 
-    Keys are those of the scenario, as object.stiffness, object.damping, operator.mass, device.delay, servo.jitter; .x,
-    .y or .z after one means that axis alone. A range has both ends; " log" after its count spaces it by equal ratios.
+    Keys are those of the scenario, such as object.stiffness, operator.mass, device.delay or servo.jitter. A suffix .x,
+    .y or .z selects one axis. A range includes both ends; " log" after its count selects geometric spacing.
 
     Example: palpate sweep scenarios/slider-wall-stable.toml --over "object.stiffness=50 N/m..150 N/m:50"
     --over "object.damping=0 N*s/m..0.2 N*s/m:20"
@@ -51,21 +51,10 @@ def sweep(
     try:
         with ExitStack() as stack:
             tell = stack.enter_context(progress("reading the scenario"))
-            from palpate.sweeps import SweepError
             from palpate.sweeps import sweep as run
-            from palpate.sweeps.run import dask_executor
-            from palpate.sweeps.store import tally
 
             part = _shard(shard)
-            executor, threads = None, workers
-            if engine == "dask":
-                if scheduler is None:
-                    raise SweepError("--engine dask needs the scheduler's address: --scheduler tcp://host:8786")
-                executor, threads = stack.enter_context(dask_executor(scheduler))
-            elif engine != "threads":
-                raise SweepError(f"--engine {engine}: choose threads, or dask with --scheduler ADDRESS")
-            elif scheduler is not None:
-                raise SweepError("--scheduler is for --engine dask: add that, or leave the address out")
+            executor, threads = _executor(stack, engine, scheduler, workers)
             found = run(
                 scenario,
                 _pairs(over),
@@ -79,11 +68,36 @@ def sweep(
                 progress=tell,
             )
     except KeyboardInterrupt:
-        errors.print(f"stopped: what is done is in {path}; the same command goes on")
+        errors.print(f"stopped: {path} has the cells that are done; the same command continues")
         raise typer.Exit(130) from None
+    _print_result(found, path, shard, part is not None and part[0] > found.plan.chunks)
+
+
+def _executor(
+    stack: ExitStack, engine: str, scheduler: str | None, workers: int | None
+) -> tuple[Executor | None, int | None]:
+    """Return the executor of an engine, None for this machine's threads, and the number of workers."""
+    from palpate.sweeps import SweepError
+    from palpate.sweeps.run import dask_executor
+
+    if engine == "dask":
+        if scheduler is None:
+            raise SweepError("--engine dask needs the scheduler's address: --scheduler tcp://host:8786")
+        return stack.enter_context(dask_executor(scheduler))
+    if engine != "threads":
+        raise SweepError(f"--engine {engine}: choose threads, or dask with --scheduler ADDRESS")
+    if scheduler is not None:
+        raise SweepError("--scheduler is for --engine dask: add that, or leave the address out")
+    return None, workers
+
+
+def _print_result(found: Sweep, path: Path, shard: str | None, idle: bool) -> None:
+    """Print the cells that were run and their outcomes; `idle` if the shard has none."""
+    from palpate.sweeps.store import tally
+
     cells, chunks = found.plan.count, found.plan.chunks
     done = f"{cells:,} cells" if found.done == 1 else f"{found.done:.1%} of {cells:,} cells are done"
-    if idle := part is not None and part[0] > chunks:
+    if idle:
         run_by = "1 runs it all" if chunks == 1 else f"1 to {chunks:,} run them all"
         done = (
             f"nothing for shard {shard} to run: the {cells:,} cells are {chunks:,} chunk{'s' * (chunks > 1)} of up to "
@@ -93,37 +107,32 @@ def sweep(
     if not idle:
         dies, swings, grows, diverges = tally(path)
         output.print(f"  {dies:,} die out, {swings:,} keep swinging, {grows:,} grow, {diverges:,} diverge")
-    output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
+    print_paths([path])
 
 
 def merge(
     parts: Annotated[list[Path], typer.Argument(help="Files of one sweep's shards.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="HDF5 file to write.")],
 ) -> None:
-    """Put the files of a sweep's shards together into one."""
-    from palpate.sweeps import merge as together
+    """Merge the files of a sweep's shards into one."""
+    from palpate.sweeps import merge as merge_files
 
-    output.print(f"  {together(parts, out)}", style="dim", markup=False, soft_wrap=True)
+    print_paths([merge_files(parts, out)])
 
 
 def _pairs(texts: Iterable[str]) -> dict[str, str]:
     from palpate.sweeps import SweepError
 
-    out: dict[str, str] = {}
-    for key, values in map(_pair, texts):
-        if key in out:
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, sign, values = text.partition("=")
+        key = name.strip()
+        if not sign or not values.strip():
+            raise SweepError(f'"{text}" is no key with values; write for example "object.stiffness=1 N/mm..5 N/mm:100"')
+        if key in pairs:
             raise SweepError(f"{key} is given twice")
-        out[key] = values
-    return out
-
-
-def _pair(text: str) -> tuple[str, str]:
-    from palpate.sweeps import SweepError
-
-    key, sign, values = text.partition("=")
-    if not sign or not values.strip():
-        raise SweepError(f'"{text}" is no key with values; write for example "object.stiffness=100 N/m..5 N/mm:100"')
-    return key.strip(), values
+        pairs[key] = values
+    return pairs
 
 
 def _shard(text: str | None) -> tuple[int, int] | None:

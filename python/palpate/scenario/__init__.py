@@ -1,4 +1,4 @@
-"""What people run: a scenario file, read and checked before anything moves."""
+"""Scenario files: reading and validation."""
 
 from palpate.scenario.model import Controller as ControllerChoice
 from palpate.scenario.model import Object, Scenario

@@ -1,48 +1,58 @@
-"""[object.body]: which body that yields the tip touches, of which kind, where, and with what tip."""
+"""[object.body]: deformable body, its material model and pose, and the tip."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
 
-from palpate.scenario.fields import Angle3, Length, Number, OneLength, Position3, Pressure, Section, Size3, Whole
+from palpate.scenario.fields import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle3,
+    Length,
+    Number,
+    OneLength,
+    Position3,
+    Pressure,
+    Section,
+    Size3,
+    Whole,
+    must,
+)
 from palpate.units import parse_quantity, write
 
 
 class Option(NamedTuple):
-    """A number that a kind takes, in `unit`; `fits` or it `must` be otherwise; `needed` if it has no default."""
+    """Option of a material model: its SI unit, its check, and whether it is required."""
 
     unit: str
-    fits: Callable[[float], bool] = lambda value: value >= 0.0
-    must: str = "must not be negative"
+    check: AfterValidator = NOT_NEGATIVE
     needed: bool = False
 
 
-_POSITIVE: Final[tuple[Callable[[float], bool], str]] = (lambda value: value > 0.0, "must be positive")
-_INSTANT: Final = Option(
-    "", lambda value: value >= 1.0, "must be 1 or more: at once, tissue is at least as stiff as at last"
+_RATIO: Final = must(
+    lambda value: value >= 1.0, "must be 1 or more: the instantaneous stiffness is at least the long-term stiffness"
 )
-_NEAR: Final = Option("", lambda value: value in range(4, 65), "must be a whole number, from 4 to 64")
+_COUNT: Final = must(lambda value: value in range(4, 65), "must be a whole number, from 4 to 64")
 _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
 _DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
-_CREEP: Final = {"instantaneous_ratio": _INSTANT, "retardation_time": Option("s", *_POSITIVE)}
-_SLOW: Final = {"slow_step": Option("s", *_POSITIVE), "near": _NEAR, **_FRICTION}
-# A kind of this name is `Body.kind(period, **options)`; a law of large displacements is
-# `Body.hyperelastic(period, law=kind, **options)`.
+_CREEP: Final = {"instantaneous_ratio": Option("", _RATIO), "retardation_time": Option("s", POSITIVE)}
+_SLOW: Final = {"slow_step": Option("s", POSITIVE), "near": Option("", _COUNT), **_FRICTION}
+# A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
     "modal": {**_DAMPING, **_CREEP, **_FRICTION},
     "mass_spring": {**_DAMPING, **_FRICTION},
     "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
-    "free_form": {"control_spacing": Option("m", *_POSITIVE), **_FRICTION},
+    "free_form": {"control_spacing": Option("m", POSITIVE), **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
-# shape: its keys, and an example of those that it needs
+# shape: its keys, with an example of a required one
 _SHAPES: Final[dict[str, dict[str, str]]] = {
     "file": {"file": '"liver.h5"'},
     "block": {"size": '["100 mm", "100 mm", "50 mm"]', "young": '"10 kPa"', "spacing": '"5 mm"', "poisson": "",
@@ -52,57 +62,45 @@ _SHAPES: Final[dict[str, dict[str, str]]] = {
 }  # fmt: skip
 
 
-def _more_than_none(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be positive")
-    return value
-
-
-def _poisson(value: float) -> float:
-    if value >= 0.5:
-        raise ValueError("must be below 0.5 (soft tissue: 0.45 to 0.495)")
-    return value
-
-
-def _count(value: int) -> int:
-    if value < 0:
-        raise ValueError("must not be negative")
-    return value
-
-
 def _options_text(options: Mapping[str, float]) -> dict[str, Any]:
     units = {key: option.unit for known in KINDS.values() for key, option in known.items()}
     return {key: write(value, units[key]) if units[key] else value for key, value in options.items()}
 
 
+Poisson = Annotated[Number, must(lambda value: value < 0.5, "must be below 0.5 (soft tissue: 0.45 to 0.495)")]
+
+
 class BodyChoice(Section):
-    """[object.body]: a file, or a body made on the spot; placed by [object] position, its `origin` there.
+    """[object.body]: body from a file, or a block or phantom; its `origin` lies at [object] position.
 
     Attributes:
-        shape: "file"; "block", bonded below and touched on its top; or "phantom", that of `palpate.fem.phantom`.
-        file: of `palpate body build` (.h5; relative to the scenario's file, absolute once read).
+        shape: "file"; "block", fixed at its bottom, with contact at its top; or "phantom", see `palpate.fem.phantom`.
+        file: of `palpate body build` (.h5), relative to the scenario's file; absolute after reading.
         size: of the block along x, y, z, m.
         young: Young's modulus, Pa; poisson: Poisson's ratio, below 0.5.
         spacing: of the cells, m.
-        modes: how many vibration modes to find, for the kind "modal".
+        modes: number of vibration modes, for the kind "modal".
         contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.fem.phantom`.
-        kind: how the body answers, one of `KINDS` ("neo-hookean" and "corotational": under large displacements);
-            options: of the kind, any other key of the table, in SI.
-        origin: the point of the body, in its own frame, that lies at [object] position, m; the middle of the top of a
-            block or phantom if not given, else its own origin.
-        turn: about x, then y, then z of the device, round that point, rad.
-        stiffness_scale: how many times as stiff as the file or the moduli say.
-        tip: "sphere", or "flat": the end of a rod whose axis is the body's own z; radius: of the tip, m.
+        kind: material model, a key of `KINDS`; "neo-hookean" and "corotational" are for large displacements.
+        options: of the kind, in SI: any other key of the table.
+        origin: point in the body frame that lies at [object] position, m. Default: the center of the top of a block or
+            phantom, the origin of the frame of a file.
+        turn: rotation about that point, about x, then y, then z of the device, rad.
+        stiffness_scale: factor on every Young's modulus.
+        tip: "sphere", or "flat" for the end of a rod along the body's z axis.
+        radius: of the tip, m.
     """
 
     shape: Literal["file", "block", "phantom"] = "file"
     file: str | None = None
     size: Size3 | None = None
     young: Pressure | None = None
-    poisson: Annotated[Number, AfterValidator(_poisson)] | None = None
+    poisson: (
+        Annotated[Number, must(lambda value: value < 0.5, "must be below 0.5 (soft tissue: 0.45 to 0.495)")] | None
+    ) = None
     spacing: Length | None = None
-    modes: Annotated[Whole, AfterValidator(_count)] | None = None
-    contrast: Annotated[Number, AfterValidator(_more_than_none)] | None = None
+    modes: Annotated[Whole, NOT_NEGATIVE] | None = None
+    contrast: Annotated[Number, POSITIVE] | None = None
     depth: Length | None = None
     diameter: Length | None = None
     skin: OneLength | None = None
@@ -112,7 +110,7 @@ class BodyChoice(Section):
     turn: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
-    stiffness_scale: Annotated[Number, AfterValidator(_more_than_none)] = 1.0
+    stiffness_scale: Annotated[Number, POSITIVE] = 1.0
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -129,7 +127,7 @@ class BodyChoice(Section):
                 continue
             takers = ", ".join(kind for kind, of in KINDS.items() if key in of)
             if takers:
-                raise ValueError(f'unknown key "{key}"; {kind} takes no such thing, only {takers}')
+                raise ValueError(f'unknown key "{key}"; {kind} does not take it, only {takers}')
             close = difflib.get_close_matches(str(key), [*mine, *known], 1)
             hint = f"did you mean {close[0]}?" if close else f"there are {', '.join([*mine, *known])}"
             raise ValueError(f'unknown key "{key}"; {hint}')
@@ -146,9 +144,11 @@ class BodyChoice(Section):
                 options[key] = parse_quantity(value, known[key].unit)
             except ValueError as problem:
                 raise ValueError(f"{key}: {problem}") from None
-            if not known[key].fits(options[key]):
+            try:
+                known[key].check.func(options[key])  # type: ignore[call-arg]
+            except ValueError as problem:
                 shown = f'"{value}"' if isinstance(value, str) else value
-                raise ValueError(f"{key}: {shown} {known[key].must}")
+                raise ValueError(f"{key}: {shown} {problem}") from None
         return {**{key: value for key, value in table.items() if key not in known}, "options": options}
 
     @field_validator("kind")
@@ -179,7 +179,7 @@ class BodyChoice(Section):
                 raise ValueError(f"{key} is missing; write for example {key} = {example}")
         for key in sorted({key for keys in _SHAPES.values() for key in keys} - set(mine)):
             if getattr(self, key) is not None:
-                hint = "; a spline takes control_spacing" if (key, self.kind) == ("spacing", "free_form") else ""
+                hint = "; free_form takes control_spacing" if (key, self.kind) == ("spacing", "free_form") else ""
                 raise ValueError(f'{key} has no meaning for shape = "{self.shape}"{hint}')
         for key, option in KINDS[self.kind].items():
             if option.needed and key not in self.options:

@@ -1,4 +1,4 @@
-"""Options of the design functions in a scenario's [controller]: which there are, and in which unit."""
+"""Options of the design functions in a scenario's [controller], with their units."""
 
 from __future__ import annotations
 

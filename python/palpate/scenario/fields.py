@@ -1,10 +1,10 @@
-"""Types of scenario fields: text with a unit on the way in, SI floats inside, the same text on the way out."""
+"""Types of scenario fields: text with a unit in files, floats in SI inside."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 
@@ -14,7 +14,7 @@ _Axes = tuple[float, float, float]
 
 
 class MistakesError(ValueError):
-    """Several mistakes that one check has found, each a sentence that begins with its field."""
+    """Several mistakes found by one check, each a sentence that begins with its field."""
 
     def __init__(self, mistakes: Sequence[str]) -> None:
         super().__init__("\n".join(mistakes))
@@ -22,7 +22,7 @@ class MistakesError(ValueError):
 
     @classmethod
     def collect(cls, *checks: Callable[[], object]) -> None:
-        """Run every check, and raise the mistakes that they found, if any."""
+        """Run every check; raise the mistakes that they find."""
         found: list[str] = []
         for check in checks:
             try:
@@ -36,7 +36,7 @@ class MistakesError(ValueError):
 
 
 class Section(BaseModel):
-    """One table of a scenario: unknown keys are refused, values cannot change afterwards."""
+    """Table of a scenario: frozen, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -55,28 +55,24 @@ def _axes(unit: str) -> tuple[BeforeValidator, PlainSerializer]:
     )
 
 
-def _not_negative(value: Any) -> Any:
-    if min(value if isinstance(value, tuple) else (value,)) < 0.0:
-        raise ValueError("must not be negative")
-    return value
+def must(fits: Callable[[Any], bool], problem: str) -> AfterValidator:
+    """Return a validator that raises ValueError unless a number `fits`, or each of a tuple; {} in it is the value."""
+
+    def check(value: Any) -> Any:
+        if not all(fits(one) for one in (value if isinstance(value, tuple) else (value,))):
+            raise ValueError(problem.format(value))
+        return value
+
+    return AfterValidator(check)
 
 
-def _positive(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be positive")
-    return value
+def between(low: int, high: int, name: str = "") -> AfterValidator:
+    """Return a validator of whole numbers from `low` to `high`; `name` follows the number in messages."""
+    return must(lambda value: low <= value <= high, f"{{}}{name}; it must be between {low} and {high}")
 
 
-def _all_positive(values: _Axes) -> _Axes:
-    if min(values) <= 0.0:
-        raise ValueError("must be positive")
-    return values
-
-
-def _fraction(value: float) -> float:
-    if not 0.0 <= value < 1.0:
-        raise ValueError(f"{value:g}; it must be at least 0 and below 1")
-    return value
+NOT_NEGATIVE: Final = must(lambda value: value >= 0, "must not be negative")
+POSITIVE: Final = must(lambda value: value > 0, "must be positive")
 
 
 def _whole(value: object) -> int:
@@ -109,26 +105,26 @@ def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     return rows
 
 
-Time = Annotated[float, *_scalar("s"), AfterValidator(_not_negative)]
-Duration = Annotated[float, *_scalar("s"), AfterValidator(_positive)]
-Frequency = Annotated[float, *_scalar("Hz"), AfterValidator(_positive)]
-OneMass = Annotated[float, *_scalar("kg"), AfterValidator(_not_negative)]
-OneStiffness = Annotated[float, *_scalar("N/m"), AfterValidator(_not_negative)]
-OneDamping = Annotated[float, *_scalar("N*s/m"), AfterValidator(_not_negative)]
+Time = Annotated[float, *_scalar("s"), NOT_NEGATIVE]
+Duration = Annotated[float, *_scalar("s"), POSITIVE]
+Frequency = Annotated[float, *_scalar("Hz"), POSITIVE]
+OneMass = Annotated[float, *_scalar("kg"), NOT_NEGATIVE]
+OneStiffness = Annotated[float, *_scalar("N/m"), NOT_NEGATIVE]
+OneDamping = Annotated[float, *_scalar("N*s/m"), NOT_NEGATIVE]
 
-OneLength = Annotated[float, *_scalar("m"), AfterValidator(_not_negative)]
-Length = Annotated[float, *_scalar("m"), AfterValidator(_positive)]
-Pressure = Annotated[float, *_scalar("Pa"), AfterValidator(_positive)]
-Number = Annotated[float, *_scalar(""), AfterValidator(_not_negative)]
-Fraction = Annotated[float, *_scalar(""), AfterValidator(_fraction)]
+OneLength = Annotated[float, *_scalar("m"), NOT_NEGATIVE]
+Length = Annotated[float, *_scalar("m"), POSITIVE]
+Pressure = Annotated[float, *_scalar("Pa"), POSITIVE]
+Number = Annotated[float, *_scalar(""), NOT_NEGATIVE]
+Fraction = Annotated[float, *_scalar(""), must(lambda x: 0.0 <= x < 1.0, "{:g}; it must be at least 0 and below 1")]
 
-Angle = Annotated[float, *_scalar("rad"), AfterValidator(_not_negative)]
+Angle = Annotated[float, *_scalar("rad"), NOT_NEGATIVE]
 Angle3 = Annotated[_Axes, *_axes("rad")]
-Size3 = Annotated[_Axes, *_axes("m"), AfterValidator(_all_positive)]
+Size3 = Annotated[_Axes, *_axes("m"), POSITIVE]
 Force3 = Annotated[_Axes, *_axes("N")]
 Position3 = Annotated[_Axes, *_axes("m")]
-Stiffness3 = Annotated[_Axes, *_axes("N/m"), AfterValidator(_not_negative)]
-Damping3 = Annotated[_Axes, *_axes("N*s/m"), AfterValidator(_not_negative)]
+Stiffness3 = Annotated[_Axes, *_axes("N/m"), NOT_NEGATIVE]
+Damping3 = Annotated[_Axes, *_axes("N*s/m"), NOT_NEGATIVE]
 
 Number3 = Annotated[_Axes, BeforeValidator(_numbers)]
 Matrix = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_matrix)]

@@ -1,7 +1,7 @@
-"""The scenario: every choice of an experiment, checked, in SI.
+"""Scenario: every choice of an experiment, checked, in SI.
 
-Each class is one table of the file and is named after it. Values come as text with a unit and are floats in SI
-afterwards; `Scenario.to_dict` gives the text back, so that a trace can carry the scenario it came from.
+Each class is one table of the file and is named after it. Values are text with a unit in the file, and floats in SI
+after reading. `Scenario.to_dict` returns the text, so that a trace can contain its scenario.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ from palpate.scenario.fields import (
     Stiffness3,
     Time,
     Whole,
+    between,
+    must,
 )
 from palpate.scenario.reader import lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
@@ -51,16 +53,16 @@ from palpate.units import parse_quantity, write
 
 
 class DeviceChoice(Section):
-    """[device]: what is held, and how faithfully it is modelled.
+    """[device]: haptic device and its model.
 
     Attributes:
-        name: catalog name, or path of a TOML file (relative to the scenario's file; absolute once read).
-        model: "nonlinear", "linear" (exact linearisation at the start pose) or "experimental" (the model
-            identified from measurements that the device's file names, `identified_model`).
+        name: catalog name, or path of a TOML file, relative to the scenario's file; absolute after reading.
+        model: "nonlinear", "linear" (exact linearization at the start pose) or "experimental" (the model identified
+            from measurements, `identified_model` in the device's file).
         kinematics: "nonlinear", or "linear" (tip and torques with the Jacobian frozen at the start pose).
-        encoder: angles come in whole encoder counts.
-        saturation: the drive's force and torque limits hold.
-        delay: servo periods between computing a torque and its being applied.
+        encoder: whether angles are whole encoder counts.
+        saturation: whether the drive has its force and torque limits.
+        delay: servo periods from the computation of a torque to its application.
     """
 
     name: str = Field(examples=['"phantom-premium-1.5a"'])
@@ -68,7 +70,7 @@ class DeviceChoice(Section):
     kinematics: Literal["nonlinear", "linear"] = "nonlinear"
     encoder: Flag = False
     saturation: Flag = False
-    delay: Whole = 0
+    delay: Annotated[Whole, between(0, 64, " servo periods")] = 0
 
     @field_validator("name")
     @classmethod
@@ -81,13 +83,6 @@ class DeviceChoice(Section):
         except DeviceError as problem:
             raise ValueError(str(problem)) from None
         return name
-
-    @field_validator("delay")
-    @classmethod
-    def _bounded(cls, delay: int) -> int:
-        if not 0 <= delay <= 64:
-            raise ValueError(f"{delay} servo periods; it must be between 0 and 64")
-        return delay
 
 
 def _joints(value: object) -> tuple[tuple[float, ...], str]:
@@ -125,7 +120,7 @@ def _pose_text(pose: Pose | None) -> list[str] | None:
 
 
 class Start(Section):
-    """[start]: where the device is at t = 0, at rest. One of `pose` and `tip`.
+    """[start]: pose of the device at rest at t = 0. One of `pose` and `tip`.
 
     Attributes:
         pose: joint values (dof,), rad, or m for the slider.
@@ -148,12 +143,12 @@ class Servo(Section):
     """[servo]: the loop around the device.
 
     Attributes:
-        period: s; None in the file means the device's usual one, and is replaced by it.
-        topology: "force_tracking" (the controller brings the force on the object to the reference) or
-            "impedance_display" (the operator pushes the tip, the device answers with the object's force).
-        jitter: s, less than a period: each tick comes late by a random time up to this, uniformly and by itself; the
-            loop does not know. The nonlinear device only.
-        gravity_compensation: a constant tip force balances gravity at the start pose.
+        period: s; default: that of the device.
+        topology: "force_tracking" (the object force tracks the reference) or "impedance_display" (the operator moves
+            the tip, the device renders the object force).
+        jitter: s, less than a period: upper bound of the random delay of each tick. Delays are uniform, independent
+            and unknown to the loop. Only for the nonlinear device.
+        gravity_compensation: whether a constant tip force balances gravity at the start pose.
     """
 
     period: Duration | None = None
@@ -163,15 +158,17 @@ class Servo(Section):
 
 
 class Operator(Signal):
-    """[operator]: who holds the device. With force_tracking a hand ("arm") or nobody.
+    """[operator]: operator of the device; with force_tracking "none" or "arm".
 
     Attributes:
-        kind: "none", "force" (a force in time at the tip), "fixed" (the tip is held where it starts) or "arm"
-            (mass, damper and spring to the shoulder; with tissue_stiffness the fingertip lies in between;
-            a force in time may act on top).
-        mass: kg, stiffness: N/m, damping: N*s/m of the arm.
-        tissue_stiffness: N/m, tissue_damping: N*s/m of the fingertip; None: the hand grips rigidly.
-        rest: where the arm's spring is unstretched, from the start tip, m.
+        kind: "none", "force" (at the tip, as a function of time), "fixed" (the tip stays at its start) or "arm" (mass,
+            damper and spring to the shoulder, and a force as a function of time if given).
+        mass: of the arm, kg.
+        damping: of the arm, N*s/m.
+        stiffness: of the arm, N/m.
+        tissue_stiffness: of the fingertip between arm and tip, N/m; None for a rigid grip.
+        tissue_damping: of the fingertip, N*s/m.
+        rest: position at which the arm's spring is unstretched, from the start tip, m.
     """
 
     kind: Literal["none", "force", "fixed", "arm"] = "none"
@@ -209,18 +206,20 @@ class Operator(Signal):
 
 
 class Object(Section):
-    """[object]: what the tip touches.
+    """[object]: virtual object.
 
     Attributes:
-        kind: "none", "spring" (held from all sides, anchored where the tip starts), "wall" (one-sided), "mesh" or
-            "body" (that yields).
-        stiffness: N/m per axis. A wall has one: the first.
-        damping: N*s/m per axis.
-        coupling: how the damper's speed is sampled, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
-        position: of the anchor, of a point of the wall's surface or of the mesh's or body's origin, from the start
-            tip, m.
-        normal: out of the wall, unit length once read.
-        mesh, surface: of a mesh; body: of a body. Neither has stiffness or damping here.
+        kind: "none", "spring" (bilateral, anchored at the start tip), "wall" (unilateral), "mesh" or "body"
+            (deformable).
+        stiffness: N/m per axis; the same for all axes of a wall. Not for a mesh or a body.
+        damping: N*s/m per axis. Not for a mesh or a body.
+        coupling: difference that samples the damper's speed, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
+        position: from the start tip, m: of the spring's anchor, of a point on the wall, or of the origin of a mesh or
+            body.
+        normal: outward normal of the wall; of unit length after reading.
+        mesh: of the kind "mesh".
+        surface: of the kind "mesh".
+        body: of the kind "body".
     """
 
     kind: Literal["none", "spring", "wall", "mesh", "body"] = "spring"
@@ -266,7 +265,7 @@ class Object(Section):
         return self
 
     def _check_tables(self) -> None:
-        """Refuse a mesh or a body without its tables, or with what is another kind's."""
+        """Raise ValueError for a mesh or body without its tables, or with keys of another kind."""
         tables = {
             "mesh": {"mesh": 'shape = "box"', "surface": 'stiffness = "1 N/mm"'},
             "body": {"body": 'shape = "phantom" and radius = "8 mm"'},
@@ -278,20 +277,20 @@ class Object(Section):
         if stray:
             whose = {
                 "mesh": "a mesh has its own in [object.surface]",
-                "body": "a body's follows from what it is made of",
+                "body": "a body's follows from its material",
             }
             where = f" ({whose[self.kind]})" if stray[0] in ("stiffness", "damping") else ""
             raise ValueError(f'{stray[0]} has no meaning for kind = "{self.kind}"{where}')
 
 
 class Controller(Section):
-    """[controller]: what steadies the loop.
+    """[controller]: controller of the loop.
 
     Attributes:
-        kind: "none" (u = F_ref - F_object; an impedance display shows the object's force as it is), "gain",
-            "lead_lag", "lqg" or "state_space".
+        kind: "none" (u = F_ref - F_object, or the object force in an impedance display), "gain", "lead_lag", "lqg" or
+            "state_space".
         gain: N/N per axis.
-        A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled at the servo period.
+        A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled with the servo period.
         antiwindup: (n, 3), see palpate.control.Controller.
         options: of palpate.control.lead_lag or palpate.control.lqg, any other key of the table, in SI.
     """
@@ -346,37 +345,23 @@ class Controller(Section):
 
 
 class Run(Section):
-    """[run]: for how long and how finely.
+    """[run]: duration, integration and recording.
 
     Attributes:
         duration: s.
-        substeps: integration steps of the device's motion in one servo period.
+        substeps: integration steps of the device's motion per servo period.
         record_every: servo periods between recorded samples.
-        seed: of what is random, 0 to 2^53: how late each tick comes.
+        seed: of the jitter, 0 to 2^53.
     """
 
     duration: Duration = 1.0
-    substeps: Whole = 2
-    record_every: Whole = 1
-    seed: Whole = 0
-
-    @field_validator("substeps", "record_every")
-    @classmethod
-    def _counted(cls, value: int, info: ValidationInfo) -> int:
-        if not 1 <= value <= 10_000:
-            raise ValueError(f"{value}; it must be between 1 and 10000")
-        return value
-
-    @field_validator("seed")
-    @classmethod
-    def _exact(cls, seed: int) -> int:
-        if not 0 <= seed <= 2**53:
-            raise ValueError(f"{seed}; it must be between 0 and 2^53")
-        return seed
+    substeps: Annotated[Whole, between(1, 10_000)] = 2
+    record_every: Annotated[Whole, between(1, 10_000)] = 1
+    seed: Annotated[Whole, must(lambda seed: 0 <= seed <= 2**53, "{}; it must be between 0 and 2^53")] = 0
 
 
 class Scenario(Section):
-    """A whole experiment: device, loop, operator or reference, object, controller, run."""
+    """Experiment: device, loop, operator or reference, object, controller and run."""
 
     title: str = "Untitled scenario"
     description: str = ""
@@ -476,7 +461,7 @@ class Scenario(Section):
             )
 
     def _fill(self, name: str, section: Section) -> None:
-        """Put in what the device decides (a scenario is frozen once validated)."""
+        """Set a section that depends on the device; the scenario is frozen."""
         self.__dict__[name] = section
         self.__pydantic_fields_set__.add(name)
 
@@ -507,14 +492,14 @@ class Scenario(Section):
 
     @classmethod
     def from_file(cls, path: str | Path, settings: Mapping[str, Any] | None = None) -> Scenario:
-        """Read a TOML file; the path of a device's file in it is relative to it.
+        """Read a TOML file; paths in it are relative to its folder.
 
         Args:
             path: of the file.
-            settings: values to use instead of the file's, by dotted key: {"object.stiffness": "2 N/mm"}.
+            settings: values that replace those of the file, by dotted key: {"object.stiffness": "2 N/mm"}.
 
         Raises:
-            ScenarioError: the file cannot be read, or has mistakes; the message has file, line and field of each.
+            ScenarioError: the file cannot be read, or has mistakes. The message has file, line and field of each.
         """
         text, name, base = read_file(path)
         scenario = cls.from_text(text, name, base, settings)
@@ -529,7 +514,7 @@ class Scenario(Section):
         base: str | Path | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> Scenario:
-        """Read TOML text; `name` stands for the file in messages, `base` is the folder of relative paths."""
+        """Read TOML text; `name` is that of the file in messages, `base` the folder of relative paths."""
         settings = settings or {}
         tables = lay_settings(read_text(text, name), settings)
         scenario = validate(cls, tables, name, text, base, settings)
@@ -538,5 +523,5 @@ class Scenario(Section):
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], base: str | Path | None = None) -> Scenario:
-        """Read tables shaped as the file's, values with units as text."""
+        """Read tables with the structure of the file; values with units are text."""
         return validate(cls, tables, "scenario", None, base)

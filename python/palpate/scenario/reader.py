@@ -1,4 +1,4 @@
-"""Read a scenario's TOML, and turn its mistakes into sentences with file, line, field and remedy."""
+"""Reading of a scenario's TOML, with a sentence for each mistake: file, line, field and remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate.files import HDF5_SIGNATURE, as_path, find_line
 from palpate.scenario.fields import MistakesError
 
 Model = TypeVar("Model", bound=BaseModel)
-_LARGEST: Final = 4_000_000  # bytes: a scenario is written by hand; a table of forces may be long
+_LARGEST: Final = 4_000_000  # bytes: larger than any scenario; a table of forces may be long
 _FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing| has no meaning)")
 _UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
 
@@ -51,7 +51,7 @@ def read_file(path: str | Path) -> ScenarioText:
 
 
 def _check_kind(file: Path) -> None:
-    """Say what a file that cannot be a scenario is instead: a folder, or HDF5."""
+    """Raise ScenarioError if a file is a folder, or HDF5."""
     if file.is_dir():
         raise ScenarioError(f"{file}: a folder; give the scenario's file (.toml) in it")
     with file.open("rb") as opened:
@@ -64,7 +64,7 @@ def _check_kind(file: Path) -> None:
 
 
 def read_text(text: str, name: str) -> dict[str, Any]:
-    """Return the tables of TOML text; `name` stands for the file in messages.
+    """Return the tables of TOML text; `name` is that of the file in messages.
 
     Raises:
         ScenarioError: it is not TOML.
@@ -81,7 +81,7 @@ def read_text(text: str, name: str) -> dict[str, Any]:
 
 
 def lay_settings(tables: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables with other values: each setting has a dotted key, such as "object.stiffness".
+    """Return the tables with settings in place of their values, by dotted key such as "object.stiffness".
 
     Raises:
         ScenarioError: a key leads through what is no table.
@@ -114,7 +114,7 @@ def validate(
 
     Args:
         model: of a scenario.
-        tables: shaped as the file's.
+        tables: with the structure of the file.
         name: of the file, for messages.
         text: of the file, in which lines are found; None if there is none.
         base: folder of relative paths.
@@ -134,7 +134,7 @@ def validate(
         meant = {_meant(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"}
         for error in errors:
             if error["type"] == "missing" and error["loc"] in meant:
-                continue  # it is there, misspelt
+                continue  # misspelled
             for field, sentence in _sentences(model, error):
                 line = find_line(text, field) if text is not None else None
                 dotted = ".".join(str(part) for part in field)
@@ -147,26 +147,26 @@ def validate(
 
 
 def _meant(scenario: type[BaseModel], field: tuple[str | int, ...]) -> tuple[str | int, ...] | None:
-    """Return the known field that a misspelt one stands for."""
+    """Return the known field that is closest to a misspelled one, if any."""
     close = difflib.get_close_matches(str(field[-1]), _keys_of(scenario, field[:-1]), 1)
     return (*field[:-1], close[0]) if close else None
 
 
 def _sentences(scenario: type[BaseModel], error: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yield the field and the sentence of each mistake in an error: a check of several fields may find several."""
+    """Yield the field and the sentence of each mistake in an error."""
     found = error.get("ctx", {}).get("error")
     for one in found.mistakes if isinstance(found, MistakesError) else [found]:
         yield _sentence(scenario, error if one is None else {**error, "ctx": {"error": one}})
 
 
 def _sentence(scenario: type[BaseModel], error: Any) -> tuple[tuple[str | int, ...], str]:
-    """Return the field that an error is about, and one sentence."""
+    """Return the field of an error, and its sentence."""
     field: tuple[str | int, ...] = tuple(error["loc"])
     kind, value, message = error["type"], error.get("input"), str(error["msg"])
     if kind == "value_error":
         message = str(error["ctx"]["error"])
     if not field or kind == "value_error":
-        # What a check of several fields says begins with the field it means.
+        # The message of a check of several fields begins with its field.
         if first := _FIELD_FIRST.match(message):
             field = (*field, *first[1].split("."))
             rest = message[first.end() :]
@@ -210,14 +210,14 @@ def _keys_of(scenario: type[BaseModel], field: Sequence[str | int]) -> list[str]
 
 
 def _examples_of(scenario: type[BaseModel], field: Sequence[str | int]) -> list[str]:
-    """Return how a key's value may be written, as its model tells."""
+    """Return examples of a key's value, from its model."""
     model = _model_at(scenario, field[:-1])
     info = None if model is None else model.model_fields.get(str(field[-1]))
     return [] if info is None else [str(text) for text in info.examples or ()]
 
 
 def _model_at(scenario: type[BaseModel], field: Sequence[str | int]) -> type[BaseModel] | None:
-    """Return the model of the table at `field`, or None if none can stand there."""
+    """Return the model of the table at `field`, or None if there is none."""
     model: type[BaseModel] | None = scenario
     for part in field:
         info = None if model is None else model.model_fields.get(str(part))

@@ -1,4 +1,4 @@
-"""A force in time: step, ramp, sine or table."""
+"""Force as a function of time: step, ramp, sine or table."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ def _table_text(rows: tuple[Row, ...] | None) -> list[list[str]] | None:
 
 
 class Signal(Section):
-    """A force at the tip as a function of time.
+    """Force at the tip as a function of time.
 
     Attributes:
-        shape: "step" (from `start` on), "ramp" (rises over `rise`, then stays), "sine" or "table".
-        force: N per axis; the amplitude of the sine.
-        start: s; before it the force is zero.
-        stop: s; from it on the force is zero again; None: never.
-        rise: s; ramp only.
-        frequency: Hz; sine only.
-        table: rows (time s, Fx, Fy, Fz N), linear between them and constant outside; table only.
+        shape: "step", "ramp" (linear over `rise`, then constant), "sine" or "table".
+        force: N per axis; the amplitude of a sine.
+        start: s; the force is zero before.
+        stop: s; the force is zero from then on; None for no end.
+        rise: s, of a ramp.
+        frequency: Hz, of a sine.
+        table: rows (time s, Fx, Fy, Fz N), linear in between and constant outside.
     """
 
     shape: Literal["step", "ramp", "sine", "table"] = "step"
@@ -61,7 +61,7 @@ class Signal(Section):
         return self
 
     def check_signal(self) -> None:
-        """Raise ValueError unless the keys make one force in time."""
+        """Raise ValueError unless the keys define one force."""
         needs: dict[str, str] = {"ramp": "rise", "sine": "frequency", "table": "table"}
         for shape, key in needs.items():
             given: Any = getattr(self, key)

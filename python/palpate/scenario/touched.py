@@ -1,4 +1,4 @@
-"""[object.mesh] and [object.surface]: which mesh the tip touches, and how its surface answers."""
+"""[object.mesh] and [object.surface]: mesh and its surface properties."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from palpate.units import parse_quantity, write
 
 
 class MeshChoice(Section):
-    """[object.mesh]: a file, or a shape made by formula; placed by [object] position, its origin there.
+    """[object.mesh]: mesh from a file, or a shape by formula; its origin lies at [object] position.
 
     Attributes:
-        shape: "file"; "box", a cube whose origin is the middle of its top (+z); or "bumpy_ellipsoid", an ellipsoid
-            with smooth bumps whose origin is its top.
-        file: STL, OBJ, PLY, OFF, GLB (relative to the scenario's file; absolute once read), and its unit, such as "mm".
-        open: the surface has a border on purpose.
+        shape: "file"; "box", a cube with its origin at the center of its top (+z); or "bumpy_ellipsoid", an ellipsoid
+            with smooth bumps and its origin at its top.
+        file: STL, OBJ, PLY, OFF or GLB file, relative to the scenario's file; absolute after reading.
+        unit: of the coordinates in the file, such as "mm".
+        open: whether the surface may have a border.
         edge: of the box, m.
-        size: of the organ along x, y, z without its bumps, m.
-        bump: height of the organ's bumps, as a part of its radius.
-        divisions: box: squares of two triangles along an edge; organ: times that an icosahedron's triangles are
-            split in four.
-        turn: about x, then y, then z of the device, round the mesh's origin, rad.
-        radius: of the tip, m; 0: a point.
+        size: of the ellipsoid along x, y, z without its bumps, m.
+        bump: height of the bumps over the radius.
+        divisions: of a box: squares of two triangles along an edge; of an ellipsoid: subdivisions of an icosahedron.
+        turn: rotation about the mesh's origin, about x, then y, then z of the device, rad.
+        radius: of the tip, m; 0 for a point.
     """
 
     shape: Literal["file", "box", "bumpy_ellipsoid"] = "file"
@@ -98,20 +98,21 @@ def _values_text(values: tuple[float, ...]) -> Any:
 
 
 class SurfaceChoice(Section):
-    """[object.surface]: how the mesh answers, as palpate.Surface, with stiffness laid over its polygons.
+    """[object.surface]: properties of the mesh's surface, as of palpate.Surface, with patterns of stiffness.
 
     Attributes:
-        stiffness: along the normal, N/m: one value, or those of the pattern in turn.
-        pattern: "stripes" (bands across the mesh's own x), "checkerboard" (fields along its x and y), each `width` wide
-            from its lowest corner on, or "listed" (one value per triangle or per vertex of the mesh).
-        width: of a band or field, m.
+        stiffness: along the normal, N/m: one value, or the values of the pattern in turn.
+        pattern: "stripes" along the mesh's x, "checkerboard" along its x and y, or "listed". A listed stiffness has
+            one value per triangle or per vertex. The other patterns begin at the lowest corner of the mesh.
+        width: of a stripe or square, m.
         damping: along the normal, N*s/m.
-        tangential: stiffness that joins tip and proxy along the surface, N/m; 0: none, and no friction. As stiff as
-            along the normal if not given.
-        static_friction, dynamic_friction: coefficients; dynamic as static if not given.
-        viscous: drag on the sliding proxy, N*s/m.
-        field: "discrete" (each polygon its own stiffness) or "continuous" (spread, and derived from a potential).
-        shading: edges that turn by less, rad, are not felt; 0: every facet is.
+        tangential: stiffness between tip and proxy along the surface, N/m; 0 for no tangential force and no friction.
+            Default: the normal stiffness.
+        static_friction: coefficient.
+        dynamic_friction: coefficient; default: the static one.
+        viscous: friction of a sliding proxy, N*s/m.
+        field: "discrete" (one stiffness per triangle) or "continuous" (gradient of a potential).
+        shading: angle of edges that force shading smooths, rad; 0 for none.
     """
 
     stiffness: Annotated[tuple[float, ...], BeforeValidator(_values), PlainSerializer(_values_text)] = Field(
@@ -130,10 +131,10 @@ class SurfaceChoice(Section):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if len(self.stiffness) > 1 and self.pattern is None:
-            raise ValueError('pattern is missing: say how the values are laid out, for example pattern = "stripes"')
+            raise ValueError('pattern is missing: several values need one, for example pattern = "stripes"')
         laid = self.pattern in ("stripes", "checkerboard")
         if laid and self.width is None:
-            raise ValueError('width is missing: how wide is a field of the pattern? For example width = "10 mm"')
+            raise ValueError('width is missing: the width of a field of the pattern, for example width = "10 mm"')
         if not laid and self.width is not None:
             raise ValueError("width: belongs to a pattern of stripes or a checkerboard")
         if self.shading > SHADED_MOST:

@@ -1,4 +1,4 @@
-"""Controllers in the forms that a user has: linear systems of python-control, functions, and objects."""
+"""Forms of a user's controller: linear systems of python-control, functions and objects."""
 
 from __future__ import annotations
 
@@ -22,45 +22,57 @@ _LINEAR: Final = "a palpate.Controller or a python-control system (6 to 3, or on
 
 @runtime_checkable
 class CommandController(Protocol):
-    """A controller as an object; it may also have `applied(force)` and `reset()`."""
+    """Controller as an object; it may also have `applied(force)` and `reset()`."""
 
     def command(self, tick: Any) -> ArrayLike:
         """Return the tip force (3,), N, for the signals of this tick."""
 
 
-class PythonController:
-    """A function or an object of the user, as the simulated loop calls it.
+class PythonCode:
+    """Function or object of the user, as the simulated loop calls it.
 
     Attributes:
         kind: "python".
-        notes: the name of the function or of the object's class.
+        notes: name of the function or of the object's class.
     """
 
     kind: Final = "python"
 
-    def __init__(self, user: Any) -> None:
+    def __init__(self, user: Any, role: str, method: str) -> None:
+        """Wrap a function, or the `method` of an object; `role` is "controller" or "object", for messages."""
         self.user = user
         self.name = _name(user)
         self.notes: dict[str, Any] = {"name": self.name}
-        self._call: Callable[[Any], Any] = user.command if hasattr(user, "command") else user
-        self._time = 0.0
-        if hasattr(user, "applied"):  # the core asks whether there is one
-            self.applied = self._applied
+        self._role = role
+        self._function: Callable[[Any], Any] = getattr(user, method, user)
 
     def restart(self) -> None:
         """Call `reset()` of the user's object, if it has one."""
         if hasattr(self.user, "reset"):
             self.user.reset()
 
-    def command(self, tick: Any) -> Array:
-        """Return the user's force, checked; a note on an error of the user gives the time."""
-        self._time = tick.time
+    def _call(self, signals: Any) -> Any:
+        """Return the result of the user's code; add the time as a note to an error."""
         try:
-            answer = self._call(tick)
+            return self._function(signals)
         except Exception as problem:
-            problem.add_note(f"palpate: raised by the controller {self.name} at t = {tick.time:.9g} s")
+            problem.add_note(f"palpate: raised by the {self._role} {self.name} at t = {signals.time:.9g} s")
             raise
-        return checked_force(answer, f"controller {self.name}", tick.time, DesignError)
+
+
+class PythonController(PythonCode):
+    """Controller written in Python: a function, or an object with `command(tick)`."""
+
+    def __init__(self, user: Any) -> None:
+        super().__init__(user, "controller", "command")
+        self._time = 0.0
+        if hasattr(user, "applied"):  # the core checks whether it exists
+            self.applied = self._applied
+
+    def command(self, tick: Any) -> Array:
+        """Return the user's force (3,), N. Raise DesignError if it is not three finite numbers."""
+        self._time = tick.time
+        return checked_force(self._call(tick), f"controller {self.name}", tick.time, DesignError)
 
     def _applied(self, force: Array) -> None:
         try:
@@ -71,7 +83,7 @@ class PythonController:
 
 
 def as_controller(value: Any, period: float) -> Controller | PythonController:
-    """Return a controller that the loop runs every `period`, s, from any form that a user may have.
+    """Return a controller with the given period, s, from any form.
 
     Args:
         value: a Controller; a linear system (see `as_linear_controller`); a function f(tick) -> force (3,), N; or an
@@ -80,7 +92,7 @@ def as_controller(value: Any, period: float) -> Controller | PythonController:
         period: s.
 
     Raises:
-        DesignError: it is none of these, or a linear system that does not fit.
+        DesignError: another form, or a linear system of the wrong shape or period.
     """
     if isinstance(value, PythonController):
         return value

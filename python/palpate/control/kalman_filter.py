@@ -53,7 +53,7 @@ def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) 
     q = w if w.ndim == 2 else b @ np.diag(np.broadcast_to(w, (b.shape[1],)) ** 2) @ b.T
     if q.shape != (n, n):
         raise DesignError(f"kalman: a process covariance must be {n} x {n}, not {q.shape[0]} x {q.shape[1]}")
-    require_detectable(a, c, "kalman: the plant is not detectable")
+    _require(a, c, "kalman: the plant is not detectable", "no output sees")
     try:
         p = solve_discrete_are(a.T, c.T, q, np.diag(v**2))
     except (np.linalg.LinAlgError, ValueError) as error:
@@ -66,11 +66,6 @@ def kalman(plant: control.StateSpace, disturbance: ArrayLike, noise: ArrayLike) 
     if n and np.abs(poles).max() >= 1.0 - 1e-12:
         raise DesignError("kalman: no stable stationary filter; the disturbance must excite every undamped mode")
     return KalmanFilter(np.asarray(gain), np.asarray(p), np.asarray(poles, dtype=complex))
-
-
-def require_detectable(a: Array, c: Array, message: str) -> None:
-    """Raise DesignError unless every eigenvalue of ``a`` on or outside the unit circle is observable."""
-    _require(a, c, message, "no output sees")
 
 
 def require_stabilizable(a: Array, b: Array, message: str) -> None:

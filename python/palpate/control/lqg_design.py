@@ -52,8 +52,8 @@ def lqg(
         state_weight: cost of the state of the plant (n, n) in place of the force error and its rate; with
             integrators (n + 3, n + 3) for (state, xi).
         disturbance: as in ``kalman``, force noise at the tip, N, or a process covariance.
-        noise: as in ``kalman``, noise of F_object, N. The default ratio corresponds to 1 N of disturbance and the
-            counts of a 0.03 mm encoder on an object of 1 N/mm.
+        noise: as in ``kalman``, noise of F_object, N. The defaults correspond to 1 N of disturbance and the counts of
+            a 0.03 mm encoder on an object of 1 N/mm.
         windup_time: time constant, s, with which the integrators track a saturated force.
 
     Raises:
@@ -67,17 +67,12 @@ def lqg(
     _check_weights(force_weight, speed_weight, integral_rate, windup_time, integrators)
     axes = active_axes(plant)
     a, b, c, d = plant.A, plant.B[:, axes], plant.C[axes], plant.D[np.ix_(axes, axes)]
-    n, m = b.shape
     require_stabilizable(a, b, "lqg: the plant is not stabilizable")
 
     filtering = kalman(control.StateSpace(a, b, c, d, period), disturbance, noise)
-    augmented_a, augmented_b = a, b
-    if integrators:
-        require_reachable_forces(a, b, c, d)
-        augmented_a = np.block([[a, np.zeros((n, m))], [-period * c, np.eye(m)]])
-        augmented_b = np.vstack([b, -period * d])
+    augmented_a, augmented_b = _augment(a, b, c, d, period) if integrators else (a, b)
     weight, cross = _cost(a, b, c, d, period, speed_weight, integral_rate if integrators else None, state_weight)
-    cost = force_weight * np.eye(m) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
+    cost = force_weight * np.eye(len(axes)) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
     gain, value = _regulator(augmented_a, augmented_b, weight, cost, cross)
     entry = _reference_gain(a, b, c, d, gain, value)
     follow = -np.expm1(-period / windup_time)
@@ -92,6 +87,13 @@ def lqg(
         "filter_poles": filtering.poles,
     }
     return Controller(system, antiwindup, "lqg", notes)
+
+
+def _augment(a: Array, b: Array, c: Array, d: Array, period: float) -> tuple[Array, Array]:
+    """Return A and B of the plant with the integrals of F_ref - F_object."""
+    require_reachable_forces(a, b, c, d)
+    n, m = b.shape
+    return np.block([[a, np.zeros((n, m))], [-period * c, np.eye(m)]]), np.vstack([b, -period * d])
 
 
 def _check_weights(force: float, speed: float, rate: float, windup_time: float, integrators: bool) -> None:

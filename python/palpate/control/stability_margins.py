@@ -178,15 +178,10 @@ def frequency_response(sys: control.StateSpace, theta: float) -> Complex:
 
 
 def _grid(loop: control.StateSpace) -> Array:
-    """Return angles in (0, pi): logarithmic, and dense about the closed and open loop's resonances."""
+    """Return angles in (0, pi], dense about the resonances of the closed loop."""
     base = np.concatenate([np.geomspace(1e-6, np.pi, 600), np.linspace(0.01, np.pi, 400)])
-    parts = [base]
-    for z in np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + loop.D, loop.C)):
-        if abs(z) > 0:
-            width = max(abs(np.log(abs(z))), 1e-6)
-            parts.append(abs(np.angle(z)) + width * np.linspace(-6, 6, 49))
-    theta = np.unique(np.concatenate(parts))
-    return np.asarray(theta[(theta > 1e-9) & (theta <= np.pi)], dtype=float)
+    closed = loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + loop.D, loop.C)
+    return _refined(base, closed, np.linspace(-6, 6, 49), 1e-9)
 
 
 def _unit_crossings(loop: control.StateSpace) -> list[tuple[float, float]]:
@@ -240,7 +235,8 @@ def peak_gain(sys: control.StateSpace) -> tuple[float, float]:
         best = minimize_scalar(lambda t: -height(t), bounds=(low, high), method="bounded", options={"xatol": 1e-13})
         return max((height(t), t) for t in (low, high, float(best.x)))
 
-    theta = np.concatenate([[0.0], _stable_grid(sys)])
+    grid = _refined(np.geomspace(1e-6, np.pi, 300), sys.A, np.linspace(-4, 4, 17), 0.0)
+    theta = np.concatenate([[0.0], grid])
     k = int(np.argmax([height(t) for t in theta]))
     peak, where = climb(theta[max(k - 1, 0)], theta[min(k + 1, len(theta) - 1)])
     for _ in range(20):
@@ -253,13 +249,14 @@ def peak_gain(sys: control.StateSpace) -> tuple[float, float]:
     return float(peak), float(where)
 
 
-def _stable_grid(sys: control.StateSpace) -> Array:
-    near = [np.geomspace(1e-6, np.pi, 300)]
-    for z in np.linalg.eigvals(sys.A):
+def _refined(base: Array, a: Array, offsets: Array, smallest: float) -> Array:
+    """Return angles in (smallest, pi]: `base`, and `offsets` in half widths about the resonances of a (n, n)."""
+    parts = [base]
+    for z in np.linalg.eigvals(a):
         if abs(z) > 0:
-            near.append(abs(np.angle(z)) + max(abs(np.log(abs(z))), 1e-6) * np.linspace(-4, 4, 17))
-    theta = np.unique(np.concatenate(near))
-    return np.asarray(theta[(theta > 0) & (theta <= np.pi)], dtype=float)
+            parts.append(abs(np.angle(z)) + max(abs(np.log(abs(z))), 1e-6) * offsets)
+    theta = np.unique(np.concatenate(parts))
+    return np.asarray(theta[(theta > smallest) & (theta <= np.pi)], dtype=float)
 
 
 def _at_level(sys: control.StateSpace, level: float) -> Array:

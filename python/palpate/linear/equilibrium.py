@@ -64,12 +64,11 @@ def equilibria(
         if force is None:
             tau, geometric_stiffness = load, np.zeros((n, n))
         else:
-            tau = np.asarray(ideal.jacobian(q), dtype=float).T @ tip
-            geometric_stiffness = np.einsum("k,kij->ij", tip, np.asarray(ideal.tip_hessian(q), dtype=float))
+            tau = ideal.jacobian(q).T @ tip
+            geometric_stiffness = np.einsum("k,kij->ij", tip, ideal.tip_hessian(q))
         rest = np.zeros(n)
         a_q, _, a_tau = ideal.linearization(q, rest, tau)
-        acceleration = np.asarray(ideal.acceleration(q, rest, tau), dtype=float)
-        return acceleration, np.asarray(a_q + a_tau @ geometric_stiffness, dtype=float), tau
+        return ideal.acceleration(q, rest, tau), a_q + a_tau @ geometric_stiffness, tau
 
     found: list[Equilibrium] = []
     grid = 2 * np.pi * np.arange(starts) / starts + 0.1

@@ -64,12 +64,9 @@ def linearize(
     joint = device.joint_unit
     pose = _vector(q, n, "q", joint)
     speed = np.zeros(n) if qd is None else _vector(qd, n, "qd", f"{joint}/s")
-    torque = (
-        np.asarray(device.gravity(pose), dtype=float) if tau is None else _vector(tau, n, "tau", device.torque_unit)
-    )
-    a_q, a_v, a_tau = (np.asarray(d, dtype=float) for d in device.linearization(pose, speed, torque))
-    jacobian = np.asarray(device.jacobian(pose), dtype=float)
-
+    torque = device.gravity(pose) if tau is None else _vector(tau, n, "tau", device.torque_unit)
+    a_q, a_v, a_tau = device.linearization(pose, speed, torque)
+    jacobian = device.jacobian(pose)
     gain, geometric_stiffness, input_names = _input(device, pose, torque, jacobian, inputs, force)
     position, output_names = _output(jacobian, outputs, stiffness)
     zero = np.zeros((n, n))
@@ -96,7 +93,7 @@ def _input(
     if inputs == "force":
         require_regular(jacobian, pose)
         constant = static_tip_force(jacobian, torque) if force is None else _vector(force, 3, "force", "N")
-        geometric_stiffness = np.einsum("k,kij->ij", constant, np.asarray(device.tip_hessian(pose), dtype=float))
+        geometric_stiffness = np.einsum("k,kij->ij", constant, device.tip_hessian(pose))
         return jacobian.T, geometric_stiffness, [f"force[{a}]" for a in AXES]
     raise PoseError(f'linearize: inputs must be "torque" or "force", not {inputs!r}')
 

@@ -20,7 +20,8 @@ from palpate.errors import OutputError
 from palpate.files import atomic_write
 from palpate.metrics import summarize
 from palpate.metrics.step import step_response
-from palpate.simulation.trace import Channel, Trace, TraceError
+from palpate.simulation.trace import Trace, TraceError
+from palpate.simulation.trace_export import Channel
 from scipy.io import loadmat
 
 PRESS: dict[str, Any] = {

@@ -146,19 +146,13 @@ def _identified(name: str, dof: int) -> IdentifiedModel:
     for key in ("name", "description", "source", "period", "a", "b", "c"):
         if key not in tables:
             raise DeviceError(f"{where}: {key} is missing")
-    period = _period(tables["period"], where)
+    period = parse_quantity(tables["period"], "s", f"{where}: period", error=DeviceError)
+    if not period > 0.0:
+        raise DeviceError(f"{where}: period is {period:g} s; it must be positive")
     n = len(tables["a"]) if isinstance(tables["a"], list) else 0
     shapes = {"a": (n, n), "b": (n, dof), "c": (dof, n)}
     matrices = {key: _matrix(tables[key], shape, f"{where}: {key}") for key, shape in shapes.items()}
     return IdentifiedModel(str(tables["name"]), str(tables["description"]), str(tables["source"]), period, **matrices)
-
-
-def _period(value: Any, where: str) -> float:
-    """Return a sampling period in s."""
-    period = parse_quantity(value, "s", f"{where}: period", error=DeviceError)
-    if not period > 0.0:
-        raise DeviceError(f"{where}: period is {period:g} s; it must be positive")
-    return period
 
 
 def _matrix(rows: Any, shape: tuple[int, int], at: str) -> NDArray[np.float64]:
@@ -195,8 +189,7 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
             "\n".join(f'{where}: {key} is missing; write {key} = "…" at the top of the file' for key in absent)
         )
     if tables["mechanism"] not in MECHANISMS:
-        known = ", ".join(f'"{m}"' for m in MECHANISMS)
-        known = " or ".join(known.rsplit(", ", 1))
+        known = " or ".join(", ".join(f'"{m}"' for m in MECHANISMS).rsplit(", ", 1))
         raise DeviceError(f"{where}: mechanism must be {known}, not {tables['mechanism']!r}")
     return where, tables
 
@@ -225,12 +218,6 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         raise DeviceError(f"{path}: the device file cannot be read: {reason}") from None
 
 
-def _place(where: str, text: str, key: str) -> str:
-    """Return file and line of a key, for messages."""
-    line = find_line(text, key.split("."))
-    return where if line is None else f"{where}, line {line}"
-
-
 def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
     fields = FIELDS[tables["mechanism"]]
     sources = tables.get("sources", {})
@@ -245,7 +232,9 @@ def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
     mistakes: list[tuple[int, str]] = []
 
     def add(name: str, sentence: str) -> None:
-        mistakes.append((find_line(text, name.split(".")) or 0, f"{_place(where, text, name)}: {sentence}"))
+        line = find_line(text, name.split("."))
+        place = where if line is None else f"{where}, line {line}"
+        mistakes.append((line or 0, f"{place}: {sentence}"))
 
     for name in entries:
         if name not in fields:
@@ -268,24 +257,23 @@ def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
 
 
 def _number(name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> Number:
-    at = name
     if not isinstance(entry, dict) or "value" not in entry or "source" not in entry:
-        raise DeviceError(f'{at} must be written {{ value = "…", source = "…" }}: each number needs a source')
+        raise DeviceError(f'{name} must be written {{ value = "…", source = "…" }}: each number needs a source')
     unknown = set(entry) - {"value", "source", "note"}
     if unknown:
-        raise DeviceError(f"{at}: unknown key {sorted(unknown)[0]}; the keys are value, source and note")
+        raise DeviceError(f"{name}: unknown key {sorted(unknown)[0]}; the keys are value, source and note")
     value = entry["value"]
     if field.size > 1:
         if not isinstance(value, list):
-            raise DeviceError(f"{at} needs a list of {field.size} values, one per joint or axis")
-        values = parse_quantity(value, field.unit, at, size=field.size, error=DeviceError)
+            raise DeviceError(f"{name} needs a list of {field.size} values, one per joint or axis")
+        values = parse_quantity(value, field.unit, name, size=field.size, error=DeviceError)
     else:
-        values = (parse_quantity(value, field.unit, at, error=DeviceError),)
+        values = (parse_quantity(value, field.unit, name, error=DeviceError),)
     smallest = f"{min(values):g} {field.unit}".rstrip()
     if field.range == "nonnegative" and min(values) < 0.0:
-        raise DeviceError(f"{at} is {smallest}; it must not be negative")
+        raise DeviceError(f"{name} is {smallest}; it must not be negative")
     if field.range == "positive" and min(values) <= 0.0:
-        raise DeviceError(f"{at} is {smallest}; it must be positive")
+        raise DeviceError(f"{name} is {smallest}; it must be positive")
     source = str(entry["source"])
     shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
     return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -168,23 +168,11 @@ class Body(IndentableBody):
                 f"the mass-spring model needs {size / 1e9:.3g} GB: use a coarser mesh, or a smaller contact surface"
             )
         body = self._with_model("mass_spring", options, static_friction, dynamic_friction)
-        network = body.spring_network = self.spring_network
+        body.spring_network = self.spring_network
         body.settling_period, body.ramp_time = options["period"], 0.25
-        body.core = _core.MassSpringBody(
-            *self._arrays()[:3],
-            network.points,
-            network.masses,
-            np.ascontiguousarray(self.contents.dirichlet),
-            np.ascontiguousarray(network.springs, dtype=np.int32),
-            network.stiffness,
-            np.ascontiguousarray(network.tetrahedra, dtype=np.int32),
-            network.pressure,
-            *self._patches(),
-            options["period"],
-            options["rayleigh_alpha"],
-            options["rayleigh_beta"],
-            *body.kind.friction,
-        )
+        numbers = [options["period"], options["rayleigh_alpha"], options["rayleigh_beta"], *body.kind.friction]
+        arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values(), *numbers]
+        body.core = _core.MassSpringBody(*arguments)
         return body
 
     def free_form(

@@ -74,12 +74,7 @@ def build(
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, skin)
-    dirichlet = parse_selectors(fixed)
-    if not dirichlet:
-        raise BodyError(
-            "nothing is fixed, so the body has rigid-body motions: fix a part of it, "
-            'fixed="z < 1 mm" (--fixed "z < 1 mm")'
-        )
+    dirichlet = _dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
@@ -89,6 +84,17 @@ def build(
     if output is not None:
         write(contents, output)
     return Body(contents)
+
+
+def _dirichlet_regions(fixed: str | Selector | Sequence[str | Selector]) -> list[Selector]:
+    """Return the fixed regions. Raise BodyError if there is none."""
+    regions = parse_selectors(fixed)
+    if not regions:
+        raise BodyError(
+            "nothing is fixed, so the body has rigid-body motions: fix a part of it, "
+            'fixed="z < 1 mm" (--fixed "z < 1 mm")'
+        )
+    return regions
 
 
 class _Stages:

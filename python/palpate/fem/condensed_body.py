@@ -200,6 +200,23 @@ class CondensedBody:
         nodes, triangles = self._volume_triangles()
         return contact_patches(self.volume.points, triangles, nodes)
 
+    def _network_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the masses, springs, volumes and patches of the mass-spring model, in the order of the core."""
+        network = self.spring_network
+        begin, vertices, weights = self._patches()
+        return {
+            "positions": network.points,
+            "masses": network.masses,
+            "fixed": np.ascontiguousarray(self.contents.dirichlet),
+            "springs": np.ascontiguousarray(network.springs, dtype=np.int32),
+            "stiffness": network.stiffness,
+            "tetrahedra": np.ascontiguousarray(network.tetrahedra, dtype=np.int32),
+            "pressure": network.pressure,
+            "patch_begin": begin,
+            "patch_vertices": vertices,
+            "patch_weights": weights,
+        }
+
     def _arrays(self) -> tuple[Array, Array, Array, Single]:
         nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)

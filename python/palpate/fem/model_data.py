@@ -50,7 +50,9 @@ def model_data(body: Body) -> ModelData:
         }
         return ModelData("free_form", parameters, arrays)
     if name == "mass_spring":
-        return ModelData("mass_spring", parameters | options, arrays | _network(body))
+        network = body._network_arrays()
+        network["fixed"] = network["fixed"].astype(np.uint8)
+        return ModelData("mass_spring", parameters | options, arrays | network)
     arrays["compliance"] = compliance
     if name == "compliance":
         return ModelData("compliance", parameters, arrays)
@@ -60,21 +62,3 @@ def model_data(body: Body) -> ModelData:
         arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
         return ModelData("modal", parameters | options, arrays)
     raise BodyError(f"a body of the kind {name} has no linear model")
-
-
-def _network(body: Body) -> Arrays:
-    """Return the masses, springs, volumes and patches of a mass-spring model."""
-    network = body.spring_network
-    begin, vertices, weights = body._patches()
-    return {
-        "positions": network.points,
-        "masses": network.masses,
-        "fixed": np.asarray(body.contents.dirichlet, dtype=np.uint8),
-        "springs": np.asarray(network.springs, dtype=np.int32).reshape(-1, 2),
-        "stiffness": network.stiffness,
-        "tetrahedra": np.asarray(network.tetrahedra, dtype=np.int32).reshape(-1, 4),
-        "pressure": network.pressure,
-        "patch_begin": begin,
-        "patch_vertices": vertices,
-        "patch_weights": weights,
-    }

@@ -52,18 +52,7 @@ def phantom(
     """
     stiffness, ratio = positive(young, "Pa", "young"), positive(contrast, "", "contrast")
     layer, deep, width = not_negative(skin, "m", "skin"), length(depth, "depth"), positive(diameter, "m", "diameter")
-    if layer >= _HEIGHT:
-        raise BodyError(f"skin: {1e3 * layer:g} mm; it must be thinner than the block of {1e3 * _HEIGHT:g} mm")
-    if layer + width > _HEIGHT:
-        raise BodyError(
-            f"diameter: {1e3 * width:g} mm; the nodule does not fit between a skin of {1e3 * layer:g} mm and the "
-            f"bottom of the block of {1e3 * _HEIGHT:g} mm"
-        )
-    if not layer <= deep <= _HEIGHT - width:
-        raise BodyError(
-            f"depth: {1e3 * deep:g} mm; the nodule lies between the skin and the bottom of the block of "
-            f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - width):.4g} mm"
-        )
+    _check_nodule(layer, deep, width)
     center = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - width / 2)
     nodule = [] if ratio == 1.0 else [Region(sphere(center, width / 2), ratio * stiffness)]
     return build(
@@ -78,3 +67,19 @@ def phantom(
         output=output,
         progress=progress,
     )
+
+
+def _check_nodule(layer: float, deep: float, width: float) -> None:
+    """Raise BodyError unless a nodule at a depth, m, lies between the surface layer and the bottom."""
+    if layer >= _HEIGHT:
+        raise BodyError(f"skin: {1e3 * layer:g} mm; it must be thinner than the block of {1e3 * _HEIGHT:g} mm")
+    if layer + width > _HEIGHT:
+        raise BodyError(
+            f"diameter: {1e3 * width:g} mm; the nodule does not fit between a skin of {1e3 * layer:g} mm and the "
+            f"bottom of the block of {1e3 * _HEIGHT:g} mm"
+        )
+    if not layer <= deep <= _HEIGHT - width:
+        raise BodyError(
+            f"depth: {1e3 * deep:g} mm; the nodule lies between the skin and the bottom of the block of "
+            f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - width):.4g} mm"
+        )

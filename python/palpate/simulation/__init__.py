@@ -6,7 +6,8 @@ from palpate.simulation.loop import Loop, Sample
 from palpate.simulation.loop_config import resolve
 from palpate.simulation.simulator import Simulation, build_simulation, simulate
 from palpate.simulation.surface_frames import Frame, SurfaceFrames
-from palpate.simulation.trace import CHANNELS, Channel, Trace, TraceError
+from palpate.simulation.trace import CHANNELS, Trace, TraceError
+from palpate.simulation.trace_export import Channel
 from palpate.simulation.user_object import ContactResult
 
 __all__ = [

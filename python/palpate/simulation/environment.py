@@ -1,4 +1,4 @@
-"""A servo loop as an environment for learning, shaped as Gymnasium's but without depending on it."""
+"""Servo loop as a learning environment with the interface of Gymnasium, which is not required."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
-from palpate.simulation.loop import Loop, Sample
+from palpate.simulation.loop import Loop, Sample, as_force
 
 
 class _Held:
-    """A controller that gives the force of the last action."""
+    """Controller that holds the force of the last action."""
 
     def __init__(self) -> None:
         self.force = np.zeros(3)
@@ -29,7 +29,7 @@ class _Held:
 
 
 class Environment:
-    """The loop of a scenario with `reset` and `step` as Gymnasium has them. SI units, device frame.
+    """Loop of a scenario with the methods `reset` and `step` of Gymnasium. SI units, device frame.
 
     The observation is that of `palpate.Loop` (12,): tip position (m), tip velocity (m/s), object force (N), reference
     force (N). An episode is terminated when the loop diverges, and truncated at the end of the scenario's run.
@@ -96,9 +96,7 @@ class Environment:
         Raises:
             ScenarioError: the action is not three finite numbers, or the episode is over.
         """
-        force = np.asarray(action, dtype=float)
-        if force.shape != (3,) or not np.isfinite(force).all():
-            raise ScenarioError(f"action: three finite numbers, N, not {force.tolist()}")
+        force = as_force(action, "action")
         if self.loop.done:
             raise ScenarioError("the episode is over; call reset() first")
         force = np.clip(force, self.action_low, self.action_high)

@@ -208,13 +208,13 @@ class Loop:
         if self.diverged:
             raise ScenarioError(f"the loop diverged at {self._unstable_tick * self.period:g} s; call reset() first")
         tick, last = self.count, self.samples - 1
-        wanted = self._simulation.reference[min(tick, last)] if reference is None else _force(reference, "reference")
+        wanted = self._simulation.reference[min(tick, last)] if reference is None else as_force(reference, "reference")
         if force is None:
             begin, end = self._operator_force(tick)
         elif self.scenario.operator.kind == "fixed":
             raise ScenarioError('force: the tip is fixed and cannot be pushed; give operator.kind = "force" or "arm"')
         else:
-            begin = end = _force(force, "force")
+            begin = end = as_force(force, "force")
         row = np.asarray(self._core.tick(wanted, begin))
         if tick % self.scenario.run.record_every == 0:
             self._rows.append(row)
@@ -253,7 +253,8 @@ class Loop:
         return np.asarray(simulation.device.jacobian(at) @ qd, dtype=float)
 
 
-def _force(value: ArrayLike, name: str) -> Array:
+def as_force(value: ArrayLike, name: str) -> Array:
+    """Return a force (3,), N. Raise ScenarioError, naming it, for any other value."""
     try:
         force = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -9,7 +9,6 @@ import tempfile
 import zlib
 from collections.abc import Mapping
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -25,7 +24,7 @@ from palpate.files import as_path
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import place_body
 from palpate.simulation.meshes import touched_mesh
-from palpate.simulation.simulator import Simulation, build_simulation
+from palpate.simulation.simulator import Simulation, build_simulation, package_version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,7 +100,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "written_by": _written_by(),
+        "written_by": f"palpate {package_version()}",
         "title": scenario.title,
         "mechanism": {"name": device.model.name, "parameters": parameters},
         "servo": _servo(setup),
@@ -115,13 +114,6 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
             "operator_force": blobs.signal("operator_force", simulation.operator),
         },
     }
-
-
-def _written_by() -> str:
-    try:
-        return f"palpate {version('palpate')}"
-    except PackageNotFoundError:  # run from a source tree that is not installed
-        return "palpate"
 
 
 def _servo(setup: Any) -> dict[str, Any]:

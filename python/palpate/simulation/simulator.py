@@ -1,4 +1,4 @@
-"""A scenario in, a trace out: the loop of the block diagram, run by the core."""
+"""Simulation of a scenario by the core."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
 from palpate.simulation.bodies import touched_body
-from palpate.simulation.controllers import build_controller
+from palpate.simulation.controllers import build_controller, read_scenario
 from palpate.simulation.meshes import touched_mesh
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
-# What the core adds to a row: columns of each channel.
+# Channels that the core adds to a row, with their numbers of columns.
 MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
 BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}
-BEYOND = 1e100  # in any unit: its square is still a number
+BEYOND = 1e100  # bound of every signal, in any unit; its square is finite
 
 
 def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None) -> Trace:
@@ -63,15 +63,13 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: An
 def build_simulation(
     scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None, object: Any = None
 ) -> Simulation:
-    """Return a scenario made ready to run, as `simulate` would run it: for running it many times."""
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
-    return Simulation.of(scenario, controller, object)
+    """Return the simulation of a scenario, which may run many times; arguments as of `simulate`."""
+    return Simulation.of(read_scenario(scenario), controller, object)
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """A scenario made ready: the core's setup, and the forces at every sample (ticks + 1, 3), N."""
+    """Scenario with the core's setup and the forces at every sample (ticks + 1, 3), N."""
 
     scenario: Scenario
     device: Device
@@ -85,7 +83,7 @@ class Simulation:
 
     @classmethod
     def of(cls, scenario: Scenario, controller: Any = None, object: Any = None) -> Simulation:
-        """Build what the scenario describes, with `controller` and `object` instead of its own if given."""
+        """Return the simulation of a scenario; `controller` and `object` replace those of the scenario."""
         device = scenario.load_device()
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         hold = np.zeros(3)
@@ -128,22 +126,22 @@ class Simulation:
         return np.split(rows, np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1]), axis=1)
 
     def trace(self, rows: Array, unstable_tick: int, reference: Array | None = None) -> Trace:
-        """Name the core's columns and add what follows from them.
+        """Return the trace of the core's rows.
 
         Args:
             rows: of the core, (n, k).
-            unstable_tick: at which the loop diverged; -1: it did not.
-            reference: at each row (n, 3), N; None: the scenario's.
+            unstable_tick: tick of divergence; -1 for none.
+            reference: at each row (n, 3), N; None for the scenario's.
         """
         device = self.device
         every = self.scenario.run.record_every
         wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
-        if len(wild):  # the force ran away within one sample, before the speed that the core watches
+        if len(wild):  # the force diverged within one sample, before the speed, which the core checks
             rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
         q, qd, object_force, command, torque, operator, touching, saturated, met = self.columns(rows)
         tip = self.tip(q)
         if self.scenario.operator.kind == "fixed":
-            # The hand bears what the motors leave over: J^T f = N - tau, the smallest such f.
+            # The operator balances gravity and motors: J^T f = N - tau, with the smallest f.
             needed = device.gravity(q) - torque
             operator = np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(device.jacobian(q), 1, 2)), needed)
         values = {
@@ -174,14 +172,14 @@ class Simulation:
             unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
             metadata={
                 "scenario": self.scenario.to_dict(),
-                "version": _version(),
+                "version": package_version(),
                 "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
                 **({} if self.user_object is None else {"object": {"kind": "python", **self.user_object.notes}}),
             },
         )
 
     def _times(self, rows: int) -> Array:
-        """Return when the recorded ticks came, s."""
+        """Return the times of the recorded ticks, s."""
         every = self.scenario.run.record_every
         time = self.scenario.period * every * np.arange(rows)
         if self.scenario.servo.jitter > 0.0 and rows:
@@ -189,14 +187,14 @@ class Simulation:
         return np.asarray(time, dtype=float)
 
     def tip(self, q: Array) -> Array:
-        """Tip positions as the servo computes them, before the encoders' rounding."""
+        """Return tip positions (n, 3), m, as the servo computes them, without the rounding of the encoders."""
         if self.scenario.device.kinematics == "linear":
             shift = (q - self.start) @ np.asarray(self.device.jacobian(self.start)).T
             return np.asarray(self.device.forward(self.start) + shift, dtype=float)
         return self.device.forward(q)
 
     def _deflection(self, tip: Array) -> Array:
-        """How far the tip has pushed the object in; without an object, how far it has moved."""
+        """Return the deflection of the object (n, 3), m; without an object, the displacement of the tip."""
         away = tip - np.array(self.setup.wall.point)
         if self.scenario.object.kind != "wall":
             return np.asarray(away, dtype=float)
@@ -241,7 +239,7 @@ def _setup(
 
 
 def _chosen(controller: Any, scenario: Scenario) -> Controller | PythonController:
-    """Return the controller that the caller gave instead of the scenario's."""
+    """Return the caller's controller."""
     try:
         return as_controller(controller, scenario.period)
     except DesignError as problem:
@@ -266,7 +264,7 @@ def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None
     anchor = _core.SpringWallParameters()
     kinds = {"spring": _core.SpringWallParameters.Kind.point, "wall": _core.SpringWallParameters.Kind.half_space}
     anchor.kind = kinds.get(touched.kind, _core.SpringWallParameters.Kind.none)
-    # The object stands where the servo sees the tip: between two counts a stiff one would push at rest.
+    # The object is placed at the tip as the encoders read it; otherwise a stiff object would push at rest.
     step = device.encoder_step
     counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
     counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
@@ -305,7 +303,8 @@ def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     setup.human_arm = hand
 
 
-def _version() -> str:
+def package_version() -> str:
+    """Return the version of the installed package, or "unknown" in a source tree that is not installed."""
     try:
         return version("palpate")
     except PackageNotFoundError:
@@ -313,7 +312,7 @@ def _version() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold: arrays as lists, anything unknown as text."""
+    """Return a value for JSON: arrays as lists, unknown types as text."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):

@@ -1,11 +1,11 @@
-"""What a run leaves behind: channels with units, and the scenario and version they came from."""
+"""Trace of a run: channels with units, scenario and version."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,7 +17,8 @@ from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.simulation.trace_export import (
-    Exported,
+    Channel,
+    TraceContent,
     columns,
     write_csv,
     write_mat,
@@ -35,27 +36,27 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "angle": ("rad", "joint angles"),
     "velocity": ("rad/s", "joint velocities"),
     "tip": ("m", "tip position, base frame"),
-    "deflection": ("m", "how far the tip has pushed the object in, per axis"),
+    "deflection": ("m", "deflection of the object at the tip, per axis"),
     "object_force": ("N", "force of the tip on the object"),
-    "command_force": ("N", "tip force that the controller commands, without the gravity hold"),
+    "command_force": ("N", "tip force that the controller commands, without the gravity compensation"),
     "torque": ("N*m", "motor torques at the joints"),
     "reference_force": ("N", "reference force"),
     "operator_force": ("N", "force of the operator on the tip"),
     "energy": ("J", "kinetic and potential energy of the device"),
-    "proxy": ("m", "the tip's proxy on the mesh (a sphere's centre)"),
-    "normal": ("", "unit normal of the mesh there, outward; zero where apart"),
-    "depth": ("m", "of the tip under the proxy, along the normal"),
-    "surface_stiffness": ("N/m", "of the mesh at the proxy, along the normal"),
-    "stored_energy": ("J", "in the body: elastic and kinetic"),
-    "saved_energy": ("J", "put into the body besides, kept for snapshots to come (large displacements)"),
-    "pressed_nodes": ("", "number of the body's nodes that the tip presses"),
-    "solved": ("", "1; 0: more nodes lay under the tip than are looked at"),
-    "triangle": ("", "number of the touched triangle, -1 where apart"),
+    "proxy": ("m", "proxy of the tip on the mesh (center of a sphere)"),
+    "normal": ("", "outward unit normal of the mesh at the proxy; zero without contact"),
+    "depth": ("m", "depth of the tip below the proxy, along the normal"),
+    "surface_stiffness": ("N/m", "stiffness of the mesh at the proxy, along the normal"),
+    "stored_energy": ("J", "elastic and kinetic energy of the body"),
+    "saved_energy": ("J", "level of the energy tank of the body (large displacements)"),
+    "pressed_nodes": ("", "number of nodes of the body in contact"),
+    "solved": ("", "1; 0 if more nodes lie under the tip than the solver holds"),
+    "triangle": ("", "index of the triangle in contact, -1 without contact"),
 }
 _FORMAT: Final = "palpate-trace-1"
 _JOINTS: Final = ("angle", "velocity", "torque")
 _HDF5: Final = (".h5", ".hdf5")
-# suffix: with which a file of that format begins
+# suffix: first bytes of a file of that format
 _SIGNATURES: Final = {
     ".h5": HDF5_SIGNATURE,
     ".hdf5": HDF5_SIGNATURE,
@@ -67,42 +68,22 @@ _SIGNATURES: Final = {
 
 
 class TraceError(PalpateError):
-    """A trace has wrong shapes, values that are not finite, or a file that is none."""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One quantity in time.
-
-    Attributes:
-        values: (n, k), one row per sample.
-        unit: SI, as "N*m".
-        description: one line.
-    """
-
-    values: Array
-    unit: str
-    description: str = ""
+    """A trace has wrong shapes or values that are not finite, or a file is not a trace."""
 
 
 @dataclass(frozen=True, repr=False)
-class Trace:
+class Trace(TraceContent):
     """Channels of a run over one time axis.
 
     Attributes:
         time: (n,), s, increasing.
         channels: by name; those of `CHANNELS`, and any other.
-        unstable_from: s, when the loop diverged; nothing is recorded from then on. None: it did not.
+        unstable_from: time of divergence, s, at which the recording ends; None for a loop that did not diverge.
         metadata: "scenario" (tables of text with units), "version", and anything that JSON can hold.
 
     Raises:
         TraceError: lengths differ, or a value is not finite.
     """
-
-    time: Array
-    channels: dict[str, Channel]
-    unstable_from: float | None = None
-    metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.time.ndim != 1 or not np.all(np.isfinite(self.time)) or np.any(np.diff(self.time) <= 0.0):
@@ -161,7 +142,7 @@ class Trace:
         return dict(self.metadata.get("scenario", {}))
 
     def save(self, path: str | Path) -> Path:
-        """Write the trace, whole or not at all; the suffix of the path decides the format.
+        """Write the trace atomically in the format of the suffix.
 
         `.h5` (HDF5): a dataset per channel with its unit, the metadata as JSON; `load` reads it back. Exports: `.csv`,
         `.mat` (MATLAB 5), `.parquet`, and `.mcap` for Foxglove and PlotJuggler. The last two need `palpate[export]`.
@@ -182,8 +163,7 @@ class Trace:
         _check_format(file)
         if suffix in _HDF5:
             return atomic_write(file, self._write_hdf5)
-        content = self._exported()
-        return atomic_write(file, lambda part: exports[suffix](content, part))
+        return atomic_write(file, lambda part: exports[suffix](self, part))
 
     def to_pandas(self) -> DataFrame:
         """Return a table with a row per sample and a column per component, "tip_x [m]"; the index is the time, s.
@@ -195,7 +175,7 @@ class Trace:
             import pandas as pd
         except ImportError:
             raise TraceError("to_pandas needs pandas: pip install 'palpate[export]'") from None
-        table = pd.DataFrame(columns(self._exported())).set_index("time [s]")
+        table = pd.DataFrame(columns(self)).set_index("time [s]")
         table.attrs.update(self.metadata)
         return table
 
@@ -244,10 +224,6 @@ class Trace:
             f"<p><b>{title}</b>: {len(self)} samples to {end}, {state}</p><table><thead><tr><th>channel</th>"
             f"<th>unit</th><th>least to largest</th><th>meaning</th></tr></thead><tbody>{rows}</tbody></table>"
         )
-
-    def _exported(self) -> Exported:
-        channels = {name: (c.values, c.unit, c.description) for name, c in self.channels.items()}
-        return Exported(self.time, channels, self.metadata, self.unstable_from)
 
     def _write_hdf5(self, path: Path) -> None:
         import h5py
@@ -302,7 +278,7 @@ class Trace:
         except TraceError:
             raise
         except (OSError, LookupError, RuntimeError, TypeError, AttributeError, ValueError) as problem:
-            # What h5py raises for a damaged file, or one of another shape.
+            # raised by h5py for a damaged file, or one with other content
             raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
         return cls(time, channels, None if unstable is None else float(unstable), metadata)
 
@@ -312,16 +288,12 @@ def _extent(values: Array) -> str:
 
 
 def _check_format(file: Path) -> None:
-    """Refuse to overwrite an existing file whose content is not of the format that its suffix names.
-
-    Raises:
-        OutputError: it holds something else.
-    """
+    """Raise OutputError if a file exists whose content does not have the format of its suffix."""
     try:
         with file.open("rb") as opened:
             begin = opened.read(len(b"MATLAB 5.0"))
     except OSError:
-        return  # there is none, or writing it says why it cannot be written
+        return  # there is no file, or the attempt to write it raises
     suffix = file.suffix.lower()
     same = not begin or begin.startswith(_SIGNATURES[suffix])
     if same and begin and suffix in _HDF5:

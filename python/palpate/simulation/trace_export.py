@@ -1,12 +1,12 @@
-"""Export formats of a trace: CSV, MAT, Parquet and MCAP. Each function writes one file."""
+"""Content of a trace, and its export formats: CSV, MAT, Parquet and MCAP. Each writer writes one file."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,13 +17,29 @@ AXES: Final = ("x", "y", "z")
 _PER_JOINT: Final = ("angle", "velocity", "torque")
 
 
-class Exported(NamedTuple):
-    """The content of a trace."""
+@dataclass(frozen=True)
+class Channel:
+    """Quantity as a function of time.
 
-    time: Array  # (n,), s
-    channels: Mapping[str, tuple[Array, str, str]]  # values (n, k), unit, description
-    metadata: Mapping[str, Any]
-    unstable_from: float | None
+    Attributes:
+        values: (n, k), one row per sample.
+        unit: SI, such as "N*m".
+        description: one line.
+    """
+
+    values: Array
+    unit: str
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class TraceContent:
+    """Content of a trace; `Trace` describes the fields."""
+
+    time: Array
+    channels: dict[str, Channel]
+    unstable_from: float | None = None
+    metadata: dict[str, Any] = field(default_factory=dict)
 
 
 def column_names(name: str, count: int) -> list[str]:
@@ -32,16 +48,16 @@ def column_names(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}_{label}" for label in labels]
 
 
-def columns(trace: Exported) -> dict[str, Array]:
+def columns(trace: TraceContent) -> dict[str, Array]:
     """Return every column by its name with the unit in brackets, "tip_x [m]"."""
     found = {"time [s]": trace.time}
-    for name, (values, unit, _) in trace.channels.items():
-        for column, title in enumerate(column_names(name, values.shape[1])):
-            found[f"{title} [{unit}]"] = values[:, column]
+    for name, channel in trace.channels.items():
+        for column, title in enumerate(column_names(name, channel.values.shape[1])):
+            found[f"{title} [{channel.unit}]"] = channel.values[:, column]
     return found
 
 
-def write_csv(trace: Exported, path: Path) -> None:
+def write_csv(trace: TraceContent, path: Path) -> None:
     """Write one row per sample, with every digit; the header has name, axis or joint, and unit."""
     table = columns(trace)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -50,21 +66,21 @@ def write_csv(trace: Exported, path: Path) -> None:
         writer.writerows([repr(value) for value in row] for row in np.column_stack([*table.values()]).tolist())
 
 
-def write_mat(trace: Exported, path: Path) -> None:
+def write_mat(trace: TraceContent, path: Path) -> None:
     """Write a MATLAB 5 file: `time`, one variable (n, k) per channel, `units` and `metadata` (JSON)."""
     from scipy.io import savemat
 
     content: dict[str, Any] = {
         "time": trace.time[:, None],
-        **{name: values for name, (values, _, _) in trace.channels.items()},
-        "units": {"time": "s", **{name: unit for name, (_, unit, _) in trace.channels.items()}},
+        **{name: channel.values for name, channel in trace.channels.items()},
+        "units": {"time": "s", **{name: channel.unit for name, channel in trace.channels.items()}},
         "metadata": _json(trace),
     }
     with path.open("wb") as file:
         savemat(file, content, do_compression=True, long_field_names=True)
 
 
-def write_parquet(trace: Exported, path: Path) -> None:
+def write_parquet(trace: TraceContent, path: Path) -> None:
     """Write one column per component, named as in CSV; the metadata are JSON in the schema.
 
     Raises:
@@ -79,7 +95,7 @@ def write_parquet(trace: Exported, path: Path) -> None:
     parquet.write_table(table.replace_schema_metadata({"palpate": _json(trace)}), path)
 
 
-def write_mcap(trace: Exported, path: Path) -> None:
+def write_mcap(trace: TraceContent, path: Path) -> None:
     """Write one topic of JSON messages per channel, which Foxglove and PlotJuggler open.
 
     Raises:
@@ -94,24 +110,24 @@ def write_mcap(trace: Exported, path: Path) -> None:
         writer = Writer(file)
         writer.start(profile="", library="palpate")
         writer.add_metadata("palpate", {"trace": _json(trace)})
-        for name, (values, unit, description) in trace.channels.items():
-            keys = [key.removeprefix(f"{name}_") for key in column_names(name, values.shape[1])]
+        for name, channel in trace.channels.items():
+            keys = [key.removeprefix(f"{name}_") for key in column_names(name, channel.values.shape[1])]
             keys = ["value"] if len(keys) == 1 else keys
             schema = {
                 "type": "object",
-                "description": f"{description} [{unit}]",
+                "description": f"{channel.description} [{channel.unit}]",
                 "properties": {key: {"type": "number"} for key in keys},
             }
             kind = writer.register_schema(name=name, encoding="jsonschema", data=json.dumps(schema).encode())
             topic = writer.register_channel(
-                topic=f"/{name}", message_encoding="json", schema_id=kind, metadata={"unit": unit}
+                topic=f"/{name}", message_encoding="json", schema_id=kind, metadata={"unit": channel.unit}
             )
-            for stamp, row in zip(stamps, values.tolist(), strict=True):
+            for stamp, row in zip(stamps, channel.values.tolist(), strict=True):
                 message = json.dumps(dict(zip(keys, row, strict=True))).encode()
                 writer.add_message(channel_id=topic, log_time=stamp, publish_time=stamp, data=message)
         writer.finish()  # type: ignore[no-untyped-call,unused-ignore]
 
 
-def _json(trace: Exported) -> str:
+def _json(trace: TraceContent) -> str:
     content = {"metadata": dict(trace.metadata), "unstable_from_s": trace.unstable_from}
     return json.dumps(content, allow_nan=False, ensure_ascii=False)

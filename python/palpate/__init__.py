@@ -10,17 +10,20 @@ from palpate.errors import PalpateError
 if TYPE_CHECKING:
     __version__: str
 
-    from palpate.contact import Contact, Mesh, Proxy, Surface
-    from palpate.control.controller import Controller
-    from palpate.devices import Device
-    from palpate.linear.discretization import discretize
-    from palpate.linear.linearization import linearize
-    from palpate.metrics import summarize
-    from palpate.scenario import Scenario
-    from palpate.simulation.loop import Loop
-    from palpate.simulation.simulator import simulate
-    from palpate.simulation.trace import Trace
-    from palpate.sweeps import sweep
+    from palpate.contact import Contact as Contact
+    from palpate.contact import Mesh as Mesh
+    from palpate.contact import Proxy as Proxy
+    from palpate.contact import Surface as Surface
+    from palpate.control.controller import Controller as Controller
+    from palpate.devices import Device as Device
+    from palpate.linear.discretization import discretize as discretize
+    from palpate.linear.linearization import linearize as linearize
+    from palpate.metrics import summarize as summarize
+    from palpate.scenario import Scenario as Scenario
+    from palpate.simulation.loop import Loop as Loop
+    from palpate.simulation.simulator import simulate as simulate
+    from palpate.simulation.trace import Trace as Trace
+    from palpate.sweeps import sweep as sweep
 
 # Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
 _LAZY_ATTRIBUTES = {
@@ -55,37 +58,7 @@ _SUBPACKAGES = (
     "sweeps",
 )
 
-__all__ = [
-    "Contact",
-    "Controller",
-    "Device",
-    "Loop",
-    "Mesh",
-    "PalpateError",
-    "Proxy",
-    "Scenario",
-    "Surface",
-    "Trace",
-    "__version__",
-    "contact",
-    "control",
-    "devices",
-    "discretize",
-    "fem",
-    "identification",
-    "linear",
-    "linearize",
-    "metrics",
-    "plotting",
-    "report",
-    "scenario",
-    "simulate",
-    "simulation",
-    "stability",
-    "summarize",
-    "sweep",
-    "sweeps",
-]
+__all__ = ["PalpateError", "__version__", *_LAZY_ATTRIBUTES, *_SUBPACKAGES]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:

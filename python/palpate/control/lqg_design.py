@@ -75,8 +75,7 @@ def lqg(
     cost = force_weight * np.eye(len(axes)) + _input_cost(b, c, d, period, speed_weight, state_weight is None)
     gain, value = _regulator(augmented_a, augmented_b, weight, cost, cross)
     entry = _reference_gain(a, b, c, d, gain, value)
-    follow = -np.expm1(-period / windup_time)
-    matrices = _controller_matrices(a, b, c, d, gain, filtering.gain, entry, period, follow)
+    matrices = _controller_matrices(a, b, c, d, gain, filtering.gain, entry, period, windup_time)
     system, antiwindup = _embed(*matrices, axes, period)
     notes: dict[str, Any] = {
         "integrators": integrators,
@@ -131,13 +130,14 @@ def _reference_gain(a: Array, b: Array, c: Array, d: Array, gain: Array, value: 
 
 
 def _controller_matrices(
-    a: Array, b: Array, c: Array, d: Array, gain: Array, filter_gain: Array, entry: Array, period: float, follow: float
+    a: Array, b: Array, c: Array, d: Array, gain: Array, filter_gain: Array, entry: Array, period: float, windup: float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Return A, B, C, D of the controller on the active axes, and its anti-windup matrix.
 
     The states are the prediction x(k|k-1), then xi; u = entry r - feedback x(k|k) - integral xi.
     """
     n, m = b.shape
+    follow = -np.expm1(-period / windup)
     feedback, integral = gain[:, :n], gain[:, n:]
     extra = integral.shape[1]
     correct = np.eye(n) - filter_gain @ c

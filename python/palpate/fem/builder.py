@@ -66,9 +66,7 @@ def build(
         BodyError: the mesh cannot be filled, nothing is fixed, a number is out of range, or the memory is too small.
         OutputError: the file cannot be written.
     """
-    _check_source(source, unit)
-    if output is not None:
-        check_target(output)
+    _check_files(source, unit, output)
     check_order(order)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
@@ -84,6 +82,13 @@ def build(
     if output is not None:
         write(contents, output)
     return Body(contents)
+
+
+def _check_files(source: object, unit: str | None, output: str | Path | None) -> None:
+    """Raise BodyError or OutputError, before a long build, if a file cannot be read or written."""
+    _check_source(source, unit)
+    if output is not None:
+        check_target(output)
 
 
 def _dirichlet_regions(fixed: str | Selector | Sequence[str | Selector]) -> list[Selector]:

@@ -1,4 +1,4 @@
-"""Speed of palpate beside peers that do the same work in the same run; `python -m benchmarks`."""
+"""Speed of palpate and of peers on the same work; `python -m benchmarks`."""
 
 from benchmarks.runner import SECTIONS, run
 

@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: how fast the loop, the exact answers and the proxy are, in one run."""
+"""`python -m benchmarks`: speed of the loop, the stability functions and contact."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ __all__ = ["app", "bench"]
 def bench(
     sections: Annotated[
         list[str] | None,
-        typer.Argument(help="What to time: loop, batch, stability, touch, solid, tick, body. Everything if not given."),
+        typer.Argument(help="Sections: loop, batch, stability, touch, solid, tick, body. Default: all."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file for the numbers.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file to write.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,
     large: Annotated[bool, typer.Option("--large", help="Also a mesh of a million triangles.")] = False,
 ) -> None:
-    """Time palpate on this machine: the loop beside its peers, the exact answers, the proxy.
+    """Time palpate and its peers on this machine. Peers are installed by pip install 'palpate[bench]'.
 
-    **loop**: one second of the nonlinear arm at 1 kHz, and its distance from a tight reference; medians and the slow
-    tail (p99.9 of a thousand runs or more, else the slowest) as multiples of real time on one core; the ratio is
-    palpate's speed over each program's. Peers come with pip install 'palpate[bench]'. **batch**: the same loop, many
-    side by side in vector lanes. **stability**: the exact boundary, and a map of spectral radii on all cores.
-    **touch**: one step of the proxy. **tick**: the servo's whole tick on a body that yields.
-    **body**: one tick of a pressed body, beside MuJoCo's flex on the same mesh.
+    **loop**: one second of the nonlinear device at 1 kHz on one core, and its error. Speeds are multiples of real time:
+    the median, and p99.9 of the run times (the slowest of fewer than a thousand runs). The ratio is palpate's speed
+    over that of the program. **batch**: the same loop in vector lanes. **stability**: exact boundary, and a map of
+    spectral radii on all cores. **touch**: one step of the proxy. **solid**: model updates under large displacements.
+    **tick**: a whole servo tick on a deformable body. **body**: one tick of a body, and a step of MuJoCo's flex on
+    the same mesh.
 
     Example: python -m benchmarks stability --quick
     """
@@ -43,7 +43,7 @@ def bench(
         section = SECTIONS[name]
         table = Table(box=None, pad_edge=False)
         for number, heading in enumerate(section.headings):
-            narrow = heading.replace(" [", "\n[")  # so that the names of the rows have room
+            narrow = heading.replace(" [", "\n[")  # leaves room for the names of the rows
             table.add_column(escape(narrow), justify="left" if number == 0 else "right")
         for row in found["rows"]:
             table.add_row(*section.cells(row))

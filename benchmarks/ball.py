@@ -1,4 +1,4 @@
-"""A ball of triangles, smooth or bumpy."""
+"""Triangle mesh of a sphere, smooth or with bumps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Indices = NDArray[np.int64]
 
 
 def ball(pieces: int, radius: float = 0.5, bump: float = 0.0) -> tuple[Array, Indices]:
-    """Return vertices (n, 3), m, and triangles (20 pieces^2, 3) of an icosahedron, each edge in `pieces`.
+    """Return vertices (n, 3), m, and triangles (20 pieces^2, 3) of an icosahedron with edges in `pieces` parts.
 
     The vertices lie at radius (1 + bump sin 10x sin 10y sin 10z) along the unit direction (x, y, z), radius in m.
     """

@@ -1,4 +1,4 @@
-"""Time closed loops side by side, and MuJoCo's native batch on the same arm: loops of one second, a second and core."""
+"""Speed of closed loops in vector lanes, and of MuJoCo's native batch: one-second loops per second and core."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ ASKED = 20_000.0
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    """Return loops a second of one core's time.
+    """Return loops per second of one core.
 
-    Each row: "program", "loops_per_second" (median), "best_loops_per_second", "runs", "error_rad" (largest distance of
-    the last angles from the reference trajectory's; in a hand or with dry friction from those of 64 substeps), "asked"
-    (loops a second, or None).
+    Each row has "program", "loops_per_second" (median), "best_loops_per_second", "runs", "error_rad" and "asked", the
+    required loops per second or None. The error is the largest of the final angles, relative to the reference
+    trajectory. With an operator or dry friction it is relative to 64 substeps.
     """
     work = Workload.standard()
-    tell("a tight reference trajectory (DOP853)", 0.0)
+    tell("reference trajectory (DOP853)", 0.0)
     last = work.reference()[-1]
     prepared = build_simulation(work.scenario(substeps=1))
     rows, missing = [], []
@@ -38,10 +38,10 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     for number, (lanes, name) in enumerate(LANES.items()):
         tell(f"{lanes} lanes", 0.3 + 0.2 * number)
         if lanes > widest:
-            missing.append(f"palpate, {lanes} lanes: this machine or build has no {name}")
+            missing.append(f"palpate, {lanes} lanes: this machine or build lacks {name}")
             continue
         cells = 64 * lanes
-        # The first cell is the reference's; the others have their own stiffness, as in a sweep.
+        # The first cell is that of the reference; the others differ in stiffness, as in a sweep.
         stiffness = np.repeat(np.linspace(STIFFNESS, 2 * STIFFNESS, cells)[:, None], 3, axis=1)
 
         def run(lanes: int = lanes, cells: int = cells, stiffness: Array = stiffness) -> Array:
@@ -79,7 +79,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
 
 def _burdens(start: Array, work: Workload) -> dict[str, dict[str, Array]]:
-    """Return what makes a loop heavier: an arm that grips the tip, dry friction as in the arm with its rotors."""
+    """Return variants with more work per loop: an operator with a rigid grip, and the dry friction of the rotors."""
     tip = np.asarray(work.device.forward(start))[None]
     arm = {"mass": 0.15, "damping": 4.5, "stiffness": 560.0}
     hand = {**{f"hand_{key}": np.array([[value]]) for key, value in arm.items()}, "hand_rest": tip}
@@ -93,7 +93,7 @@ def _row(
     angles = job()  # also warms up
     seconds = np.empty(runs)
     for i in range(runs):
-        begin = time.thread_time()  # a core's time, also where others use it
+        begin = time.thread_time()  # of this thread, also on a shared core
         job()
         seconds[i] = time.thread_time() - begin
     return {
@@ -120,8 +120,8 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 SECTION = Section(
-    "1-s closed loops of the nonlinear arm at 1 kHz, a second of one core's time (MuJoCo: torques given beforehand)",
-    ("program", "loops/s", "best", "runs", "error [rad]", "asked"),
+    "one-second closed loops of the nonlinear device at 1 kHz, per second of one core (MuJoCo: torques precomputed)",
+    ("program", "loops/s", "best", "runs", "error [rad]", "required"),
     _cells,
     _measure,
 )

@@ -1,4 +1,4 @@
-"""Time one tick of a body that is pressed, and one step of MuJoCo's flex on the same tetrahedra beside it."""
+"""Time of one tick of a body in contact, and of one step of MuJoCo's flex on the same tetrahedra."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ ASKED_MODAL = 5.0
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    """Return microseconds: "median_us", "p99.9_us", "asked_us" and "pressed" (median of nodes; None for MuJoCo).
+    """Return times, us: "median_us", "p99.9_us" and "asked_us", the required median.
 
-    "ratio" of a MuJoCo step is its median over that of the tick on the same mesh with about 30 nodes.
+    "pressed" is the median number of nodes in contact, None for MuJoCo. "ratio" is the median of a MuJoCo step over
+    that of the tick on the same mesh with about 30 nodes.
     """
     ticks, rows = effort.runs(TICKS), []
     tell("a body of 4,851 vertices", 0.0)
     begin = time.perf_counter()
     body = _made(CELLS, modes=300)
     built = time.perf_counter() - begin
-    tell("a body of four times as many touchable nodes", 0.4)
+    tell("a body with four times the contact nodes", 0.4)
     for made, step in ((body, CELLS), (_made(FINE), FINE[0])):
         rows += [_row("compliance", made, step, pressed, ticks, ASKED[pressed]) for pressed in ASKED]
     same = rows[1]["median_us"]
@@ -46,11 +47,11 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     rows.append(_row("modal, 300 modes", body.modal(PERIOD, rayleigh_beta=1e-4), CELLS, 10, ticks, ASKED_MODAL))
     rough = body.modal(PERIOD, rayleigh_beta=1e-4, static_friction=0.5, dynamic_friction=0.4)
     rows.append(_row("modal, 300 modes, friction", rough, CELLS, 10, ticks, None))
-    tell("a spline, and a lattice of 1,183 vertices", 0.7)
+    tell("free-form and mass-spring models", 0.7)
     rows.append(_row("free_form", body.free_form(), CELLS, 10, ticks, None))
     small = build(block(SMALL, CELLS), young=20e3, fixed="z <= 0 mm", touch="z >= 30 mm", order=1)
-    lattice = small.mass_spring(PERIOD, rayleigh_beta=2e-3)
-    rows.append(_row("lattice of 1,183 vertices", lattice, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
+    network = small.mass_spring(PERIOD, rayleigh_beta=2e-3)
+    rows.append(_row("mass_spring, 1,183 vertices", network, CELLS, 10, effort.runs(TICKS // 10), None, SMALL))
     seconds = body.record["seconds"]
     times = f"{built - seconds['modes']:.2g} s, and its 300 modes {seconds['modes']:.2g} s"
     notes = [f"the body of {len(body.nodes)} nodes was built in {times}"]
@@ -79,7 +80,7 @@ def _row(
     asked: float | None,
     size: tuple[float, float, float] = SIZE,
 ) -> dict[str, Any]:
-    """A sphere of six cells' radius that slides in a circle, as deep as presses about `pressed` nodes (Hertz)."""
+    """Return the times of a sphere that slides in a circle, with about `pressed` nodes in contact (Hertz)."""
     radius = 6.0 * step
     depth = pressed * step**2 / (np.pi * radius)
     turn = np.linspace(0.0, 2.0 * np.pi, ticks)
@@ -88,7 +89,7 @@ def _row(
     nodes = body.simulate_path(path, radius, outward=[0, 0, 1]).nodes
     axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
     times = []
-    assert not isinstance(body.core, _core.HyperelasticBody)  # whose ticks are not all of its work
+    assert not isinstance(body.core, _core.HyperelasticBody)  # its model updates are not part of the ticks
     for _ in range(3):
         body.core.reset()
         times.append(1e6 * np.asarray(body.core.time(path, axes, radius, False)))
@@ -104,11 +105,10 @@ def _row(
 
 
 def _flex(name: str, reduced: bool, runs: int, same: float) -> dict[str, Any]:
-    """One step of MuJoCo's flex on the same grid, a sphere on it; its own choice of integrator.
+    """Return the times of a step of MuJoCo's flex on the same grid, in contact with a sphere.
 
-    All vertices: explicit, for the implicit one takes over a second a step; in steps of 0.02 ms, for with its damping
-    longer ones diverge. Its bottom is pinned, the reduced one's
-    lower corners are.
+    With all vertices the integrator is explicit, because a step of the implicit one takes over a second. The step is
+    0.02 ms, because longer ones diverge. The bottom is pinned, or the lower corners of the reduced model.
     """
     import mujoco
 
@@ -134,7 +134,7 @@ def _flex(name: str, reduced: bool, runs: int, same: float) -> dict[str, Any]:
         mujoco.mj_step(model, data)
         times[i] = 1e6 * (time.perf_counter() - begin)
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number > 0:
-            times = times[: max(i, 1)]  # it resets itself and goes on without contact
+            times = times[: max(i, 1)]  # it resets itself and continues without contact
             break
     return {
         "what": f"MuJoCo: flex, {name}, {model.nv} unknowns" + (f", diverged at step {i}" if len(times) < runs else ""),
@@ -160,9 +160,10 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 SECTION = Section(
-    "one tick of a pressed body (least of three passes) and one step of MuJoCo's flex on the same 24,000 tetrahedra; "
-    "a tick gives the force of a condensed, linear surface; a step moves the whole solid, with inertia and large turns",
-    ("program", "pressed", "median [µs]", "p99.9 [µs]", "asked", "over the tick"),
+    "one tick of a body in contact (minimum of three passes) and one step of MuJoCo's flex on the same 24,000 "
+    "tetrahedra; a tick computes the force of a condensed, linear surface; a step moves the whole solid, with inertia "
+    "and large rotations",
+    ("program", "nodes in contact", "median [µs]", "p99.9 [µs]", "required", "over the tick"),
     _cells,
     _measure,
 )

@@ -1,4 +1,4 @@
-"""Time the closed loop in palpate, MuJoCo and python-control, and hold each trajectory against a tight reference."""
+"""Speed and error of the closed loop in palpate, MuJoCo and python-control."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 def _measure(effort: Effort, tell: Progress) -> Rows:
     """Return speeds as multiples of real time.
 
-    Each row: "program", "times_real_time" (median), "worst_times_real_time" (p99.9 of the run times where there are
-    a thousand, else the slowest), "runs", "error_rad" (largest distance from the reference trajectory), "ratio"
-    (palpate's median speed over this one's). A peer that is not installed is left out, and named as missing.
+    Each row has "program", "times_real_time" (median), "worst_times_real_time", "runs", "error_rad" (largest, relative
+    to the reference trajectory) and "ratio", palpate's median speed over that of the program. The worst speed is p99.9
+    of the run times, or the slowest of fewer than a thousand. Peers that are not installed are listed as missing.
     """
     work = Workload.standard()
-    tell("a tight reference trajectory (DOP853)", 0.0)
+    tell("reference trajectory (DOP853)", 0.0)
     reference = work.reference()
     prepared = build_simulation(work.scenario(substeps=1))
 
@@ -35,8 +35,8 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
         return np.asarray(prepared.run()[0])[:, :3]
 
     jobs: list[tuple[str, Callable[[], Array], int]] = [
-        ("palpate: the loop (C++ core)", core, 2000),
-        ("palpate: simulate(), trace and all", lambda: simulate(work.scenario(substeps=1))["angle"], 50),
+        ("palpate: C++ core", core, 2000),
+        ("palpate: simulate(), with its trace", lambda: simulate(work.scenario(substeps=1))["angle"], 50),
         ("MuJoCo: mj_step from Python", lambda: mujoco_loop(work), 10),
         ("python-control: nlsys", lambda: python_control_loop(work), 6),
     ]

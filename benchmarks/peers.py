@@ -1,4 +1,4 @@
-"""The same closed loop in MuJoCo and in python-control, each as its users would write it."""
+"""The closed loop in MuJoCo and in python-control, in the usual style of each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SUBSTEPS = 10  # Runge-Kutta steps of a peer in one servo period
 
 
 def mujoco_loop(work: Workload) -> Array:
-    """Return angles (ticks + 1, 3) from MuJoCo: five hinges, the parallelogram closed by equality constraints."""
+    """Return angles (ticks + 1, 3) from MuJoCo: five hinges, and equality constraints for the parallelogram."""
     import mujoco
 
     model, data = _mujoco_model(work)
@@ -31,8 +31,8 @@ def mujoco_loop(work: Workload) -> Array:
 def mujoco_rollout(work: Workload, batch: int) -> Array:
     """Return the last angles (3,) of `batch` runs by MuJoCo's native batch, on one thread.
 
-    A rollout takes its torques beforehand: it is given those of the closed loop, and spared the force law. One
-    Runge-Kutta step in a servo period is the fastest that stays within 1e-6 rad.
+    A rollout needs precomputed torques. It gets those of the closed loop and omits the force law. One Runge-Kutta step
+    per servo period is the fastest choice with an error below 1e-6 rad.
     """
     import mujoco
     from mujoco import rollout
@@ -54,7 +54,7 @@ def _mujoco_model(work: Workload, substeps: int = SUBSTEPS):  # type: ignore[no-
     l1, l2, l3, l5, l6 = (p.one(f"geometry.{name}") for name in ("l1", "l2", "l3", "l5", "l6"))
     mass = {name: p.one(f"mass.{name}") for name in ("a", "c", "be", "df")}
     viscous = work.device.viscous
-    # Placeholder inertias: the real ones, which MuJoCo's compiler refuses by a hair, go into the compiled model.
+    # Placeholder inertias: MuJoCo's compiler rejects the true ones, which are set in the compiled model.
     xml = f"""
     <mujoco>
       <compiler angle="radian" inertiafromgeom="false" autolimits="true"/>
@@ -112,7 +112,7 @@ def _mujoco_model(work: Workload, substeps: int = SUBSTEPS):  # type: ignore[no-
 def python_control_loop(work: Workload) -> Array:
     """Return angles (ticks + 1, 3) from python-control: a sampled nonlinear system whose update integrates one hold.
 
-    The dynamics are palpate's core, called from Python: faster than any Python formula, so the peer is given its best.
+    The dynamics are those of palpate's core, called from Python, which is faster than formulas in Python.
     """
     import control
 

@@ -1,4 +1,4 @@
-"""How long a proxy's step takes, on the path that peers are measured on."""
+"""Time of a proxy's step on the path of the measurements of peers."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def orbit(ticks: int, bump: float = 0.0) -> Array:
 
 
 def time_steps(mesh: Mesh, path: Array, radius: float = 0.0, passes: int = 3) -> dict[str, Any]:
-    """Time each step on `path`, 100 N/m and friction 0.6 / 0.4; the least of `passes` passes at each tick.
+    """Return the time of each step on a path, the minimum over `passes` passes, with 100 N/m and friction 0.6 / 0.4.
 
-    Returns microseconds: "median", "p99.9", "worst", and "worst_single", the largest of all passes, which shows what
-    the machine adds; "lost" and "unfinished" are ticks. The clock's own time (some 0.03) is in them.
+    "median", "p99.9" and "worst" are in us, and include the time of the clock, about 0.03 us. "worst_single", the
+    largest of all passes, includes interruptions by the machine. "lost" and "unfinished" are counts of ticks.
     """
     surface = Surface(stiffness=100.0, static_friction=0.6, dynamic_friction=0.4)
     times = np.empty((passes, len(path)))

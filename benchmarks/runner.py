@@ -1,4 +1,4 @@
-"""Run the benchmark's sections one after the other, and say on which machine."""
+"""Run of the sections of the benchmark, with a description of the machine."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ def run(
     large: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Return what the sections measured, and write it to `out` (JSON) if given.
+    """Return the results of the sections, and write them to `out` (JSON) if given.
 
     The result has "sections" (by name: "work", "rows" and "missing"), "machine" and "versions".
 
     Args:
-        sections: names from SECTIONS; none: all of them.
+        sections: keys of SECTIONS; empty for all.
         out: file to write.
-        quick: a tenth of the repetitions.
-        large: also the sizes that take minutes to prepare.
-        progress: called with a text and the share done, 0 to 1.
+        quick: whether to run a tenth of the repetitions.
+        large: whether to include sizes whose preparation takes minutes.
+        progress: called with a text and the fraction done, 0 to 1.
 
     Raises:
-        PalpateError: a section that is not there.
+        PalpateError: an unknown section.
         OutputError: `out` cannot be written.
     """
     names = list(dict.fromkeys(sections)) or list(SECTIONS)

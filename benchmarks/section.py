@@ -1,4 +1,4 @@
-"""A section of the benchmark: what it times, and how its rows read."""
+"""Section of the benchmark: its measurement and its table."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ __all__ = ["TIMED", "Effort", "Progress", "Rows", "Section", "figures", "timed",
 
 Progress = Callable[[str, float], None]
 Row = dict[str, Any]
-TIMED = ("what", "fastest", "median", "slowest", "runs", "asked")
+TIMED = ("work", "fastest", "median", "slowest", "runs", "required")
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to time.
+    """Amount of repetitions and sizes.
 
     Attributes:
-        quick: a tenth of the repetitions.
-        large: also the sizes that take minutes to prepare.
+        quick: whether to run a tenth of the repetitions.
+        large: whether to include sizes whose preparation takes minutes.
     """
 
     quick: bool = False
     large: bool = False
 
     def runs(self, usual: int) -> int:
-        """Return how often to repeat what is usually repeated `usual` times."""
+        """Return the number of repetitions in place of `usual`."""
         return max(usual // 10, 1) if self.quick else usual
 
 
 @dataclass(frozen=True)
 class Rows:
-    """What a section measured.
+    """Results of a section.
 
     Attributes:
-        rows: numbers as JSON can hold them, each with its unit in the name.
-        missing: what could not be measured, a sentence each.
+        rows: numbers for JSON, with units in their names.
+        missing: a sentence for each program that could not be measured.
     """
 
     rows: list[Row]
@@ -48,13 +48,13 @@ class Rows:
 
 @dataclass(frozen=True)
 class Section:
-    """One table of the benchmark.
+    """Section with one table.
 
     Attributes:
-        work: what is timed, in one line.
-        headings: of the table; the first column is text.
-        cells: one row's texts, as many as headings.
-        measure: does the work; told of progress with a text and the share done, 0 to 1.
+        work: description of the work, one line.
+        headings: of the columns; the first one is text.
+        cells: returns the texts of a row, one per heading.
+        measure: runs the measurement; its second argument is called with a text and the fraction done, 0 to 1.
     """
 
     work: str
@@ -64,18 +64,18 @@ class Section:
 
 
 def figures(value: float, digits: int = 3) -> str:
-    """Return a number rounded to so many figures, written out: 2,140 and not 2.14e+03."""
+    """Return a number with `digits` significant digits and without exponent: 2,140, not 2.14e+03."""
     return f"{float(f'{value:.{digits}g}'):,.10g}"
 
 
 def timed(what: str, job: Callable[[], object], runs: int, asked: float | None = None) -> Row:
-    """Return a row of TIMED: wall-clock seconds of `job` over `runs` repetitions, after one to warm up.
+    """Return a row of TIMED: wall-clock time of a job, s, over `runs` repetitions after a first one.
 
     Args:
-        what: names the row.
-        job: the work.
-        runs: repetitions, at least 1.
-        asked: s, what the fastest run is held against, for others on the machine only slow it; None: nothing is asked.
+        what: name of the row.
+        job: function to time.
+        runs: number of repetitions, at least 1.
+        asked: required time of the fastest run, s, which other processes affect least; None for none.
     """
     job()
     seconds = np.empty(runs)
@@ -94,7 +94,7 @@ def timed(what: str, job: Callable[[], object], runs: int, asked: float | None =
 
 
 def timed_cells(row: Row) -> tuple[str, ...]:
-    """Return the texts of a row that `timed` made."""
+    """Return the texts of a row of `timed`."""
     asked = row["asked_s"]
     met = "" if asked is None else f"{_text(asked)}{'' if row['fastest_s'] <= asked else ' (missed)'}"
     times = (_text(row[name]) for name in ("fastest_s", "median_s", "slowest_s"))

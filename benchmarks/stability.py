@@ -1,4 +1,4 @@
-"""Time the exact answers: a whole boundary, a map of spectral radii, a workspace."""
+"""Time of the exact stability functions: boundary, map of spectral radii, and workspace."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
 
 SECTION = Section(
-    "a mass of 60 g with 0.05 N·s/m at 1 kHz against walls; an arm of three joints in a soft hand",
+    "a mass of 60 g with 0.05 N·s/m at 1 kHz and walls; a device with three joints behind fingertip tissue",
     TIMED,
     timed_cells,
     _measure,

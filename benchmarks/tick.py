@@ -1,4 +1,4 @@
-"""Time the servo's whole tick on an organ of 2,000 surface nodes, with and without a thread that draws it."""
+"""Time of a whole servo tick on a body of 2,000 surface nodes, with and without a drawing thread."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ASKED = 25.0  # us
 
 
 def _experiment(duration: float, law: str) -> Simulation:
-    """Return a loop without an object: the tip is led to and fro over the organ's top to be, pressed with 1.3 N."""
+    """Return a loop without an object, in which the tip moves to and fro under a force of 1.3 N."""
     table = [["0 s", "0 N", "0 N", "0 N"], ["0.5 s", "0 N", "0 N", "0 N"]]
     for i in range(round(2.0 * (duration - 0.5))):  # 3 cm each half second
         way = OPERATOR_STIFFNESS * 0.015 * (1 if i % 2 == 0 else -1)
@@ -44,7 +44,7 @@ def _experiment(duration: float, law: str) -> Simulation:
 
 
 def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-    """Return nodes, normals, areas and a compliance: a half-space's between the nodes, which costs the same."""
+    """Return nodes, normals, areas and the compliance of a half space, whose cost is that of any compliance."""
     points, triangles = ball(PIECES, RADIUS, BUMP)
     a, b, c = (points[triangles[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
@@ -63,12 +63,12 @@ def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    """Return microseconds a tick: "median_us", "p99.9_us", "slowest_us", by "loop" and "drawn".
+    """Return times of a tick, us: "median_us", "p99.9_us" and "slowest_us", by "loop" and "drawn".
 
-    Ticks come one after the other, or paced by the clock, one a period, when they find the caches cold.
+    Ticks follow one another directly, or are paced by the clock, one per period, with cold caches.
     """
     duration = 3.0 if effort.quick else 20.0
-    tell("an organ of 2,000 nodes", 0.0)
+    tell("a body of 2,000 nodes", 0.0)
     points, normals, areas, full = _organ()
     core = _core.ComplianceBody(points, normals, areas, full)
     rows: list[Row] = []
@@ -109,7 +109,7 @@ def _time(experiment: Simulation, paced: bool) -> NDArray[np.float64]:
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     return (
-        f"{row['loop']}, {row['nodes']:,} nodes, {row['pressed']} pressed{', drawn' if row['drawn'] else ''}",
+        f"{row['loop']}, {row['nodes']:,} nodes, {row['pressed']} in contact{', drawn' if row['drawn'] else ''}",
         figures(row["median_us"], 2),
         figures(row["p99.9_us"], 2),
         figures(row["slowest_us"], 2),
@@ -118,9 +118,9 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 SECTION = Section(
-    "the servo's whole tick (encoder, arm, contact, body, control, drive), a sphere of 24 mm led over an organ "
-    "at 6 cm/s (least of three passes)",
-    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "asked [µs]"),
+    "a whole servo tick (encoder, device, contact, body, control, drive) with a sphere of 24 mm at 6 cm/s on a body "
+    "(minimum of three passes)",
+    ("loop", "median [µs]", "p99.9 [µs]", "slowest [µs]", "required [µs]"),
     _cells,
     _measure,
 )

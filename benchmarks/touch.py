@@ -1,4 +1,4 @@
-"""Time the proxy's steps on balls of ever more triangles, on the path that CHAI3D was measured on."""
+"""Time of the proxy's step on spheres of 980 to a million triangles, on the path of CHAI3D's measurement."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from benchmarks.section import Effort, Progress, Rows, Section, figures
 
 __all__ = ["SECTION"]
 
-PIECES = (7, 22, 71)  # an edge of the icosahedron, in so many: 980, 9,680 and 100,820 triangles
+PIECES = (7, 22, 71)  # parts of an edge of the icosahedron: 980, 9,680 and 100,820 triangles
 MILLION = 224
-SHAPES = {"smooth": 0.0, "bumpy": 0.04}  # height of the bumps, of the radius
+SHAPES = {"smooth": 0.0, "bumpy": 0.04}  # height of the bumps over the radius
 TICKS = 60_000
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
-    """Return microseconds a step: "median_us", "p99.9_us", by "shape", "radius_m" and "triangles"."""
+    """Return times of a step, us: "median_us" and "p99.9_us", by "shape", "radius_m" and "triangles"."""
     sizes = (*PIECES, MILLION) if effort.large else PIECES
     path = {name: orbit(effort.runs(TICKS), bump) for name, bump in SHAPES.items()}
     rows = []
@@ -49,7 +49,8 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 SECTION = Section(
-    "one step of the proxy, friction 0.6 / 0.4, on a tip that dives under a ball of 0.5 m (least of three passes)",
+    "one step of the proxy, friction 0.6 / 0.4, with the tip below the surface of a ball of 0.5 m (minimum of three "
+    "passes)",
     ("proxy", "triangles", "median [µs]", "p99.9 [µs]"),
     _cells,
     _measure,

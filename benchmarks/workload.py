@@ -1,7 +1,7 @@
-"""The work that every program in the benchmark does, and the trajectory that it should find.
+"""Work of every program in the benchmark, and its reference trajectory.
 
-The PHANToM arm in a force-tracking loop at 1 kHz: a sampled spring and damper at the tip (backward difference), a sine
-of force as reference, torques J^T (F_ref - F_object + hold) held for a period, the nonlinear dynamics in between.
+The PHANToM device runs in a force-tracking loop at 1 kHz. The object is a sampled spring and damper (backward
+difference), the reference force is a sine. Torques J^T (F_ref - F_object + hold) are held for a period.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FREQUENCY = 3.0  # Hz
 POSE = (0.0, 2.2305, 3.2776)  # rad
 
 SCENARIO = {
-    "title": "benchmark: the nonlinear arm at a sampled spring",
+    "title": "benchmark: nonlinear device and sampled spring",
     "device": {"name": "phantom-premium-1.5a"},
     "start": {"pose": [f"{angle} rad" for angle in POSE]},
     "servo": {"topology": "force_tracking", "period": f"{PERIOD} s"},
@@ -38,7 +38,7 @@ SCENARIO = {
 
 
 class ForceLaw:
-    """The sampled force law in Python, for the peers: angles (3,) rad in, torques (3,) N*m out, once a period."""
+    """Sampled force law in Python, for the peers: angles (3,), rad, to torques (3,), N*m, once per period."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -59,23 +59,23 @@ class ForceLaw:
 
 @dataclass(frozen=True)
 class Workload:
-    """The device, and the number of servo periods to run."""
+    """Device and number of servo periods."""
 
     device: Device
     ticks: int
 
     @classmethod
     def standard(cls) -> Workload:
-        """One second of the published arm."""
+        """Return one second of the published device."""
         return cls(devices.load("phantom-premium-1.5a"), round(DURATION / PERIOD))
 
     def scenario(self, substeps: int) -> Scenario:
-        """Return the same work as palpate's own scenario."""
+        """Return the work as a scenario."""
         run = {"duration": f"{self.ticks * PERIOD!r} s", "substeps": substeps}
         return Scenario.from_dict({**SCENARIO, "run": run})
 
     def torques(self) -> Array:
-        """Return the torques (ticks, 3), N*m, that the loop holds from each sample to the next."""
+        """Return the torques (ticks, 3), N*m, held from each sample to the next."""
         from palpate.simulation.simulator import simulate
 
         return np.asarray(simulate(self.scenario(substeps=4))["torque"])[: self.ticks]

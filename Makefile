@@ -27,7 +27,7 @@ test: .venv/test-installed  ## install the test dependencies, run all tests of P
 check: lint .venv/test-installed  ## format, lint, types, import graph and fast tests: two minutes after installation
 	$(PYTEST) $(FAST_TESTS)
 
-reproduce: .venv/installed  ## compute every table and figure of the thesis, and check them
+reproduce: .venv/installed  ## compute the thesis, and compare its numbers and conclusions
 	$(BIN)/python -m experiments.hosseini2004 --out $(OUT)
 
 bench: .venv/test-installed  ## measure the speed of this machine

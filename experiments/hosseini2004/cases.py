@@ -32,7 +32,19 @@ from palpate.linear.linearization import static_tip_force
 
 from experiments.hosseini2004.experimental import PERIOD, experimental_model
 
-__all__ = ["CASES", "DESIGN_STIFFNESS", "POSE", "Case", "CaseB", "angle_plant", "case_b", "case_plant", "design"]
+__all__ = [
+    "CASES",
+    "DESIGN_STIFFNESS",
+    "POSE",
+    "STIFFEST",
+    "Case",
+    "CaseB",
+    "angle_plant",
+    "case_b",
+    "case_plant",
+    "design",
+    "ignorant_lqg",
+]
 
 Array = NDArray[np.float64]
 Name = Literal["A", "B", "C", "D"]
@@ -73,8 +85,8 @@ OPTIONS: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("experimental", "lead_lag"): {"crossover": (100.0, 150.0, 150.0), "decouple": False},
     ("experimental", "lqg"): {},
 }
-# Jacobians ignored: Q = I, R = 10 I for feedback and filter, the only weights the thesis prints. On the identified
-# model they are unstable in case A, which the thesis shows stable; a command this dear is.
+# Jacobians ignored: Q = I, R = 10 I for feedback and filter, the only weights the thesis prints. With them case A is
+# unstable (spectral radius 6.02), and the thesis shows it stable; with R = 10⁶ I, palpate's own choice, it is.
 IGNORANT_R: Final[dict[str, float]] = {"linear": 10.0, "experimental": 1e6}
 
 

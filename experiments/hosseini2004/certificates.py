@@ -76,12 +76,12 @@ def certificates(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     """Certify every loop, write the verdicts on the page and return their checks."""
     page.section("Certificates", "certificates")
     page.paragraph(
-        "Every loop above, judged as `palpate certify` judges a scenario: the sampled loop as one matrix, exact for "
-        "forces held over 0.5 ms; four methods that share no step (eigenvalues, Jury's table, Routh's array, a "
-        "Lyapunov matrix), and no claim unless all four agree; then 8.5 N on every axis, run in full, and the loop "
-        "judged again where that run comes to rest. Each verdict holds for small motions about these poses, ticks on "
-        "time, no encoder counts, no dry friction, no limit of the drive, and a reference force that does not depend "
-        "on the motion."
+        "Every loop of palpate's own controllers, judged as `palpate certify` judges a scenario: the sampled loop as "
+        "one matrix, exact for forces held over 0.5 ms; four methods that share no step (eigenvalues, Jury's table, "
+        "Routh's array, a Lyapunov matrix), and no claim unless all four agree; then 8.5 N on every axis, run in full, "
+        "and the loop judged again where that run comes to rest. Each verdict holds for small motions about these "
+        "poses, ticks on time, no encoder counts, no dry friction, no limit of the drive, and a reference force that "
+        "does not depend on the motion."
     )
     found: list[tuple[Row, Certificate]] = []
     listed = rows()
@@ -119,8 +119,8 @@ def _verdict(row: Row, c: Certificate) -> Check:
     said = "stable" if row.stable else "unstable"
     holds = c.verdict == said and len(set(c.criteria.values())) == 1
     return statement(
-        row.id, f"certificate: {row.where}, {KINDS[row.kind]}, {row.stiffness:g} N/mm", said, c.verdict,
-        holds=holds, where=row.where, note=c.claim,
+        row.id, f"certificate: {row.where}, palpate's own {KINDS[row.kind]}, {row.stiffness:g} N/mm", said, c.verdict,
+        holds=holds, kind="own", where=row.where, note=c.claim,
     )  # fmt: skip
 
 
@@ -133,10 +133,12 @@ def _agreements(found: dict[str, Certificate]) -> list[Check]:
     return [
         within(
             "caseB-lqg-certified-limit", "case B with LQG: stiffness up to which it is certified, against chapter 4's",
-            b.critical_stiffness, fraction * STIFFEST, "N/m", 1e-6 * b.critical_stiffness, where="section 4.4.2",
+            b.critical_stiffness, fraction * STIFFEST, "N/m", 1e-6 * b.critical_stiffness, kind="own",
+            where="section 4.4.2",
         ),
         within(
             "caseD-lqg-certified-limit", "case D with LQG: stiffness up to which it is certified, against the margins'",
-            gain_interval(aware)[1] * STIFFEST, up * STIFFEST, "N/m", 1e-5 * up * STIFFEST, where="section 4.4.4",
+            gain_interval(aware)[1] * STIFFEST, up * STIFFEST, "N/m", 1e-5 * up * STIFFEST, kind="own",
+            where="section 4.4.4",
         ),
     ]  # fmt: skip

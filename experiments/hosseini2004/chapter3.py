@@ -8,6 +8,7 @@ from palpate import devices
 from palpate.report import Page
 
 from experiments.hosseini2004.chapter2 import DEVICE
+from experiments.hosseini2004.chapter3_contradictions import contradictions
 from experiments.hosseini2004.chapter3_identification import arx_models, friction_factors
 from experiments.hosseini2004.chapter3_loops import open_loop_with_friction, table31
 from experiments.hosseini2004.chapter3_models import case_c, case_d, discretisation, experimental, linear_model
@@ -24,12 +25,14 @@ def chapter3(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     checks += discretisation(page, device)
     tick("identified model", 0.05)
     checks += experimental(page)
+    tick("identified model against the arm", 0.08)
+    checks += contradictions(page, device)
     tick("ARX identification", 0.1)
     checks += arx_models(page, device)
     tick("friction factors", 0.3)
     checks += friction_factors(page, device)
     tick("lead–lag, table 3.1", 0.78)
-    checks += table31(page)
+    checks += table31(page, device)
     tick("open loop with friction", 0.85)
     checks += open_loop_with_friction(page, device)
     tick("cases C and D", 0.97)

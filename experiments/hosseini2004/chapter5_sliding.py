@@ -1,4 +1,4 @@
-"""Chapter 5, the slide: figures 5.5 to 5.10, and the comparison that the thesis proposes as future work."""
+"""Chapter 5, palpate's own slides: friction, less tangential stiffness, a continuous field, a curved object."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ Run = tuple[str, str, float, Field]  # ground, controller, tangential stiffness,
 
 def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
     """Slide over cubes and organs, write what is found on the page and return its checks."""
-    page.subsection("Sliding over polygons of different stiffness")
+    page.subsection("Palpate's own slides")
     page.paragraph(
-        "The thesis prints no values for its slide; these are chosen. The arm, its drive limited to what it can give, "
-        "presses a point into the top of the object with 1 N (large steps of stiffness) or 2 N (small steps). A hand "
-        "(0.15 kg, 4.5 N s/m, 200 N/m) holds the stylus and leads it along X and Y at 60 mm/s; the reference asks "
-        "along the way for the friction, 0.2 of the press, that the surface answers with. Without tangential stiffness "
-        "there is no friction, and nothing but the hand holds the tip along the surface. Where the surface drags, "
-        "forces alone move the tip, as in the thesis: see below."
+        "These slides depart from the thesis: a proxy with friction in place of the tangential spring, a hand that "
+        "leads the tip, a limited drive, and 60 mm of way. They answer the thesis's future work: less tangential "
+        "stiffness and a continuous force field. The arm presses a point into the top of the object with 1 N (large "
+        "steps of stiffness) or 2 N (small steps). A hand (0.15 kg, 4.5 N s/m, 200 N/m) leads the stylus along x and y "
+        "at 60 mm/s. The reference contains the friction of the surface, 0.2 of the press. Without tangential "
+        "stiffness there is no friction, and only the hand holds the tip along the surface."
     )
     laws = {name: slide_controller(kind) for name, kind in CONTROLLERS.items()}
     tick("a slide", 0.0)
@@ -72,37 +72,42 @@ def _pictures(page: Page, lead_lag: Trace, lqg: Trace) -> None:
     page.figure(
         trajectory(lead_lag),
         "Lead–lag, discrete field, tangential stiffness 1 N/mm: the way over a cube with stripes of 0.2, 3.5, 0.5 and "
-        "2 N/mm (the darker, the stiffer), its deflection stretched (the thesis's figures 5.7 and 5.10).",
+        "2 N/mm (the darker, the stiffer), its deflection stretched.",
     )
     page.figure(
         stiffness_and_depth(lead_lag),
-        "Lead–lag: stiffness under the tip and deflection (5.5 and 5.6). Dashed: force / stiffness.",
+        "Lead–lag: stiffness under the tip and deflection. Dashed: force / stiffness.",
     )
     page.figure(stiffness_and_depth(lqg), "LQG: the same slide.")
-    page.figure(forces(lead_lag), "Lead–lag: the forces (5.8 and 5.9). The drive gives 8.5 N at most.")
+    page.figure(forces(lead_lag), "Lead–lag: the forces. The drive gives 8.5 N at most.")
 
 
 def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> list[Check]:
-    rows = []
+    forces_, energies = [], []
     for ground, name, tangential, field in found:
         if field != "discrete":
             continue
         (d, d_stays), (c, c_stays) = (found[ground, name, tangential, f] for f in FIELDS)
-        row: list[Any] = [ground, name, f"{tangential:g}" if tangential else "none"]
-        row += [_n(d.step_at_crossing), _n(c.step_at_crossing), f"{(d.lost_ticks or 0) + (c.lost_ticks or 0)}"]
-        row += [_n(d.deflection_error_percent), _n(c.deflection_error_percent)]
-        row += [_n(1e3 * d.energy_generated), _n(1e3 * c.energy_generated), _n(d.ripple_power), _n(c.ripple_power)]
-        rows.append([*row, "yes" if d_stays and c_stays else "no"])
+        which: list[Any] = [ground, name, f"{tangential:g}" if tangential else "none"]
+        forces_.append([*which, _n(d.step_at_crossing), _n(c.step_at_crossing),
+                        f"{(d.lost_ticks or 0) + (c.lost_ticks or 0)}", _n(d.deflection_error_percent),
+                        _n(c.deflection_error_percent), "yes" if d_stays and c_stays else "no"])  # fmt: skip
+        energies.append([*which, _n(1e3 * d.energy_generated), _n(1e3 * c.energy_generated), _n(d.ripple_power),
+                         _n(c.ripple_power)])  # fmt: skip
     page.table(
-        ["object", "controller", "tangential", "step, discrete", "step, continuous", "contact lost", "error, discrete",
-         "error, continuous", "energy, discrete", "energy, continuous", "ripple, discrete", "ripple, continuous",
-         "stays"],
-        rows,
-        "The slides: largest force step at a crossing; ticks apart (both fields); deflection at the end against F/K; "
-        "energy that the field generated; power of the force between 20 and 500 Hz; whether both runs stayed bounded "
-        "and in contact.",
-        units=["", "", "N/mm", "N", "N", "ticks", "%", "%", "mJ", "mJ", "N²", "N²", ""],
+        ["object", "controller", "tangential", "step, discrete", "continuous", "apart", "error, discrete",
+         "continuous", "stays"],
+        forces_,
+        "Palpate's slides: largest force step at a crossing; ticks apart (both fields); deflection at the end against "
+        "F/K; whether both runs stayed bounded and in contact at the end.",
+        units=["", "", "N/mm", "N", "N", "ticks", "%", "%", ""],
     )  # fmt: skip
+    page.table(
+        ["object", "controller", "tangential", "energy, discrete", "continuous", "ripple, discrete", "continuous"],
+        energies,
+        "The same slides: energy that the field generated; power of the force between 20 and 500 Hz.",
+        units=["", "", "N/mm", "mJ", "mJ", "N²", "N²"],
+    )
     page.paragraph(
         "On the discrete field each step from soft to stiff puts (k₂ − k₁) d²/2 into the loop, felt as a "
         "click; the continuous field generates nothing on the cube where there is no friction. With friction the tip "
@@ -121,10 +126,11 @@ def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> li
     return [
         statement(
             "sec5.6-sliding",
-            "sliding over small and large steps of stiffness",
-            "absolutely stable",
-            f"{sum(cubes)} of {len(cubes)} slides over the cube stay bounded and in contact",
+            "palpate's own slides, led by a hand, over small and large steps of stiffness",
+            "bounded, and in contact at the end",
+            f"{sum(cubes)} of {len(cubes)} slides over the cube",
             holds=all(cubes),
+            kind="own",
             where=WHERE,
         ),
         at_most(
@@ -133,38 +139,41 @@ def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> li
             0.01,
             max(abs(mine) / theirs for mine, theirs in smooth),
             "",
+            kind="own",
             where=WHERE,
         ),
     ]
 
 
 def _by_forces(page: Page, laws: dict[str, Controller]) -> Check:
-    """Slide without a hand, moved by the reference force alone as in the thesis's figure 5.8."""
-    rows, stays = [], []
+    """Slide without a hand, moved by the reference force alone over a surface with friction and drag."""
+    rows, stays, apart = [], [], []
     for ground in ("cube, small steps", "cube, large steps"):
         for name, law in laws.items():
             for tangential in TANGENTIAL[:-1]:
                 trace = simulate(slide_scenario(GROUNDS[ground], tangential=tangential, led_by="forces"), law)
                 found, here = _slide(trace)
                 stays.append(here)
+                apart.append(found.lost_ticks or 0)
                 reached = 1e3 * float(trace["tip"][-1, 0] - trace["tip"][0, 0])
                 rows.append(
                     (ground, name, f"{tangential:g}", f"{reached:.1f}", _n(found.step_at_crossing),
                      f"{found.lost_ticks}", _n(found.deflection_error_percent), "yes" if here else "no")
                 )  # fmt: skip
     page.table(
-        ["object", "controller", "tangential", "way along X", "step", "contact lost", "error", "stays"],
+        ["object", "controller", "tangential", "way along x", "step", "apart", "error", "stays"],
         rows,
-        "Moved by forces in X, Y and Z alone, no hand, discrete field, on a surface that drags with 20 N s/m besides "
-        "its friction; 60 mm along X are asked for.",
+        "Moved by forces along x, y and z alone, no hand, discrete field, on a surface with a drag of 20 N s/m besides "
+        "its friction, which the thesis does not have; 60 mm along x are asked for.",
         units=["", "", "N/mm", "mm", "N", "ticks", "%", ""],
     )
     return statement(
         "sec5.6-forces-alone",
-        "sliding by applied forces in X, Y and Z (figure 5.8)",
-        "absolutely stable",
-        f"{sum(stays)} of {len(stays)} slides stay bounded and in contact at the end",
+        "palpate's own slides by forces along x, y and z, with 20 N s/m of drag",
+        "bounded, and in contact at the end",
+        f"{sum(stays)} of {len(stays)}; {sum(n > 0 for n in apart)} lose contact on the way, by {max(apart)} ticks",
         holds=all(stays),
+        kind="own",
         where=WHERE,
     )
 
@@ -190,16 +199,17 @@ def _pairs(page: Page, laws: dict[str, Controller], tick: Callable[[str, float],
         what = f"{name}, tangential stiffness {shown}{' N/mm' if tangential else ''}"
         checks += [
             at_most(f"{key}-unstable", f"{what}: slides that do not come to rest on the second stiffness",
-                    0.0, unstable, "", where=WHERE),
+                    0.0, unstable, "", kind="own", where=WHERE),
             at_most(f"{key}-steps", f"{what}: largest force step, continuous over discrete field, worst pair",
-                    0.1, max(ratios), "", where=WHERE),
+                    0.1, max(ratios), "", kind="own", where=WHERE),
         ]  # fmt: skip
     page.table(
-        ["controller", "tangential", "pairs", "stable, discrete", "stable, continuous", "largest step, discrete",
-         "largest step, continuous", "worst ratio", "at", "contact lost"],
+        ["controller", "tangential", "pairs", "stable, discr.", "contin.", "step, discr.", "contin.",
+         "ratio", "at", "apart"],
         rows,
-        "Every ordered pair of 0.2, 0.5, 1, 1.5, 2, 2.5, 3 and 3.5 N/mm, pressed with 1 N. Stable: bounded, and at "
-        "rest in contact on the second stiffness, the force steady to 1 %. Contact lost: ticks, the worst pair.",
+        "Every ordered pair of 0.2, 0.5, 1, 1.5, 2, 2.5, 3 and 3.5 N/mm, pressed with 1 N; discrete and continuous "
+        "field. Stable: bounded, at rest in contact on the second stiffness, force steady to 1 %. Largest step, and "
+        "largest ratio of the continuous to the discrete field, with its pair. Apart: ticks, the worst pair.",
         units=["", "N/mm", "", "", "", "N", "N", "", "N/mm", "ticks"],
     )  # fmt: skip
     return checks
@@ -227,10 +237,11 @@ def _slope(page: Page) -> Check:
     )
     return statement(
         "sec5.7-less-friction",
-        "sliding with less friction (left to future research)",
-        "open",
-        "on a slope without friction, integrators of the force along the surface carry the tip away from the hand",
+        "sliding with less friction, which the thesis leaves to later work",
+        "integrators carry the tip away on a slope without friction",
+        f"{away[True]:.0f} mm from the hand with integrators, {away[False]:.1f} mm without",
         holds=away[True] > 10.0 * away[False] and stays[False],
+        kind="own",
         where="section 5.7",
     )
 

@@ -1,126 +1,67 @@
-"""Printed numbers of the thesis, and the comparison of computed numbers with them."""
+"""Checks of the reproduction: computed numbers against printed ones, each with its kind."""
 
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from decimal import Decimal
-from functools import cache
-from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from experiments.hosseini2004.printed_numbers import Printed, printed, with_zero
 
 if TYPE_CHECKING:
     from palpate.report import Page
 
 __all__ = [
+    "KINDS",
     "Check",
-    "Erratum",
-    "Printed",
+    "Kind",
+    "Tally",
     "at_most",
     "compare",
-    "keys",
     "matrix_pair",
-    "printed",
+    "not_computed",
     "statement",
-    "with_zero",
+    "tally",
     "within",
 ]
 
-Array = NDArray[np.float64]
-Status = Literal["match", "erratum", "differs"]
-
-
-@dataclass(frozen=True)
-class Erratum:
-    """A printed number that is wrong.
-
-    Attributes:
-        right: what it should read, digits as text; one number or one per entry.
-        why: how it shows.
-        at: (row, column) from 1; None for all of it.
-    """
-
-    right: Any
-    why: str
-    at: tuple[int, int] | None = None
-
-
-@dataclass(frozen=True)
-class Printed:
-    """A printed number, list or matrix.
-
-    Attributes:
-        id: key in printed.toml, "eq3.41-A_ci".
-        what: one line.
-        where: equation or table, and page.
-        unit: of every entry.
-        rows: digits as text, by rows; one row for a list, one entry for a number.
-        dimensions: 0, 1 or 2.
-        decimals: digits after the point that a bare integer stands for; None: as many as it shows.
-        tolerance: in place of half a unit in the last digit; `because` says why.
-    """
-
-    id: str
-    what: str
-    where: str
-    unit: str
-    rows: tuple[tuple[str, ...], ...]
-    dimensions: int
-    decimals: int | None = None
-    tolerance: float | None = None
-    because: str = ""
-    errata: tuple[Erratum, ...] = ()
-
-    @property
-    def values(self) -> Array:
-        """Values (rows, columns)."""
-        return np.array([[float(text) for text in row] for row in self.rows])
-
-    def erratum(self, i: int, j: int) -> tuple[str, Erratum] | None:
-        """Return the right digits of entry (i, j), counted from 0, and its erratum; None if it is right as printed."""
-        for erratum in self.errata:
-            if erratum.at is None:
-                table = _rows(erratum.right)
-                return table[i][j], erratum
-            if erratum.at == (i + 1, j + 1):
-                return str(erratum.right), erratum
-        return None
-
-    def resolution(self, text: str) -> float:
-        """Half a unit in the last digit of `text`."""
-        digits = -int(Decimal(text).as_tuple().exponent)
-        if digits <= 0 and self.decimals is not None:
-            digits = self.decimals
-        return 0.5 * 10.0**-digits
-
-    def entry_id(self, i: int, j: int) -> str:
-        """Identity of one entry: the matrix's with [row,column] from 1."""
-        if self.dimensions == 0:
-            return self.id
-        return f"{self.id}[{j + 1}]" if self.dimensions == 1 else f"{self.id}[{i + 1},{j + 1}]"
+Status = Literal["match", "erratum", "differs", "not computed"]
+Kind = Literal["recomputed", "sentence", "bound", "carried", "identified", "own"]
+KINDS: Final[dict[Kind, str]] = {
+    "recomputed": "printed number recomputed",
+    "sentence": "printed sentence or equation tested",
+    "bound": "bound kept: palpate's own design is no worse than the print",
+    "carried": "parameter carried over",
+    "identified": "identified from own simulation",
+    "own": "palpate against palpate",
+}
 
 
 @dataclass(frozen=True)
 class Check:
-    """One computed number against one printed one.
+    """A computed number or finding beside a printed one.
 
     Attributes:
         id: unique; starts with the equation or table.
         what: one line.
         printed: as printed; a number, or words.
-        computed: ours; a number, or words.
+        computed: by palpate; a number, or words.
         unit: of both.
         tolerance: largest |computed - printed| of a match; with `sense` "at most" the computed value may be anything
             below printed + tolerance.
-        status: match; erratum: the print is wrong, and ours agrees with what is right; differs: anything else.
-        note: why, for an erratum or a tolerance of its own.
-        sense: "equal" or "at most".
+        status: match; erratum: the print is wrong, and the computed value equals the corrected one; differs: anything
+            else; not computed: palpate has no way to compute it.
+        kind: key of KINDS. Only "recomputed" counts as a printed number.
+        note: reason of an erratum, of a difference or of a tolerance.
+        sense: "equal", "at most" or "statement".
         right: the right value of an erratum.
+        cause: of an erratum, key in errata.toml.
+        known: whether the difference, or the missing computation, is expected and explained in `note`.
     """
 
     id: str
@@ -130,15 +71,19 @@ class Check:
     unit: str
     tolerance: float | None
     status: Status
+    kind: Kind
     note: str = ""
     sense: str = "equal"
     where: str = ""
     right: float | str | None = field(default=None)
+    cause: str = ""
+    known: bool = False
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what results.json holds."""
+        """Return the entry of results.json."""
         entry: dict[str, Any] = {
             "id": self.id,
+            "kind": self.kind,
             "what": self.what,
             "printed": self.printed,
             "computed": self.computed,
@@ -148,37 +93,74 @@ class Check:
             "where": self.where,
             "sense": self.sense,
         }
-        if self.right is not None:
-            entry["right"] = self.right
-        if self.note:
-            entry["note"] = self.note
+        if self.status in ("differs", "not computed"):
+            entry["known"] = self.known
+        for name in ("right", "cause", "note"):
+            if getattr(self, name) not in (None, ""):
+                entry[name] = getattr(self, name)
         return entry
 
 
-@cache
-def _all() -> Mapping[str, Printed]:
-    text = resources.files("experiments.hosseini2004").joinpath("printed.toml").read_text("utf-8")
-    return {key: _read(key, entry) for key, entry in tomllib.loads(text).items()}
+@dataclass(frozen=True)
+class Tally:
+    """Counts of the checks; the first four are of printed numbers recomputed.
+
+    Attributes:
+        match, errata, differ, not_computed: printed numbers by status.
+        causes: distinct causes of the errata, sentences and equations included.
+        kinds: status counts of every kind.
+        unexplained: ids of checks that differ without a registered reason.
+    """
+
+    match: int
+    errata: int
+    differ: int
+    not_computed: int
+    causes: int
+    kinds: dict[Kind, Counter[Status]]
+    unexplained: list[str]
+
+    @property
+    def sentence(self) -> str:
+        """Headline: the printed numbers, and how many of them are not reproduced."""
+        total = self.match + self.errata + self.differ + self.not_computed
+        carried = self.kinds["carried"].total()
+        return (
+            f"Of {total} checks of printed numbers {self.match} agree to the printed digits, {self.errata} show errors "
+            f"of the print, and {self.differ + self.not_computed} are not reproduced ({self.differ} differ, "
+            f"{self.not_computed} cannot be computed). {carried} parameters are carried over, not tested."
+        )
 
 
-def printed(key: str) -> Printed:
-    """Return a printed number of the thesis by its key in printed.toml."""
-    return _all()[key]
+def tally(checks: Iterable[Check]) -> Tally:
+    """Count checks by kind and status."""
+    listed = list(checks)
+    kinds: dict[Kind, Counter[Status]] = {kind: Counter() for kind in KINDS}
+    for check in listed:
+        kinds[check.kind][check.status] += 1
+    numbers = kinds["recomputed"]
+    return Tally(
+        numbers["match"],
+        numbers["erratum"],
+        numbers["differs"],
+        numbers["not computed"],
+        len({check.cause for check in listed if check.cause}),
+        kinds,
+        [check.id for check in listed if check.status in ("differs", "not computed") and not check.known],
+    )
 
 
-def keys() -> list[str]:
-    """Return every key of printed.toml, in the thesis's order."""
-    return list(_all())
-
-
-def compare(key: str, computed: ArrayLike, *, scale: float = 1.0, note: str = "") -> list[Check]:
-    """Hold computed numbers against printed ones, one check per entry that is not printed as a plain zero.
+def compare(
+    key: str, computed: ArrayLike, *, kind: Kind = "recomputed", scale: float = 1.0, note: str = ""
+) -> list[Check]:
+    """Compare computed numbers with printed ones, one check per entry that is not printed as a plain zero.
 
     The zeros of a matrix become one check: the largest of them.
 
     Args:
         key: in printed.toml.
         computed: same shape as printed, in SI.
+        kind: of the checks.
         scale: SI to the printed unit.
         note: added to each check.
 
@@ -198,40 +180,44 @@ def compare(key: str, computed: ArrayLike, *, scale: float = 1.0, note: str = ""
             if p.dimensions == 2 and float(text) == 0.0:
                 zeros.append((abs(value), p.resolution(text)))
                 continue
-            checks.append(_one(p, i, j, value, note))
+            checks.append(_one(p, i, j, value, kind, note))
     if zeros:
         worst = max(value for value, _ in zeros)
         limit = min(limit for _, limit in zeros)
         what = f"{p.what}: largest of the {len(zeros)} entries printed 0"
-        checks.append(within(f"{p.id}[zeros]", what, 0.0, worst, p.unit, limit, where=p.where, note=note))
+        checks.append(within(f"{p.id}[zeros]", what, 0.0, worst, p.unit, limit, kind=kind, where=p.where, note=note))
     return checks
 
 
-def _one(p: Printed, i: int, j: int, value: float, note: str) -> Check:
+def _one(p: Printed, i: int, j: int, value: float, kind: Kind, note: str) -> Check:
     text = p.rows[i][j]
-    what = p.what if p.dimensions == 0 else f"{p.what}, {p.entry_id(i, j).removeprefix(p.id)}"
+    name = p.entry_id(i, j)
+    what = p.what if p.dimensions == 0 else f"{p.what}, {name.removeprefix(p.id)}"
     tolerance = p.tolerance if p.tolerance is not None else p.resolution(text)
     agrees = _close(value, float(text), tolerance)
     wrong = p.erratum(i, j)
     if wrong is None:
-        notes = "; ".join(part for part in (p.because, note) if part)
+        reason = "" if agrees else p.difference(i, j)
+        notes = reason or "; ".join(part for part in (p.because, note) if part)
         status: Status = "match" if agrees else "differs"
-        return Check(p.entry_id(i, j), what, float(text), value, p.unit, tolerance, status, notes, where=p.where)
+        return Check(name, what, float(text), value, p.unit, tolerance, status, kind, notes, where=p.where,
+                     known=bool(reason))  # fmt: skip
     right, erratum = wrong
     allowed = p.resolution(right)
     status = "erratum" if _close(value, float(right), allowed) and not agrees else "differs"
-    return Check(
-        p.entry_id(i, j),
-        what,
-        float(text),
-        value,
-        p.unit,
-        allowed,
-        status,
-        erratum.why,
-        where=p.where,
-        right=float(right),
-    )
+    return Check(name, what, float(text), value, p.unit, allowed, status, kind, erratum.why, where=p.where,
+                 right=float(right), cause=erratum.cause)  # fmt: skip
+
+
+def not_computed(key: str, kind: Kind = "recomputed") -> list[Check]:
+    """Return a check per entry of a printed number that palpate cannot compute; printed.toml gives the reason."""
+    p = printed(key)
+    return [
+        Check(p.entry_id(i, j), p.what, float(text), "–", p.unit, None, "not computed", kind, p.difference(i, j),
+              where=p.where, known=bool(p.difference(i, j)))
+        for i, row in enumerate(p.rows)
+        for j, text in enumerate(row)
+    ]  # fmt: skip
 
 
 def within(
@@ -242,12 +228,13 @@ def within(
     unit: str,
     tolerance: float,
     *,
+    kind: Kind,
     where: str = "",
     note: str = "",
 ) -> Check:
     """Return a check that matches if |computed - expected| <= tolerance."""
     status: Status = "match" if _close(computed, expected, tolerance) else "differs"
-    return Check(id, what, expected, float(computed), unit, tolerance, status, note, where=where)
+    return Check(id, what, expected, float(computed), unit, tolerance, status, kind, note, where=where)
 
 
 def at_most(
@@ -257,13 +244,18 @@ def at_most(
     computed: float,
     unit: str,
     *,
+    kind: Kind,
     tolerance: float = 0.0,
     where: str = "",
     note: str = "",
+    reason: str = "",
 ) -> Check:
-    """Return a check that matches if computed <= limit + tolerance: no worse than printed."""
-    status: Status = "match" if math.isfinite(computed) and computed <= limit + tolerance else "differs"
-    return Check(id, what, limit, float(computed), unit, tolerance, status, note, "at most", where)
+    """Return a check that matches if computed <= limit + tolerance; `reason` explains a known excess."""
+    kept = math.isfinite(computed) and computed <= limit + tolerance
+    status: Status = "match" if kept else "differs"
+    known = bool(reason) and not kept and math.isfinite(computed)
+    return Check(id, what, limit, float(computed), unit, tolerance, status, kind, reason if known else note, "at most",
+                 where, known=known)  # fmt: skip
 
 
 def statement(
@@ -273,49 +265,28 @@ def statement(
     found: str,
     *,
     holds: bool,
-    wrong: bool = False,
+    kind: Kind = "sentence",
+    cause: str = "",
+    refuted: bool = False,
     where: str = "",
     note: str = "",
 ) -> Check:
-    """Return a check of a sentence of the thesis.
+    """Return a check of a sentence or an equation of the thesis.
 
     Args:
-        holds: whether what we found is what we claim to find (the evidence was computed).
-        wrong: whether that contradicts the sentence: an erratum.
+        holds: whether the computation shows `found`.
+        kind: "own" if the sentence is palpate's.
+        cause: `found` shows an error of the print; key in errata.toml.
+        refuted: `found` contradicts the sentence without an error of the print; the check differs, for a known reason.
     """
-    status: Status = "differs" if not holds else ("erratum" if wrong else "match")
-    return Check(id, what, said, found, "", None, status, note, "statement", where)
+    status: Status = "differs" if refuted or not holds else ("erratum" if cause else "match")
+    return Check(id, what, said, found, "", None, status, kind, note, "statement", where, cause=cause,
+                 known=bool(refuted and holds))  # fmt: skip
 
 
 def _close(value: float, target: float, tolerance: float) -> bool:
     # The last printed digit is exact in decimal, not in binary: half a unit may be met by rounding alone.
     return math.isfinite(value) and abs(value - target) <= tolerance * (1 + 1e-9) + 1e-15
-
-
-def _rows(entry: Any) -> tuple[tuple[str, ...], ...]:
-    if not isinstance(entry, list):
-        return ((str(entry),),)
-    if entry and isinstance(entry[0], list):
-        return tuple(tuple(str(text) for text in row) for row in entry)
-    return (tuple(str(text) for text in entry),)
-
-
-def _read(key: str, entry: Mapping[str, Any]) -> Printed:
-    value = entry["printed"]
-    dimensions = 0 if not isinstance(value, list) else 2 if isinstance(value[0], list) else 1
-    errata: Sequence[Mapping[str, Any]] = entry.get("errata", [])
-    return Printed(
-        key,
-        entry["what"],
-        entry["where"],
-        entry["unit"],
-        _rows(value),
-        dimensions,
-        entry.get("decimals"),
-        entry.get("tolerance"),
-        entry.get("because", ""),
-        tuple(Erratum(e["right"], e["why"], tuple(e["at"]) if "at" in e else None) for e in errata),
-    )
 
 
 def matrix_pair(page: Page, key: str, computed: ArrayLike) -> None:
@@ -334,8 +305,3 @@ def matrix_pair(page: Page, key: str, computed: ArrayLike) -> None:
     unit = f" [{p.unit}]" if p.unit else ""
     rows = [[with_zero(text) for text in row] for row in p.rows]
     page.matrices(f"{p.where}: {p.what}{unit}", rows, ours.tolist(), differs=differs, explanation=why)
-
-
-def with_zero(text: str) -> str:
-    """Return a number as printed, with a zero before a leading point."""
-    return text.replace(".", "0.", 1) if text.startswith((".", "-.")) else text

@@ -4,8 +4,9 @@ The thesis prints the transfer functions h_ij and the matrices A_e and B_e, but 
 
 - (3.29) and (3.30) print -1.1428 z^4, where A_e contains 2 x 0.0714: the term is -0.1428 z^4. As printed, there is a
   pole at 1.763.
-- Rounding moves the pole of each axis at z = 1 off the unit circle (1.0004, 0.9994). An arm under constant torque and
-  friction integrates, so the poles are set to 1. This changes one coefficient of each axis by at most 0.0005.
+- The largest pole of each axis is 1 within the rounding of the digits (1.0004, 1.0000, 0.9994). As 1.0004 would
+  diverge, the poles are set to 1. This changes one coefficient of each axis by at most 0.0005. Mechanics has a pole at
+  1 for the yaw only: axes 2 and 3 of the arm hang on gravity.
 
 The states are those of A_e: axis 1 in controller form (states 1 to 6), axes 2 and 3 in observer form (7 to 12 and 13 to
 18, of which 7 and 13 have no effect), scaled by powers of two. C_e is the numerator of h11 over the scaling for axis 1,
@@ -20,7 +21,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.hosseini2004.checks import printed
+from experiments.hosseini2004.printed_numbers import printed
 
 __all__ = ["PERIOD", "denominators", "experimental_model"]
 

@@ -10,8 +10,8 @@ from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report import Page
 
 from experiments.hosseini2004.cases import design
-from experiments.hosseini2004.checks import printed
 from experiments.hosseini2004.loops import Loop, respond
+from experiments.hosseini2004.printed_numbers import printed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,9 +29,9 @@ def headline(page: Page) -> Figure:
     figure = _draw(lqg, lead_lag)
     worst = {name: max(_error(loop) for loop in loops) for name, loops in (("lqg", lqg), ("lead_lag", lead_lag))}
     slowest = max(loop.settling or np.inf for loop in lqg)
-    page.section("At a glance", "at-a-glance")
+    page.section("Palpate's own controllers at a glance", "at-a-glance")
     page.verdict(
-        "One LQG and one lead–lag, each designed once, press the nonlinear arm with 8.5 N into cubes of 1 to "
+        "Palpate's own LQG and lead–lag, each designed once, press the nonlinear arm with 8.5 N into cubes of 1 to "
         f"3.5 N/mm: steady errors of at most {worst['lqg']:.3f} % and {worst['lead_lag']:.2f} %.",
         "good" if worst["lqg"] < 0.1 else "bad",
     )
@@ -39,7 +39,7 @@ def headline(page: Page) -> Figure:
         figure,
         "Left: the tip's deflection along z under LQG, settled within 5 % after "
         f"{slowest * 1e3:.0f} ms at most; dashed, force / stiffness. Right: steady errors on the cubes of table 5.1; "
-        "the thesis's are known to half of 0.01 mm and not drawn below that.",
+        "the thesis's are known to half of 0.01 mm and not drawn below that. These are not the thesis's controllers.",
         label="Deflection against time for five stiffnesses, and steady errors of the thesis's and our controllers",
     )
     return figure

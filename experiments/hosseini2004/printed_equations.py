@@ -31,10 +31,11 @@ def body_jacobian(q: Array, l1: float, l2: float) -> Array:
 class PrintedArm:
     """The arm with the printed signs: M23 = M32 = +h/2 sin(θ2-θ3) (2.64, 2.65) and C32 = +h/2 cos(θ2-θ3) θ2' (2.73)."""
 
-    def __init__(self, device: Device, *, inertia: bool = True) -> None:
-        """Take the arm of `device`; with `inertia` = False only C32 has its printed sign."""
+    def __init__(self, device: Device, *, inertia: bool = True, coriolis: bool = True) -> None:
+        """Take the arm of `device`; without `inertia` or `coriolis`, M23 or C32 has its correct sign."""
         self.device = device
         self.inertia = inertia
+        self.wrong_coriolis = coriolis
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) (3, 3) as printed, kg m²."""
@@ -48,7 +49,8 @@ class PrintedArm:
     def coriolis(self, q: Array, qd: Array) -> Array:
         """Return C(q, qd) (3, 3) as printed, kg m²/s."""
         matrix = np.array(self.device.coriolis(q, qd))
-        matrix[2, 1] *= -1
+        if self.wrong_coriolis:
+            matrix[2, 1] *= -1
         return matrix
 
     def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:

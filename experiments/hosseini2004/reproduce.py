@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +17,22 @@ from experiments.hosseini2004.chapter2 import chapter2
 from experiments.hosseini2004.chapter3 import chapter3
 from experiments.hosseini2004.chapter4 import chapter4
 from experiments.hosseini2004.chapter5 import chapter5
-from experiments.hosseini2004.checks import Check
+from experiments.hosseini2004.checks import KINDS, Check, Tally, tally
+from experiments.hosseini2004.conclusions import Sentence, Verdict, conclusions, judged
+from experiments.hosseini2004.contents import contents
+from experiments.hosseini2004.errata import errata
 from experiments.hosseini2004.headline import headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["run"]
+__all__ = ["Reproduction", "run"]
 
 Progress = Callable[[str, float], None]
 TITLE = "The thesis, reproduced"
 LEAD = (
-    "Hosseini-Zadeh's *Stability of Haptic Rendering for Deformable Objects* (2004), chapters 2 to 5, "
-    "computed by palpate and compared with every printed number."
+    "Hosseini-Zadeh's *Stability of Haptic Rendering for Deformable Objects* (2004), chapters 2 to 5, computed by "
+    "palpate: first as printed, then with palpate's own controllers."
 )
 CHAPTERS = (  # with the fraction of the time of each
     (chapter2, "chapter 2", 0.06),
@@ -40,42 +43,61 @@ CHAPTERS = (  # with the fraction of the time of each
 )
 
 
-def run(out: Path, progress: Progress | None = None) -> list[dict[str, Any]]:
-    """Compute chapters 2 to 5, write the results to `out`, and return the checks.
+@dataclass(frozen=True)
+class Reproduction:
+    """Result of a run: the checks, their counts, and the verdict of every conclusion of the thesis."""
 
-    Writes results.json (the returned list), report.html (self-contained), headline.svg and headline.png atomically.
+    checks: list[Check]
+    counts: Tally
+    conclusions: list[tuple[Sentence, Verdict]]
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Return what results.json holds: one dictionary per check."""
+        return [_plain(check.to_dict()) for check in self.checks]
+
+    @property
+    def expected(self) -> bool:
+        """Whether every difference has a registered reason, and every conclusion is decided or not testable."""
+        return not self.counts.unexplained and all(verdict != "undecided" for _, verdict in self.conclusions)
+
+
+def run(out: Path, progress: Progress | None = None) -> Reproduction:
+    """Compute chapters 2 to 5, write the results to `out`, and return them.
+
+    Writes results.json (the checks), report.html (self-contained), headline.svg and headline.png atomically. Each check
+    has id, kind (key of `KINDS`), what, printed, computed, unit, tolerance, status ("match", "erratum", "differs" or
+    "not computed"), where, sense ("equal", "at most": one-sided, or "statement"), and, where they apply, known (of a
+    difference), right and cause (of an erratum), and note.
 
     Args:
         out: folder; created if missing.
         progress: called with a description and the fraction done.
 
-    Returns:
-        One dictionary per check: id, what, printed, computed, unit, tolerance, status ("match", "erratum" or
-        "differs"), where, sense ("equal", "at most": one-sided, or "statement"), and, where they apply,
-        right (of an erratum) and note.
-
     Raises:
         OutputError: the folder cannot be written.
     """
     report: Progress = progress or (lambda _text, _fraction: None)
-    page = Page(TITLE, LEAD, footer="All numbers on this page come from the run that wrote it.")
+    body = Page(TITLE)
     report("at a glance", 0.0)
-    picture = headline(page)
+    picture = headline(body)
     checks: list[Check] = []
     done = 0.05
     for chapter, name, fraction in CHAPTERS:
         report(name, done)
-        checks += chapter(page, _part(report, name, done, fraction))
+        checks += chapter(body, _part(report, name, done, fraction))
         done += fraction
-    counts: Counter[str] = Counter(check.status for check in checks)
-    page.lead = f"{LEAD} {_verdict(counts)}"
-    _errata(page, checks)
+    counts = tally(checks)
+    page = Page(TITLE, f"{LEAD} {counts.sentence}", footer="All numbers on this page come from the run that wrote it.")
+    conclusions(page, checks, counts)
+    errata(page, checks)
+    contents(page)
+    page.extend(body)
     _all(page, checks)
-    results = [_plain(check.to_dict()) for check in checks]
+    result = Reproduction(checks, counts, judged(checks))
     report("writing", 0.99)
-    _write(Path(out), page, picture, results)
+    _write(Path(out), page, picture, result.to_list())
     report("done", 1.0)
-    return results
+    return result
 
 
 def _part(report: Progress, name: str, start: float, size: float) -> Progress:
@@ -83,45 +105,24 @@ def _part(report: Progress, name: str, start: float, size: float) -> Progress:
     return lambda text, fraction: report(f"{name}: {text}", start + size * fraction)
 
 
-def _verdict(counts: Counter[str]) -> str:
-    differs = counts["differs"]
-    end = "none differs otherwise" if differs == 0 else f"**{differs} differ**"
-    return (
-        f"Of {sum(counts.values())} checks {counts['match']} match, {counts['erratum']} show an erratum of the print, "
-        f"and {end}."
-    )
-
-
-def _errata(page: Page, checks: Iterable[Check]) -> None:
-    page.section("Errata of the thesis", "errata")
-    page.paragraph("Disagreements between print and mathematics. The evidence is computed in the chapters above.")
-    rows = [
-        (
-            check.where,
-            check.what,
-            _text(check, "printed"),
-            _text(check, "right") if check.right is not None else _text(check, "computed"),
-            check.note,
-        )
-        for check in checks
-        if check.status == "erratum"
-    ]
-    page.table(["where", "quantity", "printed", "correct", "evidence"], rows, "Errata.")
-
-
 def _all(page: Page, checks: Iterable[Check]) -> None:
     page.section("Every check", "checks")
     page.paragraph(
         "A number matches if it lies within half a unit of the last printed digit, or within the tolerance stated. "
-        "“≤” marks one-sided checks: no worse than printed."
+        "“≤” marks one-sided checks. Only the first kind compares with a printed number."
     )
-    rows = []
-    for check in checks:
-        limit = "" if check.tolerance is None else f"{check.tolerance:.2g}"
-        sign = {"at most": "≤ ", "equal": "± ", "statement": ""}[check.sense]
-        rows.append((check.id, check.what, _text(check, "printed"), _text(check, "computed"), check.unit,
-                     sign + limit if limit else "", check.status))  # fmt: skip
-    page.table(["id", "quantity", "printed", "computed", "unit", "tolerance", "status"], rows)
+    for kind, name in KINDS.items():
+        rows = []
+        for check in checks:
+            if check.kind != kind:
+                continue
+            limit = "" if check.tolerance is None else f"{check.tolerance:.2g}"
+            sign = {"at most": "≤ ", "equal": "± ", "statement": ""}[check.sense]
+            rows.append((f"{check.what} (`{check.id}`)", _text(check, "printed"), _text(check, "computed"), check.unit,
+                         sign + limit if limit else "", check.status))  # fmt: skip
+        page.subsection(f"Kind: {name}")
+        wanted = "printed" if kind in ("recomputed", "sentence", "carried", "bound") else "expected"
+        page.table(["quantity", wanted, "computed", "unit", "tolerance", "status"], rows)
 
 
 def _text(check: Check, name: str) -> str:

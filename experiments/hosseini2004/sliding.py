@@ -1,10 +1,10 @@
-"""Sliding experiment of chapter 5 (figures 5.5 to 5.10), with the extensions that the thesis proposes.
+"""Palpate's own slides, with the extensions that chapter 5 of the thesis proposes; `literal_slide` has the thesis's.
 
-The extensions are lower tangential stiffness, a continuous force field, and a curved object. The thesis prints no
-parameters; these are chosen. The reference force is normal along Z. Along X and Y it equals the friction and drag of
-the surface at the desired speed, which moves the tip as in the thesis ("forces"). Without tangential stiffness there is
-no friction or drag, and no force depends on the position or speed of the tip. A hand then moves the tip ("hand"): a
-spring whose rest position moves along the path (the operator's force in X and Y over the hand's stiffness).
+The extensions are lower tangential stiffness, a continuous force field, and a curved object. The reference force is
+normal along Z. Along X and Y it equals the friction and drag of the surface at the desired speed, which moves the tip
+without a hand ("forces"); the thesis has no drag. Without tangential stiffness there is no friction or drag, and no
+force depends on the position or speed of the tip. A hand then moves the tip ("hand"): a spring whose rest position
+moves along the path (the operator's force in X and Y over the hand's stiffness).
 """
 
 from __future__ import annotations

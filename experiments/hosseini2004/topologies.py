@@ -54,19 +54,7 @@ def other_topology(page: Page) -> None:
             rows.append((f"{force:g}", f"{stiffness:g}", f"{loop.ideal:.4f}", *(f"{d:.4f}" for d in loop.steady),
                          _worst(loop), f"{loop.overshoot:.1f}", _ms(loop), _worst(linear), _ms(linear)))  # fmt: skip
     page.table(
-        [
-            "force",
-            "stiffness",
-            "F/K",
-            "x",
-            "y",
-            "z",
-            "error",
-            "overshoot",
-            "settling",
-            "error, linear",
-            "settling, linear",
-        ],
+        ["force", "stiffness", "F/K", "x", "y", "z", "error", "overshoot", "settling", "linear: error", "settling"],
         rows,
         "The object's force as it is, on the nonlinear and on the linearized arm: the worst of the three axes.",
         units=["N", "N/mm", "mm", "mm", "mm", "mm", "%", "%", "ms", "%", "ms"],

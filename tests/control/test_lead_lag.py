@@ -12,7 +12,7 @@ from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.linear import rendering_plant
 
-from experiments.hosseini2004.checks import printed
+from experiments.hosseini2004.printed_numbers import printed
 
 T = 5e-4
 POSE = np.array([0.0, 2.2305, 3.2776])

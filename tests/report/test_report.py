@@ -384,3 +384,12 @@ def test_traces_are_compared_in_one_figure(pressed: Trace) -> None:
     figure = figures.compare({"one": pressed, "two": pressed}, targets=(None, 1e-3, 2e-3))
     assert [len(panel.lines) for panel in figure.axes] == [2, 3, 3]
     assert [entry.get_text() for entry in figure.legends[0].get_texts()] == ["one", "two"]
+
+
+def test_an_extended_page_keeps_sections_and_numbers_of_both() -> None:
+    """Sections are listed in order, and tables go on counting after the pages that were joined."""
+    second = Page("b").section("Later").table(["x"], [(1,)], "one")
+    page = Page("a").section("First").table(["x"], [(1,)]).extend(second).section("End").table(["x"], [(1,)], "two")
+    text = page.section("More").html()
+    assert re.findall(r'<h2 id="([^"]+)"', text) == ["first", "later", "end", "more"]
+    assert [*re.findall(r"<b>Table (\d)", text)] == ["1", "3"]

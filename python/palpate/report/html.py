@@ -180,6 +180,13 @@ class Page:
         self._parts.append(markup)
         return self
 
+    def extend(self, other: Page) -> Page:
+        """Append the elements of another page, whose figures and tables keep their numbers."""
+        self._parts += other._parts
+        self._sections += other._sections
+        self._figures, self._tables = self._figures + other._figures, self._tables + other._tables
+        return self
+
     def html(self) -> str:
         """Return the whole page."""
         contents = ""

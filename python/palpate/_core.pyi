@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 
 class DeformableBody:
-    """A body of any kind, as a servo loop takes it."""
+    """Interface of deformable bodies to a servo loop."""
 
 class SurfaceFrames:
-    """A thread that draws what a servo loop presses."""
+    """Thread that computes the displacements of a body's surface during a servo loop."""
 
     def __init__(self, compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], rate: float) -> None:
         """The compliance is not copied."""
 
     def latest(self) -> tuple:
         """
-        The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.
+        Return the last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.
         """
 
 class PlacedBody:
     """
-    A body, where it lies in the device's frame, and the tip that meets it.
+    A body, its pose in the device frame, and the tip that touches it.
     """
 
     def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
@@ -34,25 +34,25 @@ class ComplianceBody(DeformableBody):
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as the nodes that it presses, or as the nearest one.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """The forces of friction on the nodes of pressed(), N."""
+        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
 
     def reset(self) -> None: ...
 
     def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Where a node is along its inward normal after each period, m, under forces held over them, N.
+        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class ModalBody(DeformableBody):
@@ -60,25 +60,25 @@ class ModalBody(DeformableBody):
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as the nodes that it presses, or as the nearest one.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """The forces of friction on the nodes of pressed(), N."""
+        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
 
     def reset(self) -> None: ...
 
     def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Where a node is along its inward normal after each period, m, under forces held over them, N.
+        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class StandardLinearSolidBody(DeformableBody):
@@ -86,25 +86,25 @@ class StandardLinearSolidBody(DeformableBody):
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as the nodes that it presses, or as the nearest one.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """The forces of friction on the nodes of pressed(), N."""
+        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
 
     def reset(self) -> None: ...
 
     def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Where a node is along its inward normal after each period, m, under forces held over them, N.
+        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class MassSpringBody(DeformableBody):
@@ -112,72 +112,72 @@ class MassSpringBody(DeformableBody):
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as the nodes that it presses, or as the nearest one.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """The forces of friction on the nodes of pressed(), N."""
+        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
 
     def reset(self) -> None: ...
 
     def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Where a node is along its inward normal after each period, m, under forces held over them, N.
+        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
     def displacement(self) -> NDArray[numpy.float64]:
-        """Of the nodes' patches (n, 3), m."""
+        """Return the mean displacement of each node's patch (n, 3), m."""
 
     def places(self) -> NDArray[numpy.float64]:
-        """Of the vertices (N, 3), m."""
+        """Return the positions of the vertices (N, 3), m."""
 
     def set(self, places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], speeds: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> None:
-        """Go on from here."""
+        """Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices."""
 
     @property
     def energy(self) -> float:
-        """Kinetic and stored, J."""
+        """Kinetic plus stored energy, J."""
 
     @property
     def held_back(self) -> int:
-        """Periods that lost speed because they would have made energy."""
+        """Number of periods whose speed was reduced to keep the energy from rising."""
 
 class FreeFormBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, give: float, layer: float, give_across: float, layer_across: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as the nodes that it presses, or as the nearest one.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
     def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """The forces of friction on the nodes of pressed(), N."""
+        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
 
     def reset(self) -> None: ...
 
     def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Where a node is along its inward normal after each period, m, under forces held over them, N.
+        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
     def displacement(self) -> NDArray[numpy.float64]:
-        """Of the nodes (n, 3), m."""
+        """Return the displacements of the nodes (n, 3), m."""
 
 @overload
 def scatter_add(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None: ...
@@ -185,7 +185,7 @@ def scatter_add(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), d
 @overload
 def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float32], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None:
     """
-    to[rows, columns] += from, columns in one piece (Fortran's order); lower: without what lies above the diagonal.
+    Add from_ to to[rows, columns], both in Fortran order. lower: skip the entries above the diagonal.
     """
 
 class QuasiStaticSolver:
@@ -193,22 +193,22 @@ class QuasiStaticSolver:
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, every: int) -> NDArray[numpy.float64]:
         """
-        A slow step in turn with `every` ticks, handed over after them. Rows: for each tip force (3), deflection (3), energy, nodes, touching, solved; then potential, saved, share, waits.
+        Step along a path; update the model every `every` ticks and publish it after as many. Return rows: for each tip force (3), deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.
         """
 
     def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, steps: int) -> NDArray[numpy.float64]:
         """
-        The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.
+        Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.
         """
 
     def live(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
         """
-        One tick each period of wall-clock time, with slow steps in a thread of their own or none. Rows as of follow; lateness and length of each tick, s; length of each slow step, s.
+        Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of follow; lateness and duration of each tick, s; duration of each model update, s.
         """
 
     def step(self) -> NDArray[numpy.float64]:
         """
-        Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.
+        Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the compliance; error of the compliance.
         """
 
     def displacement(self) -> NDArray[numpy.float64]: ...
@@ -217,19 +217,19 @@ class QuasiStaticSolver:
 
     def snapshot(self) -> tuple:
         """
-        What the servo has: nodes (numbers on the surface), their normals, compliance along the inward ones, m/N, and which are solved for.
+        Return the local model of the servo: surface nodes, their normals, compliance along the inward normals, m/N, and a mask of inner nodes.
         """
 
     def reset(self) -> None: ...
 
 class DeformationFrames:
-    """Where the last slow step of a loop's body left its points."""
+    """Displacements of all points of a hyperelastic body after its last model update."""
 
     def __init__(self, points: int) -> None: ...
 
     def latest(self) -> tuple:
         """
-        The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.
+        Return the last frame: number of model updates, servo tick of their tip position, displacements of all points (p, 3), m.
         """
 
 class HyperelasticBody(DeformableBody):
@@ -237,21 +237,21 @@ class HyperelasticBody(DeformableBody):
 
     def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
-        Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do that it presses, as in a loop.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, as in a loop.
         """
 
     def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, steps: int) -> NDArray[numpy.float64]:
         """
-        The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.
+        Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.
         """
 
     def pressed(self) -> tuple:
         """
-        Of the last step: the pressed nodes, and the forces along their inward normals, N.
+        Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
     def displacement(self) -> NDArray[numpy.float64]:
-        """Of all points at the last slow step, m."""
+        """Return the displacements of all points at the last model update (p, 3), m."""
 
     def reset(self) -> None: ...
 
@@ -259,16 +259,16 @@ class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
 
     def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
-        """Energy, J, and inner forces on the free points, N."""
+        """Return the energy, J, and the internal forces on the free points (p, 3), N."""
 
     def tangent(self, way: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Change of the inner forces along `way`, N, where it was evaluated last; single precision.
+        Return the derivative of the internal forces along `way`, N, at the last evaluated displacement, in single precision.
         """
 
     def relax(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, most: int = 60) -> int:
         """
-        Newton's steps to rest under a load, N; how many, or -1 if it did not come to rest.
+        Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.
         """
 
     def displacement(self) -> NDArray[numpy.float64]: ...
@@ -357,7 +357,7 @@ class TriangleMesh:
 
     def move(self, vertices: Sequence[int], to: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> int:
         """
-        The first triangle that would lose its area, and then nothing has moved; or -1.
+        Move vertices. Return -1, or the first triangle that would lose its area; then nothing moves.
         """
 
     def nearest(self, x: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple: ...
@@ -372,11 +372,11 @@ class Proxy:
 
     def follow(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
         """
-        Rows of position (3), normal (3), force (3), depth, stiffness; and the triangle, -1 where apart.
+        Step along a path (n, 3), m. Return rows of position (3), normal (3), force (3), depth, stiffness; and triangles, -1 without contact.
         """
 
     def time(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
-        """How long each step took, s, the clock's own time included."""
+        """Return the duration of each step, s, including the clock's own."""
 
     def reset(self) -> None: ...
 
@@ -787,17 +787,17 @@ class PremiumSetup:
     def seed(self, arg: int, /) -> None: ...
 
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
-        """How late each tick comes, 0 to `ticks`, s."""
+        """Return the lateness of ticks 0 to `ticks`, s."""
 
     def set_mesh(self, surface: MeshModel) -> None:
-        """Put a mesh in the wall's place."""
+        """Use a mesh as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
-        """Put a deformable body in the wall's place."""
+        """Use a deformable body as the object."""
 
     def set_python_object(self, object: object) -> None:
         """
-        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.
         """
 
     def set_python_controller(self, controller: object) -> None:
@@ -807,15 +807,15 @@ class PremiumSetup:
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Let a thread compute the displacement of the body that was put there."""
+        """Compute the displacement of the body's surface in a thread."""
 
     @overload
     def watch(self, frames: DeformationFrames) -> None:
-        """Publish each model update of the body that was put there."""
+        """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
-        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        Return the duration of each servo tick, s, including the clock's own. paced: one tick each period, as on a device.
         """
 
     def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -825,7 +825,7 @@ class PremiumSetup:
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
-        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        Run the loop. Return (rows, number of rows written, tick of divergence or -1).
         """
 
 class PremiumLoop:
@@ -1079,17 +1079,17 @@ class SliderSetup:
     def seed(self, arg: int, /) -> None: ...
 
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
-        """How late each tick comes, 0 to `ticks`, s."""
+        """Return the lateness of ticks 0 to `ticks`, s."""
 
     def set_mesh(self, surface: MeshModel) -> None:
-        """Put a mesh in the wall's place."""
+        """Use a mesh as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
-        """Put a deformable body in the wall's place."""
+        """Use a deformable body as the object."""
 
     def set_python_object(self, object: object) -> None:
         """
-        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.
         """
 
     def set_python_controller(self, controller: object) -> None:
@@ -1099,15 +1099,15 @@ class SliderSetup:
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Let a thread compute the displacement of the body that was put there."""
+        """Compute the displacement of the body's surface in a thread."""
 
     @overload
     def watch(self, frames: DeformationFrames) -> None:
-        """Publish each model update of the body that was put there."""
+        """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
-        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        Return the duration of each servo tick, s, including the clock's own. paced: one tick each period, as on a device.
         """
 
     def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -1117,7 +1117,7 @@ class SliderSetup:
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
-        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        Run the loop. Return (rows, number of rows written, tick of divergence or -1).
         """
 
 class SliderLoop:
@@ -1371,17 +1371,17 @@ class FiveBarSetup:
     def seed(self, arg: int, /) -> None: ...
 
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
-        """How late each tick comes, 0 to `ticks`, s."""
+        """Return the lateness of ticks 0 to `ticks`, s."""
 
     def set_mesh(self, surface: MeshModel) -> None:
-        """Put a mesh in the wall's place."""
+        """Use a mesh as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
-        """Put a deformable body in the wall's place."""
+        """Use a deformable body as the object."""
 
     def set_python_object(self, object: object) -> None:
         """
-        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.
         """
 
     def set_python_controller(self, controller: object) -> None:
@@ -1391,15 +1391,15 @@ class FiveBarSetup:
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Let a thread compute the displacement of the body that was put there."""
+        """Compute the displacement of the body's surface in a thread."""
 
     @overload
     def watch(self, frames: DeformationFrames) -> None:
-        """Publish each model update of the body that was put there."""
+        """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
-        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        Return the duration of each servo tick, s, including the clock's own. paced: one tick each period, as on a device.
         """
 
     def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -1409,7 +1409,7 @@ class FiveBarSetup:
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
-        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        Run the loop. Return (rows, number of rows written, tick of divergence or -1).
         """
 
 class FiveBarLoop:
@@ -1613,17 +1613,17 @@ class TipDeviceSetup:
     def seed(self, arg: int, /) -> None: ...
 
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
-        """How late each tick comes, 0 to `ticks`, s."""
+        """Return the lateness of ticks 0 to `ticks`, s."""
 
     def set_mesh(self, surface: MeshModel) -> None:
-        """Put a mesh in the wall's place."""
+        """Use a mesh as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
-        """Put a deformable body in the wall's place."""
+        """Use a deformable body as the object."""
 
     def set_python_object(self, object: object) -> None:
         """
-        Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.
+        Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.
         """
 
     def set_python_controller(self, controller: object) -> None:
@@ -1633,15 +1633,15 @@ class TipDeviceSetup:
 
     @overload
     def watch(self, frames: SurfaceFrames) -> None:
-        """Let a thread compute the displacement of the body that was put there."""
+        """Compute the displacement of the body's surface in a thread."""
 
     @overload
     def watch(self, frames: DeformationFrames) -> None:
-        """Publish each model update of the body that was put there."""
+        """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
         """
-        How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.
+        Return the duration of each servo tick, s, including the clock's own. paced: one tick each period, as on a device.
         """
 
     def outcome(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -1651,7 +1651,7 @@ class TipDeviceSetup:
 
     def run(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
         """
-        Runs the loop; returns (rows, number of rows written, tick of divergence or -1).
+        Run the loop. Return (rows, number of rows written, tick of divergence or -1).
         """
 
 class TipDeviceLoop:

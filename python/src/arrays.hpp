@@ -7,7 +7,7 @@
 #include <initializer_list>
 #include <utility>
 
-/// A numpy array of `shape`, zero, that owns its memory; and where that is.
+/// Return a zero-filled numpy array of `shape`, which owns its memory, and the address of its first element.
 template <class T>
 std::pair<nanobind::ndarray<nanobind::numpy, T>, T*> new_array(std::initializer_list<std::size_t> shape) {
   std::size_t count = 1;

@@ -4,7 +4,7 @@
 #include <memory>
 #include <palpate/object/body_instance.hpp>
 
-/// What every kind of body in Python gives a servo loop.
+/// Interface of the deformable bodies of Python to a servo loop.
 struct BodyInLoop {
   BodyInLoop() = default;
   BodyInLoop(const BodyInLoop&) = delete;
@@ -13,11 +13,11 @@ struct BodyInLoop {
   BodyInLoop& operator=(BodyInLoop&&) = delete;
   virtual ~BodyInLoop() = default;
 
-  /// A copy at rest, on the same nodes.
+  /// Return a copy at rest that refers to the same nodes.
   [[nodiscard]] virtual std::unique_ptr<palpate::object::DeformableObject> in_loop() const = 0;
 };
 
-/// A body, its pose and the tip that touches it; a flat end's axis is the body's own z. The Python body outlives it.
+/// A body, its pose and the tip that touches it. The axis of a flat tip is the body's z axis. The Python body must outlive it.
 struct PlacedBody {
   palpate::object::BodyPlacement placement;
 

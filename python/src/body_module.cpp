@@ -1,4 +1,4 @@
-/// The Python face of bodies: a rigid tip that presses one, with the loop over a path in C++.
+/// Python bindings of the linear deformable bodies in contact with a rigid tip. The loop over a path runs in C++.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -16,8 +16,8 @@
 #include <palpate/object/deformable_object.hpp>
 #include <vector>
 
-#include "answers.hpp"
 #include "body_in_loop.hpp"
+#include "contact_rows.hpp"
 #include "surface_frames.hpp"
 
 namespace nb = nanobind;
@@ -43,7 +43,7 @@ std::vector<double> numbers(const Numbers& a) {
   return {a.data(), a.data() + a.shape(0)};
 }
 
-/// A body of some kind with its nodes and the contact of one tip.
+/// A body with its nodes and the contact of one tip.
 template <class Kind>
 struct BodyCore : BodyInLoop {
   palpate::deformable::SurfaceNodes nodes;
@@ -66,12 +66,12 @@ struct BodyCore : BodyInLoop {
                                                    const Matrix& compliance) {
     const std::size_t n = at.shape(0);
     if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
-      throw nb::value_error("the sizes of a body's arrays do not fit each other");
+      throw nb::value_error("the sizes of the body's arrays do not match");
     return {points(at), points(normals), numbers(areas)};
   }
 };
 
-/// What all kinds share.
+/// Bind the functions that all models share.
 template <class Kind>
 nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* name) {
   return nb::class_<BodyCore<Kind>, BodyInLoop>(m, name)
@@ -80,11 +80,11 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
             const bool faces = outward.shape(0) == 0 && !flat;
-            if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = new_array<double>({n, answer_width});
+            if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
+            auto [rows, row] = new_array<double>({n, result_width});
             const nb::gil_scoped_release unlocked;
             palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
-            for (std::size_t i = 0; i < n; ++i, row += answer_width) {
+            for (std::size_t i = 0; i < n; ++i, row += result_width) {
               tip.center = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
               tip.outward = faces ? self.contact.outward(tip)
                                   : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
@@ -93,13 +93,13 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             return rows;
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a,
-          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions a sphere faces as "
-          "the nodes that it presses, or as the nearest one.")
+          "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without "
+          "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.")
       .def(
           "time",
           [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
-            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
+            if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
             auto [seconds, s] = new_array<double>({n});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i) {
@@ -111,10 +111,10 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             }
             return seconds;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "How long each step took, s, the clock's own time included.")
+          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "Return the duration of each step, s, including the clock's own.")
       .def(
-          "pressed", [](const BodyCore<Kind>& self) { return pressed_by(self.contact); },
-          "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
+          "pressed", [](const BodyCore<Kind>& self) { return contact_forces(self.contact); },
+          "Return the contact nodes of the last step and the forces along their inward normals, N.")
       .def(
           "dragged",
           [](const BodyCore<Kind>& self) {
@@ -124,12 +124,12 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
               Eigen::Map<palpate::math::Vector3<>>(f + 3 * k) = self.contact.tangential_force(self.contact.contact_nodes()[k]);
             return forces;
           },
-          "The forces of friction on the nodes of pressed(), N.")
+          "Return the friction forces on the contact nodes of the last step (n, 3), N.")
       .def("reset", [](BodyCore<Kind>& self) { self.contact.reset(); })
       .def(
           "respond",
           [](BodyCore<Kind>& self, std::int32_t node, const Numbers& forces) {
-            if (node < 0 || node >= self.nodes.size()) throw nb::value_error("there is no such node");
+            if (node < 0 || node >= self.nodes.size()) throw nb::value_error("the node does not exist");
             auto [places, x] = new_array<double>({forces.shape(0)});
             for (std::size_t k = 0; k < forces.shape(0); ++k) {
               x[k] = self.body.free_displacement(node) + self.body.compliance(node, node) * forces.data()[k];
@@ -137,7 +137,8 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             }
             return places;
           },
-          "node"_a, "forces"_a, "Where a node is along its inward normal after each period, m, under forces held over them, N.");
+          "node"_a, "forces"_a,
+          "Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.");
 }
 
 template <int width>
@@ -146,7 +147,7 @@ std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std
   for (std::size_t r = 0; r < list.size(); ++r)
     for (std::size_t c = 0; c < width; ++c) {
       const std::int32_t i = a.data()[r * width + c];
-      if (i < 0 || static_cast<std::size_t>(i) >= below) throw nb::value_error("a network names a vertex that it does not have");
+      if (i < 0 || static_cast<std::size_t>(i) >= below) throw nb::value_error("a network refers to a vertex that does not exist");
       list[r][c] = i;
     }
   return list;
@@ -157,7 +158,7 @@ palpate::deformable::SpringNetworkData network_parts(const Points& places, const
                                                      const Numbers& pressure) {
   const std::size_t count = places.shape(0);
   if (masses.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
-    throw nb::value_error("the sizes of a network's arrays do not fit each other");
+    throw nb::value_error("the sizes of the network's arrays do not match");
   return {points(places),          numbers(masses),    {held.data(), held.data() + count},
           rows<2>(springs, count), numbers(stiffness), rows<4>(tetrahedra, count),
           numbers(pressure)};
@@ -170,11 +171,11 @@ palpate::deformable::PatchWeights network_patches(const Indices& begin, const In
   bool fit = p.begin.size() == nodes + 1 && p.weights.size() == p.vertices.size() && p.begin.front() == 0 &&
              static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
   for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
-  if (!fit) throw nb::value_error("the patches of a network do not fit its nodes and vertices");
+  if (!fit) throw nb::value_error("the patches of the network do not match its nodes and vertices");
   return p;
 }
 
-/// (n, 3) numbers from n points.
+/// Return an array (n, 3) of n points.
 template <class At>
 auto new_points(std::size_t n, At at) {
   auto [array, x] = new_array<double>({n, 3});
@@ -192,11 +193,11 @@ void bind_lattice(nb::module_& m) {
              const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
              double period, double alpha, double beta, double mu_static, double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
-              throw nb::value_error("the sizes of a body's arrays do not fit each other");
+              throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
             MassSpringModel lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
                                     network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
-            if (!lattice.definite()) throw nb::value_error("a network has positive masses and volumes");
+            if (!lattice.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
             new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(lattice), {mu_static, mu_dynamic});
           },
           "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
@@ -207,26 +208,26 @@ void bind_lattice(nb::module_& m) {
             return new_points(static_cast<std::size_t>(self.nodes.size()),
                               [&](std::size_t i) { return self.body.displacement(static_cast<std::int32_t>(i)); });
           },
-          "Of the nodes' patches (n, 3), m.")
+          "Return the mean displacement of each node's patch (n, 3), m.")
       .def(
           "places",
           [](const BodyCore<MassSpringModel>& self) {
             return new_points(self.body.positions().size(), [&](std::size_t v) { return self.body.positions()[v]; });
           },
-          "Of the vertices (N, 3), m.")
+          "Return the positions of the vertices (N, 3), m.")
       .def(
           "set",
           [](BodyCore<MassSpringModel>& self, const Points& places, const Points& speeds) {
             if (places.shape(0) != self.body.positions().size() || speeds.shape(0) != places.shape(0))
-              throw nb::value_error("as many places and speeds as the network has vertices are needed");
+              throw nb::value_error("positions and velocities must have one row for each vertex of the network");
             self.body.set_state(points(places).data(), points(speeds).data());
           },
-          "places"_a, "speeds"_a, "Go on from here.")
+          "places"_a, "speeds"_a, "Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices.")
       .def_prop_ro(
-          "energy", [](const BodyCore<MassSpringModel>& self) { return self.body.energy(); }, "Kinetic and stored, J.")
+          "energy", [](const BodyCore<MassSpringModel>& self) { return self.body.energy(); }, "Kinetic plus stored energy, J.")
       .def_prop_ro(
           "held_back", [](const BodyCore<MassSpringModel>& self) { return self.body.limited_steps(); },
-          "Periods that lost speed because they would have made energy.");
+          "Number of periods whose speed was reduced to keep the energy from rising.");
 }
 
 void bind_spline(nb::module_& m) {
@@ -237,7 +238,7 @@ void bind_spline(nb::module_& m) {
           [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
              double give, double layer, double give_across, double layer_across, double mu_static, double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
-              throw nb::value_error("the sizes of a body's arrays do not fit each other");
+              throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
             FreeFormDeformation spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
             new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(spline), {mu_static, mu_dynamic});
@@ -257,15 +258,15 @@ void bind_spline(nb::module_& m) {
               return sum;
             });
           },
-          "Of the nodes (n, 3), m.");
+          "Return the displacements of the nodes (n, 3), m.");
 }
 
 }  // namespace
 
 void bind_body(nb::module_& m) {
   using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
-  nb::class_<BodyInLoop>(m, "DeformableBody", "A body of any kind, as a servo loop takes it.");
-  nb::class_<SurfaceFrames>(m, "SurfaceFrames", "A thread that draws what a servo loop presses.")
+  nb::class_<BodyInLoop>(m, "DeformableBody", "Interface of deformable bodies to a servo loop.");
+  nb::class_<SurfaceFrames>(m, "SurfaceFrames", "Thread that computes the displacements of a body's surface during a servo loop.")
       .def(
           "__init__",
           [](SurfaceFrames* self, const Matrix& compliance, double rate) {
@@ -283,8 +284,8 @@ void bind_body(nb::module_& m) {
             std::copy(frame.displacement.begin(), frame.displacement.end(), data);
             return nb::make_tuple(frame.number, frame.tick, rows);
           },
-          "The last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
-  nb::class_<PlacedBody>(m, "PlacedBody", "A body, where it lies in the device's frame, and the tip that meets it.")
+          "Return the last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
+  nb::class_<PlacedBody>(m, "PlacedBody", "A body, its pose in the device frame, and the tip that touches it.")
       .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
            "turn"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
   bind_kind<Compliance>(m, "ComplianceBody")
@@ -304,7 +305,7 @@ void bind_body(nb::module_& m) {
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep,
              double mu_static, double mu_dynamic) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
-              throw nb::value_error("the sizes of a body's modes do not fit each other");
+              throw nb::value_error("the sizes of the modes do not match the compliance");
             new (self) BodyCore<Modal>(at, normals, areas, compliance, {mu_static, mu_dynamic},
                                        [&](const palpate::deformable::SurfaceNodes& nodes) {
                                          return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta,

@@ -1,4 +1,4 @@
-/// What a factorisation by fronts needs besides dense products: a child's matrix added to its parent's, place by place.
+/// Extend-add of the multifrontal factorization: adds the contribution block of a child to the front of its parent.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
@@ -22,10 +22,11 @@ bool within(const Places& places, std::size_t size) {
 
 template <class T>
 void add(const Columns<T>& to, const Columns<const T>& from, const Places& rows, const Places& columns, bool lower) {
-  if (rows.shape(0) != from.shape(0) || columns.shape(0) != from.shape(1)) throw nb::value_error("a row and a column for each number");
-  if (!within(rows, to.shape(0)) || !within(columns, to.shape(1))) throw nb::value_error("a place lies outside");
+  if (rows.shape(0) != from.shape(0) || columns.shape(0) != from.shape(1))
+    throw nb::value_error("rows and columns must have one index for each row and column of from_");
+  if (!within(rows, to.shape(0)) || !within(columns, to.shape(1))) throw nb::value_error("an index lies outside the matrix");
   if (from.shape(0) > 0 && from.shape(1) > 0 && (to.stride(0) != 1 || from.stride(0) != 1))
-    throw nb::value_error("columns lie in one piece");
+    throw nb::value_error("the matrices must be in Fortran order");
   const nb::gil_scoped_release unlocked;
   const std::int64_t* const row = rows.data();
   const auto count = static_cast<std::ptrdiff_t>(rows.shape(0));
@@ -39,7 +40,7 @@ void add(const Columns<T>& to, const Columns<const T>& from, const Places& rows,
 }  // namespace
 
 void bind_front(nb::module_& m) {
-  const char* const doc = "to[rows, columns] += from, columns in one piece (Fortran's order); lower: without what lies above the diagonal.";
+  const char* const doc = "Add from_ to to[rows, columns], both in Fortran order. lower: skip the entries above the diagonal.";
   m.def("scatter_add", add<double>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
   m.def("scatter_add", add<float>, "to"_a, "from_"_a, "rows"_a, "columns"_a, "lower"_a = false, doc);
 }

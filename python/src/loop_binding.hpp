@@ -1,6 +1,6 @@
 #pragma once
 
-/// The servo loop's Python face, for any mechanism.
+/// Python bindings of the servo loop of any mechanism.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -143,33 +143,33 @@ void bind_loop(nb::module_& m, const char* name) {
             for (int k = 0; k <= ticks; ++k, clock.tick()) data[k] = clock.lateness();
             return out;
           },
-          "ticks"_a, "How late each tick comes, 0 to `ticks`, s.")
+          "ticks"_a, "Return the lateness of ticks 0 to `ticks`, s.")
       .def(
           "set_mesh",
           [](Setup& s, const TouchedSurface& t) {
             s.object = palpate::object::MeshObject(t.model(), t.radius);
             s.is_wall = false;
           },
-          "surface"_a, "Put a mesh in the wall's place.")
+          "surface"_a, "Use a mesh as the object.")
       .def(
           "set_body",
           [](Setup& s, const PlacedBody& t) {
             s.placement = t.placement;
             s.is_wall = false;
           },
-          "body"_a, nb::keep_alive<1, 2>(), "Put a deformable body in the wall's place.")
+          "body"_a, nb::keep_alive<1, 2>(), "Use a deformable body as the object.")
       .def(
           "set_python_object", [](Setup& s, nb::object part) { s.python_object(std::move(part)); }, "object"_a,
-          "Put an object written in Python in the wall's place: a callable from TipSignals to a force, N, or an object with `step`.")
+          "Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.")
       .def(
           "set_python_controller", [](Setup& s, nb::object part) { s.python_controller(std::move(part)); }, "controller"_a,
           "Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.")
       .def(
           "watch", [](Setup& s, SurfaceFrames& f) { s.placement.contact_frames = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
-          "Let a thread compute the displacement of the body that was put there.")
+          "Compute the displacement of the body's surface in a thread.")
       .def(
           "watch", [](Setup& s, SolidFrames& f) { s.placement.deformation_frames = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
-          "Publish each model update of the body that was put there.")
+          "Publish each model update of the body.")
       .def(
           "time_ticks",
           [](const Setup& self, const Rows& reference, const Rows& operator_force, bool paced) {
@@ -180,12 +180,12 @@ void bind_loop(nb::module_& m, const char* name) {
             return seconds;
           },
           "reference"_a, "operator_force"_a, "paced"_a,
-          "How long each of the servo's ticks took, s, the clock's own time included; paced: one a period, as on a device.")
+          "Return the duration of each servo tick, s, including the clock's own. paced: one tick each period, as on a device.")
       .def(
           "outcome",
           [](const Setup& self, const Rows& reference, const Rows& operator_force) {
             check_signals(reference, operator_force);
-            if (self.fixed || self.linear) throw nb::value_error("an outcome is that of the nonlinear device, free to move");
+            if (self.fixed || self.linear) throw nb::value_error("an outcome needs the nonlinear device, free to move");
             const palpate::servo::SimulationSetup<Mechanism> loop = self.complete();
             auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::outcome_width<dof>)});
             {
@@ -214,7 +214,7 @@ void bind_loop(nb::module_& m, const char* name) {
             self.fault->raise();
             return nb::make_tuple(rows, outcome.rows, outcome.unstable_tick);
           },
-          "reference"_a, "operator_force"_a, "Runs the loop; returns (rows, number of rows written, tick of divergence or -1).");
+          "reference"_a, "operator_force"_a, "Run the loop. Return (rows, number of rows written, tick of divergence or -1).");
 
   using SteppedLoop = palpate::servo::Loop<Mechanism>;
   struct Stepped {

@@ -22,7 +22,7 @@ struct LoopSetup : palpate::servo::SimulationSetup<Mechanism> {
   }
   void python_controller(nanobind::object part) { this->controller = PythonController(std::move(part), fault); }
 
-  /// Put the object together.
+  /// Return the setup with its object.
   [[nodiscard]] palpate::servo::SimulationSetup<Mechanism> complete() const {
     palpate::servo::SimulationSetup<Mechanism> out = *this;
     if (is_wall) out.object = palpate::object::SpringWall(wall);

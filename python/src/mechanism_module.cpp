@@ -75,7 +75,7 @@ MechanismInfo info() {
   return out;
 }
 
-/// Returns the parameters of a mechanism from a table by key; parameters without an entry keep their defaults.
+/// Return the parameters of a mechanism from a table by key; parameters without an entry keep their defaults.
 template <class Mechanism>
 typename Mechanism::Parameters parameters_of(const Values& values) {
   typename Mechanism::Parameters out;
@@ -98,7 +98,7 @@ typename Mechanism::Parameters parameters_of(const Values& values) {
 template <int rows, int columns>
 using RowMajor = Eigen::Matrix<double, rows, columns, (columns > 1 ? Eigen::RowMajor : Eigen::ColMajor)>;
 
-/// Binds one mechanism: construction from a parameter table, and its functions on rows of states.
+/// Bind one mechanism: construction from a parameter table, and its functions on rows of states.
 template <class Mechanism>
 void bind_mechanism(nb::module_& m) {
   constexpr int dof = Mechanism::dof;

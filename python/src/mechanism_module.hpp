@@ -5,7 +5,7 @@
 #include <cctype>
 #include <string>
 
-/// Returns the Python class name of a mechanism: five_bar becomes FiveBar.
+/// Return the Python class name of a mechanism: five_bar becomes FiveBar.
 template <class Mechanism>
 std::string class_name() {
   std::string out;
@@ -17,5 +17,5 @@ std::string class_name() {
   return out;
 }
 
-/// Binds the mechanisms of the registry and their parameter tables.
+/// Bind the mechanisms of the registry and their parameter tables.
 void bind_mechanisms(nanobind::module_& m);

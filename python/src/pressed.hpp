@@ -5,16 +5,16 @@
 
 namespace palpate::solid {
 
-/// What a slow step did.
+/// Report of one model update.
 struct PressedStep {
-  double relative_residual = 0.0;  ///< what the contact's forces differ by from the inner ones, or from those before, over them
-  double residual = 0.0;           ///< load less inner forces before it, N
-  int newton_steps = 0;            ///< of conjugate gradients
-  int compliance_steps = 0;        ///< of conjugate gradients
-  double compliance_left = 0.0;    ///< how far the worst column of the compliance was from itself, in the energy's norm, about
+  double relative_residual = 0.0;  ///< unbalanced force or change of the contact forces, over the contact forces
+  double residual = 0.0;           ///< norm of load minus internal forces before the update, N
+  int newton_steps = 0;            ///< conjugate gradient steps of the equilibrium
+  int compliance_steps = 0;        ///< conjugate gradient steps of the compliance columns
+  double compliance_error = 0.0;   ///< estimated relative error of the worst compliance column, energy norm
 };
 
-/// A pressed solid of one of the materials, compiled for one width of vector registers.
+/// A quasi-static solver with the material erased, compiled for one SIMD width.
 class AnyPressed {
  public:
   AnyPressed() = default;
@@ -23,11 +23,11 @@ class AnyPressed {
   virtual ~AnyPressed() = default;
 
   virtual PressedStep step(const deformable::TipPair& tips, deformable::LocalModel& to) = 0;
-  /// Of all points, 3 x point + axis, m.
+  /// Write the displacements of all points, 3 x point + axis, m.
   virtual void displacement(double* to) const = 0;
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
-  /// The same at rest, with a state of its own.
+  /// Return a copy at rest with its own state.
   [[nodiscard]] virtual std::unique_ptr<AnyPressed> clone_at_rest() const = 0;
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Controllers and objects that are written in Python. They run in simulation only: each call takes the interpreter's lock.
+/// Controllers and objects written in Python. They run in simulation only: each call acquires the interpreter's lock.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 
@@ -17,7 +17,7 @@ struct TickSignals {
   palpate::math::Vector3<> reference, object_force, deflection, tip, velocity;
 };
 
-/// The first error that Python code raised in a run. After it the part gives no force.
+/// The first exception that Python code raised in a run. After it the part returns no force.
 struct PythonFault {
   std::exception_ptr error;
   void raise() {

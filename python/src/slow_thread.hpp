@@ -7,19 +7,19 @@
 #include <utility>
 #include <vector>
 
-/// A body's slow steps in a thread of their own, until it is destroyed.
+/// Runs the model updates of a body in a thread until it is destroyed or joined.
 class SlowThread {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `step` takes one slow step.
+  /// @param step  one model update
   explicit SlowThread(std::function<void()> step)
       : thread_([this, step = std::move(step)] {
           while (!stop_.load(std::memory_order_relaxed)) {
             const auto begin = Clock::now();
             step();
             seconds_.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
-            std::this_thread::sleep_until(begin + least_);
+            std::this_thread::sleep_until(begin + min_interval_);
           }
         }) {}
   ~SlowThread() { join(); }
@@ -28,7 +28,7 @@ class SlowThread {
   SlowThread(SlowThread&&) = delete;
   SlowThread& operator=(SlowThread&&) = delete;
 
-  /// How long each step took, s.
+  /// Stop the thread. Return the duration of each update, s.
   const std::vector<double>& join() {
     stop_.store(true, std::memory_order_relaxed);
     if (thread_.joinable()) thread_.join();
@@ -36,8 +36,8 @@ class SlowThread {
   }
 
  private:
-  static constexpr std::chrono::milliseconds least_{4};  // between two steps: a body at rest does not need a whole core
+  static constexpr std::chrono::milliseconds min_interval_{4};  // between updates: a body at rest must not use a whole core
   std::vector<double> seconds_;
   std::atomic<bool> stop_{false};
-  std::thread thread_;  // the last: it uses the others
+  std::thread thread_;  // last member: it uses the others
 };

@@ -6,7 +6,7 @@
 
 namespace palpate::solid {
 
-/// A solid of one of the materials, compiled for one width of vector registers. Vectors are 3 x point + axis.
+/// A hyperelastic model with the material erased, compiled for one SIMD width. Vectors are 3 x point + axis.
 class AnySolid {
  public:
   AnySolid() = default;
@@ -14,12 +14,12 @@ class AnySolid {
   AnySolid& operator=(const AnySolid&) = delete;
   virtual ~AnySolid() = default;
 
-  /// Energy [J] at a displacement [m]; the inner forces [N] into `forces`.
+  /// Return the energy [J] at a displacement [m]. Write the internal forces [N] to `forces`.
   virtual double evaluate(const double* displacement, double* forces) = 0;
-  /// Change of the inner forces [N] along `motion` [m], at the displacement of the last evaluate(), in single precision.
+  /// Compute the derivative of the internal forces [N] along `motion` [m] at the last displacement, in single precision.
   virtual void tangent(const double* motion, double* forces) = 0;
-  /// Newton's steps from where it is until the residual is below `tolerance` of the load; returns how many, or -1 if `max_steps` were not
-  /// enough.
+  /// Iterate with Newton steps until the residual is below `tolerance` times the load. Return the number of steps, or -1 if `max_steps`
+  /// do not suffice.
   virtual int relax(const double* load, double tolerance, int max_steps) = 0;
   virtual void displacement(double* to) const = 0;
   virtual void reset() = 0;

@@ -5,7 +5,7 @@
 #include <palpate/math/latest_value.hpp>
 #include <palpate/object/deformable_object.hpp>
 
-/// Where the last slow step of a loop's body left its points. Neither the step nor whoever draws waits for the other.
+/// Displacements of all points of a hyperelastic body after its last model update. Writer and reader never wait for each other.
 class SolidFrames {
  public:
   explicit SolidFrames(std::size_t points) : points_(points) {
@@ -15,7 +15,7 @@ class SolidFrames {
   [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::DeformationFrame>> box() const noexcept { return box_; }
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
 
-  /// For one thread at a time.
+  /// Return the last frame. Only one thread may call this.
   const palpate::object::DeformationFrame& latest() noexcept {
     box_->acquire();
     return box_->value();

@@ -1,4 +1,4 @@
-/// Compiled once for each width of vector registers, as batch_lanes.cpp is and for the same reasons.
+/// Hyperelastic solvers. This file is compiled once for each SIMD width, as batch_lanes.cpp is.
 #include <algorithm>
 #include <palpate/deformable/hyperelastic/corotational.hpp>
 #include <palpate/deformable/hyperelastic/neo_hookean.hpp>
@@ -51,12 +51,12 @@ class SolidOf final : public AnySolid {
   void reset() override { solid_.reset(); }
 
  private:
-  /// From points to the first nodes, as many as `to` has.
+  /// Copy from points to the first nodes, as many as `to` has.
   void gather(const double* from, std::vector<double>& to) const {
     for (std::size_t i = 0; 3 * i < to.size(); ++i)
       for (std::size_t a = 0; a < 3; ++a) to[3 * i + a] = from[3 * point(i) + a];
   }
-  /// From the first `nodes` nodes to their points.
+  /// Copy from the first `nodes` nodes to their points.
   void scatter(const double* from, std::size_t nodes, double* to) const {
     for (std::size_t i = 0; i < nodes; ++i)
       for (std::size_t a = 0; a < 3; ++a) to[3 * point(i) + a] = from[3 * i + a];

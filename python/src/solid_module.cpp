@@ -1,4 +1,4 @@
-/// The Python face of solids that deform as far as they are pushed.
+/// Python bindings of the hyperelastic bodies.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
@@ -8,9 +8,9 @@
 #include <thread>
 #include <type_traits>
 
-#include "answers.hpp"
 #include "batch.hpp"
 #include "body_in_loop.hpp"
+#include "contact_rows.hpp"
 #include "pressed.hpp"
 #include "slow_thread.hpp"
 #include "solid.hpp"
@@ -50,26 +50,26 @@ palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, c
                                      const Flags& held) {
   const std::size_t n = points.shape(0), m = cells.shape(0);
   if (n == 0 || m == 0 || shear.shape(0) != m || lame.shape(0) != m || held.shape(0) != n)
-    throw nb::value_error("the sizes of a solid's arrays do not fit each other");
+    throw nb::value_error("the sizes of the body's arrays do not match");
   palpate::deformable::TetMesh mesh;
   for (std::size_t i = 0; i < n; ++i) mesh.points.emplace_back(points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]);
   for (std::size_t c = 0; c < m; ++c) {
     auto& corners = mesh.tetrahedra.emplace_back();
     for (std::size_t k = 0; k < 4; ++k) {
       const std::int64_t p = cells.data()[4 * c + k];
-      if (p < 0 || p >= static_cast<std::int64_t>(n)) throw nb::value_error("a tetrahedron names a point that does not exist");
+      if (p < 0 || p >= static_cast<std::int64_t>(n)) throw nb::value_error("a tetrahedron refers to a point that does not exist");
       corners[k] = static_cast<std::int32_t>(p);
     }
   }
   mesh.shear.assign(shear.data(), shear.data() + m);
   mesh.lame.assign(lame.data(), lame.data() + m);
   mesh.fixed.assign(held.data(), held.data() + n);
-  if (std::find(mesh.fixed.begin(), mesh.fixed.end(), false) == mesh.fixed.end()) throw nb::value_error("all points are held");
+  if (std::find(mesh.fixed.begin(), mesh.fixed.end(), false) == mesh.fixed.end()) throw nb::value_error("all points are fixed");
   return mesh;
 }
 
 void check(const SolidCore& self, const Points& vectors) {
-  if (vectors.shape(0) != self.points) throw nb::value_error("one vector for each point is needed");
+  if (vectors.shape(0) != self.points) throw nb::value_error("the array must have one row for each point");
 }
 
 palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
@@ -83,7 +83,7 @@ palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& p
   if (n == 0 || areas.shape(0) != n || begin.shape(0) != n + 1 || weights.shape(0) != shares ||
       begin.data()[n] != static_cast<std::int32_t>(shares) || !std::is_sorted(begin.data(), begin.data() + n + 1) || begin.data()[0] != 0 ||
       !fits(point, n) || !fits(shared, shares) || !fits(triangles, 3 * triangles.shape(0)))
-    throw nb::value_error("the arrays of a solid's surface do not fit each other");
+    throw nb::value_error("the arrays of the body's surface do not match");
   palpate::deformable::TetSurface surface;
   surface.point.assign(point.data(), point.data() + n);
   surface.area.assign(areas.data(), areas.data() + n);
@@ -113,9 +113,9 @@ class Ways {
   Ways(const Paths& centres, const Paths& outward, const Numbers& radii, bool flat)
       : centres_(centres.data()), outward_(outward.data()), ticks_(centres.shape(0)) {
     const std::size_t count = centres.shape(1);
-    if (count == 0 || count > palpate::deformable::TipPair::max_tips) throw nb::value_error("one or two tips press a solid");
+    if (count == 0 || count > palpate::deformable::TipPair::max_tips) throw nb::value_error("the path must have one or two tips");
     if (outward.shape(0) != ticks_ || outward.shape(1) != count || radii.shape(0) != count)
-      throw nb::value_error("as many directions as places, and a radius for each tip are needed");
+      throw nb::value_error("the path needs one direction for each position and one radius for each tip");
     tips_.count = static_cast<int>(count);
     for (std::size_t t = 0; t < count; ++t) {
       tips_.tip[t].kind = flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere;
@@ -132,7 +132,7 @@ class Ways {
     }
     return tips_;
   }
-  /// A row of what a tick answered.
+  /// Write the row of the last tick.
   void write(const palpate::deformable::PassiveModelSwitch& servo, double* row) const {
     for (std::size_t t = 0; t < static_cast<std::size_t>(tips_.count); ++t, row += 10) {
       const palpate::deformable::ContactResult& a = servo.last().tip[t];
@@ -162,7 +162,7 @@ Out step_row(const palpate::solid::PressedStep& step) {
   row[0] = step.residual;
   row[1] = step.newton_steps;
   row[2] = step.compliance_steps;
-  row[3] = step.compliance_left;
+  row[3] = step.compliance_error;
   return out;
 }
 
@@ -183,7 +183,7 @@ void bind_pressed(nb::module_& m) {
           "follow",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int every) {
             Ways ways(centres, outward, radii, flat);
-            if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
+            if (every < 1) throw nb::value_error("every must be 1 or more");
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
@@ -195,8 +195,8 @@ void bind_pressed(nb::module_& m) {
             return rows;
           },
           "centres"_a, "outward"_a, "radii"_a, "flat"_a, "every"_a,
-          "A slow step in turn with `every` ticks, handed over after them. Rows: for each tip force (3), deflection (3), energy, nodes, "
-          "touching, solved; then potential, saved, share, waits.")
+          "Step along a path; update the model every `every` ticks and publish it after as many. Return rows: for each tip force (3), "
+          "deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.")
       .def(
           "settle",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int steps) {
@@ -210,7 +210,7 @@ void bind_pressed(nb::module_& m) {
             return rows;
           },
           "centres"_a, "outward"_a, "radii"_a, "flat"_a, "steps"_a,
-          "The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.")
+          "Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.")
       .def(
           "live",
           [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
@@ -245,11 +245,12 @@ void bind_pressed(nb::module_& m) {
             return nb::make_tuple(rows, times, seconds);
           },
           "centres"_a, "outward"_a, "radii"_a, "flat"_a, "period"_a, "thread"_a,
-          "One tick each period of wall-clock time, with slow steps in a thread of their own or none. Rows as of follow; lateness and "
-          "length of each tick, s; length of each slow step, s.")
+          "Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of follow; "
+          "lateness and duration of each tick, s; duration of each model update, s.")
       .def(
           "step", [](const PressedCore& self) { return step_row(self.pressing.last_report()); },
-          "Of the last slow step: residual before it, N; steps of conjugate gradients for it and for the compliance; what that leaves.")
+          "Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the "
+          "compliance; error of the compliance.")
       .def("displacement",
            [](PressedCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});
@@ -274,12 +275,13 @@ void bind_pressed(nb::module_& m) {
             }
             return nb::make_tuple(names, normals, compliance, inner);
           },
-          "What the servo has: nodes (numbers on the surface), their normals, compliance along the inward ones, m/N, and which are solved "
-          "for.")
+          "Return the local model of the servo: surface nodes, their normals, compliance along the inward normals, m/N, and a mask of "
+          "inner "
+          "nodes.")
       .def("reset", [](PressedCore& self) { self.pressing.reset(); });
 }
 
-/// A solid as one of a body's kinds: one tip, slow steps in turn.
+/// A hyperelastic body with one tip and synchronous model updates.
 struct NonlinearCore : BodyInLoop {
   std::size_t points;
   palpate::object::HyperelasticObject<AnyPressed> body;
@@ -301,7 +303,7 @@ struct NonlinearCore : BodyInLoop {
 };
 
 void bind_nonlinear(nb::module_& m) {
-  nb::class_<SolidFrames>(m, "DeformationFrames", "Where the last slow step of a loop's body left its points.")
+  nb::class_<SolidFrames>(m, "DeformationFrames", "Displacements of all points of a hyperelastic body after its last model update.")
       .def(nb::init<std::size_t>(), "points"_a)
       .def(
           "latest",
@@ -311,7 +313,7 @@ void bind_nonlinear(nb::module_& m) {
             std::copy(moved.displacement.begin(), moved.displacement.end(), data);
             return nb::make_tuple(moved.step, moved.tick, rows);
           },
-          "The last frame: slow steps so far, the servo's tick whose tip that one saw, displacements of all points (p, 3), m.");
+          "Return the last frame: number of model updates, servo tick of their tip position, displacements of all points (p, 3), m.");
   nb::class_<NonlinearCore, BodyInLoop>(m, "HyperelasticBody")
       .def(
           "__init__",
@@ -319,7 +321,7 @@ void bind_nonlinear(nb::module_& m) {
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
              const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double mu_static,
              double mu_dynamic) {
-            if (every < 1) throw nb::value_error("a slow step lasts one tick or more");
+            if (every < 1) throw nb::value_error("every must be 1 or more");
             auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
                                     surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
             new (self)
@@ -335,10 +337,10 @@ void bind_nonlinear(nb::module_& m) {
           [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
             const std::size_t n = centres.shape(0);
             const bool faces = outward.shape(0) == 0 && !flat;
-            if (outward.shape(0) != n && !faces) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = new_array<double>({n, answer_width});
+            if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
+            auto [rows, row] = new_array<double>({n, result_width});
             const nb::gil_scoped_release unlocked;
-            for (std::size_t i = 0; i < n; ++i, row += answer_width) {
+            for (std::size_t i = 0; i < n; ++i, row += result_width) {
               const palpate::math::Vector3<> out =
                   faces ? palpate::math::Vector3<>::UnitZ()
                         : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
@@ -347,29 +349,29 @@ void bind_nonlinear(nb::module_& m) {
             return rows;
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a,
-          "Rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. A sphere faces as the nodes do "
-          "that it presses, as in a loop.")
+          "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without "
+          "directions, a sphere takes the mean normal of its contact nodes, as in a loop.")
       .def(
           "settle",
           [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat, int steps) {
             const std::size_t n = centres.shape(0);
-            if (outward.shape(0) != n) throw nb::value_error("as many directions as places are needed");
-            auto [rows, row] = new_array<double>({n, answer_width + 1});
+            if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
+            auto [rows, row] = new_array<double>({n, result_width + 1});
             const nb::gil_scoped_release unlocked;
-            for (std::size_t i = 0; i < n; ++i, row += answer_width + 1) {
+            for (std::size_t i = 0; i < n; ++i, row += result_width + 1) {
               const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
                                                           Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               self.initialized = true;
-              row[answer_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
+              row[result_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
               write_result(self.body.last(), row);
             }
             return rows;
           },
           "centres"_a, "outward"_a, "radius"_a, "flat"_a, "steps"_a,
-          "The body at rest at each place, after at most so many slow steps: rows as of follow, and whether it came to rest.")
+          "Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.")
       .def(
-          "pressed", [](const NonlinearCore& self) { return pressed_by(self.body); },
-          "Of the last step: the pressed nodes, and the forces along their inward normals, N.")
+          "pressed", [](const NonlinearCore& self) { return contact_forces(self.body); },
+          "Return the contact nodes of the last step and the forces along their inward normals, N.")
       .def(
           "displacement",
           [](const NonlinearCore& self) {
@@ -377,7 +379,7 @@ void bind_nonlinear(nb::module_& m) {
             self.body.coupling().solver().displacement(data);
             return out;
           },
-          "Of all points at the last slow step, m.")
+          "Return the displacements of all points at the last model update (p, 3), m.")
       .def("reset", [](NonlinearCore& self) {
         self.body.reset();
         self.initialized = false;
@@ -406,7 +408,7 @@ void bind_solid(nb::module_& m) {
             auto [forces, f] = new_array<double>({self.points, 3});
             return nb::make_tuple(self.solid->evaluate(displacement.data(), f), forces);
           },
-          "displacement"_a, "Energy, J, and inner forces on the free points, N.")
+          "displacement"_a, "Return the energy, J, and the internal forces on the free points (p, 3), N.")
       .def(
           "tangent",
           [](SolidCore& self, const Points& way) {
@@ -415,7 +417,7 @@ void bind_solid(nb::module_& m) {
             self.solid->tangent(way.data(), f);
             return forces;
           },
-          "way"_a, "Change of the inner forces along `way`, N, where it was evaluated last; single precision.")
+          "way"_a, "Return the derivative of the internal forces along `way`, N, at the last evaluated displacement, in single precision.")
       .def(
           "relax",
           [](SolidCore& self, const Points& load, double tolerance, int most) {
@@ -424,7 +426,7 @@ void bind_solid(nb::module_& m) {
             return self.solid->relax(load.data(), tolerance, most);
           },
           "load"_a, "tolerance"_a = 1e-8, "most"_a = 60,
-          "Newton's steps to rest under a load, N; how many, or -1 if it did not come to rest.")
+          "Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.")
       .def("displacement",
            [](const SolidCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});

@@ -11,17 +11,18 @@
 #include <thread>
 #include <vector>
 
-/// The displacement of a body's whole surface, a number of times a second, in a thread of its own: the forces of the servo's latest tick
-/// times the compliance. The servo hands them over without waiting; whoever draws fetches the last frame without waiting either.
+/// Computes the displacement of the whole surface of a body in a thread at a fixed rate: compliance times the contact forces of the
+/// servo's latest tick. Neither the servo nor the reader waits.
 class SurfaceFrames {
  public:
   struct Frame {
-    std::int64_t number = 0;           // frames so far
-    std::int64_t tick = -1;            // which it shows; -1: none yet
+    std::int64_t number = 0;           // of frames since the start
+    std::int64_t tick = -1;            // that the frame shows; -1: none yet
     std::vector<double> displacement;  // 3 x node + axis, m
   };
 
-  /// `compliance` is (3n)^2 [m/N], symmetric, and outlives this; `rate` [Hz].
+  /// @param compliance  (3n)^2, symmetric, m/N; it must outlive this object
+  /// @param rate        frames per second, Hz
   SurfaceFrames(std::size_t nodes, const float* compliance, double rate)
       : nodes_(nodes),
         compliance_(compliance),
@@ -45,7 +46,7 @@ class SurfaceFrames {
   [[nodiscard]] std::shared_ptr<palpate::math::LatestValue<palpate::object::ContactFrame>> pressed() const noexcept { return pressed_; }
   [[nodiscard]] std::size_t size() const noexcept { return nodes_; }
 
-  /// For one thread at a time.
+  /// Return the last frame. Only one thread may call this.
   const Frame& latest() noexcept {
     frames_.acquire();
     return frames_.value();
@@ -71,7 +72,7 @@ class SurfaceFrames {
       const auto node = static_cast<std::size_t>(pressed.node[static_cast<std::size_t>(k)]);
       for (int a = 0; a < 3; ++a) {
         const double force = pressed.force[static_cast<std::size_t>(k)][a];
-        const float* c = compliance_ + (3 * node + static_cast<std::size_t>(a)) * row;  // symmetric: a row is a column
+        const float* c = compliance_ + (3 * node + static_cast<std::size_t>(a)) * row;  // a column, which equals the row
         for (std::size_t i = 0; i < row; ++i) frame.displacement[i] += force * static_cast<double>(c[i]);
       }
     }

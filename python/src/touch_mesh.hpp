@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-/// A mesh with its tree, and what moves it once it has moved.
+/// A mesh with its AABB tree and, after the first move, its updater.
 struct TouchMesh {
   palpate::mesh::TriangleMesh mesh;
   palpate::mesh::AabbTree tree;
@@ -29,7 +29,7 @@ struct TouchMesh {
   }
 };
 
-/// A mesh with the surface laid out over it, and the radius of the tip that touches it.
+/// A mesh, its surface field, and the radius of the tip that touches it.
 struct TouchedSurface {
   std::shared_ptr<const TouchMesh> mesh;
   std::shared_ptr<palpate::mesh::SurfaceField> field;
@@ -38,7 +38,7 @@ struct TouchedSurface {
   TouchedSurface(std::shared_ptr<const TouchMesh> m, const palpate::mesh::Surface& surface, double r)
       : mesh(std::move(m)), field(std::make_shared<palpate::mesh::SurfaceField>(surface, mesh->mesh)), radius(r) {}
 
-  /// After the mesh has moved from its state `seen` moves ago.
+  /// Update the field after the mesh has moved since its move number `seen`.
   void refit(std::int64_t seen) noexcept {
     const palpate::mesh::MeshUpdater& d = mesh->deformation;
     if (mesh->moves == seen + 1) {

@@ -1,4 +1,4 @@
-/// The Python face of touch: meshes, surfaces and proxies, with the loop over a path in C++.
+/// Python bindings of meshes, surfaces and proxies. The loop over a path runs in C++.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -35,7 +35,7 @@ std::vector<palpate::mesh::Triangle> triangles(const Indices& a) {
   return list;
 }
 
-/// A proxy with what it refers to.
+/// A proxy that owns the mesh and the surface it refers to.
 struct TouchProxy {
   std::unique_ptr<TouchedSurface> on;
   palpate::mesh::Proxy proxy;
@@ -47,7 +47,7 @@ struct TouchProxy {
         proxy(on->mesh->mesh, on->mesh->tree, *on->field, on->radius),
         seen(on->mesh->moves) {}
 
-  /// Follows the mesh, if it has moved since.
+  /// Update the surface and the proxy if the mesh has moved.
   void catch_up() noexcept {
     if (seen == on->mesh->moves) return;
     on->refit(seen);
@@ -58,7 +58,7 @@ struct TouchProxy {
 
 TouchedSurface touched(std::shared_ptr<const TouchMesh> mesh, const palpate::mesh::Surface& surface, double radius) {
   if (!mesh->mesh.usable() || !palpate::mesh::SurfaceField::is_valid(surface, mesh->mesh) || !(radius >= 0.0))
-    throw nb::value_error("the mesh, the surface or the radius is not fit to be touched");
+    throw nb::value_error("the mesh, the surface or the radius is not usable");
   return {std::move(mesh), surface, radius};
 }
 
@@ -121,7 +121,7 @@ void bind_touch(nb::module_& m) {
       .def(
           "move",
           [](TouchMesh& self, const std::vector<std::int32_t>& vertices, const Points& to) { return self.move(vertices, points(to)); },
-          "vertices"_a, "to"_a, "The first triangle that would lose its area, and then nothing has moved; or -1.")
+          "vertices"_a, "to"_a, "Move vertices. Return -1, or the first triangle that would lose its area; then nothing moves.")
       .def(
           "nearest",
           [](const TouchMesh& self, const Points& x) {
@@ -185,7 +185,9 @@ void bind_touch(nb::module_& m) {
             }
             return nb::make_tuple(rows, facet);
           },
-          "path"_a, "Rows of position (3), normal (3), force (3), depth, stiffness; and the triangle, -1 where apart.")
+          "path"_a,
+          "Step along a path (n, 3), m. Return rows of position (3), normal (3), force (3), depth, stiffness; and triangles, -1 without "
+          "contact.")
       .def(
           "time",
           [](TouchProxy& self, const Points& path) {
@@ -200,7 +202,7 @@ void bind_touch(nb::module_& m) {
             }
             return seconds;
           },
-          "path"_a, "How long each step took, s, the clock's own time included.")
+          "path"_a, "Return the duration of each step, s, including the clock's own.")
       .def("reset", [](TouchProxy& self) { self.proxy.reset(); })
       .def_prop_ro("faults", [](const TouchProxy& self) { return self.proxy.invalid_input_count(); })
       .def_prop_ro("unfinished", [](const TouchProxy& self) { return self.proxy.iteration_limit_count(); })

@@ -10,15 +10,15 @@
 
 #include "arrays.hpp"
 
-/// What bodies of every kind tell Python about a tip.
+/// Conversion of contact results to rows of arrays.
 
 inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::math::Vector3<>& center,
                                        const palpate::math::Vector3<>& outward) {
   return {flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere, radius, center, outward};
 }
 
-/// Numbers of an answer: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
-constexpr std::size_t answer_width = 14;
+/// Columns of a contact result: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
+constexpr std::size_t result_width = 14;
 
 inline void write_result(const palpate::deformable::ContactResult& a, double* row) {
   Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
@@ -31,9 +31,9 @@ inline void write_result(const palpate::deformable::ContactResult& a, double* ro
   row[13] = a.sliding ? 1.0 : 0.0;
 }
 
-/// The pressed nodes of the last step, and the forces along their inward normals, N.
+/// Return the contact nodes of the last step and the forces along their inward normals, N.
 template <class Contact>
-nanobind::tuple pressed_by(const Contact& contact) {
+nanobind::tuple contact_forces(const Contact& contact) {
   const auto n = static_cast<std::size_t>(contact.last().nodes);
   auto [nodes, i] = new_array<std::int64_t>({n});
   auto [forces, f] = new_array<double>({n});

@@ -65,7 +65,7 @@ def _slide(trace: Trace) -> tuple[SlidingMetrics, bool]:
     found = sliding_metrics(trace)
     if found is None:
         raise RuntimeError("the tip never touched the object")
-    return found, trace.stable and found.touching_at_end
+    return found, trace.completed and found.touching_at_end
 
 
 def _pictures(page: Page, lead_lag: Trace, lqg: Trace) -> None:

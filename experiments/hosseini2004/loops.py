@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Trace, simulate
 from palpate.control import Controller
-from palpate.metrics.step import StepResponse, step_response
+from palpate.simulation.step_response import StepResponse, step_response
 
 from experiments.hosseini2004.cases import CASES, POSE
 from experiments.hosseini2004.experimental import PERIOD
@@ -102,7 +102,7 @@ def loop_of(trace: Trace, force: float, stiffness: float) -> Loop:
     """Return the step responses of a trace with `force`, N, on `stiffness`, N/mm."""
     deflection = trace["deflection"] * 1e3
     axes: tuple[StepResponse, ...] = ()
-    if trace.stable:
+    if trace.completed:
         ideal = force / stiffness
         axes = tuple(step_response(trace.time, deflection[:, i], expected=ideal) for i in range(3))
     return Loop(force, stiffness, trace.time, deflection, axes, trace.unstable_from)

@@ -196,7 +196,7 @@ def pair(first: float, second: float, controller: Controller, *, tangential: flo
     if found is None:
         raise RuntimeError(f"the slide from {first:g} to {second:g} N/mm never touched")
     there = abs(trace["surface_stiffness"][-1, 0] - 1e3 * second) < 1e-6 * second
-    return Pair(first, second, bool(trace.stable and found.settled and there), found)
+    return Pair(first, second, bool(trace.completed and found.settled and there), found)
 
 
 def pairs(

@@ -775,6 +775,11 @@ class PremiumSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
+    def judged_from(self) -> int: ...
+
+    @judged_from.setter
+
+    @property
     def jitter(self) -> float: ...
 
     @jitter.setter
@@ -1065,6 +1070,11 @@ class SliderSetup:
 
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
+
+    @property
+    def judged_from(self) -> int: ...
+
+    @judged_from.setter
 
     @property
     def jitter(self) -> float: ...
@@ -1359,6 +1369,11 @@ class FiveBarSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
+    def judged_from(self) -> int: ...
+
+    @judged_from.setter
+
+    @property
     def jitter(self) -> float: ...
 
     @jitter.setter
@@ -1599,6 +1614,11 @@ class TipDeviceSetup:
 
     @speed_limit.setter
     def speed_limit(self, arg: float, /) -> None: ...
+
+    @property
+    def judged_from(self) -> int: ...
+
+    @judged_from.setter
 
     @property
     def jitter(self) -> float: ...

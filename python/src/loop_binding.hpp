@@ -133,6 +133,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("substeps", &Setup::substeps)
       .def_rw("record_every", &Setup::record_every)
       .def_rw("speed_limit", &Setup::speed_limit)
+      .def_rw("judged_from", &Setup::judged_from)
       .def_rw("jitter", &Setup::jitter)
       .def_rw("seed", &Setup::seed)
       .def(

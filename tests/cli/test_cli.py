@@ -59,7 +59,7 @@ def test_run_writes_trace_summary_and_report(tmp_path: Path) -> None:
     """Three files, none left over, and the summary's numbers are the trace's."""
     code, text = palpate("run", scenario(tmp_path), "--out", tmp_path / "out")
     assert code == 0
-    assert "stable" in text
+    assert "settled to 5 %" in text
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["report.html", "summary.json", "trace.h5"]
     assert sorted(file.name for file in tmp_path.iterdir()) == ["cube.toml", "out"]
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -70,12 +70,12 @@ def test_run_writes_trace_summary_and_report(tmp_path: Path) -> None:
 
 
 def test_run_of_a_diverging_loop_says_from_when_and_keeps_the_trace(tmp_path: Path) -> None:
-    """Exit code 1, "unstable from t = …", and a finite trace that ends there."""
+    """Exit code 1, "diverges at t = …", and a finite trace that ends there."""
     code, text = palpate("run", scenario(tmp_path, "30 N/mm", "none"), "--out", tmp_path / "out")
     assert code == 1
     trace = Trace.load(tmp_path / "out" / "trace.h5")
     assert trace.unstable_from is not None
-    assert f"unstable from t = {trace.unstable_from:.4g} s" in text
+    assert f"unstable: diverges at t = {trace.unstable_from:.4g} s" in text
     assert trace.time[-1] < trace.unstable_from
     assert all(np.isfinite(channel.values).all() for channel in trace.channels.values())
 

@@ -442,7 +442,7 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert summaries["slider-wall-stable"]["stable"]
     assert "decays" in summaries["slider-wall-stable"]["verdict"]
     assert not summaries["slider-wall-unstable"]["stable"]
-    assert "grows" in summaries["slider-wall-unstable"]["verdict"]
+    assert "grows by a factor" in summaries["slider-wall-unstable"]["verdict"]
 
     leaning = runs["arm-through-tissue-on-a-wall"]
     touching = leaning["touching"][:, 0] > 0
@@ -450,7 +450,7 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert not touching[0]
     assert not touching[-1]
     assert leaning["object_force"][:, 2].max() == 0.0
-    assert summaries["arm-through-tissue-on-a-wall"]["verdict"].startswith("bounded for 2 s under a force that changes")
+    assert summaries["arm-through-tissue-on-a-wall"]["state"] == "settled"
     assert 1e-3 < summaries["arm-through-tissue-on-a-wall"]["peak_deflection_m"] < 10e-3
 
     driven = runs["drive-limits-and-encoder"]
@@ -459,7 +459,7 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert np.linalg.norm(driven["command_force"][at[0]]) == pytest.approx(5.0, rel=0.05)
     assert np.linalg.norm(driven["command_force"][at[1]]) < 1.6
     assert driven["object_force"][at[1], 2] < -10.0
-    assert "drive at its limit" in summaries["drive-limits-and-encoder"]["verdict"]
+    assert summaries["drive-limits-and-encoder"]["state"] == "drive limit exceeded"
 
     chattering = {
         grip: np.ptp(simulate(_gripped(grip))["object_force"][500:1100, 2]) for grip in ("tissue", "rigid")

@@ -152,10 +152,10 @@ def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
     """Its nodes face away from there, so it would not be held, and be thrown out somewhere; one radius is let pass."""
     inside = tables(on(block))
     inside["object"]["position"] = ["0 mm", "0 mm", "12 mm"]
-    with pytest.raises(ScenarioError, match=r"object.position: the tip starts inside the body.*12 mm below"):
+    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*12 mm under"):
         build_simulation(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "18 mm"]  # 2 mm over the bonded bottom: what is felt is far
-    with pytest.raises(ScenarioError, match=r"its center 18 mm below"):
+    with pytest.raises(ScenarioError, match=r"its centre 18 mm under"):
         build_simulation(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "5 mm"]
     build_simulation(inside)
@@ -211,7 +211,7 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     summary = summarize(simulate(tables(on(block), run={"duration": "0.8 s"})))
     pressed = summary["palpation"]
     assert summary["stable"]
-    assert summary["verdict"].startswith("stable: presses the body in by")
+    assert summary["verdict"].startswith("settled: presses the body in by")
     assert pressed["settled"]
     assert pressed["touches"] == 1
     assert pressed["held_J"] >= 0.0
@@ -219,7 +219,7 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     deep = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "2 mm"], "body": on(block)}}
     assert "it began 2 mm deep in the body" in summarize(simulate(deep))["verdict"]
     far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
-    assert "never touched the body" in summarize(simulate(far))["verdict"]
+    assert "never touches the object" in summarize(simulate(far))["verdict"]
 
 
 def test_a_tip_pushed_through_the_surface_is_still_held(block: Path) -> None:
@@ -252,7 +252,7 @@ def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
     felt = first["touching"][:, 0] > 0.0
     assert first["tip"][felt][0, 2] == pytest.approx(first["tip"][0, 2] - 0.5e-3, abs=2e-5)
     path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is built again"):
+    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is made again"):
         simulate(scenario)
 
 

@@ -183,4 +183,4 @@ def test_friction_takes_work_and_gives_none(block: Path) -> None:
     assert np.diff(work - held).min() > -0.01 * most
     smooth = simulate({**setup, "object": deep(block)["object"], "operator": {**HAND, "shape": "table", "table": led}})
     assert np.ptp(smooth["tip"][:, 0]) > 1.2 * np.ptp(tip[:, 0])
-    assert trace.stable
+    assert trace.completed

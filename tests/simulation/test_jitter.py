@@ -95,7 +95,7 @@ def test_a_cell_is_what_its_scenario_finds_alone(device: str) -> None:
         "operator": {**HAND, "shape": "ramp", "rise": "30 ms", "force": "-0.5 N"},
         "object": {"kind": "spring", "stiffness": "300 N/m"},
         "run": {"duration": "0.1 s"},
-    }
+    }  # the force is constant from 30 ms on: the last fifth begins after 86 ms
     if device != "slider":
         tables["start"] = {"pose": ["0.1 rad", "2.2305 rad", "3.2776 rad"]}
     over = {"servo.jitter": ["0 ms", "0.3 ms", "0.9 ms"], "object.stiffness": [100.0, 200.0, 300.0]}
@@ -110,7 +110,7 @@ def test_a_cell_is_what_its_scenario_finds_alone(device: str) -> None:
         step = np.diff(trace.time, prepend=-PERIOD)[:, None] / PERIOD
         speed = np.diff(trace["tip"], axis=0, prepend=trace["tip"][:1]) / step
         bend = np.linalg.norm(np.diff(speed, axis=0), axis=1)
-        assert found["oscillation_5"][index] == pytest.approx(bend[80:].max(), rel=1e-6)
+        assert found["oscillation_5"][index] == pytest.approx(bend[86:].max(), rel=1e-6)
     assert len(seeds) == 18
 
 

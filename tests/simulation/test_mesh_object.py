@@ -115,7 +115,7 @@ def test_a_bounce_that_does_not_end_is_unstable() -> None:
     for share in (2.0, 6.0):
         found = press(share)
         assert not found["stable"]
-        assert "bounces on the mesh" in found["verdict"]
+        assert "the tip bounces" in found["verdict"]
 
 
 def _without_reference(scenario: dict[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from palpate.errors import PalpateError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.metrics import summarize
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -239,7 +240,7 @@ def test_encoders_count() -> None:
 def test_a_delay_shifts_the_torque_by_whole_periods(delay: int) -> None:
     """torque_k = J^T (u + hold) of k - n; before that the hold alone."""
     trace = simulate(press(device={"delay": delay}, controller={"kind": "gain", "gain": 0.003}))
-    assert trace.stable
+    assert trace.completed
     hold = static_tip_force(ARM.jacobian(POSE), ARM.gravity(POSE))
     computed = torque_of(trace["command_force"] + hold, trace["angle"])
     resting = np.tile(ARM.jacobian(POSE).T @ hold, (delay, 1))
@@ -496,7 +497,7 @@ def test_integrators_bring_the_force_to_its_reference() -> None:
     """Internal model principle: a constant reference is met exactly in the end, on any stable object."""
     trace = simulate(press(run={"duration": "1 s"}))
     np.testing.assert_allclose(trace["object_force"][-1], [0.5, -1.0, 2.0], atol=1e-3)
-    assert summarize(trace)["verdict"].startswith("stable")
+    assert trace.verdict.state is State.SETTLED
 
 
 # loops that fail, and what cannot be run
@@ -512,7 +513,9 @@ def test_a_loop_that_diverges_says_since_when_and_keeps_what_came_before(model: 
     assert all(np.all(np.isfinite(channel.values)) for channel in trace.channels.values())
     summary = json.loads(json.dumps(summarize(trace), allow_nan=False))
     assert summary["stable"] is False
-    assert summary["verdict"] == f"unstable from t = {trace.unstable_from:.4g} s"
+    assert trace.verdict.state is State.UNSTABLE
+    assert trace.verdict.since == trace.unstable_from
+    assert summary["verdict"].startswith(f"unstable: diverges at t = {trace.unstable_from:.4g} s, most along ")
     assert summary["axes"] == {}
 
 
@@ -543,11 +546,13 @@ def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:
                 run={"duration": "30 s"},
             )
         )
-        assert trace.stable
+        assert trace.completed
         verdicts[stiffness] = summarize(trace)["stable"], summarize(trace)["verdict"]
-    assert verdicts[97] == (True, "stable, its oscillation decays, but not settled along x after 30 s")
+    assert verdicts[97][0] is True
+    assert verdicts[97][1].startswith("settled: its oscillation of ")
+    assert "decays by a factor of" in verdicts[97][1]
     assert verdicts[103][0] is False
-    assert verdicts[103][1].startswith("unstable: the oscillation along x grows, by ")
+    assert verdicts[103][1].startswith("unstable: an oscillation by ")
 
 
 @pytest.mark.parametrize(("frequency", "start"), [("20 Hz", "2.24 s"), ("4.594 Hz", "0 s")], ids=["late", "resonance"])
@@ -557,9 +562,10 @@ def test_a_swing_that_is_driven_is_no_instability(frequency: str, start: str) ->
     trace = simulate(slide(operator=driven, object={"kind": "spring", "stiffness": "50 N/m"}, run={"duration": "3 s"}))
     quarters = np.split(np.abs(trace["tip"][1:, 0]), 4)
     assert quarters[3].max() > 1.1 * quarters[2].max(), "the swing does not grow: nothing is tested"
-    assert summarize(trace)["stable"]
     assert summarize(trace)["axes"]["x"]["swing_growth"] is None
-    assert summarize(trace)["verdict"] == "bounded for 3 s under a force that changes: no steady state"
+    assert trace.verdict.state is State.UNDECIDED
+    assert "the external force changes until the end" in trace.verdict.reason
+    assert "the linear loop is stable" in trace.verdict.reason
 
 
 def test_what_is_no_controller_is_refused() -> None:

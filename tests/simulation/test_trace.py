@@ -19,7 +19,7 @@ from palpate import simulate
 from palpate.errors import OutputError
 from palpate.files import atomic_write
 from palpate.metrics import summarize
-from palpate.metrics.step import step_response
+from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace, TraceError
 from palpate.simulation.trace_export import Channel
 from scipy.io import loadmat
@@ -85,10 +85,11 @@ def test_the_file_reads_without_palpate(pressed: Trace, tmp_path: Path) -> None:
         assert all(data.dims[0][0] == file["time"] for data in file["channels"].values())
         assert file["time"].attrs["unit"] == "s"
         assert json.loads(file["metadata/scenario"][()])["title"] == "Press µ → 木"
-        assert bool(file.attrs["stable"])
+        assert bool(file.attrs["completed"])
     assert units == {
         "angle": "rad", "velocity": "rad/s", "tip": "m", "deflection": "m", "object_force": "N", "command_force": "N",
-        "torque": "N*m", "reference_force": "N", "operator_force": "N", "touching": "", "saturated": "", "energy": "J",
+        "motor_force": "N", "torque": "N*m", "motor_torque": "N*m", "reference_force": "N", "operator_force": "N",
+        "touching": "", "saturated": "", "energy": "J",
     }  # fmt: skip
 
 
@@ -232,7 +233,7 @@ def test_a_summary_is_json_and_states_the_verdict(pressed: Trace) -> None:
     """summary.json: strict JSON; a loop with integrators ends at force over stiffness."""
     summary = json.loads(json.dumps(summarize(pressed), allow_nan=False))
     assert summary["stable"] is True
-    assert summary["verdict"].startswith("stable: settles to 5 % in ")
+    assert summary["verdict"].startswith("settled to 5 % in ")
     assert set(summary["axes"]) == {"x", "y", "z"}
     for row in summary["axes"].values():
         assert row["expected_deflection_m"] == pytest.approx(2e-3, rel=1e-12)

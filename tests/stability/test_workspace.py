@@ -92,7 +92,7 @@ def test_the_simulated_arm_swings_where_the_map_says(delayed: tuple[dict[str, An
             pressed["operator"] = {**HAND, **TISSUE, "shape": "step", "force": push}
             pressed["run"] = {"duration": "2 s", "substeps": 4}
             trace = simulate(pressed)
-            assert (not trace.stable or growth(trace["tip"], 3) > 1) is grows
+            assert (not trace.completed or growth(trace["tip"], 3) > 1) is grows
 
 
 def test_the_weakest_direction_is_found() -> None:

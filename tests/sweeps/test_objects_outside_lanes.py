@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from palpate.simulation.outcome_rows import name_rows
 from palpate.simulation.simulator import build_simulation
 from palpate.sweeps import sweep
-from palpate.sweeps.outcomes import name_rows
+from palpate.sweeps.excitation import excited
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -25,7 +26,7 @@ def test_a_cell_on_a_mesh_or_body_is_the_run_of_its_scenario(name: str) -> None:
     over = {"servo.jitter": ["0 s", "0.1 ms"]}
     found = sweep(short(name), over)
     for cell in range(2):
-        simulation = build_simulation(found.plan.scenario(cell))
+        simulation, _ = excited(build_simulation(found.plan.scenario(cell)))
         row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
         alone = name_rows(row[None], simulation.scenario.period)
         for key, values in alone.items():
@@ -35,7 +36,7 @@ def test_a_cell_on_a_mesh_or_body_is_the_run_of_its_scenario(name: str) -> None:
 def test_a_spring_has_the_same_outcome_in_lanes_and_alone() -> None:
     found = sweep(short("press-stiff-cube-lqg.toml"), {"object.stiffness": ["1 N/mm", "2 N/mm", "3 N/mm"]})
     for cell in range(3):
-        simulation = build_simulation(found.plan.scenario(cell))
+        simulation, _ = excited(build_simulation(found.plan.scenario(cell)))
         row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
         for key, values in name_rows(row[None], simulation.scenario.period).items():
             np.testing.assert_array_equal(np.asarray(found.outcomes[key])[cell], values[0], err_msg=key)

@@ -16,7 +16,7 @@ import palpate
 import pytest
 from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
-from palpate.sweeps import SweepError, Verdict, merge, open_sweep, sweep
+from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
 from palpate.sweeps.axes import axes_of, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
@@ -48,20 +48,22 @@ def test_a_cell_is_what_simulate_finds() -> None:
     assert found.shape == (2, 2, 5)
     assert found.done == 1.0
     for index in np.ndindex(found.shape):
-        tables: dict[str, Any] = SLIDER
-        for axis, i in zip(found.axes, index, strict=True):
-            tables = with_value(tables, axis, i)
-        trace = palpate.simulate(tables)
+        trace = found.simulate(*index)
         if trace.unstable_from is not None:
             assert found["unstable_from"][index] == trace.unstable_from
-            assert found["verdict"][index] == Verdict.DIVERGES
+            assert found["verdict"][index] == State.UNSTABLE
             continue
         assert np.isnan(found["unstable_from"][index])
         bend = np.linalg.norm(np.diff(trace["tip"], n=2, axis=0), axis=1)  # entry k - 2 belongs to sample k
-        assert found["oscillation_2"][index] == pytest.approx(bend[49:99].max(), rel=1e-6)
-        assert found["oscillation_4"][index] == pytest.approx(bend[149:199].max(), rel=1e-6)
-        assert found["oscillation_5"][index] == pytest.approx(bend[199:].max(), rel=1e-6)
-        assert found.unstable[index] == (bend[199:].max() > min(bend[49:99].max(), bend[149:199].max()))
+        first, last = found.excitation.first, len(trace) - 1
+        fifth = (last - first) // 5
+        early, prior, late = (
+            bend[begin - 1 : begin - 1 + fifth].max() for begin in (first + fifth, last - 2 * fifth, last - fifth)
+        )
+        assert found["oscillation_2"][index] == pytest.approx(early, rel=1e-6)
+        assert found["oscillation_4"][index] == pytest.approx(prior, rel=1e-6)
+        assert found["oscillation_5"][index] == pytest.approx(late, rel=1e-6)
+        assert (found.outcomes.growth[index] > 1) == (late > min(early, prior))
         assert found["ripple"][index] == pytest.approx(np.ptp(trace["tip"][-50:], axis=0).max() / 2, rel=1e-9)
         assert found["peak_object_force"][index] == pytest.approx(
             np.linalg.norm(trace["object_force"], axis=1).max(), rel=1e-9
@@ -298,10 +300,10 @@ def test_a_shard_without_cells_says_so_and_is_merged(tmp_path: Path) -> None:
         part = tmp_path / f"{shard[0]}.h5"
         asked = ["sweep", str(path), "--over=object.stiffness=1 N/m,2 N/m", f"--shard={shard}", f"--out={part}"]
         said.append(" ".join(CliRunner().invoke(app, asked).output.split()))
-    assert "die out" in said[0]
+    assert "settled" in said[0]
     assert "nothing for shard 2/2 to run: the 2 cells are 1 chunk of up to" in said[1]
     assert "shard 1 runs it all" in said[1]
-    assert "die out" not in said[1]
+    assert "settled" not in said[1]
     merge([tmp_path / "1.h5", tmp_path / "2.h5"], tmp_path / "all.h5")
     assert open_sweep(tmp_path / "all.h5").done == 1.0
 

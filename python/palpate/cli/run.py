@@ -51,7 +51,7 @@ def run(
     """Run a scenario: writes trace.h5, summary.json and report.html, and prints the verdict.
 
     The trace opens in Python, MATLAB or Julia; every channel has its unit. If the loop diverges, the trace is kept up
-    to there and the exit code is 1.
+    to there. The exit code is 1 unless the loop settled.
 
     Example: palpate run scenarios/press-stiff-cube-lqg.toml --set object.stiffness="2 N/mm"
     """
@@ -60,6 +60,7 @@ def run(
         from palpate.report import run_page
         from palpate.scenario import Scenario
         from palpate.simulation.simulator import simulate
+        from palpate.simulation.verdict import State
 
         loaded = Scenario.from_file(scenario, read_settings(settings or []))
         if loaded.object.kind == "body":
@@ -82,9 +83,10 @@ def run(
                 "report.html": page.save,
             },
         )
-    colour = "green" if summary["stable"] else "red"
+    state = trace.verdict.state
+    colour = "green" if trace.verdict.settled else "yellow" if state is State.UNDECIDED else "red"
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {colour}]{escape(summary['verdict'])}[/]", soft_wrap=True)
-    for axis, row in summary["axes"].items() if summary["verdict"].startswith("stable") else ():
+    for axis, row in summary["axes"].items() if trace.verdict.settled else ():
         expected = row["expected_deflection_m"]
         wanted = "" if expected is None else f" of {expected * 1e3:.4g} mm wanted"
         output.print(
@@ -93,5 +95,5 @@ def run(
         )
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
-    if not summary["stable"]:
+    if not trace.verdict.settled:
         raise typer.Exit(1)

@@ -34,6 +34,9 @@ def sweep(
     engine: Annotated[str, typer.Option(help="threads (this machine's cores) or dask.")] = "threads",
     scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Threads; all cores if not given.")] = None,
+    design: Annotated[
+        str, typer.Option(help="cell: design the controller for each cell; once: for the scenario as it stands.")
+    ] = "cell",
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th chunk from the I-th on, for job arrays.")] = None,
 ) -> None:
     """Run a scenario for every combination of values, with the whole nonlinear loop.
@@ -61,6 +64,7 @@ def sweep(
                 random=_pairs(random or ()),
                 draws=draws,
                 seed=seed,
+                design=design,  # type: ignore[arg-type]
                 out=path,
                 executor=executor,
                 workers=threads,
@@ -93,6 +97,7 @@ def _executor(
 
 def _print_result(found: Sweep, path: Path, shard: str | None, idle: bool) -> None:
     """Print the cells that were run and their outcomes; `idle` if the shard has none."""
+    from palpate.simulation.verdict import State
     from palpate.sweeps.store import tally
 
     cells, chunks = found.plan.count, found.plan.chunks
@@ -105,8 +110,9 @@ def _print_result(found: Sweep, path: Path, shard: str | None, idle: bool) -> No
         )
     output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}", soft_wrap=True)
     if not idle:
-        dies, swings, grows, diverges = tally(path)
-        output.print(f"  {dies:,} die out, {swings:,} keep swinging, {grows:,} grow, {diverges:,} diverge")
+        counts = ", ".join(f"{count:,} {state.label}" for state, count in zip(State, tally(path), strict=True) if count)
+        output.print(f"  {counts}", soft_wrap=True)
+        output.print(f"  {found.excitation}", style="dim", soft_wrap=True)
     print_paths([path])
 
 

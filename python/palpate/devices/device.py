@@ -135,6 +135,12 @@ class Device:
         return self.parameters.many("drive.peak_torque", self.dof, np.inf)
 
     @property
+    def joint_limits(self) -> tuple[Array, Array]:
+        """Least and largest joint coordinates, (dof,) each, rad; infinite if the file gives none."""
+        many = self.parameters.many
+        return many("limits.lower", self.dof, -np.inf), many("limits.upper", self.dof, np.inf)
+
+    @property
     def servo_period(self) -> float:
         """Nominal servo period, s."""
         return self.parameters.one("servo_period")
@@ -184,6 +190,9 @@ class Device:
             value = getattr(self, name)
             if not np.all(np.isfinite(value)) or np.any(value < 0):
                 raise DeviceError(f"friction.{name} must be finite and not negative, not {value.tolist()}")
+        low, high = self.joint_limits
+        if np.any(low >= high):
+            raise DeviceError(f"limits.lower {low.tolist()} must be below limits.upper {high.tolist()} for every joint")
         if np.any(self.breakaway < self.coulomb):
             raise DeviceError("friction.breakaway must not be below friction.coulomb: use the same value or more")
         angles = np.linspace(-np.pi, np.pi, 13)

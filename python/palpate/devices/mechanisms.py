@@ -71,6 +71,8 @@ class Mechanism:
             "friction.coulomb": Field(torque, n, "nonnegative", False),
             "friction.breakaway": Field(torque, n, "nonnegative", False),
             "friction.stribeck_speed": Field(f"{self.joint_unit}/s", n, "positive", False),
+            "limits.lower": Field(self.joint_unit, n, "any", False, "least joint coordinates"),
+            "limits.upper": Field(self.joint_unit, n, "any", False, "largest joint coordinates"),
             "drive.peak_torque": Field(torque, n, "positive", False),
             "drive.peak_force": Field("N", 1, "positive", False),
             "drive.continuous_force": Field("N", 1, "positive", False),

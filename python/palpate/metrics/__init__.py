@@ -5,9 +5,9 @@ from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse, arm_stiffness, hold_response
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.metrics.performance import Performance, measure_performance
-from palpate.metrics.step import StepResponse, step_response
 from palpate.metrics.summary import summarize
 from palpate.metrics.vibration import Ripple, ripple, vibration_threshold
+from palpate.simulation.step_response import StepResponse, step_response
 
 __all__ = [
     "LoopResponse",

@@ -185,7 +185,7 @@ def _static_stiffness(loop: LoopResponse, n: Array) -> float:
 
 def _ripple(s: Scenario) -> tuple[Ripple | None, str]:
     trace = simulate(s)
-    if not trace.stable:
+    if not trace.completed:
         return None, f"The run diverges at {trace.unstable_from:g} s: no ripple is measured."
     period = s.period * s.run.record_every
     tip, touching = trace["tip"], trace["touching"][:, 0] > 0

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
-from palpate.metrics.summary import expected_deflection, scenario_of
 from palpate.plotting.style import COLORS, INK, TITLE, new_figure
+from palpate.simulation.evidence import expected_deflection, recorded_scenario
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def deflection(trace: Trace, targets: Sequence[float | None] | None = None) -> F
         targets: dashed target of each axis, m, or None (3,); None for those of the scenario.
     """
     if targets is None:
-        targets = expected_deflection(scenario_of(trace))
+        targets = expected_deflection(recorded_scenario(trace))
     values = trace["deflection"]
     shown = [axis for axis in range(values.shape[1]) if targets[axis] is not None or np.any(values[:, axis])] or [0]
     figure, axes = panels(trace.time, values[:, shown] * 1e3, [f"along {AXES[i]}" for i in shown], "deflection [mm]")
@@ -47,7 +47,7 @@ def forces(trace: Trace) -> Figure:
         "reference_force": ("reference", {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 1.1}),
         "operator_force": ("operator", {"color": COLORS[2]}),
         "object_force": ("on the object", {"color": COLORS[0]}),
-        "command_force": ("commanded", {"color": COLORS[1], "linewidth": 1.1}),
+        "motor_force": ("of the motors", {"color": COLORS[1], "linewidth": 1.1}),
     }
     shown = {name: style for name, style in names.items() if name in trace and np.any(trace[name])}
     nonzero = [axis for axis in range(3) if any(np.any(trace[name][:, axis]) for name in shown)] or [0]
@@ -68,7 +68,8 @@ def forces(trace: Trace) -> Figure:
 
 def torques(trace: Trace) -> Figure:
     """Return the motor torques against time, per joint."""
-    return _joints(trace, "torque", "force" if trace.channels["torque"].unit == "N" else "torque")
+    name = "motor_torque" if "motor_torque" in trace else "torque"
+    return _joints(trace, name, "force" if trace.channels[name].unit == "N" else "torque")
 
 
 def angles(trace: Trace) -> Figure:
@@ -152,7 +153,9 @@ def _joints(trace: Trace, name: str, quantity: str) -> Figure:
     unit = channel.unit.replace("*", "·")
     count = channel.values.shape[1]
     titles = [f"joint {i + 1}" for i in range(count)] if count > 1 else [""]
-    figure, axes = panels(trace.time, channel.values, titles, f"{quantity} [{unit}]", sharey=name == "torque")
+    figure, axes = panels(
+        trace.time, channel.values, titles, f"{quantity} [{unit}]", sharey=name in ("torque", "motor_torque")
+    )
     _mark_divergence(axes, trace)
     return figure
 

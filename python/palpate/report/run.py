@@ -8,8 +8,9 @@ from typing import Any
 from palpate.metrics import summarize
 from palpate.plotting import figures
 from palpate.report.contact import palpation_section, sliding_section
-from palpate.report.html import Page
+from palpate.report.html import Page, Tone
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 
 
 def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
@@ -17,12 +18,13 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     found = summarize(trace) if summary is None else summary
     page = Page(found["title"] or "Run", str(trace.scenario.get("description", "")))
     page.section("Verdict")
-    page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", "good" if found["stable"] else "bad")
+    page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", _tone(trace))
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
     for key, name, unit, scale in (
         ("peak_deflection_m", "largest deflection", "mm", 1e3),
         ("peak_object_force_N", "largest force on the object", "N", 1.0),
         ("peak_command_force_N", "largest command", "N", 1.0),
+        ("peak_motor_force_N", "largest force of the motors", "N", 1.0),
     ):
         if found[key] is not None:
             facts.append((name, f"{found[key] * scale:.4g} {unit}"))
@@ -49,6 +51,13 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     if trace.metadata.get("controller"):
         page.code(json.dumps(trace.metadata["controller"], indent=2, ensure_ascii=False), "Controller")
     return page
+
+
+def _tone(trace: Trace) -> Tone:
+    """Return the tone of a verdict: a green tick for "settled" alone."""
+    if trace.verdict.settled:
+        return "good"
+    return "note" if trace.verdict.state is State.UNDECIDED else "bad"
 
 
 def _axes(page: Page, axes: dict[str, dict[str, Any]]) -> None:

@@ -38,21 +38,21 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: An
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
-        controller: replaces the one of [controller]. A Controller, or a python-control StateSpace or TransferFunction
-            from [F_ref; F_object] (6) to the force (3). A system with one input and output acts on F_ref - F_object of
-            each axis; a list has three of them, for x, y and z. A continuous system is discretized by the bilinear rule
-            with the servo period. In Python: a function f(tick) -> force (3,), N, or an object with `command(tick)`,
-            and optionally `applied(force)` and `reset()`. A tick has `time`, `reference`, `object_force`, `deflection`,
-            `tip` and `velocity`.
-        object: replaces the one of [object]. A function f(tip) -> force of the tip on the object (3,), N, or an object
-            with `step(tip)` and optionally `reset()`. The tip has `time`, `position` and `velocity`. The scenario of
-            the trace then has the object kind "none".
+        controller: runs instead of the one that [controller] describes. A Controller; a python-control StateSpace or
+            TransferFunction from [F_ref; F_object] (6) to the force (3); one with a single input and output, which
+            acts on F_ref - F_object of each axis, or a list of three such for x, y and z; a function
+            f(tick) -> force (3,), N; or an object with `command(tick)`, and if needed `applied(force)` and `reset()`.
+            A continuous system is discretized by the bilinear rule with the scenario's servo period.
+            A tick has `time`, `reference`, `object_force`, `deflection`, `tip` and `velocity`.
+        object: is touched instead of the one that [object] describes. A function f(tip) -> force of the tip on the
+            object (3,), N, or an object with `step(tip)`, and if needed `reset()`. The tip has `time`, `position` and
+            `velocity`. The scenario of the trace then says kind = "none".
 
-    An error in the user's code ends the run. It is raised unchanged, with a note that gives the time.
+    An error in the user's code ends the run and is raised as it is, with a note that gives the time.
 
     Raises:
-        ScenarioError: the scenario has a mistake or a feature that its device model lacks, or `controller` or `object`
-            has another form or period, or does not return a finite force.
+        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` or
+            `object` has another form or period, or returns no finite force.
         PoseError: the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller].
     """
@@ -69,7 +69,10 @@ def build_simulation(
 
 @dataclass(frozen=True)
 class Simulation:
-    """Scenario with the core's setup and the forces at every sample (ticks + 1, 3), N."""
+    """Scenario with the core's setup and the forces at every sample (ticks + 1, 3), N.
+
+    `given` says whether the controller is the caller's own instead of the scenario's.
+    """
 
     scenario: Scenario
     device: Device
@@ -80,12 +83,14 @@ class Simulation:
     reference: Array
     operator: Array
     user_object: PythonObject | None = None
+    given: bool = False
 
     @classmethod
     def of(cls, scenario: Scenario, controller: Any = None, object: Any = None) -> Simulation:
         """Return the simulation of a scenario; `controller` and `object` replace those of the scenario."""
         device = scenario.load_device()
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+        _check_limits(device, start)
         hold = np.zeros(3)
         if scenario.servo.gravity_compensation:
             hold = static_tip_force(device.jacobian(start), device.gravity(start))
@@ -102,7 +107,7 @@ class Simulation:
         if touched is not None:
             setup.set_python_object(touched)
         reference = np.ascontiguousarray(reference)
-        return cls(scenario, device, start, hold, chosen, setup, reference, operator, touched)
+        return cls(scenario, device, start, hold, chosen, setup, reference, operator, touched, controller is not None)
 
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
@@ -139,6 +144,9 @@ class Simulation:
         if len(wild):  # the force diverged within one sample, before the speed, which the core checks
             rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
         q, qd, object_force, command, torque, operator, touching, saturated, met = self.columns(rows)
+        if reference is None:
+            reference = self.reference[::every]
+        reference = reference[: len(rows)]
         tip = self.tip(q)
         if self.scenario.operator.kind == "fixed":
             # The operator balances gravity and motors: J^T f = N - tau, with the smallest f.
@@ -151,8 +159,10 @@ class Simulation:
             "deflection": self._deflection(tip),
             "object_force": object_force,
             "command_force": command,
+            "motor_force": command - reference,
             "torque": torque,
-            "reference_force": (self.reference[::every] if reference is None else reference)[: len(rows)],
+            "motor_torque": torque - self._reference_torque(q, reference),
+            "reference_force": reference,
             "operator_force": operator,
             "touching": touching,
             "saturated": saturated,
@@ -168,15 +178,31 @@ class Simulation:
         return Trace.of(
             self._times(len(rows)),
             values,
-            units=None if device.joint_unit == "rad" else {"angle": "m", "velocity": "m/s", "torque": "N"},
+            units=None
+            if device.joint_unit == "rad"
+            else {"angle": "m", "velocity": "m/s", "torque": "N", "motor_torque": "N"},
             unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
             metadata={
                 "scenario": self.scenario.to_dict(),
                 "version": package_version(),
-                "controller": {"kind": self.controller.kind, **_plain(self.controller.notes)},
+                "controller": {
+                    "kind": self.controller.kind,
+                    **({"given": True} if self.given and self.controller.kind != "python" else {}),
+                    **_plain(self.controller.notes),
+                },
                 **({} if self.user_object is None else {"object": {"kind": "python", **self.user_object.notes}}),
             },
         )
+
+    def _reference_torque(self, q: Array, reference: Array) -> Array:
+        """Return the joint torques (n, dof) of the operator's reference force, delayed as those of the motors."""
+        late = self.scenario.device.delay // self.scenario.run.record_every
+        if not np.any(reference):
+            return np.zeros_like(q)
+        jacobian = self.device.jacobian(self.start) if self.scenario.device.kinematics == "linear" else None
+        jacobian = self.device.jacobian(q) if jacobian is None else np.broadcast_to(jacobian, (len(q), 3, q.shape[1]))
+        torque = np.einsum("nij,ni->nj", jacobian, reference)
+        return np.vstack([np.zeros((min(late, len(q)), q.shape[1])), torque[: max(len(q) - late, 0)]])
 
     def _times(self, rows: int) -> Array:
         """Return the times of the recorded ticks, s."""
@@ -200,6 +226,17 @@ class Simulation:
             return np.asarray(away, dtype=float)
         normal = np.array(self.scenario.object.normal)
         return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+
+
+def _check_limits(device: Device, start: Array) -> None:
+    """Raise ScenarioError if a joint starts beyond its limits."""
+    low, high = device.joint_limits
+    for joint in np.flatnonzero((start < low) | (start > high)):
+        unit, scale = ("deg", 180.0 / np.pi) if device.joint_unit == "rad" else ("mm", 1e3)
+        raise ScenarioError(
+            f"start: joint {joint + 1} of {device.name} is at {start[joint] * scale:.4g} {unit}, beyond its limits of "
+            f"{low[joint] * scale:.4g} to {high[joint] * scale:.4g} {unit}; choose another start"
+        )
 
 
 def _setup(

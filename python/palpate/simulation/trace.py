@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
+from palpate.simulation.judgment import judge
 from palpate.simulation.trace_export import (
     Channel,
     TraceContent,
@@ -25,6 +27,7 @@ from palpate.simulation.trace_export import (
     write_mcap,
     write_parquet,
 )
+from palpate.simulation.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,9 +41,14 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "tip": ("m", "tip position, base frame"),
     "deflection": ("m", "deflection of the object at the tip, per axis"),
     "object_force": ("N", "force of the tip on the object"),
-    "command_force": ("N", "tip force that the controller commands, without the gravity compensation"),
-    "torque": ("N*m", "motor torques at the joints"),
-    "reference_force": ("N", "reference force"),
+    "command_force": (
+        "N",
+        "tip force of operator and motors commanded, without gravity compensation",
+    ),
+    "motor_force": ("N", "share of the motors: the command minus the reference force of the operator"),
+    "torque": ("N*m", "joint torques of the command and the gravity compensation"),
+    "motor_torque": ("N*m", "share of the motors"),
+    "reference_force": ("N", "reference force, exerted by the operator"),
     "operator_force": ("N", "force of the operator on the tip"),
     "energy": ("J", "kinetic and potential energy of the device"),
     "proxy": ("m", "proxy of the tip on the mesh (center of a sphere)"),
@@ -54,7 +62,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "triangle": ("", "index of the triangle in contact, -1 without contact"),
 }
 _FORMAT: Final = "palpate-trace-1"
-_JOINTS: Final = ("angle", "velocity", "torque")
+_JOINTS: Final = ("angle", "velocity", "torque", "motor_torque")
 _HDF5: Final = (".h5", ".hdf5")
 # suffix: first bytes of a file of that format
 _SIGNATURES: Final = {
@@ -132,9 +140,19 @@ class Trace(TraceContent):
         return name in self.channels
 
     @property
-    def stable(self) -> bool:
-        """Whether the run went to its end."""
+    def completed(self) -> bool:
+        """Whether the run went to its end without divergence; the verdict says whether it settled."""
         return self.unstable_from is None
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Verdict of the run, by the rule that every command uses (see `palpate.simulation.verdict`)."""
+        return judge(self)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the verdict is "settled"."""
+        return self.verdict.settled
 
     @property
     def scenario(self) -> dict[str, Any]:
@@ -230,7 +248,7 @@ class Trace(TraceContent):
 
         with h5py.File(path, "w") as file:
             file.attrs["format"] = _FORMAT
-            file.attrs["stable"] = self.stable
+            file.attrs["completed"] = self.completed
             if self.unstable_from is not None:
                 file.attrs["unstable_from"] = self.unstable_from
                 file.attrs["unstable_from_unit"] = "s"

@@ -173,7 +173,7 @@ def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, s
     """Run the scenario; return its loop at rest, the time of divergence (s), and the observation as a sentence."""
     trace = simulate(s)
     run = f"The full scenario was run for {s.run.duration:g} s"
-    if not trace.stable:
+    if not trace.completed:
         return None, trace.unstable_from, f"{run} and diverged at {trace.unstable_from:g} s."
     if s.device.model != "nonlinear":
         return None, None, f"{run} and stayed bounded."

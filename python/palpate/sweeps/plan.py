@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.control.controller import Controller
 from palpate.scenario import Scenario
+from palpate.simulation.judgment import judge
+from palpate.simulation.outcome_rows import name_rows
 from palpate.simulation.simulator import Simulation, build_simulation
+from palpate.simulation.trace import Trace
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
-from palpate.sweeps.outcomes import name_rows
+from palpate.sweeps.excitation import Excitation, excited
+from palpate.sweeps.judged_rows import judge_rows, linear_signs
 
-__all__ = ["Plan"]
+__all__ = ["Design", "Plan"]
 
 Array = NDArray[np.float64]
+Design = Literal["cell", "once"]
 TICKS_A_CHUNK = 5e6  # about 0.3 s of one core
 CHUNK_LIMITS = (64, 16384)  # cells
 
@@ -35,6 +40,7 @@ class Plan:
         axes: varied keys; the last one varies fastest.
         random: key of COLUMNS to its two limits, SI, drawn uniformly for each cell.
         draws: cells for each combination of the axes.
+        design: "cell": the controller is designed for each cell; "once": for the scenario as it stands.
         seed: of the draws, whose generator is spawned from it for each cell, and of late ticks: `run.seed` of a cell
             is its number plus 10^8 times this seed, unless run.seed is varied.
     """
@@ -44,6 +50,7 @@ class Plan:
     random: Mapping[str, tuple[float, float]]
     draws: int
     seed: int
+    design: Design = "cell"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -82,6 +89,7 @@ class Plan:
                 "random": {path: list(limits) for path, limits in self.random.items()},
                 "draws": self.draws,
                 "seed": self.seed,
+                "design": self.design,
             },
             sort_keys=True,
         )
@@ -92,7 +100,7 @@ class Plan:
         raw = json.loads(text)
         axes = tuple(Axis(path, unit, tuple(values)) for path, unit, values in raw["over"])
         random = {path: (float(low), float(high)) for path, (low, high) in raw["random"].items()}
-        return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"])
+        return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
 
     def check(self) -> None:
         """Build the scenario at the ends of every axis and range, to find mistakes before the run.
@@ -101,7 +109,7 @@ class Plan:
             ScenarioError, DesignError, PoseError: as `palpate.simulate`.
             SweepError: the batch cannot run it.
         """
-        _check(self.tables)
+        excited(_check(self.tables))
         for axis in self.axes:
             if axis.key in COLUMNS:
                 ends = {int(np.argmin(axis.values)), int(np.argmax(axis.values))}
@@ -113,6 +121,14 @@ class Plan:
             axis = Axis(path, COLUMNS[".".join(path.split(".")[:2])][1], limits)
             for index in (0, 1):
                 _check(with_value(self.tables, axis, index))
+
+    def controller(self) -> Controller | None:
+        """Return the controller of every cell if it is designed once; None: each cell's own."""
+        if self.design == "cell":
+            return None
+        own = build_simulation(self.tables).controller
+        assert isinstance(own, Controller)  # a scenario's own is linear
+        return own
 
     def run(self, first: int, last: int, threads: int = 1) -> dict[str, Array]:
         """Run cells `first` to `last` (not included) and return their outcomes by name of QUANTITIES."""
@@ -140,10 +156,10 @@ class Plan:
             for path, values in drawn.items():
                 _put(columns, experiment, path, values[here])
             columns.setdefault("seed", self._seeds(cells[here])[:, None].astype(float))
-            rows = _core.run_cells(
-                experiment.setup, experiment.reference, experiment.operator, columns, len(here), threads
-            )
-            for name, values in name_rows(np.asarray(rows), experiment.scenario.period).items():
+            count = len(here)
+            rows = _core.run_cells(experiment.setup, experiment.reference, experiment.operator, columns, count, threads)
+            linear = linear_signs(experiment, columns, count)
+            for name, values in judge_rows(experiment, np.asarray(rows), columns, linear).items():
                 whole = out.setdefault(name, np.empty((len(cells), *values.shape[1:])))
                 whole[here] = values
         return out
@@ -151,13 +167,15 @@ class Plan:
     def _run_singly(self, cells: NDArray[np.int64], threads: int) -> dict[str, Array]:
         """Run cells one loop at a time: for meshes and bodies, whose contact does not run in SIMD lanes."""
 
-        def outcome(cell: int) -> Array:
-            simulation = build_simulation(self.scenario(cell))
-            return np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
+        def outcome(cell: int) -> tuple[Array, float]:
+            simulation, _ = excited(build_simulation(self.scenario(cell)))
+            row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
+            return row, float(judge(simulation.trace(*simulation.run())).state)
 
         with ThreadPoolExecutor(max(threads, 1)) as pool:
-            rows = np.array(list(pool.map(outcome, [int(cell) for cell in cells])))
-        return name_rows(rows, self.period)
+            rows, states = zip(*pool.map(outcome, [int(cell) for cell in cells]), strict=True)
+        named = name_rows(np.array(rows), self.period)
+        return {**named, "linear": np.zeros(len(cells)), "verdict": np.array(states)}
 
     def scenario(self, cell: int) -> Scenario:
         """Return the scenario of one cell, by its number: a simulation of it reproduces the cell."""
@@ -172,6 +190,15 @@ class Plan:
             unit = COLUMNS[".".join(path.split(".")[:2])][1]
             tables = with_value(tables, Axis(path, unit, (value,)), 0)
         return Scenario.from_dict(tables)
+
+    def simulate(self, cell: int) -> Trace:
+        """Return the trace of one cell, under the forces of the sweep."""
+        simulation, _ = excited(_check(self.scenario(cell).to_dict(), self.controller()))
+        return simulation.trace(*simulation.run())
+
+    def excitation(self) -> Excitation:
+        """Return what the sweep does with the forces of the scenario as it stands."""
+        return excited(_check(self.tables))[1]
 
     def _seeds(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the seed of the late ticks of each cell (n,)."""
@@ -189,8 +216,8 @@ class Plan:
         return out
 
 
-def _check(tables: Mapping[str, Any]) -> Simulation:
-    experiment = build_simulation(tables)
+def _check(tables: Mapping[str, Any], controller: Controller | None = None) -> Simulation:
+    experiment = build_simulation(tables, controller)
     scenario = experiment.scenario
     if scenario.device.model != "nonlinear":
         raise SweepError(f'device.model: a sweep runs the "nonlinear" device, not its "{scenario.device.model}" model')
@@ -221,7 +248,11 @@ def _split(plan_text: str) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
 
 
 def _same_controller(plan: Plan, axis: Axis) -> bool:
-    if plan.tables.get("controller", {}).get("kind", "none") in ("none", "gain", "state_space"):
+    if plan.design == "once" or plan.tables.get("controller", {}).get("kind", "none") in (
+        "none",
+        "gain",
+        "state_space",
+    ):
         return True
     ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
     one, other = (build_simulation(with_value(plan.tables, axis, index)).controller for index in ends)
@@ -233,12 +264,12 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
 
 @lru_cache(maxsize=256)
 def _prepared(plan_text: str, chosen: tuple[int, ...]) -> Simulation:
-    """Return the simulation with the chosen value of each axis that is not a lane axis."""
+    """Return the excited simulation with the chosen value of each axis that is not a lane axis."""
     plan = Plan.of_text(plan_text)
     tables: Mapping[str, Any] = plan.tables
     for axis, index in zip(_split(plan_text)[1], chosen, strict=True):
         tables = with_value(tables, axis, index)
-    return _check(tables)
+    return excited(_check(tables, plan.controller()))[0]
 
 
 def _put(columns: dict[str, Array], experiment: Simulation, path: str, values: Array) -> None:

@@ -16,9 +16,12 @@ from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, limits_of
+from palpate.sweeps.excitation import Excitation
 from palpate.sweeps.outcomes import Outcomes
-from palpate.sweeps.plan import Plan
+from palpate.sweeps.plan import Design, Plan
 from palpate.sweeps.store import FileStore, MemoryStore, read
 
 __all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
@@ -70,16 +73,34 @@ class Sweep:
         raise SweepError(f"{path} was not varied; {', '.join(axis.path for axis in self.axes)} were")
 
     def scenario(self, *index: int) -> Scenario:
-        """Return the scenario of one cell: `palpate.simulate` of it reproduces the cell."""
+        """Return the scenario of one cell."""
         return self.plan.scenario(int(np.ravel_multi_index(index, self.shape)))
+
+    def simulate(self, *index: int) -> Trace:
+        """Return the trace of one cell, under the forces of the sweep (see `excitation`)."""
+        return self.plan.simulate(int(np.ravel_multi_index(index, self.shape)))
+
+    @property
+    def excitation(self) -> Excitation:
+        """Forces under which the cells were judged."""
+        return self.plan.excitation()
 
     def __getitem__(self, name: str) -> Array:
         return self.outcomes[name]
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Where the oscillation grows or the loop diverges."""
+        """Where the verdict is "unstable"."""
         return self.outcomes.unstable
+
+    @property
+    def settled(self) -> NDArray[np.bool_]:
+        """Where the verdict is "settled"."""
+        return self.outcomes.settled
+
+    def verdict(self, *index: int) -> State:
+        """Return the state of one cell."""
+        return State(int(self.outcomes["verdict"][index]))
 
 
 def sweep(
@@ -89,6 +110,7 @@ def sweep(
     random: Mapping[str, str] | None = None,
     draws: int = 1,
     seed: int = 0,
+    design: Design = "cell",
     out: str | Path | None = None,
     executor: Executor | None = None,
     workers: int | None = None,
@@ -97,7 +119,9 @@ def sweep(
 ) -> Sweep:
     """Run a scenario for every combination of values, each cell the whole nonlinear loop.
 
-    The result of a cell is bitwise independent of the worker and of the other cells.
+    The result of a cell is bitwise independent of the worker and of the other cells. Its verdict follows the rule of a
+    run. Forces that change late in the run are held from then on (`Sweep.excitation`), because a loop can only be
+    judged under a constant force. Over stiffness and damping the linear loop is evaluated as well (`outcomes.linear`).
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -107,6 +131,8 @@ def sweep(
         random: path to a range, "0.05 kg..0.3 kg", drawn uniformly for each cell by itself.
         draws: cells for each combination.
         seed: of the draws, and of how late the ticks of each cell come (servo.jitter).
+        design: "cell": the controller is designed anew for the stiffness of each cell; "once": for the scenario as it
+            stands, as `zwidth` does.
         out: HDF5 file, created, or resumed if it holds the same sweep. None: results stay in memory.
         executor: runs the chunks; None: the cores of this machine.
         workers: threads here, or workers of the executor (chunks are kept ready for each); all cores if not given.
@@ -118,7 +144,7 @@ def sweep(
         ScenarioError, DesignError, PoseError: as `palpate.simulate`, for any combination of ends.
         OutputError: the file cannot be written; finished chunks are kept.
     """
-    plan = plan_of(scenario, over, random=random, draws=draws, seed=seed)
+    plan = plan_of(scenario, over, random=random, draws=draws, seed=seed, design=design)
     plan.check()
     _share([], shard)  # refused before a file is made
     store: FileStore | MemoryStore = MemoryStore(plan) if out is None else FileStore(out, plan)
@@ -151,6 +177,7 @@ def plan_of(
     random: Mapping[str, str] | None = None,
     draws: int = 1,
     seed: int = 0,
+    design: Design = "cell",
 ) -> Plan:
     """Return the plan that `sweep` runs."""
     if not isinstance(scenario, Scenario):
@@ -162,11 +189,13 @@ def plan_of(
         raise SweepError(f"draws: {draws}; at least one cell for each combination is needed")
     if not 0 <= seed < MOST_SEEDS:
         raise SweepError(f"seed: {seed}; from 0 to {MOST_SEEDS - 1:,}")
+    if design not in ("cell", "once"):
+        raise SweepError(f'design: {design!r}; it is "cell" or "once"')
     limits = {path: limits_of(path, text) for path, text in (random or {}).items()}
     axes = axes_of(over)
     if twice := limits.keys() & {axis.path for axis in axes}:
         raise SweepError(f"{min(twice)} is varied and drawn at random")
-    return Plan(scenario.to_dict(), axes, limits, draws, seed)
+    return Plan(scenario.to_dict(), axes, limits, draws, seed, design)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import OutputError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
+from palpate.simulation.verdict import State
 from palpate.sweeps.axes import SweepError
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
@@ -135,13 +136,13 @@ class StoredValues(Mapping[str, Array]):
 
 
 def tally(path: str | Path) -> list[int]:
-    """Return the numbers of decaying, sustained, growing and diverged cells of a file, read in blocks."""
-    counts = np.zeros(4, dtype=np.int64)
+    """Return the number of cells of a file in each State, read in blocks."""
+    counts = np.zeros(len(State), dtype=np.int64)
     with h5py.File(path, "r") as file:
         verdict = file["verdict"]
         for first in range(0, verdict.shape[0], 1_000_000):
             part = np.asarray(verdict[first : first + 1_000_000])
-            counts += np.bincount(part[~np.isnan(part)].astype(int), minlength=4)
+            counts += np.bincount(part[~np.isnan(part)].astype(int), minlength=len(State))
     return [int(count) for count in counts]
 
 

@@ -15,19 +15,21 @@
 
 namespace palpate::servo {
 
-/// What a loop of a batch leaves behind: a row of numbers, not a trace.
-/// unstable tick (-1: never); swing early, prior and late, m; ripple, m; steady tip displacement (3), m; peak object force and command, N;
-/// share of the time in touch and in saturation; joints (dof) and their speeds (dof) at the end.
+/// Numbers of a loop's outcome, one row instead of a trace: tick of divergence (-1: never); oscillation early, prior and late, m; ripple, m;
+/// steady tip displacement (3), m; peak object force and command, N; fraction of the run in contact and at the drive's limits; the same two
+/// over the last fifth of the judged window; contacts that begin in that fifth; joint angles (dof) and velocities (dof) at the end.
+/// See StabilityMonitor for the definitions.
 template <int dof>
-constexpr int outcome_width = 12 + 2 * dof;
+constexpr int outcome_width = 15 + 2 * dof;
 
-/// One loop at its first tick, and where its outcome goes: a row of outcome_width<dof>.
+/// One loop at its first tick, and the row of outcome_width<dof> that receives its outcome.
 template <class Mechanism>
 struct BatchJob {
   Servo<Mechanism, object::SpringWall, control::StateSpace> servo;
   detail::MovingPlant<Mechanism> plant;
   actuation::TickSchedule<double> clock;
   double speed_limit;
+  int judged_from;
   double* row;
 
   BatchJob(const SimulationSetup<Mechanism>& s, double* row)
@@ -35,6 +37,7 @@ struct BatchJob {
         plant(s),
         clock(s.period, s.jitter, s.seed),
         speed_limit(s.speed_limit),
+        judged_from(s.judged_from),
         row(row) {}
 };
 
@@ -58,8 +61,8 @@ struct BatchKey {
   bool operator==(const BatchKey&) const = default;
 };
 
-/// Where lanes get their loops from: `next(owner)` is the next one, of the same shape as those before; null when there is none. It stays
-/// what it is until the next call, and after a null the last one does.
+/// Source of the loops: `next(owner)` returns the next one, with the same BatchKey as those before; null if there is none. The result is
+/// valid until the next call, and after a null until the queue is destroyed.
 template <class Mechanism>
 struct JobQueue {
   const BatchJob<Mechanism>* (*next)(void* owner) = nullptr;
@@ -68,7 +71,7 @@ struct JobQueue {
 
 namespace detail {
 
-/// Set a value that is not in lanes.
+/// Set a scalar value; counterpart of math::set_lane.
 inline void set_lane(double& value, int /*lane*/, double one) noexcept {
   value = one;
 }
@@ -86,9 +89,9 @@ double lane_of(const Pack<lanes>& value, int lane) noexcept {
   return value[lane];
 }
 
-/// Measures loops side by side, each at its own tick, or one loop (Scalar double). A swing is the largest second difference of the tip's
-/// position over a fifth of the run: the second fifth is early, the fourth is prior, the last is late. Ripple is half the tip's range along
-/// the axis of the largest, over the last fifth.
+/// Measures loops in lanes, each at its own tick, or one loop (Scalar double). The judged window goes from tick `from` to the last one. An
+/// oscillation is the largest second difference of the tip position over a fifth of the window: "early" the second fifth, "prior" the
+/// fourth, "late" the last. Ripple is half the range of the tip over the last fifth, along the axis with the largest range.
 template <class Mechanism, class Number>
 class StabilityMonitor {
  public:
@@ -97,19 +100,23 @@ class StabilityMonitor {
   using Where = Condition<Scalar>;
   using Vector = Vector3<Scalar>;
 
-  explicit StabilityMonitor(int ticks) : ticks_(ticks) {}
+  /// @param ticks  number of the last tick
+  /// @param from   first tick of the judged window
+  StabilityMonitor(int ticks, int from) : ticks_(ticks), from_(from), fifth_((ticks - from) / 5) {}
 
-  /// Starts anew in one lane, with the tip at `tip` [m].
+  /// Restart one lane with the tip at `tip` [m].
   void set_lane(int lane, const Vector3<>& tip) noexcept {
     using detail::set_lane;
     using math::set_lane;
     for (Vector* v : {&start_, &before_, &last_}) set_lane(*v, lane, tip);
     for (Vector* v : {&lowest_, &highest_, &steady_}) set_lane(*v, lane, Vector3<>(Vector3<>::Zero()));
-    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_}) set_lane(*x, lane, 0.0);
+    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_, &late_touching_, &late_saturated_,
+                      &contacts_, &was_touching_})
+      set_lane(*x, lane, 0.0);
     set_lane(share_before_, lane, 1.0);
   }
 
-  /// The tick `k` of each lane.
+  /// Observe tick `k` of each lane.
   template <class Plant, class Servo>
   [[gnu::always_inline]] void see(const Scalar& k, const Plant& plant, const Servo& servo,
                                   const actuation::TickSchedule<Scalar>& clock) noexcept {
@@ -119,20 +126,23 @@ class StabilityMonitor {
     const Scalar swing = bend.squaredNorm();
     before_ = last_;
     last_ = tip;
-    const double fifth = ticks_ / 5;
-    early_ = select((k > Scalar(fifth)) & (k <= Scalar(2.0 * fifth)) & (early_ < swing), swing, early_);
+    const double fifth = fifth_;
+    early_ = select((k > Scalar(from_ + fifth)) & (k <= Scalar(from_ + 2.0 * fifth)) & (early_ < swing), swing, early_);
     prior_ = select((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < swing), swing, prior_);
     object_force_ = max_of(object_force_, tick.object_force.squaredNorm());
     command_ = max_of(command_, tick.command.squaredNorm());
-    touching_ += select(tick.touching, Scalar(1.0), Scalar(0.0));
-    saturated_ += select(tick.saturated, Scalar(1.0), Scalar(0.0));
+    const Scalar touching = select(tick.touching, Scalar(1.0), Scalar(0.0));
+    const Scalar saturated = select(tick.saturated, Scalar(1.0), Scalar(0.0));
+    touching_ += touching;
+    saturated_ += saturated;
     const Where ending = k > Scalar(ticks_ - fifth);
-    if (any(ending)) see_ending(ending, k, plant, tip, swing);
+    if (any(ending)) see_ending(ending, k, plant, tip, swing, touching, saturated);
+    was_touching_ = touching;
   }
 
-  /// Writes one lane's row of outcome_width<dof>; `unstable` is the tick at which it diverged, -1 if it did not.
+  /// Write the row of one lane, outcome_width<dof> numbers; `unstable` is the tick of divergence, -1 if there was none.
   void write(int lane, double unstable, double* row) const noexcept {
-    const double fifth = ticks_ / 5 > 0 ? ticks_ / 5 : 1;
+    const double fifth = std::max(fifth_, 1);
     const bool ended = unstable < 0.0;
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const double samples = ended ? ticks_ + 1.0 : std::max(unstable, 1.0);
@@ -148,9 +158,12 @@ class StabilityMonitor {
     row[9] = std::sqrt(lane_of(command_, lane));
     row[10] = lane_of(touching_, lane) / samples;
     row[11] = lane_of(saturated_, lane) / samples;
+    row[12] = ended ? lane_of(late_touching_, lane) / fifth : unknown;
+    row[13] = ended ? lane_of(late_saturated_, lane) / fifth : unknown;
+    row[14] = ended ? lane_of(contacts_, lane) : unknown;
     for (int i = 0; i < dof; ++i) {
-      row[12 + i] = ended ? lane_of(q_[i], lane) : unknown;
-      row[12 + dof + i] = ended ? lane_of(qd_[i], lane) : unknown;
+      row[15 + i] = ended ? lane_of(q_[i], lane) : unknown;
+      row[15 + dof + i] = ended ? lane_of(qd_[i], lane) : unknown;
     }
   }
 
@@ -163,10 +176,14 @@ class StabilityMonitor {
     return bend;
   }
 
-  /// The last fifth.
+  /// Observe a tick of the last fifth.
   template <class Plant>
-  void see_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& swing) noexcept {
-    const Where first = ending & (k <= Scalar(ticks_ - ticks_ / 5 + 1.0));
+  void see_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& swing, const Scalar& touching,
+                  const Scalar& saturated) noexcept {
+    const Where first = ending & (k <= Scalar(ticks_ - fifth_ + 1.0));
+    late_touching_ = select(ending, late_touching_ + touching, late_touching_);
+    late_saturated_ = select(ending, late_saturated_ + saturated, late_saturated_);
+    contacts_ = select(ending & (was_touching_ < touching), contacts_ + 1.0, contacts_);
     late_ = select(ending & (late_ < swing), swing, late_);
     for (int i = 0; i < 3; ++i) {
       lowest_[i] = select(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
@@ -178,14 +195,15 @@ class StabilityMonitor {
     qd_ = select_each(last, plant.speeds(), qd_);
   }
 
-  int ticks_;
+  int ticks_, from_, fifth_;
   Vector start_, before_, last_;
   Vector lowest_, highest_, steady_;
   Scalar share_before_, early_, prior_, late_, object_force_, command_, touching_, saturated_;
+  Scalar late_touching_, late_saturated_, contacts_, was_touching_;
   Joints<dof, Scalar> q_, qd_;
 };
 
-/// Forces at every sample, for loops that need not be at the same one.
+/// Forces at every sample, for lanes at different ticks.
 template <int lanes>
 class SignalTable {
  public:
@@ -195,7 +213,7 @@ class SignalTable {
   SignalTable(const double* table, int ticks)
       : table_(table), ticks_(ticks), silent_(std::all_of(table, table + 3 * (ticks + 1), [](double f) { return f == 0.0; })) {}
 
-  /// Force at each lane's tick `k`, the last one's after it; `together`: all are at the same.
+  /// Return the force at tick `k` of each lane, after the last one its force; `together`: all lanes are at the same tick.
   [[nodiscard]] Vector at(const Pack<lanes>& k, bool together) const noexcept {
     Vector out = Vector::Constant(0.0);
     if (silent_) return out;
@@ -209,7 +227,7 @@ class SignalTable {
     return out;
   }
 
-  /// From each lane's tick to the next, as a single loop has it.
+  /// Return the force from tick `k` of each lane to the next, as force_during() does for one loop.
   [[nodiscard]] plant::ForceSegment<Pack<lanes>> during(const Pack<lanes>& k, bool together,
                                                         const actuation::TickSchedule<Pack<lanes>>& clock) const noexcept {
     plant::ForceSegment<Pack<lanes>> out{at(k, together), at(k + 1.0, together)};
@@ -227,7 +245,7 @@ class SignalTable {
   bool silent_;
 };
 
-/// Loops in the lanes of a pack. Each lane is at its own tick: one whose loop has ended or diverged takes the next.
+/// Runs loops in the lanes of a pack. Each lane is at its own tick: when its loop ends or diverges, it takes the next.
 template <class Mechanism, int lanes>
 class LaneRunner {
  public:
@@ -235,14 +253,14 @@ class LaneRunner {
   using Where = Mask<lanes>;
 
   LaneRunner(const JobQueue<Mechanism>& queue, const BatchJob<Mechanism>& first, int ticks)
-      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), watch_(ticks) {
+      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), watch_(ticks, first.judged_from) {
     begin(0, first);
     rows_[0] = first.row;
     running_ = 1;
     for (int lane = 1; lane < lanes; ++lane) refill(lane);
   }
 
-  /// Runs until the queue and every lane are empty.
+  /// Run until the queue and every lane are empty.
   void run(const double* reference, const double* operator_force) noexcept {
     const SignalTable<lanes> wanted(reference, ticks_);
     const SignalTable<lanes> push(operator_force, ticks_);
@@ -256,7 +274,7 @@ class LaneRunner {
   }
 
  private:
-  /// Lanes whose loop has ended, or diverged, give their outcome and take the next.
+  /// Write the outcome of every loop that has ended or diverged, and refill its lane.
   void leave() noexcept {
     for (Where left;;) {
       const Where over = tick_ > Scalar(ticks_);
@@ -280,7 +298,7 @@ class LaneRunner {
     }
   }
 
-  /// Puts the next loop into a lane; when there is none, the last one once more, for nobody.
+  /// Put the next loop into a lane; if there is none, the last one again, without a row.
   void refill(int lane) noexcept {
     if (queue_.next != nullptr) {
       if (const BatchJob<Mechanism>* next = queue_.next(queue_.owner)) {
@@ -318,7 +336,7 @@ class LaneRunner {
 
 }  // namespace detail
 
-/// Runs loops of a queue side by side, samples 0 to `ticks`, until it has no more: alike in shape, moving (neither held nor linear).
+/// Run the loops of a queue in lanes, samples 0 to `ticks`, until it is empty. All have one BatchKey and a moving plant.
 template <class Mechanism, int lanes>
 void simulate_side_by_side(const JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force) {
   if (const BatchJob<Mechanism>* first = queue.next(queue.owner))
@@ -327,11 +345,11 @@ void simulate_side_by_side(const JobQueue<Mechanism>& queue, int ticks, const do
 
 namespace detail {
 
-/// Shows a single loop to a StabilityMonitor.
+/// Feeds a single loop to a StabilityMonitor.
 template <class Mechanism>
 class SingleLoopMonitor {
  public:
-  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks) {
+  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.judged_from) {
     monitor_.set_lane(0, s.mechanism.forward(s.start));
   }
 
@@ -353,7 +371,7 @@ class SingleLoopMonitor {
 
 }  // namespace detail
 
-/// Run one loop with a moving plant and any object and controller; write its outcome as a batch does, outcome_width<dof> numbers.
+/// Run one loop with a moving plant and any object and controller; write its outcome, outcome_width<dof> numbers.
 template <class Mechanism>
 void simulate_outcome(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                       double* row) noexcept {

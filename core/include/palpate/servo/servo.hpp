@@ -79,8 +79,8 @@ class Servo {
   struct Tick {
     Vector tip = Vector::Constant(0.0);           ///< measured, m
     Vector object_force = Vector::Constant(0.0);  ///< of the tip on the object, N
-    Vector command = Vector::Constant(0.0);       ///< tip force after the drive's limits, without gravity compensation, N
-    Angles torque = Angles::Constant(0.0);        ///< after the delay, N*m
+    Vector command = Vector::Constant(0.0);       ///< tip force of hand and motors after the drive's limits, without gravity compensation, N
+    Angles torque = Angles::Constant(0.0);        ///< of hand and motors, after the delay, N*m
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
   };
@@ -110,7 +110,7 @@ class Servo {
 
   /// Run one tick, one period after the last.
   /// @param angles     joint angles [rad]
-  /// @param reference  force that the object should feel [N]; zero for an impedance display
+  /// @param reference  force that the object should feel [N], exerted by the operator; zero for an impedance display
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept;
 
   /// Run one tick, `elapsed` [s] after the last: object damping and velocities use the true time. The controller's own dynamics still
@@ -154,7 +154,7 @@ class Servo {
     Vector applied = wanted + gravity_compensation_;
     Angles torque;
     if (drive_.limits()) {
-      torque = limit(applied);
+      torque = limit(applied, reference);
       tick_.command = select_each(tick_.saturated, Vector(applied - gravity_compensation_), wanted);
     } else {
       torque = kinematics_.torque(applied);
@@ -164,8 +164,9 @@ class Servo {
     return tick_;
   }
 
-  /// Limit the tip force `wanted` [N] to what the drive can give; return its torques [N*m].
-  Angles limit(Vector& wanted) noexcept;
+  /// Limit the tip force `wanted` [N] to what the drive can add to the operator's share; return the torques of both [N*m].
+  /// @param share  the reference force [N]: in force tracking the operator exerts it, and the motors deliver the rest
+  Angles limit(Vector& wanted, const Vector& share) noexcept;
 
   Angles torque_at_rest(const Angles& start);
 
@@ -235,16 +236,16 @@ PALPATE_INLINE void Servo<Mechanism, Object, Controller>::reset(const Angles& st
 }
 
 template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::limit(Vector& wanted) noexcept -> Angles {
-  const Vector asked = wanted;
-  wanted = drive_.limit_force(asked);
-  Angles torque = kinematics_.torque(wanted);
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::limit(Vector& wanted, const Vector& share) noexcept -> Angles {
+  const Vector asked = wanted - share;
+  Vector motors = drive_.limit_force(asked);
+  const Angles torque = kinematics_.torque(motors);
   const Scalar scale = drive_.torque_scale(torque);
   const auto limited = scale < Scalar(1.0);
-  torque = select_each(limited, Angles(torque * scale), torque);
-  wanted = select_each(limited, Vector(wanted * scale), wanted);
-  for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (wanted[i] != asked[i]);
-  return torque;
+  motors = select_each(limited, Vector(motors * scale), motors);
+  for (int i = 0; i < 3; ++i) tick_.saturated = tick_.saturated | (motors[i] != asked[i]);
+  wanted = select_each(tick_.saturated, Vector(motors + share), wanted);
+  return kinematics_.torque(wanted);
 }
 
 template <class Mechanism, class Object, class Controller>

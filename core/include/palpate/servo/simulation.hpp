@@ -40,6 +40,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
   Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
   int substeps = 2;                               ///< integration steps in one period
   int record_every = 1;                           ///< periods between recorded rows
+  int judged_from = 0;                            ///< first tick of the window that an outcome judges
   double speed_limit = 1e3;                       ///< rad/s: above it (or not finite) the loop counts as diverged
 };
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop
+from palpate.simulation.outcome_rows import name_rows
 from palpate.simulation.simulator import Simulation, build_simulation
+from palpate.simulation.verdict import growth
 from palpate.stability.maps.boundary_curve import Boundary
-from palpate.sweeps.outcomes import growth, name_rows
-from palpate.sweeps.refinement import follow
+from palpate.stability.maps.refined import follow
 
 __all__ = ["SimulatedBoundary", "simulated_boundary"]
 

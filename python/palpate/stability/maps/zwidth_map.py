@@ -23,12 +23,13 @@ from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.stability.maps.boundary_curve import Boundary, stability_boundary, trace_boundary
 from palpate.stability.maps.simulated import SimulatedBoundary, simulated_boundary
+from palpate.stability.maps.wall_interval import wall_spectral_radius
 from palpate.stability.passivity import passive_stiffness
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Corner", "ZWidth", "wall_loops", "zwidth"]
+__all__ = ["Corner", "ZWidth", "loop_radii", "wall_loops", "zwidth"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -287,6 +288,16 @@ def wall_loops(loop: ScenarioLoop) -> list[WallLoop]:
     raise StabilityError(
         "the directions are coupled, so one (K, B) for all of them has no single curve; use one direction"
     )
+
+
+def loop_radii(loop: ScenarioLoop, stiffness: Array, damping: Array) -> Array:
+    """Return the spectral radius (n,) of a scenario's loop for objects with one K (n,), N/m, and B (n,), N s/m.
+
+    The stiffness and the damping are those of every direction; the damping is by backward difference.
+    """
+    if loop.directions.shape[1] == 1:
+        return wall_spectral_radius(wall_loops(loop)[0], stiffness=stiffness, virtual_damping=damping, workers=1)
+    return wall_spectral_radius(_Coupled.of(loop, 0), stiffness=stiffness, virtual_damping=damping, workers=1)
 
 
 def _single(a: Array, b: Array, c: Array, period: float) -> WallLoop:

@@ -1,0 +1,151 @@
+"""Judge a recorded run: the state that follows from its evidence, and the reason in a sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.arrays import Array
+from palpate.scenario import Scenario
+from palpate.simulation.evidence import (
+    Recorded,
+    Window,
+    beyond_reach,
+    evidence,
+    linear_radius,
+    recorded_scenario,
+    windows,
+)
+from palpate.simulation.verdict import BAND, GROWING, Evidence, State, Verdict, decide
+
+__all__ = ["judge"]
+
+AXES = "xyz"
+WORSE = (State.UNSTABLE, State.BOUNDED_OSCILLATION)  # states that count even if the force changes later
+
+
+def judge(trace: Recorded) -> Verdict:
+    """Return the verdict of a recorded run.
+
+    The run is judged where it ends, in the window in which the external force stays constant. An oscillation in an
+    earlier stretch of constant force counts as well. The linear loop of a spring or wall is evaluated at the start pose
+    and at the pose of rest, and the worse of the two counts.
+    """
+    scenario = recorded_scenario(trace)
+    if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
+        return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
+    radius, sign = linear_radius(trace, scenario)
+    linear = None if radius is None else _linear_text(radius, sign)
+    if trace.unstable_from is not None or len(trace.time) < 2:
+        return _diverged(trace, linear)
+    *earlier, final = windows(trace, scenario)
+    for window in earlier:
+        found = evidence(trace, scenario, window, 0)
+        state = State(int(decide(found)[0]))
+        if state in WORSE:
+            return _explained(trace, scenario, window, found, state, linear)
+    found = evidence(trace, scenario, final, sign)
+    return _explained(trace, scenario, final, found, State(int(decide(found)[0])), linear)
+
+
+def _linear_text(radius: float, sign: int) -> str:
+    kind = {1: "stable", -1: "unstable", 0: "at its limit"}[sign]
+    return f"the linear loop is {kind} (spectral radius {radius:.9g})"
+
+
+def _diverged(trace: Recorded, linear: str | None) -> Verdict:
+    since = trace.unstable_from
+    if since is None:
+        return Verdict(State.UNDECIDED, "the run has no samples to judge", linear=linear)
+    axis = None
+    if len(trace.time) > 1:
+        axis = AXES[int(np.argmax(np.abs(trace["tip"][-1] - trace["tip"][0])))]
+    reason = f"diverges at t = {since:.4g} s" + (f", most along {axis}" if axis else "")
+    return Verdict(State.UNSTABLE, reason, since, axis, linear=linear)
+
+
+def _explained(
+    trace: Recorded, scenario: Scenario | None, window: Window, e: Evidence, state: State, linear: str | None
+) -> Verdict:
+    """Return the verdict with its reason."""
+    time = trace.time
+    last_fifth = time[window.ending]
+    axis, amplitude, frequency = _oscillation(last_fifth, trace["tip"][window.ending])
+    swing = f"{1e3 * amplitude:.3g} mm along {axis}" + (f" at {frequency:.3g} Hz" if frequency else "")
+    span = f"{last_fifth[-1] - last_fifth[0]:.3g} s"
+    ratio = float(e.late[0]) / max(float(e.prior[0]), 1e-300)
+    since: float | None = None
+    if state is State.UNSTABLE and int(e.linear[0]) < 0 and ratio <= GROWING:
+        reason = f"the run of {time[-1]:.4g} s does not show the growth; it ends with an oscillation by {swing}"
+    elif state is State.UNSTABLE:
+        since = float(time[window.begin])
+        reason = f"an oscillation by {swing} grows by a factor of {ratio:.3g} in {span}"
+    elif state is State.OUT_OF_REACH:
+        since, reason = _reach(trace, scenario, window)
+    elif state is State.CONTACT_LOST:
+        since, reason = _lost(trace)
+    elif state is State.DRIVE_LIMIT:
+        since = float(time[np.flatnonzero(trace["saturated"][:, 0])[0]])
+        share = f"{100 * float(e.saturated[0]):.3g} %"
+        reason = f"at the end the drive is at its limit {share} of the time, first at t = {since:.4g} s"
+    elif state is State.BOUNDED_OSCILLATION:
+        bounces = f"the tip bounces, {int(e.contacts[0])} contacts in {span}, and " if e.contacts[0] else "it "
+        reason = f"{bounces}oscillates by {swing}"
+    elif state is State.SETTLED:
+        still = max(BAND * float(e.deflection[0]), float(e.resolution[0]), 1e-6)
+        reason = f"the tip rests within {1e3 * float(e.ripple[0]):.2g} mm"
+        if e.ripple[0] > still:
+            reason = f"its oscillation of {swing} decays by a factor of {ratio:.3g} in {span}; {linear}"
+    else:
+        reason = _undecided(time, e, swing)
+    swings = state in WORSE
+    if linear is not None and (swings or state is State.UNDECIDED):
+        reason += f"; {linear}"
+    if not swings:
+        return Verdict(state, reason, since, linear=linear)
+    return Verdict(state, reason, since, axis, amplitude, frequency, linear)
+
+
+def _lost(trace: Recorded) -> tuple[float | None, str]:
+    """Return when the tip left the object, and the reason."""
+    touching = np.flatnonzero(trace["touching"][:, 0])
+    if not len(touching):
+        return None, "the tip never touches the object"
+    since = float(trace.time[touching[-1]])
+    return since, f"the tip is off the object from t = {since:.4g} s on, under a force that presses it on"
+
+
+def _undecided(time: Array, e: Evidence, swing: str) -> str:
+    if not e.constant[0]:
+        return "the external force changes until the end: hold it for the last twentieth of the run or longer"
+    if int(e.linear[0]) < 0:
+        return "the run settles, but friction, encoder counts or drive limits may hide an instability"
+    if abs(float(e.error[0])) > BAND:
+        return f"it rests {100 * float(e.error[0]):.3g} % from force over stiffness"
+    if float(e.drift[0]) > BAND:
+        return f"the command still changes, by {100 * float(e.drift[0]):.3g} % of the largest force at the end"
+    return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
+
+
+def _reach(trace: Recorded, scenario: Scenario | None, window: Window) -> tuple[float, str]:
+    """Return when the device left its reach, and how."""
+    assert scenario is not None
+    device, q = scenario.load_device(), trace["angle"]
+    row = window.begin + int(np.flatnonzero(beyond_reach(device, q[0], q[window.begin :]))[0])
+    low, high = device.joint_limits
+    if np.any(outside := (q[row] < low) | (q[row] > high)):
+        how = f"joint {int(np.flatnonzero(outside)[0]) + 1} is beyond its limit"
+    elif device.model.revolute and np.any(turned := np.abs(q[row] - q[0]) > 2.0 * np.pi):
+        how = f"joint {int(np.flatnonzero(turned)[0]) + 1} has turned round"
+    else:
+        how = "the pose is singular, so the device cannot move the tip in every direction,"
+    return float(trace.time[row]), f"{how} at t = {trace.time[row]:.4g} s"
+
+
+def _oscillation(time: Array, tip: Array) -> tuple[str, float, float | None]:
+    """Return the axis with the largest range of the tip, half that range, m, and the frequency there, Hz."""
+    span = np.ptp(tip, axis=0)
+    axis = int(np.argmax(span))
+    away = tip[:, axis] - np.polynomial.Polynomial.fit(time, tip[:, axis], 1)(time) if len(time) > 2 else np.zeros(1)
+    crossings = int(np.count_nonzero(np.diff(np.signbit(away))))
+    frequency = crossings / (2.0 * (time[-1] - time[0])) if crossings > 3 else None
+    return AXES[axis], float(span[axis]) / 2.0, frequency

@@ -1,0 +1,220 @@
+"""Verdict of a servo loop: one type, and one function that decides it for a run and for the cells of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.arrays import Array
+
+__all__ = ["Evidence", "State", "Verdict", "decide", "growth"]
+
+
+STILL = 1e-14  # m, second differences of tip positions at rounding level
+GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
+SUSTAINED = 0.9  # the same below which it decays; the maxima of endless impacts scatter by a tenth
+IMPACT_GROWTH = 1.5  # growth factor that irregular impacts may have without growing
+SMALL = 1e-9  # m, likewise
+BAND = 0.05  # of the deflection: a settled loop stays within it, and this near to force over stiffness
+VISIBLE = 1e-4  # of the deflection: a smaller oscillation grows only if it did so from the second fifth on
+SWING = 0.01  # of the deflection: a sustained oscillation below it counts as rest
+FLOOR = 1e-6  # m: the smallest oscillation and band that matter
+TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
+MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
+SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the drive limits the loop
+
+
+class State(IntEnum):
+    """Final state of a servo loop."""
+
+    SETTLED = 0
+    BOUNDED_OSCILLATION = 1
+    UNSTABLE = 2
+    CONTACT_LOST = 3
+    OUT_OF_REACH = 4
+    DRIVE_LIMIT = 5
+    UNDECIDED = 6
+
+    @property
+    def label(self) -> str:
+        """The state in words."""
+        return _LABELS[self]
+
+
+_LABELS = {
+    State.SETTLED: "settled",
+    State.BOUNDED_OSCILLATION: "bounded oscillation",
+    State.UNSTABLE: "unstable",
+    State.CONTACT_LOST: "contact lost",
+    State.OUT_OF_REACH: "out of reach",
+    State.DRIVE_LIMIT: "drive limit exceeded",
+    State.UNDECIDED: "undecided",
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """State of a loop and the reason for it.
+
+    Attributes:
+        state: final state.
+        reason: one sentence without the state.
+        since: when an instability, a loss of contact or a limit began, s; None if it did not or is not known.
+        axis: "x", "y" or "z", along which the loop oscillates most; None if it does not oscillate.
+        amplitude: of the oscillation along `axis`, m; None likewise.
+        frequency: of the oscillation, Hz; None likewise.
+        linear: what the linear loop says, with its spectral radius; None if the run has no linear loop.
+    """
+
+    state: State
+    reason: str
+    since: float | None = None
+    axis: str | None = None
+    amplitude: float | None = None
+    frequency: float | None = None
+    linear: str | None = None
+
+    @property
+    def settled(self) -> bool:
+        """Whether the loop settled: the only state that deserves a green tick."""
+        return self.state is State.SETTLED
+
+    def __str__(self) -> str:
+        return f"{self.state.label}: {self.reason}" if self.reason else self.state.label
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict for JSON; the state as its label."""
+        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "state": self.state.label}
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What loops did in their judged window, in which the external force is constant; arrays (n,), one row per loop.
+
+    An oscillation is the largest second difference of the tip position in a fifth of the window.
+
+    Attributes:
+        unstable_from: time of divergence, s; nan: it did not diverge.
+        early, prior, late: oscillation in the second, fourth and last fifth, m.
+        ripple: half the range of the tip in the last fifth, along the axis with the largest range, m.
+        swing: amplitude of the oscillation in the last fifth: the same without the trend of the motion, m.
+        swing_before: the same in the fourth fifth, m; nan if unknown.
+        deflection: magnitude of the object's mean deflection in the last fifth, m.
+        error: relative difference of that deflection from force over stiffness; nan if that is unknown.
+        drift: relative change of the commanded force over the last fifth; nan if unknown.
+        touching: fraction of the last fifth in contact.
+        contacts: number of contacts that begin in the last fifth.
+        saturated: fraction of the last fifth at the drive's limits.
+        pressed: whether the external force presses the tip against a one-sided object.
+        beyond: whether a joint is beyond its limits, has turned round, or the pose is singular.
+        constant: whether there is a window, i.e. the external force is constant at the end.
+        resolution: tip displacement of two encoder counts, m; 0 without encoders.
+        linear: +1 if the linear loop is stable, -1 if it is unstable, 0 if that is not known.
+        lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
+    """
+
+    unstable_from: Array
+    early: Array
+    prior: Array
+    late: Array
+    ripple: Array
+    swing: Array
+    swing_before: Array
+    deflection: Array
+    error: Array
+    drift: Array
+    touching: Array
+    contacts: Array
+    saturated: Array
+    pressed: NDArray[np.bool_]
+    beyond: NDArray[np.bool_]
+    constant: NDArray[np.bool_]
+    resolution: Array
+    linear: NDArray[np.int_]
+    lossy: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, count: int, **values: Any) -> Evidence:
+        """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
+        unknown = dict.fromkeys(("swing_before", "error", "drift"), np.nan)
+        none = dict.fromkeys(("contacts", "saturated", "resolution", "linear"), 0)
+        defaults: Mapping[str, Any] = {
+            **unknown,
+            **none,
+            "swing": values["ripple"],
+            "touching": 1.0,
+            "pressed": False,
+            "beyond": False,
+            "constant": True,
+            "lossy": False,
+        }
+        return cls(**{name: np.broadcast_to(value, (count,)) for name, value in {**defaults, **values}.items()})
+
+
+def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Array:
+    """Return the growth factor of an oscillation per fifth of the window: inf where the loop diverged, 0 at rest.
+
+    It is the larger of the ratio of the last to the fourth fifth and the mean ratio from the second to the last. An
+    oscillation that grew and is now bounded counts as growing, and a hard first impact does not hide later growth.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = np.where(late <= STILL, 0.0, np.maximum(late / prior, np.cbrt(late / early)))
+    return np.asarray(np.where(np.isnan(unstable_from), ratio, np.inf), dtype=float)
+
+
+def decide(e: Evidence) -> NDArray[np.int8]:
+    """Return the State of each loop (n,). Every command that judges a loop uses this function.
+
+    The worst finding decides: divergence or growth, contact, drive, reach, then the oscillation that remains. Where the
+    linear loop is unstable, a run that did not show it is never "settled": it is "undecided" if friction, encoder
+    counts or drive limits may have hidden the instability, and "unstable" otherwise, unless friction, counts or impacts
+    bound its oscillation. An oscillation that decays in a
+    stable linear loop is "settled" before it has come to rest.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = np.where(e.late <= STILL, 0.0, e.late / e.prior)
+        mean = np.where(e.late <= STILL, 0.0, np.cbrt(e.late / e.early))
+    stable = e.linear > 0
+    wider = (mean > GROWING) | (~stable & ~(e.swing <= GROWING * e.swing_before))  # not the tail of a transient
+    visible = e.swing > np.maximum(np.maximum(e.resolution, SMALL), VISIBLE * e.deflection)
+    real = visible | ((e.resolution == 0.0) & (mean > GROWING) & (e.prior > STILL))
+    travels = e.ripple > TRAVEL * e.swing  # a tip that slides on is not judged by its bumps
+    grows = ~travels & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
+    lost = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
+    unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & e.constant)
+    band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
+    least = np.maximum(SWING * e.deflection, np.maximum(e.resolution, FLOOR))
+    bounces = e.pressed & (e.contacts > MOST_CONTACTS)
+    decays = stable & (ratio < 1.0 / GROWING)
+    swings = bounces | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
+    rests = ((e.ripple <= band) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
+    state = np.select(
+        [
+            unstable,
+            lost,
+            e.saturated > SHARE,
+            e.beyond,
+            ~e.constant,
+            swings,
+            rests,
+        ],
+        [
+            State.UNSTABLE,
+            State.CONTACT_LOST,
+            State.DRIVE_LIMIT,
+            State.OUT_OF_REACH,
+            State.UNDECIDED,
+            State.BOUNDED_OSCILLATION,
+            State.SETTLED,
+        ],
+        State.UNDECIDED,
+    )
+    quiet = np.isin(state, (State.SETTLED, State.UNDECIDED))
+    bounded = (state == State.BOUNDED_OSCILLATION) & (e.lossy | (e.contacts >= 1))
+    hidden = np.where(e.lossy & quiet, State.UNDECIDED, np.where(bounded, state, State.UNSTABLE))
+    return np.asarray(np.where((e.linear < 0) & (state != State.DRIVE_LIMIT), hidden, state), dtype=np.int8)

@@ -1,0 +1,97 @@
+"""Verdicts of the cells of a batch, by the rule that judges a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from palpate.arrays import Array
+from palpate.errors import PalpateError
+from palpate.simulation.evidence import beyond_reach, linear_sign, resolution
+from palpate.simulation.linear_loop import scenario_loop
+from palpate.simulation.outcome_rows import end_angles, name_rows
+from palpate.simulation.simulator import Simulation
+from palpate.simulation.verdict import BAND, Evidence, decide
+from palpate.stability.maps.zwidth_map import loop_radii
+
+__all__ = ["judge_rows", "linear_signs"]
+
+
+def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array], linear: Array) -> dict[str, Array]:
+    """Return the outcomes of cells (n,) by name, with their verdicts.
+
+    Args:
+        simulation: of all cells; `columns` has the values in which a cell differs from it.
+        rows: of the core, (n, k).
+        columns: as given to the core, (n, 1) or (n, 3).
+        linear: of `linear_signs` (n,).
+    """
+    scenario, device, count = simulation.scenario, simulation.device, len(rows)
+    out = name_rows(rows, scenario.period)
+    reference, operator = simulation.reference[-1], simulation.operator[-1]
+    stiffness = columns.get("stiffness", np.broadcast_to(np.asarray(simulation.setup.stiffness), (count, 3)))
+    steady, known = out["steady_tip"], ~np.isnan(out["steady_tip"][:, 0])
+    error, pressed = np.full(count, np.nan), False
+    deflection = np.linalg.norm(steady, axis=1)
+    if scenario.object.kind == "wall":
+        normal = np.array(scenario.object.normal)
+        deflection = np.maximum((np.array(scenario.object.position) - steady) @ normal, 0.0)
+        load = reference + operator
+        pressed = bool(load @ normal < -BAND * np.linalg.norm(load))
+    elif scenario.object.kind == "spring" and reference.any():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = np.where(stiffness > 0.0, reference / stiffness, np.nan)
+        driven = np.abs(expected) > BAND * np.nanmax(np.abs(expected), axis=1, initial=0.0)[:, None]
+        driven[:, device.dof :] &= device.dof >= 3
+        relative = np.where(driven, np.abs(steady / np.where(driven, expected, 1.0) - 1.0), 0.0)
+        error = np.where(driven.any(axis=1), relative.max(axis=1), np.nan)
+    beyond = np.zeros(count, dtype=bool)
+    beyond[known] = beyond_reach(device, simulation.start, end_angles(rows)[known])
+    dry = bool(np.any(device.coulomb)) or any(np.any(columns.get(name, 0.0)) for name in ("coulomb", "breakaway"))
+    evidence = Evidence.of(
+        count,
+        unstable_from=out["unstable_from"],
+        early=out["oscillation_2"],
+        prior=out["oscillation_4"],
+        late=out["oscillation_5"],
+        ripple=out["ripple"],
+        deflection=deflection,
+        error=error,
+        touching=out["touching_5"],
+        contacts=out["contacts_5"],
+        saturated=out["saturated_5"],
+        pressed=pressed,
+        beyond=beyond,
+        resolution=resolution(scenario, device, simulation.start)[0],
+        linear=linear.astype(int),
+        lossy=scenario.device.encoder or scenario.device.saturation or dry,
+    )
+    return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}
+
+
+def linear_signs(simulation: Simulation, columns: Mapping[str, Array], count: int) -> Array:
+    """Return +1 where the linear loop of a cell is stable at the start pose, -1 where it is not, 0 if unknown (n,).
+
+    It is known for springs and walls with backward difference whose cells differ in stiffness and damping alone.
+    """
+    scenario, unknown = simulation.scenario, np.zeros(count)
+    varied = columns.keys() - {"seed"}
+    if (
+        scenario.object.kind not in ("spring", "wall")
+        or scenario.object.coupling != "backward"
+        or scenario.servo.jitter > 0.0
+        or not varied <= {"stiffness", "damping"}
+    ):
+        return unknown
+    values = [
+        columns.get(name, np.tile(getattr(simulation.setup, name), (count, 1))) for name in ("stiffness", "damping")
+    ]
+    if any(np.any(value != value[:, :1]) for value in values):
+        return unknown  # one stiffness and damping for all directions
+    try:
+        loop = scenario_loop(scenario, controller=simulation.controller)  # type: ignore[arg-type]
+    except PalpateError:
+        return unknown
+    radii = loop_radii(loop, values[0][:, 0], values[1][:, 0])
+    return np.array([linear_sign(radius) for radius in radii], dtype=float)

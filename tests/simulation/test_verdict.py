@@ -1,0 +1,159 @@
+"""One verdict for every run: never "settled" where the loop is unstable, off its object, out of reach or limited."""
+
+from __future__ import annotations
+
+import tomllib
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import palpate
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from palpate.errors import ScenarioError
+from palpate.scenario import Scenario
+from palpate.simulation.evidence import beyond_reach
+from palpate.simulation.verdict import Evidence, State, decide
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+PRESS: dict[str, Any] = {
+    "device": {"name": "phantom-premium-1.5a"},
+    "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+    "servo": {"period": "0.5 ms", "topology": "force_tracking"},
+    "reference": {"shape": "step", "force": "8.5 N"},
+    "object": {"kind": "spring", "stiffness": "1 N/mm"},
+    "controller": {"kind": "lqg"},
+    "run": {"duration": "1 s"},
+}
+
+
+def press(**changes: dict[str, Any]) -> dict[str, Any]:
+    out = deepcopy(PRESS)
+    for table, keys in changes.items():
+        out[table] = {**out.get(table, {}), **keys}
+    return out
+
+
+@pytest.mark.parametrize(("force", "duration"), [("8.5 N", "1 s"), ("0.5 N", "3 s"), ("0.05 N", "0.3 s")])
+def test_a_loop_with_an_unstable_linear_loop_is_never_settled(force: str, duration: str) -> None:
+    trace = palpate.simulate(
+        press(
+            servo={"period": "1 ms"},
+            controller={"kind": "none"},
+            reference={"force": force},
+            run={"duration": duration},
+        )
+    )
+    assert trace.completed
+    assert trace.verdict.state is State.UNSTABLE
+    assert "the linear loop is unstable" in str(trace.verdict.linear)
+
+
+def test_a_pose_at_the_edge_of_the_reach_is_out_of_reach_from_when_it_becomes_singular() -> None:
+    trace = palpate.simulate(press(start={"pose": ["30 deg", "100 deg", "200 deg"]}))
+    verdict = trace.verdict
+    assert verdict.state is State.OUT_OF_REACH
+    assert verdict.since is not None
+    assert 0.0 < verdict.since < 0.2
+    device, row = Scenario.from_dict(trace.scenario).load_device(), np.searchsorted(trace.time, verdict.since)
+    beyond = beyond_reach(device, trace["angle"][0], trace["angle"])
+    assert beyond[row]
+    assert not beyond[:row].any()
+
+
+def test_settling_refers_to_the_driven_axes() -> None:
+    trace = palpate.simulate(press(reference={"force": ["0 N", "0 N", "8.5 N"]}))
+    summary = palpate.summarize(trace)
+    assert list(summary["axes"]) == ["z"]
+    assert summary["axes"]["z"]["settling_5_percent_s"] < 0.1
+    assert np.ptp(trace["deflection"][:, 0]) < 1e-12 < np.ptp(trace["deflection"][:, 2])
+
+
+def test_the_motors_give_what_the_operator_does_not_and_their_limits_act_on_that() -> None:
+    """Force tracking: command = reference + motors; held for ever, the motors give the continuous force."""
+    trace = palpate.simulate(press(device={"saturation": True}, run={"duration": "5 s"}))
+    motors = np.linalg.norm(trace["motor_force"], axis=1)
+    np.testing.assert_allclose(trace["motor_force"], trace["command_force"] - trace["reference_force"])
+    assert motors.max() <= 8.5 * (1 + 1e-12)
+    assert motors[-1] == pytest.approx(1.4, rel=0.05)
+    assert trace.verdict.state is State.DRIVE_LIMIT
+    gentle = palpate.simulate(press(device={"saturation": True}, reference={"force": "0.5 N"}, run={"duration": "5 s"}))
+    assert gentle.verdict.settled
+    assert not gentle["saturated"].any()
+
+
+def test_without_limits_the_summary_says_what_the_motors_would_have_to_give() -> None:
+    """8.5 N along each axis is a force of 14.7 N."""
+    told = palpate.summarize(palpate.simulate(press()))
+    assert told["peak_motor_force_N"] > 8.5 * np.sqrt(3.0)
+    assert "of which the drive gives 8.5 N" in told["verdict"]
+
+
+def test_a_tip_that_is_thrown_off_its_mesh_has_lost_contact() -> None:
+    tables = tomllib.loads((SCENARIOS / "slide-cube-by-forces.toml").read_text("utf-8"))
+    tables["object"]["surface"]["viscous"] = "0 N*s/m"
+    verdict = palpate.simulate(tables).verdict
+    assert verdict.state is State.CONTACT_LOST
+
+
+def test_a_steady_error_above_the_band_is_not_settled() -> None:
+    trace = palpate.simulate(press(controller={"kind": "gain", "gain": 0.03}, reference={"force": "1 N"}))
+    assert trace.verdict.state is State.UNDECIDED
+    assert "from force over stiffness" in trace.verdict.reason
+
+
+def test_the_attribute_of_a_trace_is_its_summary() -> None:
+    for kind in ("none", "lqg", "lead_lag"):
+        for period in ("0.25 ms", "1 ms"):
+            trace = palpate.simulate(press(servo={"period": period}, controller={"kind": kind}))
+            summary = palpate.summarize(trace)
+            assert trace.stable == summary["stable"] == (trace.verdict.state is State.SETTLED)
+            assert summary["verdict"].startswith(trace.verdict.state.label)
+
+
+def test_a_joint_limit_stops_the_start_and_judges_the_run(tmp_path: Path) -> None:
+    text = (SCENARIOS.parent / "python/palpate/devices/phantom-premium-1.5a.toml").read_text("utf-8")
+    source = 'source = "assumed"'
+    limits = (
+        f'\n[limits]\nlower = {{ value = ["-1 rad", "2.225 rad", "1 rad"], {source} }}\n'
+        f'upper = {{ value = ["1 rad", "3 rad", "4 rad"], {source} }}\n'
+    )
+    path = tmp_path / "limited.toml"
+    path.write_text(text.replace("\n[drive]", f"{limits}\n[drive]"), "utf-8")
+    limited = press(device={"name": str(path)})
+    with pytest.raises(ScenarioError, match=r"start: joint 2 of \S+ is at 126.1 deg, beyond its limits"):
+        palpate.simulate({**limited, "start": {"pose": ["0 rad", "2.2 rad", "3.2776 rad"]}})
+    trace = palpate.simulate(limited)
+    assert trace["angle"][:, 1].min() < 2.225
+    assert trace.verdict.state is State.OUT_OF_REACH
+    assert "joint 2 is beyond its limit" in trace.verdict.reason
+
+
+sizes = st.floats(0.0, 1.0)
+
+
+@given(
+    early=sizes, prior=sizes, late=sizes, ripple=sizes, deflection=sizes, touching=sizes, saturated=sizes,
+    contacts=st.integers(0, 9), pressed=st.booleans(), beyond=st.booleans(), constant=st.booleans(),
+    linear=st.sampled_from([-1, 0, 1]), lossy=st.booleans(), diverged=st.booleans(),
+    error=st.one_of(st.just(np.nan), st.floats(-1.0, 1.0)),
+)  # fmt: skip
+def test_no_evidence_against_a_loop_leaves_it_settled(diverged: bool, **values: Any) -> None:
+    evidence = Evidence.of(1, unstable_from=1.0 if diverged else np.nan, **values)
+    state = State(int(decide(evidence)[0]))
+    against = (
+        diverged
+        or values["beyond"]
+        or values["saturated"] > 0.01
+        or values["linear"] < 0
+        or not values["constant"]
+        or abs(values["error"]) > 0.05
+        or (values["pressed"] and values["touching"] == 0.0)
+        or (values["ripple"] > max(0.05 * values["deflection"], 1e-6) and values["linear"] <= 0)
+    )
+    if against:
+        assert state is not State.SETTLED
+    if diverged:
+        assert state is State.UNSTABLE

@@ -66,7 +66,7 @@ def _parameters(page: Page, device: Device) -> list[Check]:
         mine = compare(key, value, kind="carried", scale=scale)
         entry = printed(key)
         ours = ", ".join(_alike(text, check) for text, check in zip(entry.rows[0], mine, strict=True))
-        rows.append((entry.where, entry.what, ", ".join(entry.rows[0]), ours, entry.unit, _worst(mine)))
+        rows.append((entry.where, entry.what, ", ".join(entry.rows[0]), ours, entry.unit, _carried(mine)))
         checks += mine
     page.paragraph(
         "The published segments of the PHANToM Premium 1.5A, as `palpate.devices` carries them: input of everything "
@@ -244,6 +244,6 @@ def _alike(text: str, check: Check) -> str:
     return f"{check.computed:.{len(text.partition('.')[2])}f}"
 
 
-def _worst(checks: list[Check]) -> str:
-    ranks = {"match": 0, "erratum": 1, "differs": 2, "not computed": 3}
-    return max((check.status for check in checks), key=ranks.__getitem__)
+def _carried(checks: list[Check]) -> str:
+    """Return "carried over", or the status of a parameter that is not the printed one."""
+    return next((check.status for check in checks if check.status != "match"), "carried over")

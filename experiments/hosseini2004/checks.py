@@ -37,7 +37,7 @@ KINDS: Final[dict[Kind, str]] = {
     "sentence": "printed sentence or equation tested",
     "bound": "bound kept: palpate's own design is no worse than the print",
     "carried": "parameter carried over",
-    "identified": "identified from own simulation",
+    "identified": "identified from own simulation, or fitted",
     "own": "palpate against palpate",
 }
 

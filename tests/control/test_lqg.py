@@ -122,7 +122,7 @@ def test_it_bears_encoder_counts_and_the_motors_limits() -> None:
 
 
 def test_without_integrators_the_error_is_zero_only_at_the_design_stiffness() -> None:
-    """The thesis's case C: the feedforward knows one K; on another object a steady error stays."""
+    """The feedforward knows one K; on another object a steady error stays."""
     plain = lqg(SOFT, integrators=False)
 
     def rest(stiffness: float) -> np.ndarray:

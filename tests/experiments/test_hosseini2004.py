@@ -214,7 +214,9 @@ def test_the_documentation_states_the_counts_of_the_run(reproduced: Any) -> None
         assert f"`{kind}` | {cells} |" in table, kind
     verdicts = [verdict for _, verdict in result.conclusions]
     said = ", ".join(f"{verdicts.count(v)} {v}" for v in ("confirmed", "refuted", "not testable"))
-    assert said in (ROOT / "docs/validation/thesis.md").read_text("utf-8")
+    assert said in table
+    for verdict in ("confirmed", "refuted", "not testable"):
+        assert len(re.findall(rf"^\|[^|]+\|[^|]+\| {verdict}", table, re.MULTILINE)) == verdicts.count(verdict)
     page = (ROOT / "docs/validation/errata.md").read_text("utf-8")
     for cause in causes():
         assert f"`{cause.id}`" in page, cause.id

@@ -25,7 +25,7 @@ MAX_DELAY = 1000  # samples
 
 @dataclass(frozen=True)
 class HumanArm:
-    """A human arm at the tip, the same along every axis.
+    """A human arm at the tip, the same along every axis. Text with a unit is converted to SI.
 
     Attributes:
         mass: kg.
@@ -45,12 +45,19 @@ class HumanArm:
     tissue_damping: float = 0.0
 
     def __post_init__(self) -> None:
-        not_negative(self.mass, "the arm's mass", "kg")
-        not_negative(self.damping, "the arm's damping", "N s/m")
-        not_negative(self.stiffness, "the arm's stiffness", "N/m")
-        not_negative(self.tissue_damping, "the fingertip's damping", "N s/m")
+        units = {
+            "mass": "kg",
+            "damping": "N*s/m",
+            "stiffness": "N/m",
+            "tissue_damping": "N*s/m",
+            "tissue_stiffness": "N/m",
+        }
+        for field, unit in units.items():
+            owner, _, name = field.rpartition("_")
+            if (value := getattr(self, field)) is not None:
+                said = f"the {'fingertip' if owner else 'arm'}'s {name}"
+                object.__setattr__(self, field, not_negative(value, said, unit))
         if self.tissue_stiffness is not None:
-            not_negative(self.tissue_stiffness, "the fingertip's stiffness", "N/m")
             positive(self.mass, "the mass of an arm behind fingertip tissue", "kg")
 
 
@@ -75,14 +82,14 @@ class LinearDevice:
     name: str = "the device"
 
     @classmethod
-    def of_mass(cls, mass: float, damping: float = 0.0, arm: HumanArm | None = None) -> LinearDevice:
+    def of_mass(cls, mass: float | str, damping: float | str = 0.0, arm: HumanArm | None = None) -> LinearDevice:
         """Return a mass (kg) with viscous damping (N s/m) on one axis, held by ``arm`` if given.
 
         Raises:
             StabilityError: the mass is not positive, or the damping negative.
         """
         m = positive(mass, "mass", "kg")
-        b = not_negative(damping, "damping", "N s/m")
+        b = not_negative(damping, "damping", "N*s/m")
         one = np.ones((1, 1))
         tip = cls(m * one, b * one, 0 * one, one, np.ones(1), f"a mass of {m:g} kg with {b:g} N s/m")
         return tip if arm is None else tip.coupled_to(arm)
@@ -274,7 +281,7 @@ class SampledDevice:
         return np.asarray(compliance * np.exp(-1j * self.whole * theta), dtype=complex)
 
 
-def discretize_zoh(device: LinearDevice | control.StateSpace, period: float, delay: float = 0.0) -> SampledDevice:
+def discretize_zoh(device: LinearDevice | control.StateSpace, period: float | str, delay: float = 0.0) -> SampledDevice:
     """Return ``device`` behind a zero-order hold of ``period`` (s) and ``delay`` (samples, may be fractional).
 
     Args:

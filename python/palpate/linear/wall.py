@@ -17,6 +17,7 @@ from palpate.arrays import Array, Complex
 from palpate.checks import fraction
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import LinearDevice, SampledDevice, discretize_zoh
+from palpate.units import array_to_si
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,14 @@ class WallLoop:
 
     def matrix(self, stiffness: ArrayLike, damping: ArrayLike = 0.0) -> Array:
         """Return the closed loop's matrix (..., n, n) for K (N/m) and B (N s/m), broadcast against each other."""
-        k, b = np.broadcast_arrays(np.asarray(stiffness, float), np.asarray(damping, float))
+        k, b = np.broadcast_arrays(
+            array_to_si(stiffness, "N/m", "stiffness", error=StabilityError),
+            array_to_si(damping, "N*s/m", "damping", error=StabilityError),
+        )
         row = k[..., None] * self.position + b[..., None] * self.velocity
         return np.asarray(self.base + self.entry[:, None] * row[..., None, :], dtype=float)
 
-    def spectral_radius(self, stiffness: float, damping: float = 0.0) -> float:
+    def spectral_radius(self, stiffness: float | str, damping: float | str = 0.0) -> float:
         """Return the largest modulus of the loop's eigenvalues, per sample."""
         return float(np.abs(np.linalg.eigvals(self.matrix(stiffness, damping))).max())
 
@@ -74,7 +78,7 @@ class WallLoop:
 
 def wall_loop(
     device: LinearDevice | control.StateSpace | SampledDevice,
-    period: float | None = None,
+    period: float | str | None = None,
     delay: float = 0.0,
     velocity_filter: float = 0.0,
     controller: Any = None,

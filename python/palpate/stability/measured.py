@@ -66,7 +66,7 @@ class MeasuredResponse:
             object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
         except (TypeError, ValueError):
             raise StabilityError("frequency must be numbers in Hz, response complex numbers in m/N") from None
-        positive(self.period, "period", "s")
+        object.__setattr__(self, "period", positive(self.period, "period", "s"))
         f, g = self.frequency, self.response
         if f.ndim != 1 or f.shape != g.shape or len(f) == 0:
             raise StabilityError(
@@ -87,7 +87,7 @@ class MeasuredResponse:
                 raise StabilityError("deviation must be finite and not negative, in m/N")
 
     def critical_stiffness(
-        self, virtual_damping: float = 0.0, *, delay: float = 0.0, velocity_filter: float = 0.0
+        self, virtual_damping: float | str = 0.0, *, delay: float = 0.0, velocity_filter: float = 0.0
     ) -> MeasuredVerdict:
         """Return the stiffness at which the measured device against a wall becomes unstable, or why it is unknown.
 
@@ -99,7 +99,7 @@ class MeasuredResponse:
             delay: in samples, in addition to the delay in the response.
             velocity_filter: alpha.
         """
-        b = finite(virtual_damping, "virtual_damping", "N s/m")
+        b = finite(virtual_damping, "virtual_damping", "N*s/m")
         n, alpha = not_negative(delay, "delay", "samples"), fraction(velocity_filter, "velocity_filter")
         f, g = self.frequency, self.response
         if len(f) < 16:

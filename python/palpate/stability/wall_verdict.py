@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from palpate.checks import finite, positive
 from palpate.linear.linear_device import HumanArm, LinearDevice
 from palpate.linear.wall import wall_loop
 from palpate.stability.maps.wall_interval import stability_interval
@@ -57,11 +58,11 @@ class WallVerdict:
 
 def wall_limit(
     *,
-    mass: float,
-    damping: float = 0.0,
-    period: float,
+    mass: float | str,
+    damping: float | str = 0.0,
+    period: float | str,
     delay: float = 0.0,
-    virtual_damping: float = 0.0,
+    virtual_damping: float | str = 0.0,
     velocity_filter: float = 0.0,
     arm: HumanArm | None = None,
 ) -> WallVerdict:
@@ -79,6 +80,7 @@ def wall_limit(
     Raises:
         StabilityError: a mass or period that is not positive, a negative damping or delay, alpha outside [0, 1).
     """
+    period, virtual_damping = positive(period, "period", "s"), finite(virtual_damping, "virtual_damping", "N*s/m")
     tip = LinearDevice.of_mass(mass, damping, arm)
     limit = stability_interval(wall_loop(tip, period, delay, velocity_filter), virtual_damping)
     passive = passive_stiffness(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.checks import fraction, not_negative, positive
 from palpate.errors import StabilityError
+from palpate.units import array_to_si
 
 __all__ = ["bilinear_map", "characteristic_polynomial", "wall_polynomial"]
 
@@ -55,11 +56,19 @@ def wall_polynomial(
         raise StabilityError(
             f"delay must be a whole number of samples, 0 or more, not {delay}; discretize_zoh() takes any"
         )
-    arrays = [np.asarray(v, float) for v in (mass, damping, period, stiffness, virtual_damping, velocity_filter)]
+    given = {
+        "mass": (mass, "kg"),
+        "damping": (damping, "N*s/m"),
+        "period": (period, "s"),
+        "stiffness": (stiffness, "N/m"),
+        "virtual_damping": (virtual_damping, "N*s/m"),
+        "velocity_filter": (velocity_filter, ""),
+    }
+    arrays = [array_to_si(value, unit, name, error=StabilityError) for name, (value, unit) in given.items()]
     m, b, t, k, v, alpha = np.broadcast_arrays(*arrays)
     for name, check, values, unit in (("mass", positive, m, "kg"), ("period", positive, t, "s")):
         check(float(values.min()), name, unit)
-    not_negative(float(b.min()), "damping", "N s/m")
+    not_negative(float(b.min()), "damping", "N*s/m")
     fraction(float(alpha.max()), "velocity_filter")
     x = b * t / m
     a = np.exp(-x)

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.checks import finite
 from palpate.errors import StabilityError
 from palpate.linear.wall import WallLoop
 from palpate.stability.maps.wall_interval import Device, as_wall_loop, is_stable, stability_interval
@@ -57,13 +58,13 @@ class Boundary:
         ends = [0, *(np.flatnonzero(jump) + 1).tolist(), len(self.damping)]
         return list(pairwise(ends))
 
-    def up_to(self, damping: float) -> Boundary:
+    def up_to(self, damping: float | str) -> Boundary:
         """Return the part of the curve up to B = ``damping``, N s/m."""
-        selected = self.damping <= damping
+        selected = self.damping <= finite(damping, "damping", "N*s/m")
         return Boundary(self.damping[selected], self.stiffness[selected], self.angle[selected], self.inside)
 
 
-def stability_boundary(device: Device, *, points: int = 1000, min_damping: float = 0.0, **loop: Any) -> Boundary:
+def stability_boundary(device: Device, *, points: int = 1000, min_damping: float | str = 0.0, **loop: Any) -> Boundary:
     """Return the boundary of the stable walls in (B, K), parametrized by the angle of the root on the circle.
 
     W(theta) = K + B V(theta) is solved for the real K and B, without a grid over K or B. The curve runs from
@@ -79,7 +80,7 @@ def stability_boundary(device: Device, *, points: int = 1000, min_damping: float
     Raises:
         StabilityError: as ``wall_loop``; or no wall is stable.
     """
-    return trace_boundary(as_wall_loop(device, loop), points, min_damping)
+    return trace_boundary(as_wall_loop(device, loop), points, finite(min_damping, "min_damping", "N*s/m"))
 
 
 def trace_boundary(

@@ -15,6 +15,7 @@ from palpate.checks import finite
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import LinearDevice, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
+from palpate.units import array_to_si
 
 __all__ = [
     "Device",
@@ -47,7 +48,7 @@ class StabilityInterval:
     frequency: float
 
 
-def critical_stiffness(device: Device, *, virtual_damping: float = 0.0, **loop: Any) -> float:
+def critical_stiffness(device: Device, *, virtual_damping: float | str = 0.0, **loop: Any) -> float:
     """Return the least stiffness (N/m) at which ``device`` against a wall becomes unstable, exactly.
 
     Args:
@@ -61,13 +62,13 @@ def critical_stiffness(device: Device, *, virtual_damping: float = 0.0, **loop: 
     return stability_interval(as_wall_loop(device, loop), virtual_damping).stiffness
 
 
-def stability_interval(loop: WallLoop, virtual_damping: float = 0.0) -> StabilityInterval:
+def stability_interval(loop: WallLoop, virtual_damping: float | str = 0.0) -> StabilityInterval:
     """Return the first interval of stiffness, from zero up, in which the loop is stable.
 
     Every real K with a root on the unit circle is found: at +1, at -1, and in between where Im W = B Im V. Eigenvalues
     decide the stability of the intervals between them.
     """
-    b = finite(virtual_damping, "virtual_damping", "N s/m")
+    b = finite(virtual_damping, "virtual_damping", "N*s/m")
     for density in (1, 8):
         angles, values = _crossings(loop, b, density)
         edges = np.concatenate([[0.0], values, [2 * values[-1] if values.size else 1.0]])
@@ -109,7 +110,10 @@ def wall_spectral_radius(
         StabilityError: as ``wall_loop``; or a stiffness or damping that is not finite.
     """
     closed = as_wall_loop(device, loop)
-    k, b = np.broadcast_arrays(np.asarray(stiffness, float), np.asarray(virtual_damping, float))
+    k, b = np.broadcast_arrays(
+        array_to_si(stiffness, "N/m", "stiffness", error=StabilityError),
+        array_to_si(virtual_damping, "N*s/m", "virtual_damping", error=StabilityError),
+    )
     if not (np.all(np.isfinite(k)) and np.all(np.isfinite(b))):
         raise StabilityError("stiffness and virtual_damping must be finite, in N/m and N s/m")
     flat_k, flat_b = k.ravel(), b.ravel()

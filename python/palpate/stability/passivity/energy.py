@@ -94,15 +94,15 @@ class PassivityController:
 
     def __init__(
         self,
-        period: float,
-        max_damping: float,
-        credit: float = 0.0,
+        period: float | str,
+        max_damping: float | str,
+        credit: float | str = 0.0,
         *,
         object: Any = None,
         normal: ArrayLike = (1.0, 0.0, 0.0),
     ) -> None:
         self.period = positive(period, "period", "s")
-        self.max_damping = not_negative(max_damping, "max_damping", "N s/m")
+        self.max_damping = not_negative(max_damping, "max_damping", "N*s/m")
         self.credit = not_negative(credit, "credit", "J")
         self.object = None if object is None else as_object(object)
         direction = np.asarray(normal, dtype=float)

@@ -57,15 +57,20 @@ def llewellyn(h11: ArrayLike, h12: ArrayLike, h21: ArrayLike, h22: ArrayLike) ->
 
 
 def two_port_margin(
-    *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float, angles: int = 2000
+    *,
+    damping: float | str,
+    coupling_stiffness: float | str,
+    coupling_damping: float | str,
+    period: float | str,
+    angles: int = 2000,
 ) -> float:
     """Return the least Llewellyn margin of an impedance display with a virtual coupling (Adams & Hannaford 1999).
 
     h11 = Z_d by Tustin, whose mass is lossless; h12 = (1 + 1/z)/2 for the hold; h21 = -1; h22 = 1/Z_c with
     Z_c = b_c + k_c T z/(z - 1).
     """
-    b, t = not_negative(damping, "damping", "N s/m"), positive(period, "period", "s")
-    k, c = not_negative(coupling_stiffness, "coupling_stiffness", "N/m"), not_negative(coupling_damping, "b_c", "N s/m")
+    b, t = not_negative(damping, "damping", "N*s/m"), positive(period, "period", "s")
+    k, c = not_negative(coupling_stiffness, "coupling_stiffness", "N/m"), not_negative(coupling_damping, "b_c", "N*s/m")
     if k == 0.0 and c == 0.0:
         raise StabilityError("a virtual coupling needs a stiffness or a damping above zero")
     theta = np.concatenate([np.geomspace(1e-4, 1e-2, 100), np.linspace(0.01, np.pi, angles)])
@@ -75,12 +80,12 @@ def two_port_margin(
     return float(llewellyn(b * one, 0.5 * (1 + 1 / z), -one, 1 / impedance).min())
 
 
-def two_port_limit(*, damping: float, period: float) -> float:
+def two_port_limit(*, damping: float | str, period: float | str) -> float:
     """Return 8b/T, the k_c (N/m) up to which the two-port accepts an undamped coupling: four times the exact limit."""
-    return 8 * not_negative(damping, "damping", "N s/m") / positive(period, "period", "s")
+    return 8 * not_negative(damping, "damping", "N*s/m") / positive(period, "period", "s")
 
 
-def positive_real_margin(admittance: Any, period: float) -> float:
+def positive_real_margin(admittance: Any, period: float | str) -> float:
     """Return the least real part of a sampled admittance on the unit circle; it is passive if not negative.
 
     A virtual mass driven by the force of the previous sample, (T/M)/(z - 1), has -T/2M. Driven by the force of the
@@ -99,7 +104,7 @@ def positive_real_margin(admittance: Any, period: float) -> float:
 
 
 def certify_coupling(
-    *, damping: float, coupling_stiffness: float, coupling_damping: float, period: float
+    *, damping: float | str, coupling_stiffness: float | str, coupling_damping: float | str, period: float | str
 ) -> CouplingVerdict:
     """Return the exact passivity verdict on a virtual coupling, with the two-port margin for comparison.
 
@@ -113,7 +118,8 @@ def certify_coupling(
         StabilityError: a value out of range.
     """
     required = _required(coupling_stiffness, coupling_damping, period)
-    margin = not_negative(damping, "damping", "N s/m") - required
+    damping = not_negative(damping, "damping", "N*s/m")
+    margin = damping - required
     port = two_port_margin(
         damping=damping, coupling_stiffness=coupling_stiffness, coupling_damping=coupling_damping, period=period
     )
@@ -134,5 +140,5 @@ def certify_coupling(
     return CouplingVerdict(passive, required, margin, port, sentence)
 
 
-def _required(stiffness: float, damping: float, period: float) -> float:
+def _required(stiffness: float | str, damping: float | str, period: float | str) -> float:
     return coupling_damping(coupling_stiffness=stiffness, coupling_damping=damping, period=period)

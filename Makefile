@@ -11,6 +11,10 @@ JOBS ?= 2
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 FAST_TESTS = tests/test_import_graph.py tests/test_units.py tests/control tests/devices tests/linear tests/metrics tests/scenario
 
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Python compiles only the modules that it imports.
+export PIP_NO_COMPILE := 1
+
 .DEFAULT_GOAL := help
 .PHONY: help run test check reproduce bench nightly docs wheel lint tidy format clean
 
@@ -71,16 +75,18 @@ clean:  ## remove everything that the other targets make
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 		{ echo "palpate needs Python 3.11 or newer; set PYTHON=/path/to/it" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade pip
+
+# Install the packages of a table of pyproject.toml, without palpate itself: '.[test]' would build the core once more.
+packages = $(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']$(1), sep='\n')" \
+	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
+extra = $(call packages,['optional-dependencies']['$(1)'])
 
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
+# The core compiles while pip downloads and installs the dependencies.
 .venv/installed: .venv/bin/python $(CORE)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --no-deps --editable . & core=$$!; \
+		$(call packages,['dependencies']); packages=$$?; wait $$core && exit $$packages
 	@touch $@
-
-# The extras' own packages only: asking for '.[test]' would build the core once more.
-extra = $(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)'], sep='\n')" \
-	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
 
 .venv/test-installed: .venv/installed
 	$(call extra,test)

@@ -7,9 +7,7 @@
 
 #include <functional>
 #include <map>
-#include <palpate/deformable.hpp>
-#include <palpate/mesh.hpp>
-#include <palpate/palpate.hpp>
+#include <palpate/object/body_instance.hpp>
 #include <string>
 #include <vector>
 
@@ -109,8 +107,10 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
 }  // namespace
 
 int palpate::batch::most_lanes() {
-#if defined(PALPATE_WIDE_LANES)
+#if defined(PALPATE_LANES_8)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return 8;
+#endif
+#if defined(PALPATE_LANES_4)
   if (__builtin_cpu_supports("avx2")) return 4;
 #endif
   return 2;

@@ -13,8 +13,10 @@ namespace palpate::batch {
 using RunLanes = void (*)(std::size_t, const void*, int, const double*, const double*);
 
 inline RunLanes lanes_of(int lanes) {
-#if defined(PALPATE_WIDE_LANES)
+#if defined(PALPATE_LANES_8)
   if (lanes == 8) return run_lanes<8>;
+#endif
+#if defined(PALPATE_LANES_4)
   if (lanes == 4) return run_lanes<4>;
 #endif
   (void)lanes;

@@ -10,9 +10,8 @@
 #include <chrono>
 #include <memory>
 #include <optional>
-#include <palpate/deformable.hpp>
-#include <palpate/mesh.hpp>
-#include <palpate/palpate.hpp>
+#include <palpate/object/body_instance.hpp>
+#include <palpate/object/mesh_object.hpp>
 #include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>
 #include <string>

@@ -39,8 +39,10 @@ struct SolidCore {
 
 template <class Make>
 auto widest(Make make) {
-#if defined(PALPATE_WIDE_LANES)
+#if defined(PALPATE_LANES_8)
   if (palpate::batch::most_lanes() == 8) return make(std::integral_constant<int, 8>());
+#endif
+#if defined(PALPATE_LANES_4)
   if (palpate::batch::most_lanes() == 4) return make(std::integral_constant<int, 4>());
 #endif
   return make(std::integral_constant<int, 2>());

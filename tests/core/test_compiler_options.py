@@ -11,7 +11,9 @@ import pytest
 
 INCLUDE = Path(__file__).parents[2] / "core" / "include"
 HEADERS = sorted(path.relative_to(INCLUDE).as_posix() for path in INCLUDE.rglob("*.hpp"))
-COMPILERS = [name for name in ("g++", "clang++", "clang++-16", "clang++-14", "clang-14") if shutil.which(name)]
+NAMES = ("g++", "g++-14", "g++-13", "g++-12", "clang++", "clang++-18", "clang++-16", "clang++-14", "clang-14")
+# One name for each program: clang++ and clang-14 may be the same.
+COMPILERS = sorted({Path(path).resolve(): name for name in reversed(NAMES) if (path := shutil.which(name))}.values())
 OPTIONS = ["-x", "c++", "-std=c++20", "-fsyntax-only", "-fno-exceptions", "-fno-rtti"]
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
 

@@ -1,4 +1,4 @@
-"""Meshes: what is mended, what is refused and with which sentence, and files in any unit."""
+"""Meshes: repairs, refusals with their sentences, and files in any unit."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def test_what_can_be_mended_is_mended_and_told() -> None:
     found = mesh.diagnose()
     assert found.clean
     assert found.volume == pytest.approx(Mesh(vertices, triangles).diagnose().volume, rel=1e-12)
-    assert len(found.mended) == 3
+    assert len(found.repairs) == 3
     assert "flipped" in str(found)
     with pytest.raises(MeshError, match="without area"):
-        Mesh(vertices, broken, mend=False)
+        Mesh(vertices, broken, repair=False)
 
 
 def test_an_inside_out_mesh_is_turned_outward() -> None:

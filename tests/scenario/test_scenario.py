@@ -250,7 +250,7 @@ def test_what_is_no_scenario_is_refused(wrong: Any) -> None:
 
 
 def test_several_mistakes_are_told_together_in_the_files_order() -> None:
-    """A person mends them in one go."""
+    """One message lists all of them."""
     told = message(TEXT.replace('"0.1 s"', '"1 N"').replace('"3.5 N/mm"', '"1 s"').replace('"0.5 ms"', '"1 m"'))
     assert [line.split(":")[0] for line in told.splitlines()] == [f"cube.toml, line {n}" for n in (10, 16, 19)]
 

@@ -26,7 +26,7 @@ class Diagnosis:
     """Edges that intersect a triangle; -1 if the mesh is too defective for the check."""
     pinched_vertices: int = 0
     """Vertices at which parts of the surface meet in one point only."""
-    mended: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
     """Repairs, one phrase each."""
 
     @property
@@ -55,7 +55,7 @@ class Diagnosis:
         lines += [f"{count} {defect}" for count, defect in named if count > 0]
         if self.closed:
             lines.append(f"closed, {self.volume:.6g} m^3")
-        lines += [f"repaired: {repair}" for repair in self.mended]
+        lines += [f"repaired: {repair}" for repair in self.repairs]
         return "\n".join(lines)
 
 

@@ -28,32 +28,32 @@ class Mesh:
         vertices: (n, 3), m.
         triangles: (m, 3), indices of vertices.
         open: whether the surface may have a border. An open surface has contact on both sides.
-        mend: whether to drop triangles without area and repeated triangles, and to reorient triangles. The repairs
-            are listed in `diagnose().mended`.
+        repair: whether to drop triangles without area and repeated triangles, and to reorient triangles. The repairs
+            are listed in `diagnose().repairs`.
 
     Raises:
         MeshError: the mesh is empty, not finite, not manifold, or has a border without `open=True`.
     """
 
-    def __init__(self, vertices: ArrayLike, triangles: ArrayLike, *, open: bool = False, mend: bool = True) -> None:
+    def __init__(self, vertices: ArrayLike, triangles: ArrayLike, *, open: bool = False, repair: bool = True) -> None:
         points = _numbers(vertices)
         faces = _indices(triangles, len(points))
         repairs: list[str] = []
-        if mend:
+        if repair:
             faces, degenerate, duplicate, flipped = _core.repair_mesh(points, faces)
-            for count, repair in (
+            for count, change in (
                 (degenerate, "without area dropped"),
                 (duplicate, "repeated and dropped"),
                 (flipped, "flipped"),
             ):
                 if count:
-                    repairs.append(f"{count} triangle{'s'[: count != 1]} {repair}")
+                    repairs.append(f"{count} triangle{'s'[: count != 1]} {change}")
             if len(faces) == 0:
                 raise MeshError("the mesh is empty: none of its triangles has an area")
         self.vertices = points
         self.triangles = np.asarray(faces, dtype=np.int64)
         self.open = bool(open)
-        self._mended = tuple(repairs)
+        self._repairs = tuple(repairs)
         for array in (self.vertices, self.triangles):
             array.setflags(write=False)
         self.core = _core.TriangleMesh(self.vertices, self.triangles, self.open)
@@ -61,7 +61,7 @@ class Mesh:
             self._refuse()
 
     @classmethod
-    def load(cls, path: str | Path, *, unit: str, open: bool = False, mend: bool = True) -> Mesh:
+    def load(cls, path: str | Path, *, unit: str, open: bool = False, repair: bool = True) -> Mesh:
         """Read an STL, OBJ, PLY, OFF or GLB file, or another format that meshio supports.
 
         Vertices with equal coordinates are merged.
@@ -70,7 +70,7 @@ class Mesh:
             path: file.
             unit: of its coordinates, such as "mm".
             open: as in `Mesh`.
-            mend: as in `Mesh`.
+            repair: as in `Mesh`.
 
         Raises:
             MeshError: the file cannot be read or has no triangles, or the mesh is invalid.
@@ -82,7 +82,7 @@ class Mesh:
         vertices, triangles = _read(path)
         try:
             vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
-            return cls(vertices * scale, triangles, open=open, mend=mend)
+            return cls(vertices * scale, triangles, open=open, repair=repair)
         except MeshError as problem:
             raise MeshError(f"{path}: {problem}") from None
 
@@ -121,7 +121,7 @@ class Mesh:
             duplicate=d["duplicate"][0],
             self_intersections=self.core.self_intersections()[0],
             pinched_vertices=self.core.pinched_vertices()[0],
-            mended=self._mended,
+            repairs=self._repairs,
         )
 
     def nearest(self, points: ArrayLike) -> tuple[Array, Indices]:
@@ -164,10 +164,10 @@ class Mesh:
         """Raise MeshError with the first defect."""
         d = self.core.diagnosis()
         for name, defect, remedy in (
-            ("degenerate", "without area", "drop them, or use mend=True"),
-            ("duplicate", "that repeat another one", "drop them, or use mend=True"),
+            ("degenerate", "without area", "drop them, or use repair=True"),
+            ("duplicate", "that repeat another one", "drop them, or use repair=True"),
             ("non_manifold", "on edges that more than two share", "split the surface there"),
-            ("mixed_winding", "oriented opposite to a neighbor", "use mend=True (a Moebius band cannot be repaired)"),
+            ("mixed_winding", "oriented opposite to a neighbor", "use repair=True (a Moebius band cannot be repaired)"),
             ("open", "at a border", "close the surface, or declare it open (open=True; in a scenario open = true)"),
         ):
             count, first = d[name]

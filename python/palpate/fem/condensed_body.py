@@ -111,7 +111,7 @@ class CondensedBody:
     def surface(self) -> Mesh:
         """Contact surface as a mesh."""
         used, faces = self._contact_surface
-        return Mesh(self.points[used], faces.reshape(-1, 3), open=True, mend=False)
+        return Mesh(self.points[used], faces.reshape(-1, 3), open=True, repair=False)
 
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.

@@ -226,7 +226,7 @@ class Elements:
     def _depth(self, points: Array) -> Array:
         """Return the distance of points (q, 3), m, from the contact surface (q,), m."""
         used, faces = np.unique(self.triangles, return_inverse=True)
-        nearest, _ = Mesh(self.volume.points[used], faces.reshape(-1, 3), open=True, mend=False).nearest(points)
+        nearest, _ = Mesh(self.volume.points[used], faces.reshape(-1, 3), open=True, repair=False).nearest(points)
         return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
     @property

@@ -19,6 +19,9 @@ def identify(
         typer.Option("--device", "-d", help="Catalog name, or a TOML file: mechanism, lengths, values to compare."),
     ] = "phantom-premium-1.5a",
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for identification.json.")] = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", "-w", help="Device file (TOML) to write with the identified parameters.")
+    ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Make the recording first: an experiment on the simulated device.")
     ] = False,
@@ -29,7 +32,9 @@ def identify(
     No recording of a real PHANToM is public. With --simulate, write one of the nonlinear device to the given path
     instead: 20 s at 1 kHz, with encoder counts and noise.
 
-    Example: palpate identify --simulate recording.csv, then palpate identify recording.csv
+    With --write, a scenario can name the identified device: name = "device.toml".
+
+    Example: palpate identify --simulate recording.csv, then palpate identify recording.csv --write device.toml
     """
     with progress("reading") as tell:
         from palpate.identification import identify_recording, simulate_experiment
@@ -40,12 +45,11 @@ def identify(
             tell("20 s of experiment", 0.1)
             path = simulate_experiment(load(device), seed=seed).save(recording)
         else:
-            result = identify_recording(recording, device, out, progress=lambda text: tell(text, 0.5))
+            result = identify_recording(recording, device, out, write=write, progress=lambda text: tell(text, 0.5))
     if simulate:
         output.print(
             f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}", soft_wrap=True
         )
         return
     output.print(result["summary"], markup=False, soft_wrap=True)
-    if out is not None:
-        print_paths([out / "identification.json"])
+    print_paths(path for path in (out and out / "identification.json", write) if path)

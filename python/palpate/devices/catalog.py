@@ -86,12 +86,16 @@ def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
             dimension, a negative mass, inertia or friction, a number that is not finite, or one without a source. The
             message has a line for each mistake, with file, line and key.
     """
-    return name_or_path if isinstance(name_or_path, Device) else _device(*_text(name_or_path))
+    return name_or_path if isinstance(name_or_path, Device) else parse_device(*_text(name_or_path))
 
 
 @lru_cache(maxsize=64)
-def _device(text: str, where: str) -> Device:
-    """Return the device of a file's text. The result is cached, because scenarios load the same device repeatedly."""
+def parse_device(text: str, where: str) -> Device:
+    """Return the device of a file's text, found at `where`. The result is cached: scenarios load a device repeatedly.
+
+    Raises:
+        DeviceError: as `load`.
+    """
     where, tables = _tables(text, where)
     values = {number.key: number.values for number in _numbers(where, tables, text)}
     name, description, mechanism = (str(tables[key]) for key in ("name", "description", "mechanism"))

@@ -132,7 +132,8 @@ def with_base_values(
 ) -> Device:
     """Return a device with the same lengths, the base parameters `values` and the given friction.
 
-    Infinitely many segments have the same base parameters, hence the same motion; the result is one choice.
+    Infinitely many segments have the same base parameters, hence the same motion. The result is one choice, without
+    negative masses and inertias if the values allow one; l5 or l6 changes its sign for a gravity of the other sign.
 
     Raises:
         RecordingError: the device's gravity, l5 or l6 is zero, so its gravity cannot be fitted.
@@ -154,12 +155,16 @@ def with_base_values(
         bare |= {"mass__a": scale * given.one("mass.a"), "mass__c": scale * given.one("mass.c")}
         start = replace(device, parameters=given.with_values(**bare))
         rest = {name: want[name] - v for name, v in zip(names, base_values(start), strict=True)}
+        p, q = rest["P"], rest["Q"]  # an equal share of both inertias adds to A, and makes both positive
+        mass_be, mass_df = rest["n2"] / (gravity * levers["l5"]), -rest["n3"] / (gravity * levers["l6"])
         filled = start.parameters.with_values(
-            inertia__base=rest["A"],
-            inertia__be=[rest["M22"], rest["P"], -rest["P"]],
-            inertia__df=[rest["M33"], -rest["Q"], rest["Q"]],
-            mass__be=rest["n2"] / (gravity * levers["l5"]),
-            mass__df=-rest["n3"] / (gravity * levers["l6"]),
+            inertia__base=rest["A"] - abs(p) - abs(q),
+            inertia__be=[rest["M22"], abs(p) + p, abs(p) - p],
+            inertia__df=[rest["M33"], abs(q) - q, abs(q) + q],
+            mass__be=abs(mass_be),
+            mass__df=abs(mass_df),
+            geometry__l5=np.copysign(1.0, mass_be) * levers["l5"],
+            geometry__l6=np.copysign(1.0, mass_df) * levers["l6"],
         )
         out = replace(device, parameters=filled)
     return out.with_friction(

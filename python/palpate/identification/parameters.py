@@ -7,7 +7,9 @@ functions overlap and the noise is colored, so the covariance is that of correla
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +18,7 @@ from scipy import stats
 from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
-from palpate.identification.base import Parameter, base_parameters, friction_parameters
+from palpate.identification.base import Parameter, base_parameters, friction_parameters, with_base_values
 from palpate.identification.instruments import expected_angles
 from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_speed, weak_rows
@@ -42,6 +44,8 @@ class ParameterFit:
         torque_error: (dof,) residual of the torque, rms, in percent.
         rows: number of test functions.
         freedom: degrees of freedom of Student's t for the intervals, the number of test functions without overlap.
+        template: device with the known lengths, and with the values to compare.
+        file: of the recording, or "a recording".
     """
 
     parameters: list[Parameter]
@@ -54,6 +58,8 @@ class ParameterFit:
     torque_error: Array
     rows: int
     freedom: float
+    template: Device
+    file: str
 
     @property
     def std(self) -> Array:
@@ -83,6 +89,31 @@ class ParameterFit:
         """Return viscous ("k") or Coulomb ("c") friction (dof,), 0 where it was not estimated."""
         names = [p.name for p in self.parameters]
         return np.array([self[f"{letter}{j + 1}"] if f"{letter}{j + 1}" in names else 0.0 for j in range(dof)])
+
+    @property
+    def device(self) -> Device:
+        """Device with the estimated parameters; Coulomb friction whose interval includes 0 is 0.
+
+        Raises:
+            DeviceError: the parameters are those of no physical device.
+        """
+        dof = self.template.dof
+        names = [p.name for p in self.parameters]
+        low = np.array([self.low[names.index(f"c{j + 1}")] if "c1" in names else 0.0 for j in range(dof)])
+        coulomb = np.where(low > 0, self.friction("c", dof), 0.0)
+        base = self.value[: len(base_parameters(self.template))]
+        return with_base_values(self.template, base, self.friction("k", dof), coulomb)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the device as a device file that a scenario can name, with the intervals as comments.
+
+        Raises:
+            DeviceError: the parameters are those of no physical device.
+            OutputError: the file cannot be written.
+        """
+        from palpate.identification.device_file import write_fit
+
+        return write_fit(self, path)
 
 
 def estimate_parameters(
@@ -133,13 +164,15 @@ def estimate_parameters(
     columns, target = _stack(rows, weight, keep, len(parameters))
     condition = _check_excitation(columns, parameters)
     expected = None if method == "least_squares" else expected_angles(recording)
-    if expected is None:
-        if method == "instruments":
-            raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
-        return _solve(parameters, columns, columns, target, functions, level, "least_squares", condition)
-    instrument_rows = weak_rows(device, recording, functions, angle=expected, slowest=slowest)
-    z = _stack(instrument_rows, weight, keep, len(parameters))[0]
-    return _solve(parameters, columns, z, target, functions, level, "instruments", condition)
+    z = columns
+    if expected is not None:
+        instrument_rows = weak_rows(device, recording, functions, angle=expected, slowest=slowest)
+        z = _stack(instrument_rows, weight, keep, len(parameters))[0]
+    elif method == "instruments":
+        raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
+    chosen = "least_squares" if expected is None else "instruments"
+    file = str(recording.metadata.get("file", "a recording"))
+    return _solve(parameters, columns, z, target, functions, level, chosen, condition, device, file)
 
 
 def _solve(
@@ -151,6 +184,8 @@ def _solve(
     level: float,
     method: str,
     condition: float,
+    device: Device,
+    file: str,
 ) -> ParameterFit:
     """Return the parameters p with target (rows, dof) = columns (rows, dof, p) p, for the instruments z."""
     size = np.sqrt(np.sum(columns**2, axis=(0, 1)))
@@ -182,6 +217,8 @@ def _solve(
         100 * np.sqrt(np.mean(error**2, axis=0)) / _size(target),
         len(error),
         len(error) / (2 * _overlap(tests)),
+        device,
+        file,
     )
 
 

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from palpate.arrays import Array
 from palpate.devices import Device, load
 from palpate.errors import PalpateError, RecordingError
 from palpate.files import atomic_write
 from palpate.identification.arx_models import arx
-from palpate.identification.base import base_parameters, true_values, with_base_values
+from palpate.identification.base import true_values
 from palpate.identification.order import OrderTable, Structure, select_order
 from palpate.identification.parameters import ParameterFit, estimate_parameters, summary_rows
 from palpate.identification.recording import Recording
@@ -34,6 +33,7 @@ def identify_recording(
     out: str | os.PathLike[str] | None = None,
     *,
     coulomb: bool = True,
+    write: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Identify the parameters of a device from a recording, and an ARX model.
@@ -43,6 +43,7 @@ def identify_recording(
         device: catalog name, path of a device file, or a device; gives mechanism, lengths and catalog values.
         out: folder for `identification.json`, which is written atomically.
         coulomb: estimate Coulomb friction too.
+        write: device file for the identified device, as `ParameterFit.save` writes it.
         progress: called with a description before each step.
 
     Returns:
@@ -53,7 +54,8 @@ def identify_recording(
 
     Raises:
         RecordingError: the recording is invalid or too short, or has too little excitation.
-        DeviceError: the device is unknown or its file is wrong.
+        DeviceError: the device is unknown or its file is wrong; or, with `write`, the parameters are those of no
+            physical device.
     """
     report = progress if progress is not None else (lambda _: None)
     recording = path if isinstance(path, Recording) else Recording.load(path)
@@ -84,6 +86,8 @@ def identify_recording(
     result["summary"] = _summary(result, fit)
     if out is not None:
         _write(result, Path(out))
+    if write is not None:
+        fit.save(write)
     return result
 
 
@@ -102,11 +106,7 @@ def _device_free_run(
 ) -> tuple[list[float] | None, str | None]:
     """Return the NRMSE of the free run per joint, percent, or None and the reason."""
     try:
-        fit = estimate_parameters(used, device, coulomb=coulomb)
-        base = len(base_parameters(device))
-        fitted = with_base_values(
-            device, fit.value[:base], fit.friction("k", device.dof), _certain_coulomb(fit, device.dof)
-        )
+        fitted = estimate_parameters(used, device, coulomb=coulomb).device
         begin = round(SPEEDS / unused.period)
         q, qd = smooth(unused.angle, unused.period, SPEEDS)
         run = torque_response(fitted, q[begin], qd[begin], unused.torque[begin:], unused.period)
@@ -115,15 +115,6 @@ def _device_free_run(
     wanted = unused.angle[begin:]
     missed = np.linalg.norm(run - wanted, axis=0) / np.linalg.norm(wanted - wanted.mean(axis=0), axis=0)
     return (100 * (1 - missed)).tolist(), None
-
-
-def _certain_coulomb(fit: ParameterFit, dof: int) -> Array:
-    """Return Coulomb friction (dof,), 0 where its interval includes 0."""
-    names = [p.name for p in fit.parameters]
-    if "c1" not in names:
-        return np.zeros(dof)
-    low = np.array([fit.low[names.index(f"c{j + 1}")] for j in range(dof)])
-    return np.where(low > 0, fit.friction("c", dof), 0.0)
 
 
 def arx_structures(device: Device) -> list[Structure]:

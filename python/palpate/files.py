@@ -1,4 +1,4 @@
-"""Atomic file output, and the lines of TOML files that hold keys."""
+"""Atomic file output, and lines of keys in TOML files."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Writer = Callable[[Path], object]
 
 
 def as_path(path: object, error: type[PalpateError]) -> Path:
-    """Return the path that a file's name is, or raise `error` if it is none: None, or a number."""
+    """Return a file name as a path. Raise `error` unless it is text or a Path."""
     if not isinstance(path, str | os.PathLike):
         raise error(f"a file is named by text or a Path, not by {path!r}")
     return Path(path)
 
 
 def atomic_write(path: str | os.PathLike[str], write: Writer) -> Path:
-    """Let `write` fill a temporary file beside `path`, then put it there in one step; on any failure leave nothing.
+    """Let `write` fill a temporary file, then rename it to `path`; delete it after a failure.
 
     Raises:
-        OutputError: the folder cannot be written, the disk is full, a folder has that name, or `path` is no name.
+        OutputError: the folder cannot be written, the disk is full, or a folder has that name.
     """
     target = as_path(path, OutputError)
     with _translate_os_errors(target):
@@ -53,7 +53,7 @@ def atomic_write(path: str | os.PathLike[str], write: Writer) -> Path:
 
 
 def check_suffix(path: object, suffixes: Sequence[str], what: str, error: type[PalpateError] = OutputError) -> Path:
-    """Return the path under which `what` is saved, or raise `error` unless it ends in one of the suffixes."""
+    """Return the path of `what`. Raise `error` unless it has one of the suffixes."""
     file = as_path(path, error)
     if file.suffix.lower() not in suffixes:
         raise error(f"{file}: {what} is saved as {' or '.join(suffixes)}, not as {file.suffix!r}")
@@ -61,7 +61,7 @@ def check_suffix(path: object, suffixes: Sequence[str], what: str, error: type[P
 
 
 def write_json(path: str | os.PathLike[str], value: object, indent: int | None = 1) -> Path:
-    """Write `value` as JSON, whole or not at all.
+    """Write `value` as JSON, atomically.
 
     Raises:
         OutputError: as `atomic_write`.
@@ -75,7 +75,7 @@ def check_writable(path: str | Path) -> None:
     """Check before a long computation that `atomic_write` can write a file.
 
     Raises:
-        OutputError: a folder has that name, or the folder it would lie in is a file or cannot be written.
+        OutputError: a folder has that name, or its folder is a file or cannot be written.
     """
     target = as_path(path, OutputError)
     with _translate_os_errors(target):
@@ -91,13 +91,13 @@ def check_writable(path: str | Path) -> None:
 
 
 def check_readable(path: str | os.PathLike[str], error: type[PalpateError], *, kind: str, otherwise: str = "") -> Path:
-    """Return the file's path, if one is there.
+    """Return the path of an existing file.
 
     Args:
-        path: of the file that is wanted.
-        error: what is raised if it is a folder, or nothing is there.
-        kind: of file wanted, for the sentence about a folder: "the mesh's file".
-        otherwise: what makes such a file, for the sentence about one that is missing.
+        path: of the file.
+        error: exception to raise if there is no file, or a folder.
+        kind: description of the file for the message about a folder: "the mesh's file".
+        otherwise: remedy for a missing file.
     """
     file = as_path(path, error)
     try:
@@ -112,11 +112,11 @@ def check_readable(path: str | os.PathLike[str], error: type[PalpateError], *, k
 
 
 def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:
-    """Write several files into `folder`: all of them, or none if one fails. Return their paths.
+    """Write several files into a folder, all or none; return their paths.
 
     Args:
-        folder: made if missing; files of other names in it stay.
-        writers: file name to what writes it, given the path to write to.
+        folder: created if missing; other files in it remain.
+        writers: function of a path that writes the file, by file name.
 
     Raises:
         OutputError: the folder cannot be written, the disk is full, or it is a file.
@@ -129,7 +129,7 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
             for name, write in writers.items():
                 try:
                     write(part / name)
-                except OutputError as problem:  # it knows the temporary folder only
+                except OutputError as problem:  # it names the temporary folder
                     raise OutputError(str(problem).replace(str(part), str(target))) from problem
             target.mkdir(exist_ok=True)
             for name in writers:
@@ -140,14 +140,14 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
 
 
 def find_line(text: str, field: Sequence[str | int]) -> int | None:
-    """Return the line (from 1) where `field`, such as ("object", "stiffness"), stands in TOML text.
+    """Return the line, from 1, of a field such as ("object", "stiffness") in TOML text.
 
-    Where the field itself is not written, the line of the innermost table around it; None if there is none.
+    For a missing field it is the line of the innermost table around it, or None.
     """
     wanted = tuple(part for part in field if isinstance(part, str))
-    best: tuple[int, int] | None = None  # how much of the path matched, line
+    best: tuple[int, int] | None = None  # length of the match, line
     table: tuple[str, ...] = ()
-    depth, fence = 0, ""  # inside a list that goes on over lines; inside a triple-quoted text
+    depth, fence = 0, ""  # nesting of brackets over lines; open triple quotes
     for number, line in enumerate(text.splitlines(), start=1):
         here: tuple[str, ...] | None = None
         if depth == 0 and not fence:
@@ -156,7 +156,7 @@ def find_line(text: str, field: Sequence[str | int]) -> int | None:
             elif key := _KEY.match(line):
                 here = (*table, *_parts(key[1]))
         if here is not None:
-            # An inline table holds the field on its own line.
+            # A field of an inline table is on the line of the table.
             matched = len(here) if here == wanted[: len(here)] else 0
             if matched and (best is None or matched > best[0]):
                 best = (matched, number)

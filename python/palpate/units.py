@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from pint import UnitRegistry
 
-__all__ = ["UNITS", "array_to_si", "parse_quantity", "to_si", "write"]
+__all__ = ["UNITS", "array_to_si", "bounded_to_si", "parse_quantity", "to_si", "write"]
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
@@ -76,6 +76,17 @@ def to_si(value: SupportsFloat | str, unit: str, field: str, *, error: type[Valu
         with suppress(TypeError):  # an array with several elements
             return float(value)
     return parse_quantity(value, unit, field, error=error)
+
+
+def bounded_to_si(
+    value: SupportsFloat | str, unit: str, field: str, *, zero: bool = False, error: type[ValueError] = ScenarioError
+) -> float:
+    """Return `value` as `to_si` does. Raise `error` also unless it is finite and positive, or zero if `zero`."""
+    result = to_si(value, unit, field, error=error)
+    if not math.isfinite(result) or result < 0.0 or (result == 0.0 and not zero):
+        needed = "finite and not negative" if zero else "positive and finite"
+        raise error(f"{field} must be {needed}, not {f'{result} {unit}'.rstrip()}")
+    return result
 
 
 def array_to_si(value: Any, unit: str, field: str, *, error: type[ValueError] = ScenarioError) -> NDArray[np.float64]:
@@ -155,7 +166,8 @@ def _parse(value: object, unit: str) -> float:
         raise ValueError(f"{_shown(value)} is not a finite number; {_remedy(unit)}")
     match = _NUMBER.fullmatch(value)
     if match is None:
-        raise ValueError(f"{_shown(value)} cannot be read as a {_form(unit)}; {_remedy(unit)}")
+        form = "plain number" if unit in _PLAIN else "number with a unit"
+        raise ValueError(f"{_shown(value)} cannot be read as a {form}; {_remedy(unit)}")
     number, written = match[1], match[2]
     if not written and unit not in _PLAIN:
         raise ValueError(_without_unit(_shown(value), number, unit))
@@ -179,7 +191,7 @@ def _factor(written: str, unit: str, value: str) -> Fraction:
         raise ValueError(f'the requested unit "{unit}" is not known')
     # An angle or an angular rate must state its radian, because "2 %" and "20 Hz" are likely mistakes.
     # Elsewhere (N*m/rad) the radian may be omitted.
-    angular = target.radians != 0 and target.dimension <= {("[time]", target.power_of_time)}
+    angular = target.radians != 0 and dict(target.dimension).keys() <= {"[time]"}
     if found.dimension != target.dimension or (angular and found.radians != target.radians):
         example = "" if unit in _PLAIN else f", for example {_example(unit)}"
         raise ValueError(
@@ -194,10 +206,6 @@ class _Unit(NamedTuple):
     size: Fraction
     dimension: frozenset[tuple[str, Fraction]]
     radians: int
-
-    @property
-    def power_of_time(self) -> Fraction:
-        return dict(self.dimension).get("[time]", Fraction(0))
 
 
 _DIMENSIONLESS: Final = _Unit(Fraction(1), frozenset(), 0)
@@ -265,21 +273,12 @@ def _remedy(unit: str) -> str:
 
 
 def _without_unit(shown: str, number: str, unit: str) -> str:
-    hint = f'"{number} {_example_unit(unit)}"'
+    hint = f'"{number} {"GB" if unit == "byte" else unit}"'  # the unit that a user of a bare number has in mind
     return f"{shown} has no unit, and {_article(_measure(unit))} is needed; write it as {hint}"
-
-
-def _form(unit: str) -> str:
-    return "plain number" if unit in _PLAIN else "number with a unit"
 
 
 def _example(unit: str) -> str:
     return f'"{UNITS[unit][1]}"' if unit in UNITS else f'"1 {unit}"'
-
-
-def _example_unit(unit: str) -> str:
-    """Return the unit to write behind a bare number: in SI, as the number that a user of SI has in mind."""
-    return "GB" if unit == "byte" else unit
 
 
 def _article(noun: str) -> str:

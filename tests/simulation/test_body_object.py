@@ -152,7 +152,7 @@ def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
     """Its nodes face away from there, so it would not be held, and be thrown out somewhere; one radius is let pass."""
     inside = tables(on(block))
     inside["object"]["position"] = ["0 mm", "0 mm", "12 mm"]
-    with pytest.raises(ScenarioError, match=r"object.position: the tip begins inside of the body.*12 mm under"):
+    with pytest.raises(ScenarioError, match=r"object.position: the tip starts inside the body.*12 mm below"):
         build_simulation(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "18 mm"]  # 2 mm over the bonded bottom: what is felt is far
     with pytest.raises(ScenarioError, match=r"its centre 18 mm under"):
@@ -252,7 +252,7 @@ def test_a_body_made_on_the_spot_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
     felt = first["touching"][:, 0] > 0.0
     assert first["tip"][felt][0, 2] == pytest.approx(first["tip"][0, 2] - 0.5e-3, abs=2e-5)
     path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is made again"):
+    with pytest.raises(ScenarioError, match="build it again: delete that file, and it is built again"):
         simulate(scenario)
 
 

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import Mesh, MeshError
-from palpate.contact.surface import Surface, SurfaceError, number
+from palpate.contact.surface import Surface, SurfaceError
 from palpate.errors import PoseError
+from palpate.units import bounded_to_si
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Proxy:
             raise MeshError(f"a proxy needs a palpate.Mesh, not {mesh!r}; Mesh.load(path, unit=...) reads a file")
         if surface is not None and not isinstance(surface, Surface):
             raise SurfaceError(f"surface must be a palpate.Surface, such as Surface(stiffness={surface!r})")
-        size = number(radius, "radius", "m")
+        size = bounded_to_si(radius, "m", "radius", zero=True, error=SurfaceError)
         self.mesh = mesh
         self.surface = Surface() if surface is None else surface
         self.radius = size

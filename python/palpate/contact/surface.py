@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.contact.mesh import Mesh
 from palpate.errors import PalpateError
-from palpate.units import parse_quantity, to_si
+from palpate.units import bounded_to_si, parse_quantity, to_si
 
 SHADED_MOST: Final = math.radians(85.0)  # of force shading; sharper edges are not smoothed
 
@@ -70,24 +71,17 @@ class Surface:
         core = _core.Surface()
         core.stiffness = _list(self.stiffness, "stiffness", "N/m", mesh).tolist()
         core.damping = _list(self.damping, "damping", "N*s/m", mesh).tolist()
-        core.tangential = -1.0 if self.tangential is None else number(self.tangential, "tangential", "N/m")
+        core.tangential = -1.0 if self.tangential is None else _number(self.tangential, "N/m", "tangential")
         core.static_friction = float(self.static_friction)
         core.dynamic_friction = core.static_friction if self.dynamic_friction is None else float(self.dynamic_friction)
-        core.viscous = number(self.viscous, "viscous", "N*s/m")
+        core.viscous = _number(self.viscous, "N*s/m", "viscous")
         core.shading = _angle(self.shading)
-        core.period = number(self.period, "period", "s")
-        if core.period <= 0.0:
-            raise SurfaceError("period must be positive")
+        core.period = bounded_to_si(self.period, "s", "period", error=SurfaceError)
         core.field = getattr(_core.FieldKind, self.field)
         return core
 
 
-def number(value: float | str, name: str, unit: str) -> float:
-    """Return `value` in SI, from a number or text with a unit. Raise SurfaceError if it is negative or not finite."""
-    result = to_si(value, unit, name, error=SurfaceError)
-    if not (math.isfinite(result) and result >= 0.0):
-        raise SurfaceError(f"{name} must be finite and not negative; it is {result:g} {unit}")
-    return result
+_number = partial(bounded_to_si, zero=True, error=SurfaceError)
 
 
 def _angle(value: float | str) -> float:

@@ -109,10 +109,10 @@ def as_linear_controller(value: Any, period: float) -> Controller:
     """Return a linear controller, sampled with `period`, s.
 
     Args:
-        value: a Controller; a python-control StateSpace or TransferFunction from [F_ref; F_object] (6) to the force
-            (3); or one with a single input and output, that acts on F_ref - F_object of each axis; or a list of three
-            such for x, y and z. A continuous system is discretized by the bilinear rule with `period`; a sampled one
-            must have that period, or dt = True.
+        value: a Controller, or a python-control StateSpace or TransferFunction from [F_ref; F_object] (6) to the force
+            (3). A system with one input and output acts on F_ref - F_object of each axis; a list has three of them, for
+            x, y and z. A continuous system is discretized by the bilinear rule with `period`. A sampled one has that
+            period, or dt = True.
         period: s.
 
     Raises:

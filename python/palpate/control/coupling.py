@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import control
-import numpy as np
 
 from palpate.errors import DesignError
-from palpate.units import to_si
+from palpate.units import bounded_to_si
 
 
 def virtual_coupling(
@@ -34,14 +33,9 @@ def virtual_coupling(
     Raises:
         DesignError: a value that is negative or not finite, a period that is not positive, or an unknown rule.
     """
-    stiffness = to_si(stiffness, "N/m", "virtual_coupling: stiffness", error=DesignError)
-    damping = to_si(damping, "N*s/m", "virtual_coupling: damping", error=DesignError)
-    period = to_si(period, "s", "virtual_coupling: period", error=DesignError)
-    for name, value, unit in (("stiffness", stiffness, "N/m"), ("damping", damping, "N s/m")):
-        if not np.isfinite(value) or value < 0:
-            raise DesignError(f"virtual_coupling: {name} must be finite and not negative in {unit}, not {value}")
-    if not np.isfinite(period) or period <= 0:
-        raise DesignError(f"virtual_coupling: the period must be positive and finite in s, not {period}")
+    stiffness = bounded_to_si(stiffness, "N/m", "virtual_coupling: stiffness", zero=True, error=DesignError)
+    damping = bounded_to_si(damping, "N*s/m", "virtual_coupling: damping", zero=True, error=DesignError)
+    period = bounded_to_si(period, "s", "virtual_coupling: period", error=DesignError)
     if difference not in ("backward", "bilinear"):
         raise DesignError(f'virtual_coupling: difference must be "backward" or "bilinear", not {difference!r}')
     if damping == 0:

@@ -23,7 +23,7 @@ from palpate.control.controller import Controller
 from palpate.control.feedback_loop import active_axes, require_sampled
 from palpate.control.kalman_filter import kalman, require_stabilizable
 from palpate.errors import DesignError
-from palpate.units import to_si
+from palpate.units import bounded_to_si
 
 
 def lqg(
@@ -61,10 +61,10 @@ def lqg(
             although integrators are requested, or a weight is out of range.
     """
     period = require_sampled(plant, "lqg")
-    speed_weight = to_si(speed_weight, "s", "lqg: speed_weight", error=DesignError)
-    integral_rate = to_si(integral_rate, "1/s", "lqg: integral_rate", error=DesignError)
-    windup_time = to_si(windup_time, "s", "lqg: windup_time", error=DesignError)
-    _check_weights(force_weight, speed_weight, integral_rate, windup_time, integrators)
+    force_weight = bounded_to_si(force_weight, "", "lqg: force_weight", error=DesignError)
+    speed_weight = bounded_to_si(speed_weight, "s", "lqg: speed_weight", zero=True, error=DesignError)
+    integral_rate = bounded_to_si(integral_rate, "1/s", "lqg: integral_rate", zero=not integrators, error=DesignError)
+    windup_time = bounded_to_si(windup_time, "s", "lqg: windup_time", error=DesignError)
     axes = active_axes(plant)
     a, b, c, d = plant.A, plant.B[:, axes], plant.C[axes], plant.D[np.ix_(axes, axes)]
     require_stabilizable(a, b, "lqg: the plant is not stabilizable")
@@ -93,15 +93,6 @@ def _augment(a: Array, b: Array, c: Array, d: Array, period: float) -> tuple[Arr
     require_reachable_forces(a, b, c, d)
     n, m = b.shape
     return np.block([[a, np.zeros((n, m))], [-period * c, np.eye(m)]]), np.vstack([b, -period * d])
-
-
-def _check_weights(force: float, speed: float, rate: float, windup_time: float, integrators: bool) -> None:
-    for name, value in (("force_weight", force), ("windup_time", windup_time)):
-        if not np.isfinite(value) or value <= 0:
-            raise DesignError(f"lqg: {name} must be positive and finite, not {value}")
-    for name, value in (("speed_weight", speed), ("integral_rate", rate)):
-        if not np.isfinite(value) or value < 0 or (value == 0 and name == "integral_rate" and integrators):
-            raise DesignError(f"lqg: {name} must be finite and positive (speed_weight may be 0), not {value}")
 
 
 def _regulator(a: Array, b: Array, weight: Array, cost: Array, cross: Array) -> tuple[Array, Array]:

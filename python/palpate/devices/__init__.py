@@ -1,4 +1,4 @@
-"""The catalog of devices, and the `Device` with its kinematics and dynamics."""
+"""Catalog of devices, and `Device` with its kinematics and dynamics."""
 
 from palpate.devices.catalog import IdentifiedModel, Number, identified_model, load, names
 from palpate.devices.device import Device

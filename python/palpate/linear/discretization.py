@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from palpate.devices import Device
 from palpate.errors import DesignError
 from palpate.linear.linearization import linearize
-from palpate.units import to_si
+from palpate.units import bounded_to_si
 
 
 def discretize(
@@ -44,9 +44,7 @@ def discretize(
     """
     if not sys.isctime(strict=False) or sys.isdtime(strict=True):
         raise DesignError(f"discretize: the system is sampled already (dt = {sys.dt}); pass a continuous one")
-    period = to_si(period, "s", "discretize: period", error=DesignError)
-    if not np.isfinite(period) or period <= 0:
-        raise DesignError(f"discretize: the period must be positive and finite in s, not {period}")
+    period = bounded_to_si(period, "s", "discretize: period", error=DesignError)
     a, b, c, d = sys.A, sys.B, sys.C, sys.D
     n, m = b.shape
     eye = np.eye(n)

@@ -1,4 +1,4 @@
-"""From a scenario's [object.body] to the body in the device's frame: read from its file, or made and kept."""
+"""Body of a scenario's [object.body]: read from a file, or built and cached."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from palpate.fem import Body
 
 Tell = Callable[[str, float], None]
-_MAKING = 3  # goes up when bodies are made in another way: those that are kept are made anew
+_MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
 
 class Pressed(NamedTuple):
     """A body at one sample of a run, in its own frame."""
 
     body: Body
-    tip: Array  # its centre (3,), m
+    tip: Array  # center of the tip (3,), m
     displacement: Array  # of the nodes (n, 3), m
     pressure: Array  # of the tip on each node's patch (n,), Pa
 
 
 def pressed_at(trace: Trace, row: int) -> Pressed:
-    """Return the body of a trace's scenario as it was at sample `row`: the tip's way to there is played to it again.
+    """Return the body of a trace's scenario at sample `row`, by repeating the path of the tip up to it.
 
-    Bodies that remember need every tick recorded; others only the sample itself.
+    A body with a state needs a record of every tick, other bodies only the sample itself.
     """
     scenario = Scenario.from_dict(trace.scenario)
     choice = scenario.object.body
@@ -55,7 +55,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
-    """Return the body of an object of kind "body" for the core, its origin at `origin` (3,), m, and the tip on it.
+    """Return the body of an object of kind "body" for the core, with its origin at `origin` (3,), m, and its tip.
 
     Raises:
         ScenarioError: as `place_body`.
@@ -77,8 +77,8 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
         The body, the origin of its frame (3,), m, and its rotation (3, 3), body frame to device frame.
 
     Raises:
-        ScenarioError: the body cannot be read or made, it cannot be of the kind that is asked for, or all of the tip
-            begins inside of it.
+        ScenarioError: the body cannot be read or built, does not have the kind, or contains the whole tip at the
+            start.
     """
     choice = scenario.object.body
     assert choice is not None
@@ -89,7 +89,7 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
 
 
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
-    """Refuse a tip that begins so deep in the body that its first look does not reach the nodes over it."""
+    """Raise ScenarioError if the tip starts so deep in the body that it does not reach the surface."""
     turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
     tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     if not body.volume.contains(tip):
@@ -98,15 +98,15 @@ def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
     beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0
     if deep > choice.radius + beside:
         raise ScenarioError(
-            f"object.position: the tip begins inside of the body, its centre {1e3 * deep:.3g} mm under the surface; "
-            "the position is that of the body's origin from the tip's centre at the start: move the body away from it"
+            f"object.position: the tip starts inside the body, its center {1e3 * deep:.3g} mm below the surface; "
+            "the position is that of the body's origin from the center of the start tip: move the body away from it"
         )
 
 
 def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
-    """Return the body that a scenario names, in its own frame and of the kind asked for; `tell` hears of its making.
+    """Return the body of a scenario in its own frame, with its kind; `tell` is called with the progress of a build.
 
-    A body that is made on the spot is kept (`cache_path`) and read from there the next time.
+    A block or phantom is cached in `cache_path`.
 
     Raises:
         ScenarioError: as `touched_body`.
@@ -123,14 +123,14 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         options = tuple(sorted(choice.options.items()))
         return _of_kind(_state(path), choice.stiffness_scale, choice.kind, options, scenario.period)
     except PalpateError as problem:
-        key, _, sentence = str(problem).partition(": ")  # what is wrong with one number begins with its name
+        key, _, sentence = str(problem).partition(": ")  # the message about a number begins with its name
         if key in choice.options or key in _recipe(choice) or key == "stiffness_scale":
             raise scenario.mistake(f"object.body.{key}", sentence) from None
         hint = ""
         if field == "object.body" and path.is_file():
-            hint = ": delete that file, and it is made again"
+            hint = ": delete that file, and it is built again"
         elif isinstance(problem, OutputError):
-            hint = "; bodies that are made on the spot are kept there: XDG_CACHE_HOME names another folder"
+            hint = "; blocks and phantoms are cached there: XDG_CACHE_HOME selects another folder"
         raise scenario.mistake(field, f"{problem}{hint}") from None
 
 
@@ -145,7 +145,7 @@ def origin_of(choice: BodyChoice, body: Body) -> Array:
 
 
 def cache_path(choice: BodyChoice) -> Path:
-    """Return where a body made on the spot is kept: a name for each recipe, in the user's cache (XDG_CACHE_HOME)."""
+    """Return the file of a block or phantom in the user's cache (XDG_CACHE_HOME), by a hash of its recipe."""
     from palpate.fem.storage import VERSION
 
     made = {"version": VERSION, "making": _MAKING, "shape": choice.shape}
@@ -179,11 +179,11 @@ def _make(choice: BodyChoice, path: Path, tell: Tell | None) -> None:
 
 
 def _state(path: Path) -> tuple[str, int, int]:
-    """Return what changes when a file does."""
+    """Return path, time of modification and size of a file."""
     try:
         found = path.stat()
     except OSError:
-        return str(path), 0, 0  # reading it says what is wrong
+        return str(path), 0, 0  # reading it raises
     return str(path), found.st_mtime_ns, found.st_size
 
 

@@ -1,4 +1,4 @@
-"""The design functions as a scenario asks for them: options in SI, the plant from device and object."""
+"""Design of a scenario's controller: options in SI, plant from device and object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a scenario's [controller] table to the controller that runs, and back."""
+"""Conversion between a scenario's [controller] table and a controller."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.simulation.controller_design import design_for
 
 
 def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float64]) -> Controller:
-    """Return the scenario's controller; lead-lag and LQG are designed for the device linearised at `start` (dof,), rad.
+    """Return the scenario's controller, designed for the device linearized at `start` (dof,), rad, if necessary.
 
     Raises:
         DesignError: no controller meets the options.
@@ -38,7 +38,7 @@ def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float
 
 
 def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Scenario:
-    """Return a scenario from any form that a caller may give, with a linear controller in it if one is given.
+    """Return a scenario from any form, with a linear controller if one is given.
 
     Raises:
         ScenarioError: the scenario has a mistake.
@@ -50,7 +50,7 @@ def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controlle
 
 
 def with_controller(scenario: Scenario, controller: Any) -> Scenario:
-    """Return the scenario with a linear controller (see `as_linear_controller`) written into its [controller].
+    """Return the scenario with a linear controller (see `as_linear_controller`) in its [controller].
 
     Raises:
         DesignError: the controller is not linear, or does not fit.

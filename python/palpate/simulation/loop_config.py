@@ -1,4 +1,4 @@
-"""Resolve a scenario to plain data, so that the C++ core runs its loop without Python."""
+"""Resolution of a scenario to plain data, for the C++ core without Python."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ VERSION: Final = 1
 _DTYPES: Final = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "uint8": "|u1"}
 _LARGEST: Final = 2**32  # bytes of one blob
 _ORDER: Final = 1000  # states of a controller or a sampled plant
+_ARM: Final = ("mass", "damping", "stiffness", "tissue", "tissue_stiffness", "tissue_damping")
 
 
 def resolve(
@@ -65,13 +66,13 @@ def resolve(
 
 
 class _Blobs:
-    """Writes arrays into a folder and describes them."""
+    """Writer of arrays into a folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def write(self, name: str, array: ArrayLike, dtype: str = "float64") -> dict[str, Any]:
-        """Write an array, row by row; return what `loop.json` says about it."""
+        """Write an array by rows; return its entry in `loop.json`."""
         values = np.ascontiguousarray(array, dtype=_DTYPES[dtype])
         data = values.tobytes()
         if len(data) > _LARGEST:
@@ -87,7 +88,7 @@ class _Blobs:
         }
 
     def signal(self, name: str, values: NDArray[np.float64]) -> dict[str, Any] | None:
-        """Write a force at each sample (ticks + 1, 3), N; None if it is zero throughout."""
+        """Write a force at each sample (ticks + 1, 3), N; return None if it is always zero."""
         return self.write(name, values) if np.any(values) else None
 
 
@@ -147,15 +148,7 @@ def _plant(setup: Any) -> dict[str, Any]:
         "friction": {
             name: _list(getattr(friction, name)) for name in ("viscous", "coulomb", "breakaway", "stribeck_speed")
         },
-        "human_arm": {
-            "mass": arm.mass,
-            "damping": arm.damping,
-            "stiffness": arm.stiffness,
-            "tissue": arm.tissue,
-            "tissue_stiffness": arm.tissue_stiffness,
-            "tissue_damping": arm.tissue_damping,
-            "rest": _list(arm.rest),
-        },
+        "human_arm": {name: getattr(arm, name) for name in _ARM} | {"rest": _list(arm.rest)},
     }
     if kind == "sampled":
         table["model"] = {
@@ -175,10 +168,7 @@ def _controller(controller: Controller) -> dict[str, Any]:
     return {
         "kind": "state_space",
         "order": order,
-        "a": _list(system.A),
-        "b": _list(system.B),
-        "c": _list(system.C),
-        "d": _list(system.D),
+        **{name.lower(): _list(getattr(system, name)) for name in "ABCD"},
         "antiwindup": _list(none if controller.antiwindup is None else controller.antiwindup),
     }
 
@@ -274,7 +264,7 @@ def _finite(value: float) -> float | None:
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse a target that is a file or a folder of something else."""
+    """Raise OutputError if the target is a file, or a folder with other content."""
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise OutputError(f"{target}: cannot be written: it is a file or a link, not a folder")
     if not target.is_dir() or not any(target.iterdir()):
@@ -290,7 +280,7 @@ def _check_replaceable(target: Path) -> None:
 
 @contextmanager
 def _folder(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder that takes the target's name once it is complete; on any failure leave nothing."""
+    """Yield a temporary folder; rename it to the target at the end, or delete it after a failure."""
     part: Path | None = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""From a scenario's [object.mesh] and [object.surface] to the mesh in the device's frame and its surface."""
+"""Mesh and surface of a scenario's [object.mesh] and [object.surface], in the device frame."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
     """Return the mesh of a scenario's object of kind "mesh", its origin at `origin` (3,), m, and its surface.
 
     Raises:
-        ScenarioError: the file cannot be read, or mesh and surface do not fit each other.
+        ScenarioError: the file cannot be read, or the surface does not match the mesh.
     """
     touched = scenario.object
     assert touched.mesh is not None
@@ -48,7 +48,7 @@ def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
 def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:
     """Return vertices (n, 3), m, and triangles (m, 3) of a cube; the origin is the middle of its top.
 
-    Each face has `divisions` squares of two triangles along an edge; the squares' diagonals run alike.
+    Each face has `divisions` squares of two triangles along an edge, with parallel diagonals.
     """
     n = divisions
     steps = np.arange(n + 1)
@@ -73,7 +73,7 @@ def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:
 def bumpy_ellipsoid(size: tuple[float, float, float], bump: float, divisions: int) -> tuple[Array, Triangles]:
     """Return vertices (n, 3), m, and triangles (m, 3) of an ellipsoid with smooth bumps; its top is the origin.
 
-    An icosphere split `divisions` times; the point in direction e (unit) lies at size/2 * e * r(e), with
+    The mesh is an icosphere, subdivided `divisions` times. The point in direction e (unit) lies at size/2 * e * r(e),
     r = 1 + bump (sin(5 x + 1) sin(4 y + 2) + sin(3 z) cos(4 x + 3 y)) / 2, so |r - 1| <= bump.
     """
     import trimesh
@@ -110,7 +110,7 @@ def _shape(
 
 
 def _surface(choice: SurfaceChoice, own: Mesh, period: float) -> Surface:
-    """Return the surface for a mesh still in its own frame, where patterns are laid out."""
+    """Return the surface; its patterns refer to the mesh in its own frame."""
     values = np.array(choice.stiffness)
     if choice.pattern in ("stripes", "checkerboard"):
         assert choice.width is not None

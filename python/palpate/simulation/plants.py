@@ -1,4 +1,4 @@
-"""The linear devices that can stand in for the nonlinear one between torque and angle, sampled at the servo period."""
+"""Linear models of a device from torque to angle, sampled with the servo period."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(model: str, device: Device, start: Array, period: float) -> SampledPlant:
-    """Return the exact linearisation at `start` behind a hold ("linear"), or the identified model ("experimental").
+    """Return the exact linearization at `start` with a hold ("linear"), or the identified model ("experimental").
 
     Raises:
         ScenarioError: the identified model has another sampling period.

@@ -38,21 +38,21 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: An
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
-        controller: runs instead of the one that [controller] describes. A Controller; a python-control StateSpace or
-            TransferFunction from [F_ref; F_object] (6) to the force (3); one with a single input and output, which
-            acts on F_ref - F_object of each axis, or a list of three such for x, y and z; a function
-            f(tick) -> force (3,), N; or an object with `command(tick)`, and if needed `applied(force)` and `reset()`.
-            A continuous system is discretized by the bilinear rule with the scenario's servo period.
-            A tick has `time`, `reference`, `object_force`, `deflection`, `tip` and `velocity`.
-        object: is touched instead of the one that [object] describes. A function f(tip) -> force of the tip on the
-            object (3,), N, or an object with `step(tip)`, and if needed `reset()`. The tip has `time`, `position` and
-            `velocity`. The scenario of the trace then says kind = "none".
+        controller: replaces the one of [controller]. A Controller, or a python-control StateSpace or TransferFunction
+            from [F_ref; F_object] (6) to the force (3). A system with one input and output acts on F_ref - F_object of
+            each axis; a list has three of them, for x, y and z. A continuous system is discretized by the bilinear rule
+            with the servo period. In Python: a function f(tick) -> force (3,), N, or an object with `command(tick)`,
+            and optionally `applied(force)` and `reset()`. A tick has `time`, `reference`, `object_force`, `deflection`,
+            `tip` and `velocity`.
+        object: replaces the one of [object]. A function f(tip) -> force of the tip on the object (3,), N, or an object
+            with `step(tip)` and optionally `reset()`. The tip has `time`, `position` and `velocity`. The scenario of
+            the trace then has the object kind "none".
 
-    An error in the user's code ends the run and is raised as it is, with a note that gives the time.
+    An error in the user's code ends the run. It is raised unchanged, with a note that gives the time.
 
     Raises:
-        ScenarioError: the scenario has a mistake, asks for what its device model cannot do, or `controller` or
-            `object` has another form or period, or returns no finite force.
+        ScenarioError: the scenario has a mistake or a feature that its device model lacks, or `controller` or `object`
+            has another form or period, or does not return a finite force.
         PoseError: the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller].
     """

@@ -1,4 +1,4 @@
-"""The whole surface of a body as a running loop presses it, for drawing: by a thread that the servo never waits for."""
+"""Displacement of a body's surface while a loop runs, for drawing, without delaying the servo."""
 
 from __future__ import annotations
 
@@ -17,28 +17,27 @@ from palpate.simulation.simulator import Simulation
 class Frame(NamedTuple):
     """One frame."""
 
-    number: int  # how many there could have been so far; 0: none yet
-    tick: int  # of the servo, that it shows; -1: none yet
+    number: int  # of frames so far; 0 before the first
+    tick: int  # of the servo; -1 before the first
     displacement: NDArray[np.float64]  # of the body's nodes, in its own frame (n, 3), m
 
 
 class SurfaceFrames:
-    """Displacement of a body's nodes while a loop runs. The loop's result is the same, bit for bit, with and without.
+    """Displacement of a body's nodes while one loop runs. The results of the loop are bitwise the same.
 
-    Of a linear kind: under the forces of the servo's latest tick held for long, `rate` times a second. The servo
-    copies the pressed nodes and their forces to where a thread fetches them; neither waits for the other.
-    Under large displacements: as each slow step left them, with the tip where the servo had it as that step began.
-    For one loop at a time.
+    For a linear body it is the long-term displacement under the forces of the latest tick, `rate` times per second. The
+    servo copies nodes and forces to a buffer that a thread reads; neither waits for the other. For a hyperelastic body
+    it is that of each model update, with the tip at the begin of the update.
     """
 
     def __init__(self, experiment: Simulation, rate: float = 60.0) -> None:
-        """Draw the body of an experiment whenever it runs, `rate` Hz of real time (or with each slow step).
+        """Observe the body of an experiment, at `rate`, Hz of real time, or at each model update.
 
         Raises:
             BodyError: the experiment has no body, or the rate is not positive.
         """
         if experiment.scenario.object.body is None:
-            raise BodyError("there is no body to draw: the scenario's object is none")
+            raise BodyError("there is no body to draw: the scenario's object is not a body")
         if not 0.0 < rate < np.inf:
             raise BodyError(f"frames come at a positive rate in Hz, not {rate:g}")
         body = scenario_body(experiment.scenario)

@@ -155,7 +155,7 @@ def test_a_tip_that_begins_inside_of_the_body_is_refused(block: Path) -> None:
     with pytest.raises(ScenarioError, match=r"object.position: the tip starts inside the body.*12 mm below"):
         build_simulation(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "18 mm"]  # 2 mm over the bonded bottom: what is felt is far
-    with pytest.raises(ScenarioError, match=r"its centre 18 mm under"):
+    with pytest.raises(ScenarioError, match=r"its center 18 mm below"):
         build_simulation(inside)
     inside["object"]["position"] = ["0 mm", "0 mm", "5 mm"]
     build_simulation(inside)

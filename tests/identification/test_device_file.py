@@ -32,7 +32,7 @@ mass = "0.15 kg"
 damping = "4.5 N*s/m"
 stiffness = "200 N/m"
 [run]
-duration = "50 ms"
+duration = "1 s"
 """
 
 

@@ -19,6 +19,7 @@ from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import RecordingError
 from palpate.identification.base import Parameter, base_parameters, friction_parameters, with_base_values
+from palpate.identification.device_file import write_fit
 from palpate.identification.instruments import expected_angles
 from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_speed, weak_rows
@@ -111,9 +112,15 @@ class ParameterFit:
             DeviceError: the parameters are those of no physical device.
             OutputError: the file cannot be written.
         """
-        from palpate.identification.device_file import write_fit
-
-        return write_fit(self, path)
+        lines = [
+            f"Estimates with {100 * self.level:g} % intervals. The masses and inertias below are one choice that has",
+            "these base parameters; no other choice moves differently.",
+        ]
+        for i, p in enumerate(self.parameters):
+            interval = f"{self.low[i]:.4g} to {self.high[i]:.4g}"
+            mark = "; not determined by this recording" if p.name in self.undetermined else ""
+            lines.append(f"  {p.name:4}{self.value[i]:>12.4g}  {interval:>26}  {p.unit}, {p.meaning}{mark}")
+        return write_fit(path, self.device, self.template, self.file, lines)
 
 
 def estimate_parameters(

@@ -57,16 +57,14 @@ def identify_recording(
         DeviceError: the device is unknown or its file is wrong; or, with `write`, the parameters are those of no
             physical device.
     """
-    report = progress if progress is not None else (lambda _: None)
+    report, arm = progress or (lambda _: None), load(device)
     recording = path if isinstance(path, Recording) else Recording.load(path)
-    arm = device if isinstance(device, Device) else load(device)
     try:
         report("estimating inertia, gravity and friction")
         fit = estimate_parameters(recording, arm, coulomb=coulomb)
-        rows = summary_rows(fit, true_values(arm, fit.parameters))
         used, unused = recording.split(USED)
         report("running the fitted device on data not used")
-        device_run, why_not = _device_free_run(arm, used, unused, coulomb)
+        run, failure = _device_free_run(arm, used, unused, coulomb)
         report("fitting ARX models")
         arx_part = _arx_part(recording, arm)
     except RecordingError as error:
@@ -77,10 +75,10 @@ def identify_recording(
         "recording": _about(recording, None if isinstance(path, Recording) else str(path)),
         "device": arm.name,
         "method": fit.method,
-        "parameters": rows,
+        "parameters": summary_rows(fit, true_values(arm, fit.parameters)),
         "torque_error_percent": fit.torque_error.tolist(),
         "excitation": {"condition": fit.condition, "undetermined": fit.undetermined},
-        "free_run": {"device": device_run, "device_failed": why_not, "arx": arx_part["free_run"], "used": USED},
+        "free_run": {"device": run, "device_failed": failure, "arx": arx_part["free_run"], "used": USED},
         "arx": arx_part,
     }
     result["summary"] = _summary(result, fit)

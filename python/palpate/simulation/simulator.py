@@ -175,24 +175,22 @@ class Simulation:
             values["deflection"] = -values["depth"] * values["normal"]
         if self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
+        sliding = {"angle": "m", "velocity": "m/s", "torque": "N", "motor_torque": "N"}
         return Trace.of(
             self._times(len(rows)),
             values,
-            units=None
-            if device.joint_unit == "rad"
-            else {"angle": "m", "velocity": "m/s", "torque": "N", "motor_torque": "N"},
+            units=None if device.joint_unit == "rad" else sliding,
             unstable_from=None if unstable_tick < 0 else unstable_tick * self.scenario.period,
-            metadata={
-                "scenario": self.scenario.to_dict(),
-                "version": package_version(),
-                "controller": {
-                    "kind": self.controller.kind,
-                    **({"given": True} if self.given and self.controller.kind != "python" else {}),
-                    **_plain(self.controller.notes),
-                },
-                **({} if self.user_object is None else {"object": {"kind": "python", **self.user_object.notes}}),
-            },
+            metadata=self._metadata(),
         )
+
+    def _metadata(self) -> dict[str, Any]:
+        given = {"given": True} if self.given and self.controller.kind != "python" else {}
+        controller = {"kind": self.controller.kind, **given, **_plain(self.controller.notes)}
+        metadata = {"scenario": self.scenario.to_dict(), "version": package_version(), "controller": controller}
+        if self.user_object is not None:
+            metadata["object"] = {"kind": "python", **self.user_object.notes}
+        return metadata
 
     def _reference_torque(self, q: Array, reference: Array) -> Array:
         """Return the joint torques (n, dof) of the operator's reference force, delayed as those of the motors."""

@@ -97,7 +97,7 @@ class LiteralSlide:
     @property
     def stays(self) -> bool:
         """Whether the loop stayed bounded and the tip in contact at every sample."""
-        return bool(self.trace.stable and self.apart == 0)
+        return bool(self.trace.completed and self.apart == 0)
 
     @property
     def way(self) -> Array:

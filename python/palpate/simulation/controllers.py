@@ -1,23 +1,70 @@
-"""Conversion between a scenario's [controller] table and a controller."""
+"""Conversion between a scenario's [controller] table and a controller, and its design."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import as_linear_controller
+from palpate.control.lead_lag_design import lead_lag
+from palpate.control.lqg_design import lqg
 from palpate.devices import Device
+from palpate.errors import DesignError
+from palpate.linear.discretization import rendering_plant
 from palpate.scenario import ControllerChoice, Scenario
-from palpate.simulation.controller_design import design_for
+
+DESIGN_STIFFNESS: Final = 1000.0  # N/m, without an object
 
 
-def build_controller(scenario: Scenario, device: Device, start: NDArray[np.float64]) -> Controller:
+def design_for(
+    kind: str,
+    options: Mapping[str, Any],
+    device: Device,
+    start: Array,
+    stiffness: ArrayLike | None,
+    period: float,
+) -> Controller:
+    """Return the "lead_lag" or "lqg" controller for ``device`` at rest in ``start``.
+
+    Args:
+        kind: "lead_lag" or "lqg".
+        options: keyword arguments of ``lead_lag`` or ``lqg`` in SI, angles in rad; and "stiffness", N/m, one value or
+            three, of the object for which the controller is designed.
+        start: pose (dof,), rad.
+        stiffness: of the object in the loop, N/m, the default of "stiffness"; None for 1 N/mm.
+        period: servo period, s.
+
+    Raises:
+        DesignError: unknown kind or option, or no controller meets it.
+        PoseError: the tip force cannot reach every joint at ``start``.
+    """
+    keywords = dict(options)
+    designed_for = keywords.pop("stiffness", DESIGN_STIFFNESS if stiffness is None else stiffness)
+    plant = rendering_plant(device, start, stiffness=designed_for, period=period)
+    if kind == "lead_lag":
+        if "phase_margin" in keywords:
+            keywords["phase_margin"] = np.degrees(keywords["phase_margin"])
+        design: Any = lead_lag
+    elif kind == "lqg":
+        design = lqg
+    else:
+        raise DesignError(f'a design is "lead_lag" or "lqg", not {kind!r}')
+    try:
+        controller: Controller = design(plant, **keywords)
+    except TypeError as error:
+        raise DesignError(f"{kind}: an option is not known: {error}") from error
+    notes = {"design_stiffness": np.asarray(designed_for, dtype=float).tolist(), **controller.notes}
+    return Controller(controller.system, controller.antiwindup, controller.kind, notes)
+
+
+def build_controller(scenario: Scenario, device: Device, start: Array) -> Controller:
     """Return the scenario's controller, designed for the device linearized at `start` (dof,), rad, if necessary.
 
     Raises:

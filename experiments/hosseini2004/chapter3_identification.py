@@ -138,35 +138,13 @@ def friction_factors(page: Page, device: Device) -> list[Check]:
             )
         table.append((row["name"], row["meaning"], f"{wanted:.4g}", f"{row['value']:.4g}", interval,
                       _typeset(row["unit"]), "yes" if inside else "no"))  # fmt: skip
-    matched = friction_by_matching(recording, device, seconds=4.0)
-    for joint, value in enumerate(device.viscous):
-        checks.append(
-            within(
-                f"ident-k{joint + 1}-matching",
-                f"k{joint + 1} by matching closed-loop responses of the simulated arm",
-                float(value),
-                float(matched.viscous[joint]),
-                "N·m·s/rad",
-                TOLERANCE * float(value),
-                kind="identified",
-                where="parameters of the simulated arm",
-                note=f"within 5 %; 95 % interval ± {matched.viscous_half[joint]:.2g}",
-            )
-        )
     page.subsection("Methods of identification on palpate's own arm")
     page.paragraph(
         "This section tests palpate's methods, not the thesis: the recordings come from the arm that is identified, "
         "which has the printed friction. Closed-loop responses to the first 4 s are matched by Gauss and Newton, "
         "inertia known."
     )
-    page.table(
-        ["", "of the arm", "by matching", "± (95 %)"],
-        [
-            (f"k{j + 1}", f"{value:g}", f"{matched.viscous[j]:.5f}", f"{matched.viscous_half[j]:.5f}")
-            for j, value in enumerate(device.viscous)
-        ],
-        f"Friction factors, N·m·s/rad, after {matched.runs} simulated responses.",
-    )
+    checks += _matching(page, device, recording)
     missed = [row[0] for row in table if row[-1] == "no"]
     page.paragraph(
         "The dynamics are linear in their parameters, so one regression finds friction, inertia and gravity at once, "
@@ -180,3 +158,30 @@ def friction_factors(page: Page, device: Device) -> list[Check]:
         "this arm.",
     )
     return checks
+
+
+def _matching(page: Page, device: Device, recording: Recording) -> list[Check]:
+    """Recover the friction factors by matching closed-loop responses, inertia known."""
+    matched = friction_by_matching(recording, device, seconds=4.0)
+    page.table(
+        ["", "of the arm", "by matching", "± (95 %)"],
+        [
+            (f"k{j + 1}", f"{value:g}", f"{matched.viscous[j]:.5f}", f"{matched.viscous_half[j]:.5f}")
+            for j, value in enumerate(device.viscous)
+        ],
+        f"Friction factors, N·m·s/rad, after {matched.runs} simulated responses.",
+    )
+    return [
+        within(
+            f"ident-k{joint + 1}-matching",
+            f"k{joint + 1} by matching closed-loop responses of the simulated arm",
+            float(value),
+            float(matched.viscous[joint]),
+            "N·m·s/rad",
+            TOLERANCE * float(value),
+            kind="identified",
+            where="parameters of the simulated arm",
+            note=f"within 5 %; 95 % interval ± {matched.viscous_half[joint]:.2g}",
+        )
+        for joint, value in enumerate(device.viscous)
+    ]

@@ -138,5 +138,5 @@ def open_loop_with_friction(page: Page, device: Device) -> list[Check]:
         statement("sec3.5-tau1", "τ1 at the equilibrium of the linearization", "τ1 = 0.01 N·m",
                   f"τ1 = {device.gravity(rest)[0]:g}: no equilibrium otherwise (section 2.6.1)",
                   holds=bool(device.gravity(rest)[0] == 0.0), cause="tau1", where="sections 3.5, 3.9",
-                  note="gravity has no part in the yaw axis, so a constant τ1 turns it for ever"),
+                  note="gravity does not act on the yaw axis, so a constant τ1 turns it without end"),
     ]  # fmt: skip

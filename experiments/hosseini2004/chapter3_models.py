@@ -116,7 +116,7 @@ def experimental(page: Page) -> list[Check]:
     page.paragraph(
         f"With that corrected, the largest pole of each axis is {outermost[0]:.4f}, {outermost[1]:.4f} and "
         f"{outermost[2]:.4f}: 1 within the rounding of the printed digits, and palpate sets these poles to 1. "
-        "Mechanics supports this for the yaw only. Axes 2 and 3 of the arm hang on gravity: (3.9) has −5.7 and −84.2 "
+        "Mechanics supports this for the yaw only. On axes 2 and 3 gravity acts as a spring: (3.9) has −5.7 and −84.2 "
         "1/s² there, and no pole at 1. The next section compares the two models."
     )
     page.figure(

@@ -117,6 +117,11 @@ def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> li
         "part of the press, and without an integrator it takes seconds to make up for that. Large errors of the LQG "
         "are on 0.2 N/mm, where it still sinks in when the run ends."
     )
+    return _field_checks(found)
+
+
+def _field_checks(found: dict[Run, tuple[SlidingMetrics, bool]]) -> list[Check]:
+    """Return the checks of the slides over the cube: contact, and energy of the continuous field."""
     cubes = [stays for (ground, *_), (_, stays) in found.items() if ground.startswith("cube")]
     smooth = [
         (abs(s.energy_generated), found[g, n, t, "discrete"][0].energy_generated)

@@ -55,7 +55,7 @@ class Sentence:
 
 
 def _shown(check: Check) -> str:
-    """Return what a check found: a sentence, or a number beside the printed one, or a number with its quantity."""
+    """Return the finding of a check: a sentence, a number beside the printed one, or a number with its quantity."""
     if check.sense == "statement":
         return _value(check)
     if check.kind == "recomputed":

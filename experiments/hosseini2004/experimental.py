@@ -6,7 +6,7 @@ The thesis prints the transfer functions h_ij and the matrices A_e and B_e, but 
   pole at 1.763.
 - The largest pole of each axis is 1 within the rounding of the digits (1.0004, 1.0000, 0.9994). As 1.0004 would
   diverge, the poles are set to 1. This changes one coefficient of each axis by at most 0.0005. Mechanics has a pole at
-  1 for the yaw only: axes 2 and 3 of the arm hang on gravity.
+  1 for the yaw only: on axes 2 and 3 of the arm gravity acts as a spring.
 
 The states are those of A_e: axis 1 in controller form (states 1 to 6), axes 2 and 3 in observer form (7 to 12 and 13 to
 18, of which 7 and 13 have no effect), scaled by powers of two. C_e is the numerator of h11 over the scaling for axis 1,

@@ -52,7 +52,7 @@ class Reproduction:
     conclusions: list[tuple[Sentence, Verdict]]
 
     def to_list(self) -> list[dict[str, Any]]:
-        """Return what results.json holds: one dictionary per check."""
+        """Return the content of results.json: one dictionary per check."""
         return [_plain(check.to_dict()) for check in self.checks]
 
     @property

@@ -94,13 +94,13 @@ def observable_reduction(a: Array, entry: Array, out: Array, directions: Array) 
         out: (3, n), output matrix of the tip.
         directions: (3, r).
     """
-    basis, other = _reachable_space(a, entry, entry @ directions)
+    basis, other = reachable_space(a, entry, entry @ directions)
     a, entry, out = other @ a @ basis, other @ entry, out @ basis
-    basis, other = _reachable_space(a.T, out.T, out.T @ directions)
+    basis, other = reachable_space(a.T, out.T, out.T @ directions)
     return basis.T @ (other @ a.T).T, basis.T @ entry @ directions, directions.T @ out @ other.T
 
 
-def _reachable_space(a: Array, all_inputs: Array, b: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
+def reachable_space(a: Array, all_inputs: Array, b: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
     """Return a basis (n, k) of the space that the input ``b`` reaches through ``a``, and its inverse (k, n).
 
     The states are first scaled by their response to ``all_inputs``, so that states with different units compare. A

@@ -12,7 +12,7 @@ geometric stiffness.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,8 @@ from palpate.linear.linearization import static_tip_force
 from palpate.linear.sampled_loop import sampled_plants
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.trace import Trace
+from palpate.units import write
 
 __all__ = ["LoopResponse", "arm_stiffness", "hold_response"]
 
@@ -74,8 +76,8 @@ class LoopResponse:
     gravity_compensation: bool = True
 
     @classmethod
-    def of(cls, scenario: Scenario) -> LoopResponse:
-        """Return the loop of a scenario at its start, in contact with the object.
+    def of(cls, scenario: Scenario, controller: Controller | None = None) -> LoopResponse:
+        """Return the loop of a scenario at its start, in contact with the object; with another controller if given.
 
         Raises:
             StabilityError: the object is no spring or wall, or the device is the identified model, which has no motion
@@ -95,11 +97,10 @@ class LoopResponse:
             k, b = (float(values[0]) * np.outer(normal, normal) for values in (o.stiffness, o.damping))
         else:
             k, b = np.diag(o.stiffness), np.diag(o.damping)
-        controller = build_controller(scenario, device, pose)
         return cls(
             device,
             pose,
-            controller,
+            build_controller(scenario, device, pose) if controller is None else controller,
             scenario.period,
             scenario.device.delay,
             k,
@@ -107,6 +108,33 @@ class LoopResponse:
             o.coupling,
             scenario.servo.gravity_compensation,
         )
+
+    @classmethod
+    def on_mesh(cls, scenario: Scenario, trace: Trace) -> LoopResponse:
+        """Return the loop of a scenario along the normal of its last contact with a mesh in a run.
+
+        Raises:
+            StabilityError: the tip never touches the mesh in the run, or the device is the identified model.
+        """
+        touching = np.flatnonzero(trace["touching"][:, 0] > 0.0)
+        if touching.size == 0:
+            raise StabilityError(
+                "object: the tip never touches the mesh in this run; move the mesh (object.position) or press longer "
+                "(run.duration)"
+            )
+        row = int(touching[-1])
+        surface = scenario.object.surface
+        assert surface is not None
+        stiffness = write(float(trace["surface_stiffness"][row, 0]), "N/m")
+        damping = write(surface.damping, "N*s/m")
+        wall = {"kind": "wall", "stiffness": stiffness, "damping": damping, "normal": trace["normal"][row].tolist()}
+        device = scenario.load_device()
+        start = scenario.start
+        designed_at = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
+        at_wall = cls.of(
+            Scenario.from_dict({**scenario.to_dict(), "object": wall}), build_controller(scenario, device, designed_at)
+        )
+        return replace(at_wall, pose=np.asarray(trace["angle"][row], dtype=float))
 
     def directions(self) -> Array:
         """Return unit vectors (r, 3) along which the object acts and the device moves."""

@@ -20,6 +20,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import scenario_arm
 from palpate.simulation.simulator import simulate
+from palpate.simulation.trace import Trace
 
 __all__ = ["DirectionalPerformance", "Performance", "measure_performance"]
 
@@ -135,6 +136,8 @@ def measure_performance(
 ) -> Performance:
     """Return the performance of a scenario's loop at its start, and the ripple of its run.
 
+    With a mesh it is that where the run ends in contact, along the normal there.
+
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
         controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
@@ -142,16 +145,18 @@ def measure_performance(
         progress: called with a text and the share done.
 
     Raises:
-        StabilityError: the object is no spring or wall, or the device model has no motion between samples.
+        StabilityError: the object has no one stiffness, the tip does not touch the mesh, or the device model has no
+            motion between samples.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
-    loop = LoopResponse.of(s)
+    trace = simulate(s) if s.object.kind == "mesh" else None
+    loop = LoopResponse.of(s) if trace is None else LoopResponse.on_mesh(s, trace)
     report("frequency response", 0.1)
     along = tuple(_directional(loop, n, s) for n in loop.directions())
     report("simulating", 0.5)
-    ripple, remark = _ripple(s)
+    ripple, remark = _ripple(s, simulate(s) if trace is None else trace)
     return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark)
 
 
@@ -183,8 +188,7 @@ def _static_stiffness(loop: LoopResponse, n: Array) -> float:
     return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
 
 
-def _ripple(s: Scenario) -> tuple[Ripple | None, str]:
-    trace = simulate(s)
+def _ripple(s: Scenario, trace: Trace) -> tuple[Ripple | None, str]:
     if not trace.completed:
         return None, f"The run diverges at {trace.unstable_from:g} s: no ripple is measured."
     period = s.period * s.run.record_every

@@ -141,8 +141,8 @@ def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
         raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
     if scenario.object.kind == "mesh":
         raise StabilityError(
-            "object.kind: a mesh has no one loop to judge: simulate the run, or judge a wall as stiff as its stiffest "
-            "polygon"
+            "object.kind: a mesh has no one loop to judge: palpate.stability.certify tests every contact mode, or "
+            "take a wall as stiff as its stiffest polygon"
         )
     if scenario.object.kind == "body":
         raise StabilityError(

@@ -1,8 +1,8 @@
 """Stability of a haptic loop: criteria, passivity, exact maps of stable walls, and certificates."""
 
 from palpate.errors import StabilityError
+from palpate.stability.by_object import certify, zwidth
 from palpate.stability.certificate import Certificate
-from palpate.stability.certification import certify
 from palpate.stability.contact_loop import ContactStability, contact_stability
 from palpate.stability.counter_example import CounterExample, destabilizing_operator
 from palpate.stability.criteria import (
@@ -26,7 +26,6 @@ from palpate.stability.maps import (
     stability_interval,
     wall_spectral_radius,
     workspace,
-    zwidth,
 )
 from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
 from palpate.stability.passivity import (

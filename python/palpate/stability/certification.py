@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from palpate.control.stability_margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
-from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.stability.assumptions import assumptions, method, start_pose
@@ -21,27 +18,15 @@ from palpate.stability.counter_example import CounterExample, destabilizing_oper
 from palpate.stability.criteria import check_stability
 from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
 
-__all__ = ["certify"]
+__all__ = ["certify_spring"]
 
 
-def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Certificate:
-    """Return the certificate of a scenario's servo loop.
-
-    The loop is linearized at the start and where the run comes to rest, sampled exactly, and tested by four independent
-    criteria. If the criteria disagree, nothing is claimed. An unstable loop comes with a scenario that diverges. A
-    stable loop that is not passive comes with the passive operator, found by search, that destabilizes it. Every
-    counter-example has been simulated.
-
-    Args:
-        scenario: a Scenario, its tables, or the path of its TOML file.
-        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. It
-            is written into the scenario of the certificate. A Python function has no linear model and is refused.
+def certify_spring(s: Scenario) -> Certificate:
+    """Return the certificate of a scenario whose object is a spring or a wall; see ``palpate.stability.certify``.
 
     Raises:
-        ScenarioError, DesignError, PoseError: the scenario has a mistake, or the controller is not linear.
-        StabilityError: the scenario has no loop (no contact, or a fixed tip).
+        StabilityError, ScenarioError, DesignError, PoseError: as ``certify``.
     """
-    s = read_scenario(scenario, controller)
     loop = scenario_loop(s)
     radius, criteria = check_stability(loop.matrix())
     if len(set(criteria.values())) > 1 or abs(radius - 1) < 1e-12:

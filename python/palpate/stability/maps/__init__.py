@@ -8,7 +8,7 @@ from palpate.stability.maps.wall_interval import (
     wall_spectral_radius,
 )
 from palpate.stability.maps.workspace_map import Workspace, workspace
-from palpate.stability.maps.zwidth_map import ZWidth, zwidth
+from palpate.stability.maps.zwidth_map import ZWidth
 
 __all__ = [
     "Boundary",
@@ -20,5 +20,4 @@ __all__ = [
     "stability_interval",
     "wall_spectral_radius",
     "workspace",
-    "zwidth",
 ]

@@ -19,7 +19,6 @@ from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
 from palpate.scenario import Scenario
-from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.stability.maps.boundary_curve import Boundary, stability_boundary, trace_boundary
 from palpate.stability.maps.simulated import SimulatedBoundary, simulated_boundary
@@ -29,7 +28,7 @@ from palpate.stability.passivity import passive_stiffness
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Corner", "ZWidth", "loop_radii", "wall_loops", "zwidth"]
+__all__ = ["Corner", "ZWidth", "loop_radii", "spring_zwidth", "wall_loops"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -160,31 +159,16 @@ def _numbers(found: SimulatedBoundary | None) -> dict[str, Any] | None:
     }
 
 
-def zwidth(
-    scenario: Scenario | Mapping[str, Any] | str | Path,
-    *,
-    controller: Any = None,
-    simulated: bool = True,
-    progress: Progress | None = None,
-) -> ZWidth:
-    """Return the Z-width of a scenario's loop: exact boundary, passive walls, and boundary by simulation.
+def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
+    """Return the Z-width of a scenario whose object is a spring or a wall; see ``palpate.stability.zwidth``.
 
-    The object of the scenario is replaced by springs and dampers of every size, equal in all directions of the object
-    and damped by backward difference. The map of an impedance display includes other operators.
-
-    Args:
-        scenario: a Scenario, its tables, or the path of its TOML file.
-        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
-            Python function has no linear model and is refused.
-        simulated: also find the boundary by simulation.
-        progress: called with a text and the fraction done.
+    The object is replaced by springs and dampers of every size, equal in all directions of the object and damped by
+    backward difference. The map of an impedance display includes other operators.
 
     Raises:
         StabilityError: no object of any stiffness is stable, or the scenario has no loop.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
-    report = progress or (lambda _text, _fraction: None)
-    s = read_scenario(scenario, controller)
     own = scenario_loop(s)
     if s.object.coupling != "backward":
         raise StabilityError('object.coupling: a Z-width is of walls damped by backward difference; write "backward"')

@@ -1,0 +1,75 @@
+"""Certificate and Z-width of a scenario, by the kind of its object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from palpate.scenario import Scenario
+from palpate.simulation.controllers import read_scenario
+from palpate.stability.certificate import Certificate
+from palpate.stability.certification import certify_spring
+from palpate.stability.maps.zwidth_map import ZWidth, spring_zwidth
+from palpate.stability.mesh_certificate import certify_mesh
+from palpate.stability.mesh_zwidth import mesh_zwidth
+
+__all__ = ["certify", "zwidth"]
+
+Progress = Callable[[str, float], None]
+CERTIFICATES: Mapping[str, Callable[[Scenario], Certificate]] = {"mesh": certify_mesh}  # other kinds: a spring's
+ZWIDTHS: Mapping[str, Callable[[Scenario, bool, Progress], ZWidth]] = {"mesh": mesh_zwidth}
+
+
+def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Certificate:
+    """Return the certificate of a scenario's servo loop.
+
+    With a spring or a wall, the loop is linearized at the start and where the run comes to rest, sampled exactly, and
+    tested by four independent criteria. If the criteria disagree, nothing is claimed. An unstable loop comes with a
+    scenario that diverges. A stable loop that is not passive comes with the passive operator, found by search, that
+    destabilizes it. Every counter-example has been simulated.
+
+    With a mesh, every contact mode of the proxy along the run is tested: faces, valley edges and vertices, sticking and
+    sliding. A common Lyapunov function or a dwell time covers the switching between them. The scenario is simulated,
+    and again with a small push.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. It
+            is written into the scenario of the certificate. A Python function has no linear model and is refused.
+
+    Raises:
+        ScenarioError, DesignError, PoseError: the scenario has a mistake, or the controller is not linear.
+        StabilityError: the scenario has no loop (no contact, or a fixed tip).
+    """
+    s = read_scenario(scenario, controller)
+    return CERTIFICATES.get(s.object.kind, certify_spring)(s)
+
+
+def zwidth(
+    scenario: Scenario | Mapping[str, Any] | str | Path,
+    *,
+    controller: Any = None,
+    simulated: bool = True,
+    progress: Progress | None = None,
+) -> ZWidth:
+    """Return the Z-width of a scenario's loop: exact boundary, passive walls, and boundary by simulation.
+
+    The object of the scenario is replaced by springs and dampers of every size, equal in all directions of the object
+    and damped by backward difference. The map of an impedance display includes other operators. With a mesh, its
+    surface is scaled, and every contact mode along the run must be stable; nothing is simulated.
+
+    Args:
+        scenario: a Scenario, its tables, or the path of its TOML file.
+        controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
+            Python function has no linear model and is refused.
+        simulated: also find the boundary by simulation.
+        progress: called with a text and the fraction done.
+
+    Raises:
+        StabilityError: no object of any stiffness is stable, or the scenario has no loop.
+        ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
+    """
+    s = read_scenario(scenario, controller)
+    report = progress or (lambda _text, _fraction: None)
+    return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)

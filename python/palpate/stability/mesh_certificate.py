@@ -1,0 +1,319 @@
+"""Certificate of a scenario whose object is a mesh: every contact mode near the run's path, and their switching."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from palpate.errors import StabilityError
+from palpate.scenario import Scenario
+from palpate.simulation.verdict import State
+from palpate.stability.assumptions import assumptions
+from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.contact_run import MOVING, Observed, PushedRun, run_on, run_pushed
+from palpate.stability.counter_example import CounterExample
+from palpate.stability.criteria import check_stability
+from palpate.stability.mesh_sites import Site, TouchedSurface, contact_rows, faces_near
+from palpate.stability.mode_stability import (
+    CORNERS,
+    ModeStability,
+    Switching,
+    contact_matrix,
+    gain_margin,
+    mode_stability,
+    site_switching,
+)
+from palpate.stability.switching import has_solver
+
+__all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
+
+SITES = 4  # poses along the path of the proxy, besides the last
+FAILED = (State.BOUNDED_OSCILLATION, State.UNSTABLE, State.CONTACT_LOST, State.OUT_OF_REACH)
+FEW_STATES = 14  # of the loop, up to which switching is tested at three sites and not at the last alone
+WATCH = (0.5, 8.0)  # s, shortest and longest time that a pushed run is watched
+
+
+@dataclass(frozen=True, eq=False)
+class MeshContact:
+    """Contact of a scenario's run with its mesh: the run, its sites, and the stability of every mode at each.
+
+    Attributes:
+        scenario: the scenario.
+        observed: the run.
+        sites: poses of the run in contact; the last is where the contact ends or rests.
+        found: the stability of every contact mode at every site.
+        resting: the stability of the mode at the last site in which the tip rests.
+    """
+
+    scenario: Scenario
+    observed: Observed
+    sites: tuple[Site, ...]
+    found: tuple[ModeStability, ...]
+    resting: ModeStability
+
+    @property
+    def touching(self) -> bool:
+        """Whether the tip touches the mesh at the end of the run."""
+        return bool(self.observed.trace["touching"][self.observed.rest, 0] > 0.0)
+
+    @property
+    def worst(self) -> ModeStability:
+        """Return the mode with the largest spectral radius."""
+        return max(self.found, key=lambda one: one.radius)
+
+
+def mesh_contact(s: Scenario, sites: int = SITES) -> MeshContact:
+    """Return the contact of a scenario's run with its mesh.
+
+    Raises:
+        StabilityError: the tip never touches the mesh, or nothing lets it move.
+        ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
+    """
+    if s.operator.kind == "fixed":
+        raise StabilityError(
+            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
+        )
+    surface = TouchedSurface(s)
+    observed = run_on(s)
+    trace = observed.trace
+    rows = contact_rows(trace, sites, observed.rest)
+    triangle = trace["triangle"][:, 0].astype(np.int64)
+    ends = [rows[0], *((a + b) // 2 for a, b in pairwise(rows)), rows[-1]]
+    found = []
+    for row, first, last in zip(rows, ends[:-1], ends[1:], strict=True):
+        visited = np.unique(triangle[first : last + 1])
+        found.append(surface.site(trace, row, faces_near(surface.mesh, visited[visited >= 0])))
+    modes = [one for site in found for one in mode_stability(site, site.modes)]
+    resting = mode_stability(found[-1], [found[-1].resting])[0]
+    return MeshContact(s, observed, tuple(found), tuple(modes), resting)
+
+
+def certify_mesh(s: Scenario) -> Certificate:
+    """Return the certificate of a scenario whose object is a mesh; see ``palpate.stability.certify``.
+
+    Raises:
+        StabilityError, ScenarioError, DesignError, PoseError: as ``mesh_contact``.
+    """
+    contact = mesh_contact(s)
+    resting, worst = contact.resting, contact.worst
+    margin = {"spectral_radius": resting.radius, "spectral_radius_worst_mode": worst.radius}
+    criteria, agree = _criteria(resting, worst)
+    steps = _method(contact)
+    if contact.observed.failure:
+        return _failed(contact, margin, criteria, steps)
+    if not agree:
+        claim = f"Cannot tell: a mode is so near its limit ({worst.mode.name}) that the criteria disagree."
+        return _certificate(contact, criteria, "cannot tell", claim, {}, steps)
+    pushed = run_pushed(s, contact.observed, _watch(contact))
+    steps.append(_push_sentence(pushed))
+    if resting.radius >= 1.0:
+        return _unstable(contact, pushed, margin, criteria, steps)
+    if not worst.stable:
+        claim = (
+            f"Cannot tell: stable where the run rests, but unstable {worst.mode.name}, at the pose at "
+            f"t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})."
+        )
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    if resting.drift > 0.0:
+        claim = (
+            f"Cannot tell: every contact mode is stable, but {resting.mode.name} nothing holds the tip along the "
+            "surface, so it may slide to another part of the mesh; give friction (object.surface.static_friction) or "
+            "an arm (operator)."
+        )
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    if not contact.touching:
+        claim = (
+            "Cannot tell: every contact mode along the run is stable, but at its end the tip is off the mesh; let the "
+            "run end in contact."
+        )
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    if pushed.moves or pushed.slide > MOVING:
+        how = pushed.failure or f"keeps {pushed.decay:.0%} of the motion for {pushed.time:.3g} s"
+        if pushed.slide > MOVING:
+            how = f"slides on at {1e3 * pushed.slide:.2g} mm/s under constant forces"
+        claim = f"Cannot tell: every contact mode is stable, but after a push of {pushed.push:.2g} N the run {how}."
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    run = contact.observed.trace.verdict
+    if contact.observed.constant and run.state in FAILED:
+        claim = f"Cannot tell: every contact mode is stable, but the verdict of the run is {run}."
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    return _stable(contact, margin, criteria, steps)
+
+
+def _certificate(
+    contact: MeshContact,
+    criteria: dict[str, bool],
+    verdict: Verdict,
+    claim: str,
+    margin: dict[str, float],
+    steps: Sequence[str],
+    example: CounterExample | None = None,
+) -> Certificate:
+    s = contact.scenario
+    holds = (*assumptions(s), *_assumptions(contact))
+    return Certificate(s.title, verdict, claim, holds, margin, tuple(steps), criteria, None, example, s.to_dict())
+
+
+def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
+    """Return the certificate of a scenario whose own run diverges, bounces or oscillates."""
+    s, failure = contact.scenario, contact.observed.failure
+    unstable = [one for one in contact.found if not one.stable]
+    why = "although every contact mode by itself is stable"
+    if unstable:
+        why = f"and the loop is unstable {unstable[0].mode.name}" if len(unstable) == 1 else "as are its contact modes"
+        why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
+    elif failure.startswith("oscillates") and contact.resting.radius > 0.9995:
+        claim = f"Cannot tell: the contact is stable, but so near its limit that the run still {failure}."
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself {failure}.")
+    claim = f"Unstable: the run {failure}, {why}."
+    return _certificate(contact, criteria, "unstable", claim, margin, steps, example)
+
+
+def _unstable(
+    contact: MeshContact, pushed: PushedRun, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]
+) -> Certificate:
+    """Return the certificate of a scenario whose mode at rest is unstable."""
+    resting, period = contact.resting, contact.scenario.period
+    doubling = math.log(2.0) / math.log(resting.radius) * period
+    margin = {**margin, "doubling_time_s": doubling, "frequency_Hz": resting.angle / (2.0 * math.pi * period)}
+    motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if resting.angle > 0 else "a motion"
+    claim = f"Unstable: {resting.mode.name}, {motion} doubles every {doubling:.3g} s."
+    if not pushed.moves and pushed.swing < MOVING:
+        claim = (
+            f"Cannot tell: {resting.mode.name}, {motion} should double every {doubling:.3g} s, but the run comes to "
+            "rest after a push."
+        )
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+    return _certificate(contact, criteria, "unstable", claim, margin, steps)
+
+
+def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
+    factor, limiting = gain_margin(contact.found)
+    margin["gain_margin"] = factor
+    margin["gain_margin_at_rest"] = gain_margin([contact.resting])[0]
+    last = len(contact.sites) - 1
+    chosen = sorted({0, last // 2, last} if contact.sites[last].path.nstates <= FEW_STATES else {last})
+    switching = [site_switching(contact.sites[i]) for i in chosen]
+    steps.append(_switching_method(switching))
+    order = _order(contact, switching, margin)
+    kinds = Counter(one.mode.kind for one in contact.found)
+    drift = max(one.drift for one in contact.found)
+    if drift > 1.0 + 1e-6:
+        margin["drift_doubling_time_s"] = math.log(2.0) / math.log(drift) * contact.scenario.period
+    stiffer = (
+        "at any stiffness of the surface"
+        if math.isinf(factor)
+        else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
+    )
+    claim = (
+        f"Stable: each of {len(contact.found)} contact modes "
+        f"({', '.join(sorted(kinds))}) along the run is stable, {stiffer}; {order}."
+    )
+    return _certificate(contact, criteria, "stable", claim, margin, steps)
+
+
+def _order(contact: MeshContact, switching: Sequence[Switching], margin: dict[str, float]) -> str:
+    """Return what is proven about the order of the modes, as part of the claim, and add its numbers to ``margin``."""
+    undecided = [one for one in switching if one.proof == "undecided"]
+    if undecided:
+        return f"their switching is undecided, because friction on {undecided[0].pair[0]} has no Lyapunov function"
+    waits = [one for one in switching if one.proof == "dwell"]
+    if waits:
+        longest = max(waits, key=lambda one: one.dwell)
+        margin["dwell_time_s"] = longest.dwell * contact.scenario.period
+        return (
+            f"motions stay bounded if a mode lasts {margin['dwell_time_s']:.3g} s on average (worst between "
+            f"{longest.pair[0]} and {longest.pair[1]})"
+        )
+    apart = all(one.separates for one in switching)
+    return f"motions stay bounded in any order of the modes{', and if contact is lost' if apart else ' in contact'}"
+
+
+def _criteria(resting: ModeStability, worst: ModeStability) -> tuple[dict[str, bool], bool]:
+    """Return the verdict of each criterion on both modes, and whether the criteria agree on each."""
+    verdicts = [check_stability(contact_matrix(one.site, one.mode))[1] for one in (resting, worst)]
+    criteria = {name: all(verdict[name] for verdict in verdicts) for name in verdicts[0]}
+    agree = all(
+        len(set(verdict.values())) == 1 or (one.drift > 0.0 and one.stable)
+        for verdict, one in zip(verdicts, (resting, worst), strict=True)
+    )
+    return criteria, agree
+
+
+def _watch(contact: MeshContact) -> float:
+    """Return how long a pushed run is watched, s: six time constants of the slowest mode where it rests."""
+    radius = max(one.radius for one in contact.found if one.site is contact.sites[-1])
+    rate = abs(math.log(min(max(radius, 1e-6), 2.0))) / contact.scenario.period
+    return float(np.clip(6.0 / max(rate, 1e-9), *WATCH))
+
+
+def _lasting(s: Scenario, observed: Observed) -> dict[str, object]:
+    """Return the tables of a scenario that lasts as long as the run that was observed."""
+    tables = s.to_dict()
+    duration = max(s.run.duration, observed.rest * s.period)
+    return {**tables, "run": {**tables.get("run", {}), "duration": f"{duration:.6g} s"}}
+
+
+def _push_sentence(pushed: PushedRun) -> str:
+    after = pushed.failure or f"kept {100.0 * pushed.decay:.2g} % of its motion after {pushed.time:.3g} s"
+    return (
+        f"Where the run ends it was pushed with {pushed.push:.2g} N for 20 ms, without limits of the drive; it {after}."
+    )
+
+
+def _method(contact: MeshContact) -> list[str]:
+    times = ", ".join(f"{site.time:.3g}" for site in contact.sites)
+    faces = sum(len(site.points) for site in contact.sites)
+    resolution = math.degrees(max(site.resolution for site in contact.sites))
+    return [
+        f"The loop was linearized at {len(contact.sites)} poses of the run (t = {times} s), and sampled exactly for "
+        f"forces held over {contact.scenario.period * 1e3:g} ms.",
+        f"At each pose every contact mode of the faces near the proxy was tested: sticking, sliding, valley edges and "
+        f"vertices; {len(contact.found)} in all, on {faces} pairs of a normal (within {resolution:.2g} degrees) and a "
+        "stiffness.",
+        "The law of the mode at rest was measured on the proxy itself.",
+        "Eigenvalues, Jury's table, Routh's array and a Lyapunov matrix were computed independently for the mode at "
+        "rest and the worst mode.",
+        f"The scenario was run for {contact.observed.rest * contact.scenario.period:.3g} s"
+        + (f" and {contact.observed.failure}." if contact.observed.failure else " and stayed bounded."),
+    ]
+
+
+def _switching_method(switching: Sequence[Switching]) -> str:
+    where = ", ".join(f"{one.site.time:.3g}" for one in switching)
+    if all(one.proof == "common" for one in switching):
+        least = min(one.decrease for one in switching)
+        return (
+            f"At t = {where} s one Lyapunov matrix decreases by at least {least:.2g} of its value in every sample, for "
+            f"every stiffness between the extremes and every force of Coulomb friction (a polygon of {CORNERS} corners "
+            "about its disk); it was verified without the solver."
+        )
+    missing = "" if has_solver() else " The optional solver (pip install palpate[lmi]) is not installed."
+    return (
+        f"At t = {where} s no common Lyapunov matrix was found for all; the dwell time follows from the Lyapunov "
+        f"matrices of slides in four directions at the extremes of stiffness.{missing}"
+    )
+
+
+def _assumptions(contact: MeshContact) -> list[str]:
+    s = contact.scenario
+    surface = s.object.surface
+    assert surface is not None
+    sentences = [
+        "The contact stays on the faces near the path of this run; another part of the mesh needs another run.",
+        "While the tip slides, motions along the surface slower than 2 Hz are the operator's.",
+    ]
+    if surface.dynamic_friction is not None and surface.dynamic_friction < surface.static_friction:
+        sentences.append(
+            "Static friction above dynamic friction can make a slowly driven tip stick and slip; its motions are "
+            "bounded, not excluded."
+        )
+    if surface.field == "discrete" and len(surface.stiffness) > 1:
+        sentences.append("A step of the stiffness at an edge is a bounded disturbance.")
+    return sentences

@@ -1,0 +1,141 @@
+"""A body under the tip of a run, held where the run was, and its force as the tip is moved from there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from palpate import _core
+from palpate.errors import StabilityError
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import origin_of, scenario_body
+
+__all__ = ["HeldTip"]
+
+Array = NDArray[np.float64]
+_BLOCK = 200  # ticks between two tests for rest, or two updates of a hyperelastic body
+_MAX_SETTLING = 6000  # ticks
+_MAX_UPDATES = 200  # of a hyperelastic body's model
+_DRIFT = 1e-9  # change of the force in a block, relative to the force, below which the body is at rest
+_STEADY = 4  # blocks without less change, after which it is noise or a vibration
+_FORCE, _NODES, _SOLVED = slice(0, 3), 7, 9  # columns of a row of the core
+
+
+class HeldTip:
+    """The core's own body with the tip held at the end of a path.
+
+    Positions, displacements and forces are in the device's frame.
+
+    Attributes:
+        radius: of the tip, m.
+        period: T, s.
+        every: ticks of an update of a hyperelastic body; 1 for other bodies.
+        force: of the tip on the body where the tip is held (3,), N.
+        nodes: number of nodes in contact there.
+        frame: axes of the contact in columns (3, 3): the normal, out of the body and against the force, and two
+            across.
+        friction: whether the body has dry friction.
+        ticks: number of ticks since the body was at rest and free.
+    """
+
+    def __init__(self, scenario: Scenario, path: Array, *, equilibrium: bool = False) -> None:
+        """Move the tip of a run along its path and hold it at the end until the force changes no less from then on.
+
+        Args:
+            scenario: its object is a body.
+            path: of the tip from its start (m, 3), m: positions of every tick less the first one.
+            equilibrium: bring a hyperelastic body to equilibrium there, with an empty energy tank, instead of keeping
+                the local model that the tank allows after the path.
+
+        Raises:
+            StabilityError: the tip does not touch the body at the end.
+        """
+        choice = scenario.object.body
+        assert choice is not None
+        body = scenario_body(scenario)
+        self.core = body.core
+        self.radius, self.period = choice.radius, scenario.period
+        self.every = round(choice.options.get("slow_step", 20e-3) / scenario.period) if self.multirate else 1
+        self._flat = choice.tip == "flat"
+        self._rotation = Rotation.from_euler("xyz", choice.turn).as_matrix()
+        positions = (path - np.array(scenario.object.position)) @ self._rotation + origin_of(choice, body)
+        self.core.reset()
+        self.ticks = 0
+        self.friction = body.kind.friction[0] > 0.0
+        self._step(positions if self.friction or self.multirate else _thin(positions, choice.radius))
+        self._position = positions[-1]
+        if equilibrium and isinstance(self.core, _core.HyperelasticBody):
+            self._equilibrate(self.core)
+        self._settle(max(_BLOCK, 2 * self.every))
+        self.frame = _frame(-self.force)
+
+    @property
+    def multirate(self) -> bool:
+        """Whether the body's model is updated outside the tick."""
+        return isinstance(self.core, _core.HyperelasticBody)
+
+    @property
+    def rounds(self) -> bool:
+        """Whether the model rounds the force: modes in single precision, or friction by iterations."""
+        return self.friction or isinstance(self.core, _core.ModalBody)
+
+    @property
+    def memoryless(self) -> bool:
+        """Whether the force depends on the position of the tip alone."""
+        return isinstance(self.core, _core.ComplianceBody | _core.FreeFormBody)
+
+    def move(self, displacements: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return the force on the body (m, 3), N, and the number of nodes, as the tip moves about where it is held.
+
+        Args:
+            displacements: of the tip, one period each (m, 3), m.
+        """
+        rows = self._step(self._position + displacements @ self._rotation)
+        return -rows[:, _FORCE] @ self._rotation.T, rows[:, _NODES].astype(np.int64)
+
+    def _equilibrate(self, core: _core.HyperelasticBody) -> None:
+        force = self._step(self._position[None])[0, _FORCE]
+        size = float(np.linalg.norm(force))
+        outward = np.array([0.0, 0.0, 1.0]) if self._flat or size == 0.0 else force / size
+        row = core.settle(self._position[None], outward[None], self.radius, self._flat, _MAX_UPDATES)[0]
+        if not row[-1] > 0.0:
+            raise StabilityError("the hyperelastic body finds no equilibrium under the tip held still")
+        self.ticks = 0
+
+    def _settle(self, block: int) -> None:
+        least, since = np.inf, 0
+        still = np.zeros((block, 3))
+        for _ in range(max(_MAX_SETTLING // block, _STEADY)):
+            forces, nodes = self.move(still)
+            self.force, self.nodes = forces[-1], int(nodes[-1])
+            if self.nodes == 0:
+                raise StabilityError("the tip does not touch the body where the run has left it, so there is no loop")
+            change = float(np.ptp(forces, axis=0).max())
+            since = 0 if change < 0.9 * least else since + 1
+            least = min(least, change)
+            if change <= _DRIFT * np.linalg.norm(self.force) or since >= _STEADY:
+                return
+
+    def _step(self, positions: Array) -> Array:
+        axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
+        rows = self.core.follow(np.ascontiguousarray(positions), axes, self.radius, self._flat)
+        if not np.asarray(rows)[:, _SOLVED].all():
+            raise StabilityError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+        self.ticks += len(positions)
+        return np.asarray(rows, dtype=float)
+
+
+def _frame(normal: Array) -> Array:
+    """Return three orthonormal axes in columns (3, 3), the first along a vector (3,)."""
+    axes = np.column_stack([normal, np.eye(3)])
+    basis = np.linalg.qr(axes)[0]
+    return np.asarray(basis * np.array([np.sign(basis[:, 0] @ normal), 1.0, 1.0]))
+
+
+def _thin(positions: Array, radius: float) -> Array:
+    """Return some positions of a path (k, 3), its last one included, no farther apart than half a radius."""
+    every = max(len(positions) // 100, 1)
+    kept = np.vstack([positions[::every], positions[-1:]])
+    far = np.linalg.norm(np.diff(kept, axis=0), axis=1).max(initial=0.0) > 0.5 * radius
+    return positions if far else kept

@@ -1,0 +1,116 @@
+"""Small-signal response of a body whose model is updated at a slow rate, while the servo uses a local model.
+
+Every m ticks an update samples the tip. Its result is published after m ticks and blended in over as many. About a
+state of rest the force is therefore
+
+    f[k] = K x[k] + sum over the updates u of g[k - m u] x[m u],
+
+with K the stiffness of the local model and g the correction that follows one sampled displacement. Both are measured in
+the core's own model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import StabilityError
+from palpate.simulation.body_response.held_tip import HeldTip
+
+__all__ = ["MultirateResponse", "multirate_response"]
+
+Array = NDArray[np.float64]
+_STEPS = (1e-3, 1e-4, 1e-5)  # displacement of the tip, relative to its radius
+_DECAYED = 1e-5  # correction of the last update, relative to the stiffness, that ends the record
+_UPDATES, _MOST_UPDATES = 6, 48
+
+
+@dataclass(frozen=True)
+class MultirateResponse:
+    """Force on a body per displacement of the tip, about one state of rest.
+
+    Matrices are in the axes of the contact: the first is the normal.
+
+    Attributes:
+        frame: axes of the contact in columns (3, 3), device frame.
+        local: K (3, 3), N/m, of the local model.
+        correction: g (n, 3, 3), N/m, n a multiple of `every`; g[0] is zero.
+        every: m, ticks of an update.
+        error: bound of the gain of what is left out, by entry (3, 3), N/m.
+        asymmetry: difference of the answers to opposite displacements, relative.
+        nodes: number of nodes in contact.
+    """
+
+    frame: Array
+    local: Array
+    correction: Array
+    every: int
+    error: Array
+    asymmetry: float
+    nodes: int
+
+    @property
+    def one_tick(self) -> Array:
+        """Change of the force within the tick of a displacement (3, 3), N/m: that of the local model."""
+        return self.local
+
+    @property
+    def static(self) -> Array:
+        """Change of the force under a lasting displacement (3, 3), N/m, mean over an update."""
+        return np.asarray(self.local + self.correction.sum(axis=0) / self.every)
+
+
+def multirate_response(held: HeldTip) -> MultirateResponse:
+    """Return the response of a body that is updated every `held.every` ticks.
+
+    Raises:
+        StabilityError: the corrections do not decay from update to update.
+    """
+    every = held.every
+    step = _choose_step(held)
+    updates = _UPDATES
+    while True:
+        forth, back = _impulses(held, step, updates * every)
+        mean, size = 0.5 * (forth + back), float(np.linalg.norm(0.5 * (forth + back)[0], ord=2))
+        last = float(np.linalg.norm(mean[-every:], ord=2, axis=(1, 2)).max())
+        if last <= _DECAYED * size or updates >= _MOST_UPDATES:
+            break
+        updates *= 2
+    if last > 1e-2 * size:
+        raise StabilityError(
+            f"the body's force has not settled {updates} updates after a displacement of the tip; the updates do not "
+            "converge there"
+        )
+    level = np.linalg.norm(mean, ord=2, axis=(1, 2)).reshape(-1, every).max(axis=1)
+    kept = every * (1 + int(np.flatnonzero(level > max(_DECAYED * size, 2.0 * last)).max()))
+    correction = mean[:kept].copy()
+    correction[0] = 0.0
+    odd = np.abs(0.5 * (forth - back))
+    error = odd[0] + odd[1:].sum(axis=0) / every + np.abs(mean[-every:]).max(axis=0)
+    return MultirateResponse(held.frame, mean[0], correction, every, error, float(odd.max()) / size, held.nodes)
+
+
+def _choose_step(held: HeldTip) -> float:
+    """Return the step, m, whose opposite displacements are answered most alike."""
+    found = []
+    for relative in _STEPS:
+        forth, back = _impulses(held, relative * held.radius, 3 * held.every)
+        odd = float(np.abs(forth - back).max()) / max(float(np.abs(forth + back).max()), 1e-300)
+        found.append((odd, relative * held.radius))
+    return min(found)[1]
+
+
+def _impulses(held: HeldTip, step: float, ticks: int) -> tuple[Array, Array]:
+    """Return the responses (ticks, 3, 3), N/m, to displacements forth and back in a tick that an update samples."""
+    answers = np.empty((2, ticks, 3, 3))
+    still = np.zeros((ticks, 3))
+    for axis in range(3):
+        for row, sign in enumerate((1.0, -1.0)):
+            before = held.move(np.zeros((1 + (-held.ticks - 1) % held.every, 3)))[0][-1]
+            moved = still.copy()
+            moved[0] = sign * step * held.frame[:, axis]
+            forces = held.move(moved)[0]
+            answers[row, :, :, axis] = (forces - before) @ held.frame / (sign * step)
+    return answers[0], answers[1]

@@ -1,0 +1,159 @@
+"""Small-signal response of a body under the tip: impulse response of the core's own model at the contact found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import StabilityError
+from palpate.simulation.body_response.held_tip import HeldTip
+from palpate.simulation.body_response.realization import realize
+
+__all__ = ["BodyResponse", "body_response"]
+
+Array = NDArray[np.float64]
+_STEPS = (2e-3, 5e-4, 1e-4, 1e-5, 1e-6)  # displacement of the tip, relative to its radius
+_FIRST, _LONGEST = 256, 4096  # ticks of the impulse response
+_DECAYED = 1e-5  # share of the last quarter in the whole response that ends the record
+_NOISE = 0.05  # share of the last quarter below which a level that stays is noise
+_CONSTANT = 0.98  # level of the last quarter, relative to the one before, that stays
+_WINDOW = 16  # ticks over which the level of the noise is compared
+
+
+@dataclass(frozen=True)
+class BodyResponse:
+    """Force on a body per displacement of the tip, about one state of rest, contact nodes and slip unchanged.
+
+    Matrices are in the axes of the contact: the first is the normal.
+
+    Attributes:
+        frame: axes of the contact in columns (3, 3), device frame.
+        system: sampled, displacement of the tip (3,), m, to the force on the body (3,), N.
+        markov: impulse response as measured (n, 3, 3), N/m.
+        error: bound of the gain of what `system` leaves out, by entry (3, 3), N/m: realization, tail and asymmetry of
+            the record.
+        asymmetry: difference of the answers to opposite displacements, relative.
+        nodes: number of nodes in contact.
+    """
+
+    frame: Array
+    system: control.StateSpace
+    markov: Array
+    error: Array
+    asymmetry: float
+    nodes: int
+
+    @property
+    def one_tick(self) -> Array:
+        """Change of the force within the tick of a displacement (3, 3), N/m; includes the body's inertia."""
+        return np.asarray(self.system.D, dtype=float)
+
+    @property
+    def static(self) -> Array:
+        """Change of the force under a lasting displacement (3, 3), N/m."""
+        s = self.system
+        return np.asarray(s.D + s.C @ np.linalg.solve(np.eye(s.nstates) - s.A, s.B), dtype=float)
+
+
+def body_response(held: HeldTip) -> BodyResponse:
+    """Return the response of a body about the state in which a tip is held.
+
+    The tip is displaced for one tick by a small step along each axis, forth and back, in the core's own model. Nothing
+    is assumed about the kind of body: inertia, creep, friction that sticks, and the partly covered patches at the edge
+    of a flat end are all in the record.
+
+    Args:
+        held: the body and its tip; not a body that is updated outside the tick.
+
+    Raises:
+        StabilityError: the response does not decay while the tip is held.
+    """
+    step = _choose_step(held)
+    if held.memoryless and _is_static(*_impulses(held, step, 16)):
+        forth, back = (part[:1] for part in _impulses(held, step, 2))
+        tail = np.zeros((3, 3))
+    else:
+        forth, back, tail = _record(held, step)
+    mean, difference = 0.5 * (forth + back), 0.5 * (forth - back)
+    system, error = realize(mean, held.period)
+    odd = np.abs(difference).sum(axis=0)
+    asymmetry = float(odd.sum() / np.abs(mean).sum())
+    return BodyResponse(held.frame, system, mean, error + odd + tail, asymmetry, held.nodes)
+
+
+def _choose_step(held: HeldTip) -> float:
+    """Return the step, m, whose opposite displacements are answered most alike.
+
+    Large steps leave the linear range or change the nodes in contact, and small ones drown in rounding.
+    """
+    found = []
+    for relative in _STEPS if held.rounds else _STEPS[2:]:
+        forth, back = _impulses(held, relative * held.radius, 64)
+        odd = float(np.abs(forth - back).sum()) / max(float(np.abs(forth + back).sum()), 1e-300)
+        found.append((odd, relative * held.radius))
+    return min(found)[1]
+
+
+def _impulses(held: HeldTip, step: float, ticks: int) -> tuple[Array, Array]:
+    """Return the responses (ticks, 3, 3), N/m, to displacements of one tick forth and back along each axis."""
+    answers = np.empty((2, ticks, 3, 3))
+    still = np.zeros((ticks, 3))
+    before = held.move(still[:1])[0][-1]
+    for axis in range(3):
+        for row, sign in enumerate((1.0, -1.0)):
+            moved = still.copy()
+            moved[0] = sign * step * held.frame[:, axis]
+            forces = held.move(moved)[0]
+            answers[row, :, :, axis] = (forces - before) @ held.frame / (sign * step)
+            before = forces[-1]
+    return answers[0], answers[1]
+
+
+def _is_static(forth: Array, back: Array) -> bool:
+    return float(np.abs([forth[1:], back[1:]]).max()) <= 1e-9 * float(np.abs(forth[0]).max())
+
+
+def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
+    """Return responses forth and back until they have decayed, and the gain of the noise cut off (3, 3), N/m.
+
+    A level that stays, of single precision or of the friction's iterations, ends the record where it begins.
+    """
+    ticks = _FIRST
+    while True:
+        forth, back = _impulses(held, step, ticks)
+        mean = 0.5 * (forth + back)
+        size = np.linalg.norm(mean, ord=2, axis=(1, 2))
+        third, last = (float(part.sum()) for part in np.split(size, 4)[2:])
+        share = last / float(size.sum())
+        if share <= _DECAYED:
+            return forth, back, np.zeros((3, 3))
+        if share <= _NOISE and _is_noise(mean[-ticks // 4 :], third, held.rounds):
+            level = float(np.median(size[-ticks // 4 :]))
+            above = np.convolve(size, np.ones(_WINDOW) / _WINDOW, "valid") > 2.0 * level
+            end = min(int(np.flatnonzero(above).max(initial=0)) + 2 * _WINDOW, ticks)
+            return forth[:end], back[:end], 2.0 * _WINDOW * np.median(np.abs(mean[-ticks // 4 :]), axis=0)
+        if ticks >= _LONGEST:
+            break
+        ticks *= 2
+    if last < 0.9 * third:
+        return forth, back, np.zeros((3, 3))
+    raise StabilityError(
+        f"the body's response to a displacement of the tip has not decayed after {ticks} ticks; give the body more "
+        "damping (rayleigh_beta)"
+    )
+
+
+def _is_noise(quarter: Array, before: float, rounds: bool) -> bool:
+    """Return whether the last quarter of a response (k, 3, 3) has random signs, or is a constant left by rounding.
+
+    Args:
+        quarter: N/m.
+        before: sum of the norms of the quarter before, N/m.
+        rounds: whether the body's model leaves such a constant (`HeldTip.rounds`).
+    """
+    size = float(np.linalg.norm(quarter, ord=2, axis=(1, 2)).sum())
+    mean = len(quarter) * float(np.linalg.norm(quarter.mean(axis=0), ord=2))
+    return size >= 0.5 * before and (mean < 0.3 * size or (rounds and size >= _CONSTANT * before))

@@ -1,0 +1,116 @@
+"""Linear response of a body under the tip: equal to the states of its model, realized within the bound given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from palpate import fem
+from palpate.scenario import Scenario
+from palpate.simulation.body_response import HeldTip, body_response, multirate_response
+from palpate.simulation.body_response.realization import realize
+
+PERIOD, DEPTH = 1e-3, 0.3e-3
+PATH = np.linspace([0.0, 0.0, 0.0], [0.0, 0.0, -0.2e-3 - DEPTH], 50)
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """24 x 24 x 12 mm of 20 kPa, bonded below, touched on its top, with 12 vibration modes."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    shape = fem.block((0.024, 0.024, 0.012), 0.006)
+    fem.build(shape, young=20e3, fixed="z < 0.001 mm", touch="z > 11.9 mm", order=1, modes=12, output=path)
+    return path
+
+
+def held(block: Path, kind: str, **options: Any) -> HeldTip:
+    """A flat end of 40 mm that covers the whole top, held 0.3 mm deep: every node takes part, none of them partly."""
+    body = {"file": str(block), "origin": ["12 mm", "12 mm", "12 mm"], "kind": kind, "tip": "flat", "radius": "40 mm"}
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"force": ["0 N", "0 N", "-1 N"]},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.2 mm"], "body": {**body, **options}},
+    }
+    return HeldTip(Scenario.from_dict(tables), PATH)
+
+
+def normal_compliance(block: Path) -> np.ndarray:
+    return fem.load(block).compliance[2::3, 2::3].astype(float)
+
+
+def test_an_elastic_body_answers_at_once(block: Path) -> None:
+    found = body_response(held(block, "compliance"))
+    expected = np.linalg.inv(normal_compliance(block)).sum()
+    assert found.system.nstates == 0
+    assert found.nodes == 25
+    np.testing.assert_allclose(found.frame[:, 0], [0, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(found.static[0, 0], expected, rtol=1e-5)
+    np.testing.assert_array_equal(found.static, found.one_tick)
+
+
+def test_creep_is_the_standard_linear_solid(block: Path) -> None:
+    """One state: the total delayed force. The instantaneous modulus is three times the long-term one."""
+    ratio, time = 3.0, 0.05
+    found = body_response(held(block, "viscoelastic", instantaneous_ratio=ratio, retardation_time=f"{time} s"))
+    stiffness, decay = np.linalg.inv(normal_compliance(block)).sum(), np.exp(-PERIOD / time)
+    gain = (1.0 - decay) * (1.0 - 1.0 / ratio)
+    within = 1.0 / ratio + gain
+    a, b, c, d = decay - gain * decay / within, gain * stiffness / within, -decay / within, stiffness / within
+    expected = np.array([d, *(c * a**k * b for k in range(60))])
+    np.testing.assert_allclose(found.markov[:61, 0, 0], expected, atol=2e-5 * stiffness)
+    np.testing.assert_allclose(found.static[0, 0], stiffness, rtol=1e-3)
+    np.testing.assert_allclose(found.one_tick[0, 0], d, rtol=1e-5)
+
+
+def test_modes_answer_as_their_oscillators_under_a_held_force(block: Path) -> None:
+    """States of every mode, exact for forces held over a tick, and the residual compliance without inertia."""
+    beta = 1e-3
+    found = body_response(held(block, "modal", rayleigh_beta=f"{beta} s"))
+    contents = fem.load(block).contents
+    shapes, omega = contents.shapes[2::3].astype(float), contents.frequencies
+    a, b = np.zeros((24, 24)), np.zeros((24, 12))
+    for k, w in enumerate(omega):
+        one = control.StateSpace([[0, 1], [-(w**2), -beta * w**2]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
+        sampled = control.c2d(one, PERIOD)
+        rows = slice(2 * k, 2 * k + 2)
+        a[rows, rows], b[rows, k] = sampled.A, sampled.B[:, 0]
+    place = np.kron(shapes, [[1.0, 0.0]])  # nodes by states
+    within = normal_compliance(block) - shapes / omega**2 @ shapes.T + place @ b @ shapes.T
+    inverse, state, expected = np.linalg.inv(within), np.zeros(24), []
+    for tick in range(60):
+        force = inverse @ ((1.0 if tick == 0 else 0.0) - place @ a @ state)
+        expected.append(force.sum())
+        state = a @ state + b @ (shapes.T @ force)
+    np.testing.assert_allclose(found.markov[:60, 0, 0], expected[: len(found.markov)], atol=2e-4 * expected[0])
+    assert found.one_tick[0, 0] > 1.2 * found.static[0, 0]
+
+
+def test_a_realization_reproduces_a_random_system_within_its_bound() -> None:
+    rng = np.random.default_rng(3)
+    a = rng.standard_normal((6, 6))
+    a *= 0.9 / np.abs(np.linalg.eigvals(a)).max()
+    b, c, d = rng.standard_normal((6, 3)), rng.standard_normal((3, 6)), rng.standard_normal((3, 3))
+    markov = np.array([d, *(c @ np.linalg.matrix_power(a, k) @ b for k in range(255))])
+    system, error = realize(markov, PERIOD)
+    assert system.nstates == 6
+    assert error.max() < 1e-5 * np.abs(markov).sum(axis=0).max()
+    noisy, bound = realize(markov + 1e-4 * rng.standard_normal(markov.shape), PERIOD)
+    for angle in np.linspace(0.0, np.pi, 50):
+        z = np.exp(1j * angle)
+        true = d + c @ np.linalg.solve(z * np.eye(6) - a, b)
+        assert np.all(np.abs(noisy(z) - true) <= bound + 1e-4 * np.sqrt(len(markov)) * 4)
+
+
+def test_a_hyperelastic_body_follows_its_local_model_between_updates(block: Path) -> None:
+    """The local model is the tangent: the corrections after an update are small, and end after a few updates."""
+    found = multirate_response(held(block, "neo-hookean", slow_step="5 ms"))
+    assert found.every == 5
+    assert not found.correction[0].any()
+    assert np.abs(found.correction[:5]).max() < 1e-3 * found.local[0, 0]  # published after the update
+    assert np.abs(found.correction).max() < 0.1 * found.local[0, 0]
+    assert found.static[0, 0] == pytest.approx(found.local[0, 0], rel=0.1)

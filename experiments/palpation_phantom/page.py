@@ -53,7 +53,7 @@ def palpation_page(results: Sequence[PressResult], sweep: PalpationSweep) -> Pag
         [
             (
                 _unbroken(result.law), result.young / 1e3,
-                None if result.contact is None else result.contact.stiffness,
+                None if result.contact is None else result.contact.static_stiffness,
                 None if result.contact is None else result.contact.critical_stiffness,
                 1e3 * result.found.final_deflection, result.found.final_force,
                 _percent(result.found.final_swing, result.found.final_force),
@@ -152,7 +152,7 @@ def margin_figure(results: Sequence[PressResult]) -> Figure:
         young = [e for e, _ in selected]
         panel.plot(young, [c.critical_stiffness for _, c in selected], color=color, linestyle=_DASHED, marker=".")
         panel.plot([], [], color=color, label=law)
-        panel.plot(young, [c.stiffness for _, c in selected], color=INK, marker="o", markersize=4, linewidth=1.0)
+        panel.plot(young, [c.static_stiffness for _, c in selected], color=INK, marker="o", markersize=4, linewidth=1.0)
     panel.plot([], [], color=INK, marker="o", markersize=4, linewidth=1.0, label="contact")
     panel.set(xscale="log", yscale="log", xlabel="Young's modulus [kPa]", ylabel="stiffness [N/m]")
     moduli = sorted({result.young / 1e3 for result in results})

@@ -72,7 +72,7 @@ class PressResult:
             "law": self.law,
             "young_Pa": self.young,
             "stable": self.stable,
-            "contact_stiffness_N_per_m": None if contact is None else contact.stiffness,
+            "contact_stiffness_N_per_m": None if contact is None else contact.static_stiffness,
             "critical_stiffness_N_per_m": None if contact is None else plain(contact.critical_stiffness),
             "spectral_radius": None if contact is None else contact.radius,
             **self.found.to_dict(),

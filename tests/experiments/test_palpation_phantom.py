@@ -60,7 +60,7 @@ def test_the_contact_with_one_node_is_judged_as_the_wall_is(tmp_path: Path) -> N
     judged = contact_stability(simulate(tables))
     wall = {"kind": "wall", "stiffness": "512 N/m", "position": tables["object"]["position"], "normal": [0, 0, 1]}
     margin = certify({**tables, "object": wall}).margin
-    assert judged.stiffness == pytest.approx(512.0, rel=1e-6)
+    assert judged.static_stiffness == pytest.approx(512.0, rel=1e-6)
     assert judged.normal == pytest.approx([0, 0, 1], abs=1e-12)
     assert judged.radius == pytest.approx(margin["spectral_radius_at_rest"], abs=1e-6)
     assert judged.stiffness_margin == pytest.approx(margin["gain_margin_at_rest"], rel=1e-4)
@@ -94,11 +94,11 @@ def test_soft_and_stiff_bodies_come_to_rest_under_every_law(block: dict[str, Any
         assert 0.3e-3 < one.found.final_deflection < 1.3e-3
         assert abs(one.found.lost) < 1e-3 * one.found.work
         assert one.contact is not None
-        assert one.contact.critical_stiffness > 3.0 * one.contact.stiffness
+        assert one.contact.critical_stiffness > 3.0 * one.contact.static_stiffness
     soft, stiff = held[0].contact, held[1].contact
     assert soft is not None
     assert stiff is not None
-    assert stiff.stiffness == pytest.approx(50.0 * soft.stiffness, rel=0.1)
+    assert stiff.static_stiffness == pytest.approx(50.0 * soft.static_stiffness, rel=0.1)
 
 
 def test_a_contact_that_is_not_there_is_not_judged(block: dict[str, Any]) -> None:

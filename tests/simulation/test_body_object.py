@@ -14,9 +14,9 @@ from palpate.errors import ScenarioError, StabilityError
 from palpate.metrics import summarize
 from palpate.metrics.body_contact import work_so_far
 from palpate.scenario import Scenario
+from palpate.simulation import scenario_loop
 from palpate.simulation.bodies import cache_path, scenario_body
 from palpate.simulation.simulator import build_simulation
-from palpate.stability import certify
 from scipy.spatial.transform import Rotation
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -333,5 +333,5 @@ def test_the_cells_of_a_block_are_not_the_grid_of_its_spline() -> None:
 
 
 def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:
-    with pytest.raises(StabilityError, match="as stiff as it is pressed"):
-        certify(tables(on(block)))
+    with pytest.raises(StabilityError, match="has states of its own and no one stiffness"):
+        scenario_loop(Scenario.from_dict(tables(on(block))))

@@ -6,11 +6,10 @@ import math
 from pathlib import Path
 
 from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
-from palpate.cli.settings import Settings, load_scenario
 from palpate.files import write_folder
 
 
-def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None) -> None:
+def performance(scenario: ScenarioFile, out: OutFolder = None) -> None:
     """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth and ripple.
 
     Writes performance.html and performance.json.
@@ -20,8 +19,9 @@ def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Setting
     with progress("reading the scenario") as tell:
         from palpate.metrics import measure_performance
         from palpate.report import performance_page
+        from palpate.scenario import Scenario
 
-        loaded = load_scenario(scenario, settings)
+        loaded = Scenario.from_file(scenario)
         found = measure_performance(loaded, progress=tell)
         tell("drawing", 0.9)
         page = performance_page(found)

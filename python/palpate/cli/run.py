@@ -3,17 +3,36 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from palpate.cli.console import output, progress
-from palpate.cli.settings import Settings, load_scenario
+from palpate.errors import ScenarioError
 from palpate.files import write_folder
 
-__all__ = ["run"]
+__all__ = ["read_settings", "run"]
+
+
+def read_settings(texts: list[str]) -> dict[str, Any]:
+    """Return the values of settings "key=value" by key: a number, list or flag of TOML, or else text.
+
+    Raises:
+        ScenarioError: one has no "=".
+    """
+    settings: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise ScenarioError(f'--set "{text}": write it as --set object.stiffness="2 N/mm"')
+        try:
+            settings[key.strip()] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            settings[key.strip()] = value.strip()
+    return settings
 
 
 def run(
@@ -22,7 +41,12 @@ def run(
         Path | None,
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help='Use another value, as in object.stiffness="2 N/mm"; repeatable.'
+        ),
+    ] = None,
 ) -> None:
     """Run a scenario: writes trace.h5, summary.json and report.html, and prints the verdict.
 
@@ -34,10 +58,11 @@ def run(
     with progress("reading the scenario") as tell:
         from palpate.metrics import summarize
         from palpate.report import run_page
+        from palpate.scenario import Scenario
         from palpate.simulation.simulator import simulate
         from palpate.simulation.verdict import State
 
-        loaded = load_scenario(scenario, settings)
+        loaded = Scenario.from_file(scenario, read_settings(settings or []))
         if loaded.object.kind == "body":
             from palpate.simulation.bodies import scenario_body
 

@@ -12,7 +12,6 @@ import typer
 from rich.markup import escape
 
 from palpate.cli.console import ScenarioFile, errors, output, print_paths, progress
-from palpate.cli.settings import Settings, load_scenario
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -39,13 +38,11 @@ def sweep(
         str, typer.Option(help="cell: design the controller for each cell; once: for the scenario as it stands.")
     ] = "cell",
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th chunk from the I-th on, for job arrays.")] = None,
-    settings: Settings = None,
 ) -> None:
     """Run a scenario for every combination of values, with the whole nonlinear loop.
 
-    The result is one HDF5 file and, once complete, a page with a map of the verdicts. The file is filled as cells are
-    done. After an interruption the same command continues. The file does not depend on the number of workers, threads
-    or vector lanes.
+    The result is one HDF5 file, which is filled as cells are done. After an interruption the same command continues.
+    The file does not depend on the number of workers, threads or vector lanes.
 
     Keys are those of the scenario, such as object.stiffness, operator.mass, device.delay or servo.jitter. A suffix .x,
     .y or .z selects one axis. A range includes both ends; " log" after its count selects geometric spacing.
@@ -62,7 +59,7 @@ def sweep(
             part = _shard(shard)
             executor, threads = _executor(stack, engine, scheduler, workers)
             found = run(
-                load_scenario(scenario, settings),
+                scenario,
                 _pairs(over),
                 random=_pairs(random or ()),
                 draws=draws,
@@ -77,15 +74,7 @@ def sweep(
     except KeyboardInterrupt:
         errors.print(f"stopped: {path} has the cells that are done; the same command continues")
         raise typer.Exit(130) from None
-    idle = part is not None and part[0] > found.plan.chunks
-    page = None
-    if found.done == 1.0:
-        from palpate.report import sweep_page
-
-        page = sweep_page(found).save(path.with_suffix(".html"))
-    _print_result(found, path, shard, idle)
-    if page is not None:
-        print_paths([page])
+    _print_result(found, path, shard, part is not None and part[0] > found.plan.chunks)
 
 
 def _executor(

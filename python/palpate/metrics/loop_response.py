@@ -61,7 +61,7 @@ class LoopResponse:
         period: T, s.
         delay: n, samples.
         stiffness: K (3, 3), N/m, of the object; damping: B (3, 3), N s/m.
-        coupling: how the damper is sampled, "backward" or "bilinear".
+        coupling: how the damper is sampled, "backward" or "bilinear"; "none": there is no damper.
         gravity_compensation: whether a constant force of the motors carries the weight.
     """
 
@@ -144,6 +144,11 @@ class LoopResponse:
             values, vectors = np.linalg.eigh(self.stiffness + self.damping)
             return np.asarray(vectors[:, [int(np.argmax(values))]].T, dtype=float)
         return np.asarray(np.eye(3)[(stiff > 0) & (reach > 1e-9 * reach.max())], dtype=float)
+
+    def desired(self, frequency: Array) -> Complex:
+        """Return the dynamic stiffness of the object (k, 3, 3), N/m; frequency in Hz."""
+        w = (2 * np.pi * frequency)[:, None, None]
+        return np.asarray(self.stiffness + 1j * w * self.damping, dtype=complex)
 
     def displacement(self, frequency: ArrayLike, object_on: bool = True) -> Complex:
         """Return tip motion per force of the operator, (k, 3, 3), m/N.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm
+from palpate.metrics.body_performance import body_loop_response
 from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse
 from palpate.metrics.vibration import Ripple, ripple
@@ -136,7 +137,8 @@ def measure_performance(
 ) -> Performance:
     """Return the performance of a scenario's loop at its start, and the ripple of its run.
 
-    With a mesh it is that where the run ends in contact, along the normal there.
+    With a mesh it is that where the run ends in contact, along the normal there. With a deformable body it is that
+    along the normal of the contact where the run rests, with the body's own states.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -145,14 +147,18 @@ def measure_performance(
         progress: called with a text and the share done.
 
     Raises:
-        StabilityError: the object has no one stiffness, the tip does not touch the mesh, or the device model has no
-            motion between samples.
+        StabilityError: the object has no stiffness, the tip does not touch the mesh or stay on the body, or the device
+            model has no motion between samples.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
     trace = simulate(s) if s.object.kind == "mesh" else None
-    loop = LoopResponse.of(s) if trace is None else LoopResponse.on_mesh(s, trace)
+    loop: LoopResponse
+    if s.object.kind == "body":
+        loop = body_loop_response(s)
+    else:
+        loop = LoopResponse.of(s) if trace is None else LoopResponse.on_mesh(s, trace)
     report("frequency response", 0.1)
     along = tuple(_directional(loop, n, s) for n in loop.directions())
     report("simulating", 0.5)
@@ -163,8 +169,7 @@ def measure_performance(
 def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:
     f = np.geomspace(0.1, 0.499 / loop.period, 400)
     rendered, free = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
-    k, b = float(n @ loop.stiffness @ n), float(n @ loop.damping @ n)
-    desired = np.array(k + 2j * np.pi * f * b, dtype=complex)
+    desired = np.array(n @ loop.desired(f) @ n, dtype=complex)
     deviates = np.abs(rendered / desired - 1) > JND
     band = np.linspace(*BAND, 60)
     in_band = (1 / (n @ loop.displacement(band) @ n)).real

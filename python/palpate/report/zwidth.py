@@ -91,7 +91,10 @@ def _runs(found: SimulatedBoundary | None) -> str:
 
 def _method(z: ZWidth) -> str:
     if z.simulated is None:
-        return "There are no simulations, either by choice or because the surface is oblique to the axes."
+        return (
+            "There are no simulations: by choice, or because the surface is oblique to the axes or the object is a "
+            "mesh or a deformable body."
+        )
     return (
         "The loop was simulated on a coarse grid of K and B, which was refined between growing and decaying "
         f"oscillations: {z.simulated.runs:,} runs instead of {z.simulated.cells:,}, independent of the computed curve. "

@@ -146,8 +146,8 @@ def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
         )
     if scenario.object.kind == "body":
         raise StabilityError(
-            "object.kind: a body is as stiff as it is pressed: simulate the run, or judge its contact by "
-            "palpate.stability.contact_stability(trace)"
+            "object.kind: a deformable body has states of its own and no one stiffness: use palpate.stability.certify, "
+            "or palpate.stability.contact_stability of a trace"
         )
     if scenario.operator.kind == "fixed" and arm is None:
         raise StabilityError(

@@ -8,6 +8,8 @@ from typing import Any
 
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
+from palpate.stability.body.certificate import certify_body
+from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
 from palpate.stability.certification import certify_spring
 from palpate.stability.maps.zwidth_map import ZWidth, spring_zwidth
@@ -17,8 +19,11 @@ from palpate.stability.mesh_zwidth import mesh_zwidth
 __all__ = ["certify", "zwidth"]
 
 Progress = Callable[[str, float], None]
-CERTIFICATES: Mapping[str, Callable[[Scenario], Certificate]] = {"mesh": certify_mesh}  # other kinds: a spring's
-ZWIDTHS: Mapping[str, Callable[[Scenario, bool, Progress], ZWidth]] = {"mesh": mesh_zwidth}
+CERTIFICATES: Mapping[str, Callable[[Scenario], Certificate]] = {
+    "mesh": certify_mesh,
+    "body": certify_body,
+}  # other kinds: a spring's
+ZWIDTHS: Mapping[str, Callable[[Scenario, bool, Progress], ZWidth]] = {"mesh": mesh_zwidth, "body": body_zwidth}
 
 
 def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Certificate:
@@ -32,6 +37,9 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
     With a mesh, every contact mode of the proxy along the run is tested: faces, valley edges and vertices, sticking and
     sliding. A common Lyapunov function or a dwell time covers the switching between them. The scenario is simulated,
     and again with a small push.
+
+    With a deformable body, the loop is tested where the run comes to rest and at other depths of the run, with the
+    body's own states (`ContactStability`). It is called stable or unstable only if the run, pushed slightly, agrees.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -57,7 +65,9 @@ def zwidth(
 
     The object of the scenario is replaced by springs and dampers of every size, equal in all directions of the object
     and damped by backward difference. The map of an impedance display includes other operators. With a mesh, its
-    surface is scaled, and every contact mode along the run must be stable; nothing is simulated.
+    surface is scaled, and every contact mode along the run must be stable; nothing is simulated. With a deformable
+    body, its response at the rest of the run is scaled, beside a damper along the normal; the stiffness of the map is
+    its static stiffness there, and nothing is simulated.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.

@@ -18,7 +18,14 @@ from palpate.stability.counter_example import CounterExample
 __all__ = ["Certificate", "Verdict"]
 
 Verdict = Literal["stable", "unstable", "cannot tell"]
-UNITS = {"_N_s_per_m": " N s/m", "_Hz": " Hz", "_deg": " deg", "_s": " s"}  # suffix of a margin's name to its unit
+UNITS = {
+    "_N_s_per_m": " N s/m",
+    "_N_per_m": " N/m",
+    "_m": " m",
+    "_Hz": " Hz",
+    "_deg": " deg",
+    "_s": " s",
+}  # suffix of a margin's name to its unit
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from palpate.stability.passivity import passive_stiffness
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Corner", "ZWidth", "loop_radii", "spring_zwidth", "wall_loops"]
+__all__ = ["Corner", "ZWidth", "loop_radii", "operator_name", "other_operators", "spring_zwidth", "wall_loops"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -175,9 +175,9 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
     report("exact boundary", 0.05)
     edge = _edge(own)
     min_stable_stiffness = _min_stable_stiffness(own, edge)
-    curves = {_operator_name(s): edge}
+    curves = {operator_name(s): edge}
     never = []
-    for name, arm in _other_operators(s):
+    for name, arm in other_operators(s):
         try:
             curves[name] = _edge(scenario_loop(s, arm=arm, operator_force=(0.0, 0.0, 0.0)))
         except StabilityError:
@@ -233,14 +233,15 @@ def _corner_window(
     return window if window[0] < wide / 4 and window[1] < high / 4 else None
 
 
-def _operator_name(s: Scenario) -> str:
+def operator_name(s: Scenario) -> str:
+    """Return the name of a scenario's operator on the map."""
     o = s.operator
     if o.kind != "arm":
         return "nobody holds it" if s.servo.topology == "impedance_display" else "the loop"
     return "the scenario's arm" + (", through tissue" if o.tissue_stiffness is not None else ", rigid grip")
 
 
-def _other_operators(s: Scenario) -> list[tuple[str, HumanArm | None]]:
+def other_operators(s: Scenario) -> list[tuple[str, HumanArm | None]]:
     """Return other operators for the map, by name; empty if the device model admits none."""
     if s.servo.topology != "impedance_display" or s.device.model != "nonlinear":
         return []

@@ -1,0 +1,97 @@
+"""Frequency response of a loop on a deformable body, about the contact where its run rests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import StabilityError
+from palpate.metrics.loop_response import LoopResponse
+from palpate.scenario import Scenario
+from palpate.simulation.body_response import (
+    BodyResponse,
+    HeldTip,
+    MultirateResponse,
+    body_response,
+    multirate_response,
+    observe,
+)
+from palpate.simulation.controllers import build_controller
+
+__all__ = ["BodyLoopResponse", "body_loop_response"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class BodyLoopResponse(LoopResponse):
+    """A loop on a body, with the body's own states; `stiffness` is its static stiffness along the contact's normal.
+
+    Attributes:
+        body: displacement of the tip (3,), m, to the force on the body (3,), N, sampled. Of a hyperelastic body it is
+            that of the local model.
+        normal: of the contact (3,), out of the body.
+    """
+
+    body: control.StateSpace = field(kw_only=True)
+    normal: Array = field(kw_only=True)
+
+    def directions(self) -> Array:
+        """Return the normal of the contact (1, 3)."""
+        return self.normal[None]
+
+    def desired(self, frequency: Array) -> Complex:
+        """Return the dynamic stiffness of the body, sampled (k, 3, 3), N/m; frequency in Hz."""
+        return self._object(np.exp(2j * np.pi * frequency * self.period))
+
+    def _object(self, z: Complex) -> Complex:
+        b = self.body
+        direct = np.broadcast_to(b.D.astype(complex), (len(z), 3, 3))
+        if b.nstates == 0:
+            return direct
+        right = np.broadcast_to(b.B.astype(complex), (len(z), *b.B.shape))
+        return np.asarray(b.C @ np.linalg.solve(z[:, None, None] * np.eye(b.nstates) - b.A, right) + direct)
+
+
+def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
+    """Return the loop of a scenario on a body, where its run rests.
+
+    Raises:
+        StabilityError: the tip bounces or is off the body at the end of the run, the body's response does not decay, or
+            the device is the identified model, which has no motion between samples.
+        ScenarioError, DesignError, PoseError: as `palpate.simulate`.
+    """
+    if scenario.device.model == "experimental":
+        raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
+    run = observe(scenario)
+    if run.outcome in ("diverges", "bounces", "leaves"):
+        raise StabilityError(f"the performance is that of a contact that lasts. {run.sentence}")
+    held = HeldTip(scenario, run.trace["tip"][: run.held + 1] - run.trace["tip"][0])
+    response: BodyResponse | MultirateResponse
+    if held.multirate:
+        response, none = multirate_response(held), np.zeros((0, 3))
+        system = control.StateSpace(np.zeros((0, 0)), none, none.T, response.local, scenario.period)
+    else:
+        response = body_response(held)
+        system = response.system
+    frame, normal = held.frame, held.frame[:, 0]
+    system = control.StateSpace(system.A, system.B @ frame.T, frame @ system.C, frame @ system.D @ frame.T, system.dt)
+    device = scenario.load_device()
+    start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+    return BodyLoopResponse(
+        device,
+        run.trace["angle"][run.held],
+        build_controller(scenario, device, start),
+        scenario.period,
+        scenario.device.delay,
+        float(response.static[0, 0]) * np.outer(normal, normal),
+        np.zeros((3, 3)),
+        "none",
+        scenario.servo.gravity_compensation,
+        body=system,
+        normal=normal,
+    )

@@ -1,0 +1,277 @@
+"""Certificate of a loop on a deformable body: at the rest of its run, at other depths, and by the run itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.control.stability_margins import loop_margins
+from palpate.errors import StabilityError
+from palpate.fem.model_spec import LAWS
+from palpate.scenario import Scenario
+from palpate.simulation.body_response.observed_run import LONGEST, SHORTEST, ObservedRun, observe
+from palpate.simulation.trace import Trace
+from palpate.stability.assumptions import assumptions
+from palpate.stability.body.body_loop import BodyLoop
+from palpate.stability.body.multirate_loop import MultirateLoop
+from palpate.stability.body.update_rate import slowest_update
+from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.contact_loop import ContactStability, contact_at
+from palpate.stability.counter_example import CounterExample
+
+__all__ = ["certify_body", "contact_of"]
+
+_DEPTHS = (0.25, 0.5, 0.75)  # of the depth at rest, tested as well
+_QUANTILES = (0.5, 0.25, 0.1, 0.75)  # of the depth in contact, tried in turn for a run that does not rest
+_APART = 0.05  # difference of two depths, relative to the depth at rest, that counts
+_DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
+
+
+@dataclass(frozen=True)
+class _Findings:
+    """Contacts of a run and the run: the material of a verdict."""
+
+    rest: ContactStability | None
+    depths: tuple[ContactStability, ...]
+    untested: str
+    run: ObservedRun
+
+
+def certify_body(s: Scenario) -> Certificate:
+    """Return the certificate of a loop on a deformable body.
+
+    Raises:
+        StabilityError: the operator holds the tip still, so there is no loop.
+    """
+    if s.operator.kind == "fixed":
+        raise StabilityError(
+            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
+        )
+    found = _find(s)
+    verdict, claim = _verdict(found)
+    steps = [*_method(s, found), found.run.sentence]
+    margin = _margins(found)
+    if found.rest is not None and isinstance(found.rest.loop, MultirateLoop) and verdict == "stable":
+        interval, sentence = slowest_update(s, found.run.trace, found.run.held, found.rest.loop.every, _is_stable_at)
+        steps.append(sentence)
+        if interval is not None:
+            margin["slowest_update_s"] = interval
+    example = None
+    if verdict == "unstable":
+        ratio = float("inf") if math.isnan(found.run.decay) else found.run.decay
+        example = CounterExample(s.to_dict(), ratio, f"the scenario itself. {found.run.sentence}")
+    criteria = {} if found.rest is None else dict(found.rest.criteria)
+    return Certificate(
+        s.title, verdict, claim, _assumptions(s), margin, tuple(steps), criteria, None, example, s.to_dict()
+    )
+
+
+def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
+    """Return the contact where a scenario's run rests, the trace of every tick, and the sample of the contact.
+
+    For a run that does not rest it is a contact of the median depth.
+
+    Raises:
+        StabilityError: the tip never touches the body, or the body's response does not decay.
+    """
+    run, contact, row, problem = _find_rest(s)
+    if contact is None:
+        raise StabilityError(f"the response of the body is unknown: {problem}")
+    return contact, run.trace, row
+
+
+def _is_stable_at(s: Scenario, trace: Trace, row: int) -> bool | None:
+    verdict = contact_at(s, trace, row).verdict
+    return None if verdict == "cannot tell" else verdict == "stable"
+
+
+def _find(s: Scenario) -> _Findings:
+    run, rest, _, problem = _find_rest(s)
+    if rest is None:
+        return _Findings(None, (), problem, run)
+    needed = _DECAYS / max(abs(math.log(max(rest.radius, 1e-3))), 1e-9)
+    if run.outcome in ("rests", "oscillates") and needed > SHORTEST:
+        run = observe(s, math.ceil(min(needed, _longest(s) / s.period)), (run.held - run.end) * s.period)
+    others = _other_depths(s, run, rest.depth)
+    depths, failed = [], 0
+    for other in others:
+        try:
+            depths.append(_at_depth(s, run.trace, other))
+        except StabilityError:
+            failed += 1
+    untested = f"at {failed} of {len(others)} other depths the body's response could not be measured" if failed else ""
+    return _Findings(rest, tuple(sorted(depths, key=lambda one: one.depth)), untested, run)
+
+
+def _find_rest(s: Scenario) -> tuple[ObservedRun, ContactStability | None, int, str]:
+    """Return a run, held until it rests, and its contact there as `_at_rest`."""
+    run = observe(s)
+    rest, row, problem = _at_rest(s, run)
+    if rest is not None and rest.radius >= 1.0 and run.outcome not in ("diverges", "bounces"):
+        run = observe(s, SHORTEST, _longest(s))  # the tip may slide slowly to a place where it rests
+        rest, row, problem = _at_rest(s, run)
+    return run, rest, row, problem
+
+
+def _at_depth(s: Scenario, trace: Trace, row: int) -> ContactStability:
+    """Return the contact at a sample at which the tip was moving.
+
+    The energy tank of a hyperelastic body may have stiffened the local model there; then the body in equilibrium
+    counts.
+    """
+    found = contact_at(s, trace, row, along_normal=True)
+    if found.stable or not isinstance(found.loop, MultirateLoop):
+        return found
+    return contact_at(s, trace, row, along_normal=True, equilibrium=True)
+
+
+def _longest(s: Scenario) -> float:
+    """Return the longest time for which a run is held or watched, s."""
+    choice = s.object.body
+    assert choice is not None
+    return (LONGEST if choice.kind == "compliance" else LONGEST // 3) * s.period
+
+
+def _at_rest(s: Scenario, run: ObservedRun) -> tuple[ContactStability | None, int, str]:
+    """Return the contact at the rest of a run, its sample, and a reason; the reason says why the contact is None.
+
+    If there is no rest, it is the contact of the median depth, or of another depth if nothing can be told there.
+    """
+    trace = run.trace
+    last = min(run.held, len(trace) - 1)
+    touching = trace["touching"][: last + 1, 0] > 0.0
+    inside = np.flatnonzero(touching)
+    if inside.size == 0:
+        return None, 0, "the tip does not touch the body in the run"
+    rows = [last]
+    if run.outcome in ("diverges", "bounces", "leaves") or not touching[last]:
+        depth = np.linalg.norm(trace["deflection"][: last + 1], axis=1)
+        late = inside[inside >= min(last // 2, inside[-1])]
+        rows = [int(late[np.argmin(np.abs(depth[late] - np.quantile(depth[late], q)))]) for q in _QUANTILES]
+    tries = [(row, row != last) for row in rows] + [(row, False) for row in rows if row != last and _hyperelastic(s)]
+    best: tuple[ContactStability | None, int, str] = None, rows[0], ""
+    for row, equilibrium in tries:
+        try:
+            found = contact_at(s, trace, row, equilibrium=equilibrium)
+        except StabilityError as problem:
+            best = (best[0], best[1], best[2] or str(problem))
+            continue
+        if found.verdict != "cannot tell":
+            return found, row, ""
+        if best[0] is None:
+            best = found, row, ""
+    return best
+
+
+def _hyperelastic(s: Scenario) -> bool:
+    return s.object.body is not None and s.object.body.kind in LAWS
+
+
+def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
+    """Return samples of the scenario's own run at other depths than `rest`, m."""
+    choice = s.object.body
+    assert choice is not None
+    trace = run.trace
+    inside = np.flatnonzero(trace["touching"][: run.end + 1, 0])
+    depth = np.linalg.norm(trace["deflection"], axis=1)
+    if inside.size == 0:
+        return []
+    deepest = int(inside[np.argmax(depth[inside])])
+    rows = [deepest] if trace.completed and depth[deepest] > (1.0 + _APART) * rest else []
+    for share in _DEPTHS[1:2] if choice.kind == "mass_spring" else _DEPTHS:
+        near = int(inside[np.argmin(np.abs(depth[inside] - share * rest))])
+        if abs(depth[near] - share * rest) < _APART * rest:
+            rows.append(near)
+    return rows
+
+
+def _verdict(found: _Findings) -> tuple[Verdict, str]:
+    """Return the verdict and the claim."""
+    rest, run = found.rest, found.run
+    if rest is None:
+        return "cannot tell", f"Cannot tell: {found.untested}. {run.sentence}"
+    linear = _about(rest)
+    if rest.verdict == "cannot tell":
+        return "cannot tell", f"Cannot tell: {linear} {run.sentence}"
+    if rest.verdict == "unstable":
+        if run.outcome in ("diverges", "bounces", "oscillates"):
+            return "unstable", f"Unstable: {linear} {run.sentence}"
+        return "cannot tell", f"Cannot tell: {linear} But the run does not show it. {run.sentence}"
+    if run.outcome != "rests":
+        return "cannot tell", f"Cannot tell: {linear} But the run does not rest. {run.sentence}"
+    doubtful = [one for one in found.depths if not one.stable]
+    if doubtful:
+        where = ", ".join(f"{1e3 * one.depth:.3g} mm ({one.verdict})" for one in doubtful)
+        return "cannot tell", f"Cannot tell: {linear} But not at other depths of the run: {where}."
+    if found.untested:
+        return "cannot tell", f"Cannot tell: {linear} But {found.untested}."
+    least = min(one.stiffness_margin for one in (rest, *found.depths))
+    factor = "of any stiffness" if math.isinf(least) else f"{least:.4g} times as stiff"
+    return "stable", f"Stable: the body may be {factor} at every depth tested before the loop oscillates. {linear}"
+
+
+def _about(one: ContactStability) -> str:
+    """Return a contact's stability as a sentence."""
+    where = f"at {1e3 * one.depth:.3g} mm, where the body's stiffness is {one.static_stiffness / 1e3:.4g} N/mm"
+    if one.verdict == "cannot tell":
+        if not one.doubt < 1.0:
+            return f"{where}, the error of the body's response is {one.doubt:.2g} times what the loop tolerates."
+        return f"{where}, the criteria disagree (spectral radius 1 {one.radius - 1.0:+.1e})."
+    motion = "decay" if one.stable else "grow"
+    return f"Small motions {motion} {where} (spectral radius {one.radius:.6g})."
+
+
+def _margins(found: _Findings) -> dict[str, float]:
+    rest = found.rest
+    if rest is None:
+        return {}
+    margin = {
+        "spectral_radius": rest.radius,
+        "depth_m": rest.depth,
+        "static_stiffness_N_per_m": rest.static_stiffness,
+        "one_tick_stiffness_N_per_m": rest.one_tick_stiffness,
+        "response_error_over_tolerable": rest.doubt,
+    }
+    if rest.radius >= 1.0:
+        return margin
+    margin["gain_margin"] = rest.stiffness_margin
+    if found.depths:
+        margin["least_gain_margin_of_depths"] = min(one.stiffness_margin for one in found.depths)
+    if isinstance(rest.loop, BodyLoop):
+        m = loop_margins(rest.loop.gain())
+        margin |= {"phase_margin_deg": m.phase, "delay_margin_s": m.delay, "disk_margin": m.disk}
+    return margin
+
+
+def _method(s: Scenario, found: _Findings) -> list[str]:
+    rest = found.rest
+    if rest is None:
+        return []
+    if isinstance(rest.loop, MultirateLoop):
+        how = (
+            f"The loop is one matrix over an update of {rest.loop.every} ticks: the local model within it, and the "
+            "corrections of the last updates, measured in the core's own model."
+        )
+    else:
+        how = (
+            "The body's force per displacement of the tip is the impulse response of the core's own model, measured "
+            f"with its {rest.nodes} nodes in contact and realized with {rest.loop.body.nstates} states."
+        )
+    steps = [how, f"Criteria, each on its own: {', '.join(rest.criteria)}."]
+    if found.depths:
+        at = ", ".join(f"{1e3 * one.depth:.3g} mm: factor {one.stiffness_margin:.4g}" for one in found.depths)
+        steps.append(f"Other depths of the run and the stiffness margin there: {at}.")
+    return steps
+
+
+def _assumptions(s: Scenario) -> tuple[str, ...]:
+    choice = s.object.body
+    assert choice is not None
+    sentences = [*assumptions(s), "The nodes in contact stay the same, and those that stick go on sticking."]
+    if s.operator.kind != "arm" and not choice.options.get("static_friction", 0.0):
+        sentences.append("Without friction the operator controls motions along the surface.")
+    if choice.kind in ("modal", "mass_spring"):
+        sentences.append("The margin scales the body's whole force: modulus and density together.")
+    return tuple(sentences)

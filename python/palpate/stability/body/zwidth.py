@@ -1,0 +1,128 @@
+"""Z-width of a loop on a deformable body: how stiff the body may be, over the damping of a damper beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.errors import StabilityError
+from palpate.linear.linear_device import HumanArm
+from palpate.scenario import Scenario
+from palpate.stability.body.body_loop import BodyLoop
+from palpate.stability.body.certificate import contact_of
+from palpate.stability.body.multirate_loop import MultirateLoop
+from palpate.stability.contact_loop import device_loop
+from palpate.stability.maps.boundary_curve import Boundary
+from palpate.stability.maps.zwidth_map import ZWidth, operator_name, other_operators
+
+__all__ = ["body_boundaries", "body_zwidth"]
+
+_SCALES = np.geomspace(1e-3, 1e4, 71)  # factors on the body's force
+_POINTS = 24  # of a curve
+_DOUBLINGS = 40
+
+
+def body_boundaries(
+    s: Scenario, own: str, others: list[tuple[str, HumanArm | None]], progress: Callable[[float], None]
+) -> tuple[dict[str, Boundary], list[str], float, float]:
+    """Return the boundaries by operator, the operators without a stable body, K and the least stable stiffness, N/m.
+
+    A boundary gives the largest static stiffness of the body along the contact's normal, over the damping of a damper
+    beside the body, along the normal and by backward difference. The whole response of the body is scaled, at the tip
+    position where the scenario's run rests; motions are along the normal, or in all directions with friction.
+
+    Args:
+        s: its object is a body.
+        own: name of the scenario's operator.
+        others: other operators, by name.
+        progress: called with the fraction done.
+
+    Raises:
+        StabilityError: the contact is unknown, or no stiffness is stable with the scenario's operator.
+    """
+    contact, trace, row = contact_of(s)
+    stiffness, loop = contact.static_stiffness, contact.loop
+    choice = s.object.body
+    assert choice is not None
+    across = len(loop.normal) > 1 and choice.options.get("static_friction", 0.0) > 0.0
+    if not across and len(loop.normal) > 1:
+        loop = loop.along_normal(device_loop(s, trace, row, contact.normal, False).path)
+    if not stiffness > 0.0:
+        raise StabilityError("the body has no stiffness along its force where the run leaves the tip")
+    curves, never = {own: _boundary(loop, stiffness)}, []
+    for index, (name, arm) in enumerate(others):
+        progress((index + 1) / (len(others) + 1))
+        path = device_loop(s, trace, row, contact.normal, across, arm=arm).path
+        try:
+            curves[name] = _boundary(replace(loop, path=path), stiffness)
+        except StabilityError:
+            never.append(name)
+    least = _interval(loop, curves[own].inside[0])[0]
+    return curves, never, stiffness, 0.0 if least <= _SCALES[0] else least * stiffness
+
+
+def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], None]) -> ZWidth:
+    """Return the Z-width of a scenario whose object is a deformable body; see ``palpate.stability.zwidth``."""
+    report("the body's response", 0.05)
+    curves, never, stiffness, least = body_boundaries(
+        s, operator_name(s), other_operators(s), lambda done: report("exact boundary", 0.2 + 0.7 * done)
+    )
+    reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
+    return ZWidth(s.title, curves, None, reason, None, (0.0, stiffness), None, tuple(never), least)
+
+
+def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:
+    """Return the boundary of a loop; `stiffness` is that of the body along the normal, N/m."""
+    undamped = _interval(loop, 0.0)[1]
+    largest = _largest_damping(loop, stiffness, undamped)
+    damping = largest * (1.0 - np.cos(np.linspace(0.0, 0.5 * math.pi, _POINTS))) if largest > 0.0 else np.zeros(1)
+    found = [(b, *_interval(loop, float(b))) for b in damping]
+    kept = [(b, low, high) for b, low, high in found if high > 0.0]
+    if not kept:
+        raise StabilityError("no body of any stiffness is stable in this loop")
+    roots = [loop.root(high, float(b)) for b, _, high in kept]
+    b, low, high = kept[len(kept) // 3]
+    return Boundary(
+        np.array([one[0] for one in kept]),
+        stiffness * np.array([one[2] for one in kept]),
+        np.abs(np.angle(roots)),
+        (float(b), stiffness * math.sqrt(max(low, _SCALES[0]) * high)),
+    )
+
+
+def _largest_damping(loop: BodyLoop | MultirateLoop, stiffness: float, undamped: float) -> float:
+    """Return the largest damping with which some stiffness is stable, N s/m; 0: none."""
+    good, bad = 0.0, stiffness * max(undamped, 1.0) * loop.period
+    for _ in range(_DOUBLINGS):
+        if _interval(loop, bad)[1] == 0.0:
+            break
+        good, bad = bad, 2.0 * bad
+    for _ in range(12):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if _interval(loop, middle)[1] > 0.0 else (good, middle)
+    return good
+
+
+def _interval(loop: BodyLoop | MultirateLoop, damping: float) -> tuple[float, float]:
+    """Return the first interval of factors on the body's force, from soft to stiff, that is stable; (0, 0): none."""
+
+    def stable(scale: float) -> bool:
+        return abs(loop.root(scale, damping)) < 1.0
+
+    low = next((k for k, scale in enumerate(_SCALES) if stable(scale)), None)
+    if low is None:
+        return 0.0, 0.0
+    high = next((k for k in range(low + 1, len(_SCALES)) if not stable(_SCALES[k])), None)
+    top = _SCALES[-1] if high is None else _edge(stable, _SCALES[high - 1], _SCALES[high])
+    bottom = _SCALES[0] if low == 0 else _edge(stable, _SCALES[low], _SCALES[low - 1])
+    return float(bottom), float(top)
+
+
+def _edge(stable: Callable[[float], bool], inside: float, outside: float) -> float:
+    for _ in range(30):
+        middle = math.sqrt(inside * outside)
+        inside, outside = (middle, outside) if stable(middle) else (inside, middle)
+    return inside

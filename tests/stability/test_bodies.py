@@ -1,0 +1,140 @@
+"""Loops on deformable bodies: verdicts agree with the run, a body of one node is a wall, and doubt is admitted."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from one_node import one_node
+from palpate import fem, simulate
+from palpate.errors import StabilityError
+from palpate.metrics import measure_performance, summarize
+from palpate.scenario import Scenario
+from palpate.stability import certify, contact_stability, zwidth
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same block with cells of 8 mm, for kinds that take long."""
+    path = tmp_path_factory.mktemp("body") / "coarse.h5"
+    shape = fem.block((0.04, 0.04, 0.02), (0.008, 0.008, 0.01))
+    fem.build(shape, young=20e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, modes=6, output=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40 x 40 x 20 mm of 20 kPa, bonded below, touched on its top, with 20 vibration modes."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    shape = fem.block((0.04, 0.04, 0.02), 0.005)
+    fem.build(shape, young=20e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, modes=20, output=path)
+    return path
+
+
+def press(block: Path, kind: str, scale: float, **options: Any) -> dict[str, Any]:
+    """A hand presses a flat end of 12 mm on the block with 1 N at 1 kHz."""
+    body = {
+        "file": str(block), "origin": ["20 mm", "20 mm", "20 mm"], "kind": kind, "stiffness_scale": scale,
+        "tip": "flat", "radius": "12 mm", **options,
+    }  # fmt: skip
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {**HAND, "shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-1 N"]},
+        "controller": {"kind": "none"},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.1 mm"], "body": body},
+        "run": {"duration": "1 s"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "scale"),
+    [("modal", 8), ("modal", 12), ("modal", 16), ("mass_spring", 4), ("mass_spring", 16)]
+    + [("mass_spring", scale) for scale in (1, 2, 8, 32) if NIGHTLY],
+)
+def test_inertia_is_no_stiffness_of_a_wall(block: Path, kind: str, scale: float) -> None:
+    """These loops rest, though a wall of the stiffness within one tick would be unstable."""
+    trace = simulate(press(block, kind, scale, rayleigh_beta="1 ms"))
+    found = contact_stability(trace)
+    assert summarize(trace)["palpation"]["settled"]
+    assert found.one_tick_stiffness > 1.3 * found.static_stiffness
+    assert found.verdict == "stable"
+    assert found.doubt < 0.5
+
+
+def test_a_block_too_stiff_for_the_hand_bounces(block: Path) -> None:
+    """At 6 times the stiffness the loop is stable, at 12 times it bounces; the margin says where between."""
+    soft, stiff = (certify(press(block, "compliance", scale)) for scale in (6, 12))
+    assert soft.stable
+    assert 1.0 < soft.margin["gain_margin"] < 2.0
+    assert stiff.verdict == "unstable"
+    assert stiff.counter_example is not None
+    assert stiff.counter_example.scenario == stiff.scenario
+    assert set(soft.criteria) == {"eigenvalues", "Jury", "Routh", "Lyapunov", "Nyquist"}
+    assert soft.margin["static_stiffness_N_per_m"] == pytest.approx(soft.margin["one_tick_stiffness_N_per_m"])
+    json.dumps(soft.to_dict(), allow_nan=False)
+
+
+def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path) -> None:
+    path = one_node(512.0, tmp_path / "one.h5")
+    tables = press(path, "compliance", 1.0)
+    tables["object"]["body"] = {"file": str(path), "radius": "20 mm", "tip": "flat"}
+    wall = {**tables, "object": {"kind": "wall", "stiffness": "512 N/m", "normal": [0, 0, 1]}}
+    ours, exact = zwidth(tables), zwidth(wall, simulated=False)
+    assert len(ours.curves) >= 2
+    for name, curve in ours.curves.items():
+        assert curve.stiffness[0] == pytest.approx(exact.curves[name].stiffness[0], rel=2e-2)
+        assert curve.damping.max() == pytest.approx(exact.curves[name].damping.max(), rel=2e-2)
+    assert ours.here == (0.0, pytest.approx(512.0, rel=1e-6))
+    felt, expected = (measure_performance(one).along[0] for one in (tables, wall))
+    assert felt.static_stiffness == pytest.approx(expected.static_stiffness, rel=1e-2)
+    assert felt.transparency_bandwidth == pytest.approx(expected.transparency_bandwidth, rel=0.1)
+    assert felt.bandwidth == pytest.approx(expected.bandwidth, rel=0.05)
+
+
+def test_the_slowest_updates_of_a_hyperelastic_body_are_reported(coarse: Path) -> None:
+    certificate = certify(press(coarse, "neo-hookean", 1.0, slow_step="60 ms"))
+    assert certificate.stable
+    assert certificate.margin["slowest_update_s"] >= 0.06
+    assert "update of 60 ticks" in certificate.method[0]
+    assert certificate.margin["one_tick_stiffness_N_per_m"] == pytest.approx(
+        certificate.margin["static_stiffness_N_per_m"], rel=0.1
+    )
+
+
+def test_what_cannot_be_decided_is_said(coarse: Path) -> None:
+    undamped = certify(press(coarse, "modal", 1.0))
+    assert undamped.verdict == "cannot tell"
+    released = press(coarse, "compliance", 1.0)
+    released["operator"] |= {"stop": "0.5 s", "force": ["0 N", "0 N", "-1 N"]}
+    released["object"]["position"] = ["0 mm", "0 mm", "-1 mm"]
+    found = certify(released)
+    assert found.verdict == "cannot tell"
+    assert "off the body" in found.claim
+    far = press(coarse, "compliance", 1.0)
+    far["object"]["position"] = ["0 mm", "0 mm", "-90 mm"]
+    assert "does not touch the body" in certify(far).claim
+    with pytest.raises(StabilityError, match="keeps the tip still"):
+        certify({**press(coarse, "compliance", 1.0), "operator": {"kind": "fixed"}})
+
+
+def test_a_trace_of_some_ticks_only_is_run_again(block: Path) -> None:
+    tables = press(block, "compliance", 2.0)
+    every = contact_stability(simulate(tables), -1)
+    some = contact_stability(simulate({**tables, "run": {"duration": "1 s", "record_every": 10}}), -1)
+    assert some.radius == pytest.approx(every.radius, abs=1e-12)
+
+
+def test_a_wrong_object_is_refused() -> None:
+    wall = press(Path("none"), "compliance", 1.0) | {
+        "object": {"kind": "wall", "stiffness": "500 N/m", "normal": [0, 0, 1]}
+    }
+    with pytest.raises(StabilityError, match="needs a scenario with a body"):
+        contact_stability(simulate(Scenario.from_dict(wall)))

@@ -1,0 +1,36 @@
+"""The README's animation comes from a real run, is small, and moves."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
+
+
+def frames_of(path: Path) -> list[bytes]:
+    with Image.open(path) as picture:
+        count = int(getattr(picture, "n_frames", 1))
+        found = []
+        for index in range(count):
+            picture.seek(index)
+            found.append(picture.convert("RGB").tobytes())
+    return found
+
+
+def test_the_animation_is_small_and_no_frame_repeats() -> None:
+    assert (PICTURES / "palpation.gif").stat().st_size <= 500_000
+    frames = frames_of(PICTURES / "palpation.gif")
+    assert len(set(frames)) == len(frames) == 40
+
+
+@pytest.mark.skipif(not NIGHTLY, reason="long: PALPATE_NIGHTLY=1 runs it")
+def test_the_script_draws_the_animation(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, PICTURES / "animate.py", tmp_path / "again.gif"], check=True)
+    assert len(frames_of(tmp_path / "again.gif")) == 40

@@ -30,6 +30,8 @@ __all__ = ["NORMAL_RESOLUTION", "Site", "TouchedSurface"]
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 NORMAL_RESOLUTION = np.radians(6.0)  # normals within this angle are represented by one
+NEAR = 2e-3  # m: faces this near to the path of the proxy are tested
+POINTS = 50  # of the path, from which the distance of a face is measured
 GROUPS = 8  # largest number of normals at a site; more are represented more coarsely
 FLAT = 1e-6  # height of a neighbor's corner over a face, relative to the edge, above which their edge is a valley
 SLIDES = 8  # directions of slip measured on a curved surface
@@ -176,7 +178,8 @@ class TouchedSurface:
     def _measured(self, trace: Trace, row: int, damping: float) -> tuple[ContactMode | None, list[ContactMode]]:
         """Return the mode at rest and those of slips, measured on the proxy itself where it is at a sample.
 
-        The mode at rest is None if its law is not smooth there. Slips are measured on a curved surface only.
+        The mode at rest is None if its law is not smooth there. Slips are measured on a curved surface only, and those
+        of a sphere are those on flat faces.
         """
         place, triangle = trace["proxy"][row], int(trace["triangle"][row, 0])
         normal, depth = trace["normal"][row], float(trace["depth"][row, 0])
@@ -189,7 +192,7 @@ class TouchedSurface:
             kind = "sticking" if here.rubs else "face"
             rest = ContactMode(kind, f"at rest {when}", law.damped(damping, normal, period), normal)
         slips: list[ContactMode] = []
-        if not self.curved or not here.rubs or np.isinf(here.friction) or here.friction == 0.0:
+        if not self.curved or self.radius > 0.0 or not here.rubs or np.isinf(here.friction) or here.friction == 0.0:
             return rest, slips
         sliding = replace(own, static_friction=here.friction, dynamic_friction=here.friction)
         probe = ProxyProbe(self.mesh, sliding.core_for(self.mesh), self.radius)
@@ -224,11 +227,19 @@ def contact_rows(trace: Trace, count: int, last: int) -> list[int]:
     return sorted({*rows, int(firm[-1])})
 
 
-def faces_near(mesh: Mesh, visited: Faces) -> Faces:
-    """Return the faces that share a corner with one of the ``visited`` faces, these included."""
+def faces_near(mesh: Mesh, visited: Faces, path: Array) -> Faces:
+    """Return the ``visited`` faces and those within ``NEAR`` of the ``path`` (k, 3) that share a corner with one."""
+    from trimesh.triangles import closest_point
+
     corners = np.zeros(len(mesh.vertices), dtype=bool)
     corners[mesh.triangles[visited].ravel()] = True
-    return np.flatnonzero(corners[mesh.triangles].any(axis=1)).astype(np.int64)
+    ring = np.setdiff1d(np.flatnonzero(corners[mesh.triangles].any(axis=1)), visited)
+    places = path[:: max(len(path) // POINTS, 1)]
+    pairs = np.repeat(mesh.vertices[mesh.triangles[ring]], len(places), axis=0)
+    points = np.tile(places, (len(ring), 1))
+    nearest: Array = closest_point(pairs, points)  # type: ignore[no-untyped-call]
+    away = np.linalg.norm(nearest - points, axis=1).reshape(len(ring), len(places))
+    return np.union1d(visited, ring[away.min(axis=1) <= NEAR]).astype(np.int64)
 
 
 def face_stiffness(surface: Surface, mesh: Mesh) -> Array:

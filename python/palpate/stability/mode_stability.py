@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 CORNERS = 16  # of the polygon about the disk of friction
 UNFELT = 1e-6  # force on the object relative to stiffness times motion, below which a motion is not felt
 ALONG = 0.35  # motion out of the surface relative to the whole, of a slow motion along it
-SLOW = 4.0 * math.pi  # rad/s (2 Hz): slower motions of a sliding tip along the surface are the operator's
+SLOW = 4.0 * math.pi  # rad/s (2 Hz): slower motions along the surface of a tip that slides are the operator's
 MARGINAL = 1e-9  # distance of an eigenvalue from the unit circle that is rounding
 LARGEST = 1e4  # gain margin at which the search stops; the margin is then unbounded
 
@@ -102,7 +102,7 @@ def _judge(site: Site, mode: ContactMode, matrix: Array, values: NDArray[np.comp
 def _drifts(site: Site, mode: ContactMode, matrix: Array, value: complex) -> bool:
     """Return whether a slow eigenvalue is a motion along the surface in which the contact takes no part.
 
-    Its force on the object is zero to rounding, or the tip slides and hardly moves out of the surface.
+    Its force on the object is zero to rounding, or the tip does not stick and hardly moves out of the surface.
     """
     law, directions, n = mode.law, site.loop.directions, site.path.nstates
     vector = np.linalg.svd(matrix - value * np.eye(len(matrix)))[2][-1].conj()
@@ -112,7 +112,7 @@ def _drifts(site: Site, mode: ContactMode, matrix: Array, value: complex) -> boo
     felt = float(np.linalg.norm(directions.T @ force)) / max(float(np.linalg.norm(law.D)) * size, 1e-300)
     if abs(value - 1.0) < 1e-5 and felt < UNFELT:
         return True
-    return mode.kind in ("sliding", "edge") and float(abs(mode.normal @ motion)) < ALONG * size
+    return mode.kind in ("sliding", "edge", "face") and float(abs(mode.normal @ motion)) < ALONG * size
 
 
 def contact_matrix(site: Site, mode: ContactMode) -> Array:

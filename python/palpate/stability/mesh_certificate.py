@@ -319,7 +319,7 @@ def _assumptions(contact: MeshContact) -> list[str]:
     surface = s.object.surface
     assert surface is not None
     sentences = [
-        f"The contact stays within {1e3 * NEAR:.0f} mm of the path of this run; another part of the mesh needs its own.",
+        f"The contact stays within {1e3 * NEAR:.0f} mm of the path of this run; other parts need another run.",
         "A step of the force at an edge of the mesh is a bounded disturbance.",
         "While the tip slides, motions along the surface slower than 2 Hz are the operator's.",
     ]

@@ -8,8 +8,8 @@
 
 namespace palpate::math {
 
-/// Dual number of forward-mode automatic differentiation: value + gradient . epsilon, epsilon^2 =
-/// 0.
+/// Dual number of forward-mode automatic differentiation: value + gradient . epsilon,
+/// epsilon^2 = 0.
 ///
 /// A templated formula evaluated on `Dual` yields its value and its Jacobian, exact to rounding.
 /// `N` is the number of independent variables.
@@ -32,25 +32,35 @@ struct Dual {
     return d;
   }
 
-  Dual operator-() const { return {-value, -gradient}; }
+  /// Return the number with the given value and derivatives. Loops over the derivatives compile faster than Eigen's expressions.
+  template <class Derivative>
+  static Dual with_gradient(const Value& v, const Derivative& derivative) {
+    Dual out(v);
+    for (int i = 0; i < N; ++i) out.gradient[i] = derivative(i);
+    return out;
+  }
+
+  Dual operator-() const {
+    return with_gradient(-value, [&](int i) { return -gradient[i]; });
+  }
   Dual& operator+=(const Dual& o) {
     value += o.value;
-    gradient += o.gradient;
+    for (int i = 0; i < N; ++i) gradient[i] += o.gradient[i];
     return *this;
   }
   Dual& operator-=(const Dual& o) {
     value -= o.value;
-    gradient -= o.gradient;
+    for (int i = 0; i < N; ++i) gradient[i] -= o.gradient[i];
     return *this;
   }
   Dual& operator*=(const Dual& o) {
-    gradient = gradient * o.value + o.gradient * value;
+    for (int i = 0; i < N; ++i) gradient[i] = gradient[i] * o.value + o.gradient[i] * value;
     value *= o.value;
     return *this;
   }
   Dual& operator/=(const Dual& o) {
     value /= o.value;
-    gradient = (gradient - o.gradient * value) / o.value;
+    for (int i = 0; i < N; ++i) gradient[i] = (gradient[i] - o.gradient[i] * value) / o.value;
     return *this;
   }
 
@@ -65,7 +75,9 @@ struct Dual {
 /// Return sine and cosine with their derivatives, given sine and cosine of the value.
 template <int N, class Value>
 [[gnu::always_inline]] inline SineCosine<Dual<N, Value>> sincos(const SineCosine<Value>& at, const Eigen::Matrix<Value, N, 1>& gradient) {
-  return {Dual<N, Value>(at.sine, gradient * at.cosine), Dual<N, Value>(at.cosine, gradient * -at.sine)};
+  using Out = Dual<N, Value>;
+  return {Out::with_gradient(at.sine, [&](int i) { return gradient[i] * at.cosine; }),
+          Out::with_gradient(at.cosine, [&](int i) { return gradient[i] * -at.sine; })};
 }
 
 template <int N, class Value>

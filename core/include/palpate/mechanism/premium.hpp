@@ -85,7 +85,7 @@ class Premium {
     SineCosine<Scalar> upper;  // theta2
     SineCosine<Scalar> fore;   // theta3
 
-    /// Copies the cache of one loop into a lane.
+    /// Copy the cache of one loop into a lane.
     void set_lane(int lane, const KinematicsCache<double>& one) {
       using math::set_lane;
       set_lane(q, lane, one.q);
@@ -95,21 +95,21 @@ class Premium {
     }
   };
 
-  /// Computes the cache at `q` [rad].
+  /// Compute the cache at `q` [rad].
   template <class Scalar>
   [[nodiscard]] KinematicsCache<Scalar> kinematics(const Angles<Scalar>& q) const {
     return {q, sincos(q[0]), sincos(q[1]), sincos(q[2])};
   }
 
-  /// Returns the cache at `from.q + dq`. It is cheaper than a new one if `dq` [rad] is small.
+  /// Return the cache at `from.q + dq`. It is cheaper than a new one if `dq` [rad] is small.
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] KinematicsCache<Scalar> advance(const KinematicsCache<Scalar>& from, const Angles<Scalar>& dq) const {
     const Angles<Scalar> q = from.q + dq;
     return {q, advance_joint(from.yaw, dq[0], q[0]), advance_joint(from.upper, dq[1], q[1]), advance_joint(from.fore, dq[2], q[2])};
   }
 
-  /// Returns the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the
-  /// reference, its sine and cosine are computed anew and the reference moves to `q`.
+  /// Return the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the
+  /// reference, its sine and cosine are recomputed and the reference moves to `q`.
   template <class Scalar>
   [[nodiscard]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& reference, const Angles<Scalar>& q) const {
     using std::abs;
@@ -151,9 +151,15 @@ class Premium {
     const auto& [s3, c3] = at.fore;
     const Scalar reach = l1_ * c2 + l2_ * s3;
     TipJacobian<3, Scalar> j;
-    j << c1 * reach, -l1_ * s1 * s2, l2_ * s1 * c3,  //
-        Scalar(0.0), l1_ * c2, l2_ * s3,             //
-        -s1 * reach, -l1_ * c1 * s2, l2_ * c1 * c3;
+    j(0, 0) = c1 * reach;
+    j(1, 0) = Scalar(0.0);
+    j(2, 0) = -s1 * reach;
+    j(0, 1) = -l1_ * s1 * s2;
+    j(1, 1) = l1_ * c2;
+    j(2, 1) = -l1_ * c1 * s2;
+    j(0, 2) = l2_ * s1 * c3;
+    j(1, 2) = l2_ * s3;
+    j(2, 2) = l2_ * c1 * c3;
     return j;
   }
 
@@ -330,12 +336,12 @@ class Premium {
     return acceleration(kinematics(q), qd, torque);
   }
 
-  /// Returns one pose [rad] whose tip is at `p` [m]; see PremiumInverse.
+  /// Return one pose [rad] whose tip is at `p` [m]; see PremiumInverse.
   [[nodiscard]] PremiumInverse::Solution inverse(const Vector3<>& p, bool behind = false, bool elbow_down = false) const {
     return PremiumInverse{l1_, l2_}.solve(p, behind, elbow_down);
   }
 
-  /// All poses whose tip is at `p` [m].
+  /// Return all poses whose tip is at `p` [m].
   [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*near*/) const {
     return PremiumInverse{l1_, l2_}.solve_all(p);
   }
@@ -353,7 +359,7 @@ class Premium {
     return {select(small, near.sine, far.sine), select(small, near.cosine, far.cosine)};
   }
 
-  /// Computes the sines and cosines of joints with a wide displacement anew, in a cache and in its reference.
+  /// Recompute the sines and cosines of joints with a large displacement, in a cache and in its reference.
   template <class Scalar>
   [[gnu::noinline]] static void recompute(KinematicsCache<Scalar>& reference, KinematicsCache<Scalar>& at, const Angles<Scalar>& dq) {
     using std::abs;

@@ -25,7 +25,7 @@ class TipKinematics {
   TipKinematics() = default;
   explicit TipKinematics(const Mechanism& mechanism) : mechanism_(mechanism) {}
 
-  /// Linearizes the kinematics at `pose` [rad], where the tip force has the constant part `constant_force` [N].
+  /// Linearize the kinematics at `pose` [rad], where the tip force has the constant part `constant_force` [N].
   TipKinematics(const Mechanism& mechanism, const Angles& pose, const Vector& constant_force)
       : mechanism_(mechanism),
         linearized_(true),
@@ -38,12 +38,12 @@ class TipKinematics {
     for (int i = 0; i < dof; ++i) q[i] = Variable::variable(pose[i], i);
     const TipJacobian<dof, Variable> j = mechanism.jacobian(q);
     geometric_stiffness_.setConstant(0.0);
-    for (int i = 0; i < dof; ++i) {
-      for (int row = 0; row < 3; ++row) geometric_stiffness_.row(i) += constant_force[row] * j(row, i).gradient.transpose();
-    }
+    for (int i = 0; i < dof; ++i)
+      for (int row = 0; row < 3; ++row)
+        for (int k = 0; k < dof; ++k) geometric_stiffness_(i, k) += constant_force[row] * j(row, i).gradient[k];
   }
 
-  /// Copies the kinematics of one loop into a lane. All lanes have the same mechanism, and all or none are linearized.
+  /// Copy the kinematics of one loop into a lane. All lanes have the same mechanism, and all or none are linearized.
   void set_lane(int lane, const TipKinematics<Mechanism>& one) {
     using math::set_lane;
     mechanism_ = one.mechanism_;
@@ -54,18 +54,18 @@ class TipKinematics {
     set_lane(geometric_stiffness_, lane, one.geometric_stiffness_);
   }
 
-  /// Moves to the angles `q` [rad].
+  /// Move to the angles `q` [rad].
   void update(const Angles& q) noexcept {
     if (linearized_) {
       displacement_ = q - pose_;
-      tip_ = pose_tip_ + jacobian_ * displacement_;
+      tip_ = pose_tip_ + math::product(jacobian_, displacement_);
       return;
     }
     cache_ = mechanism_.kinematics(q);
     tip_ = mechanism_.forward(cache_);
   }
 
-  /// Moves to the pose of `cache`, which the caller has computed already. Exact kinematics only.
+  /// Move to the pose of `cache`, which the caller has computed already. Exact kinematics only.
   void update(const KinematicsCacheOf<Mechanism, Scalar>& cache) noexcept
     requires(!std::is_same_v<KinematicsCacheOf<Mechanism, Scalar>, Angles>)
   {
@@ -79,7 +79,7 @@ class TipKinematics {
   /// Joint torques [N*m] of the tip force `force` [N], which includes the constant part.
   [[nodiscard, gnu::always_inline]] Angles torque(const Vector& force) const noexcept {
     if (linearized_) [[unlikely]]
-      return jacobian_.transpose() * force + geometric_stiffness_ * displacement_;
+      return math::transposed_product(jacobian_, force) + math::product(geometric_stiffness_, displacement_);
     return mechanism_.apply_jacobian_transpose(cache_, force);
   }
 

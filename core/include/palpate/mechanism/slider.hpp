@@ -5,6 +5,7 @@
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/inverse_kinematics.hpp"
+#include "palpate/mechanism/mechanism.hpp"
 #include "palpate/mechanism/parameters.hpp"
 
 namespace palpate::mechanism {
@@ -16,9 +17,8 @@ struct SliderParameters {
 
 /// One mass on one axis, the device of the literature on sampled walls (Colgate & Schenkel 1997; Gil, Avello, Rubio & Florez 2004).
 /// Its joint coordinate is the tip position x [m]. Its joint torque is the force along x [N].
-class Slider {
+class Slider : public MechanismDefaults<Slider, 1> {
  public:
-  static constexpr int dof = 1;
   using Parameters = SliderParameters;
   static constexpr const char* name = "slider";
   static constexpr std::array joints = {JointKind::prismatic};
@@ -32,28 +32,6 @@ class Slider {
   Slider() = default;
   explicit Slider(double mass) : mass_(mass) {}
   explicit Slider(const Parameters& p) : mass_(p.mass) {}
-
-  /// The kinematics cache is the joint coordinate.
-  template <class Scalar>
-  [[nodiscard]] const Angles<Scalar>& kinematics(const Angles<Scalar>& q) const {
-    return q;
-  }
-  template <class Scalar>
-  [[nodiscard]] const Angles<Scalar>& kinematics_near(const Angles<Scalar>& /*reference*/, const Angles<Scalar>& q) const {
-    return q;
-  }
-  template <class Scalar>
-  [[nodiscard]] Angles<Scalar> advance(const Angles<Scalar>& from, const Angles<Scalar>& dq) const {
-    return from + dq;
-  }
-  template <class Scalar>
-  [[nodiscard]] Angles<Scalar> advance_small(const Angles<Scalar>& from, const Angles<Scalar>& dq) const {
-    return from + dq;
-  }
-  template <class Scalar>
-  [[nodiscard]] static Condition<Scalar> is_small(const Angles<Scalar>& /*dq*/) {
-    return true;
-  }
 
   /// Tip position (q, 0, 0) [m].
   template <class Scalar>
@@ -125,12 +103,7 @@ class Slider {
     return Eigen::Matrix<Scalar, 1, 1>(Scalar(0.0));
   }
 
-  /// Gravity force: zero, because the axis is horizontal.
-  template <class Scalar>
-  [[nodiscard]] Angles<Scalar> gravity(const Angles<Scalar>& /*q*/) const {
-    return Angles<Scalar>(Scalar(0.0));
-  }
-
+  /// Potential energy: zero, because the axis is horizontal.
   template <class Scalar>
   [[nodiscard]] Scalar potential(const Angles<Scalar>& /*q*/) const {
     return Scalar(0.0);

@@ -194,6 +194,13 @@ def test_a_hyperelastic_body_is_refused_and_nothing_is_written(block: Path, tmp_
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_run_that_the_loader_would_refuse_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.simulation.loop_config._TICKS", 499)
+    with pytest.raises(OutputError, match=r"run.duration: 500 servo periods; .* at most 499"):
+        resolve(wall(), tmp_path / "loop")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear", "utf-8")

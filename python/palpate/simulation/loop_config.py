@@ -35,6 +35,7 @@ _DTYPES: Final = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "uint8": "
 _LARGEST: Final = 2**32  # bytes of one blob
 _ORDER: Final = 1000  # states of a controller or a sampled plant
 _ARM: Final = ("mass", "damping", "stiffness", "tissue", "tissue_stiffness", "tissue_damping")
+_TICKS: Final = 2**22  # servo periods of a run
 
 
 def resolve(
@@ -96,6 +97,9 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     scenario, device, setup = simulation.scenario, simulation.device, simulation.setup
     if not isinstance(simulation.controller, Controller):
         raise OutputError("controller: a controller written in Python cannot be resolved; write it in C++")
+    ticks = len(simulation.reference) - 1
+    if ticks > _TICKS:
+        raise OutputError(f"run.duration: {ticks} servo periods; a resolved loop has at most {_TICKS}")
     known = device.model.parameters
     parameters = {key: _list(values) for key, values in device.parameters.values.items() if key in known}
     return {
@@ -109,7 +113,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         "object": _object(simulation, blobs),
         "controller": _controller(simulation.controller),
         "run": {
-            "ticks": len(simulation.reference) - 1,
+            "ticks": ticks,
             "record_every": setup.record_every,
             "reference": blobs.signal("reference", simulation.reference),
             "operator_force": blobs.signal("operator_force", simulation.operator),

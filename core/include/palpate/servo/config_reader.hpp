@@ -19,13 +19,13 @@
 
 namespace palpate::servo {
 
-/// Reads typed members of a JSON document and the blobs that it describes. Keeps the first problem as a sentence; from then on every
-/// member reads as its default.
+/// Reads typed members of a JSON document and the blobs that it describes. Keeps the first problem as a sentence. After it, every member
+/// has its default value.
 class ConfigReader {
  public:
   static constexpr std::uint64_t max_blob_bytes = std::uint64_t{1} << 32;
 
-  /// An object of the document, with its place for messages.
+  /// An object of the document and its path, for messages.
   class Section {
    public:
     Section() = default;
@@ -240,8 +240,14 @@ class ConfigReader {
   }
   [[nodiscard]] bool ok() const noexcept { return error_.empty(); }
   [[nodiscard]] const std::string& error() const noexcept { return error_; }
-  void fail(const std::string& problem) {
-    if (ok()) error_ = problem;
+  /// Keep the first problem, in printable characters. A long text of the document is cut in the middle.
+  void fail(std::string problem) {
+    if (!ok()) return;
+    constexpr std::size_t longest = 240;
+    if (problem.size() > longest) problem = problem.substr(0, longest / 2) + "..." + problem.substr(problem.size() - longest / 2);
+    for (char& c : problem)
+      if (c < 0x20 || c > 0x7e) c = '?';
+    error_ = std::move(problem);
   }
 
  private:

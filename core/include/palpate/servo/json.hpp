@@ -39,7 +39,8 @@ struct JsonDocument {
 /// Limits that keep a malformed or hostile document from exhausting stack or memory.
 struct JsonLimits {
   std::size_t text = std::size_t{1} << 24;    ///< bytes
-  std::size_t values = std::size_t{1} << 20;  ///< numbers, strings, arrays, objects ... in all
+  std::size_t values = std::size_t{1} << 20;  ///< numbers, strings, arrays and objects together
+  std::size_t members = 256;                  ///< of one object
   int depth = 32;                             ///< nested arrays and objects
 };
 
@@ -122,6 +123,7 @@ class JsonParser {
       std::string key;
       if (peek() != '"') return fail("the name of a member, in quotes, is missing");
       if (!parse_string(key)) return false;
+      if (to.keys.size() >= limits_.members) return fail("an object has too many members");
       if (to.find(key) != nullptr) return fail("a name occurs twice in one object");
       skip_space();
       if (!take(':')) return fail("a colon is missing after the name of a member");

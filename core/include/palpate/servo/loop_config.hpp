@@ -29,7 +29,7 @@ namespace palpate::servo {
 class LoopConfig {
  public:
   static constexpr int version = 1;                   ///< of the format
-  static constexpr std::int64_t max_ticks = 1 << 25;  ///< servo periods of a run
+  static constexpr std::int64_t max_ticks = 1 << 22;  ///< servo periods of a run: 70 minutes at 1 kHz
 
   std::string title;
   std::string mechanism;  ///< name in mechanism::Registry

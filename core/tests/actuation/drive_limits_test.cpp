@@ -33,7 +33,7 @@ TEST(Drive, PeakKeepsTheDirection) {
   EXPECT_NEAR(f[0] / f[1], 0.75, 1e-14);
 }
 
-// Law: what a drive gives for ever is its continuous force; a moment's peak is there first.
+// Law: a drive gives its peak force for a short time and its continuous force indefinitely.
 TEST(Drive, HeatBringsThePeakDownToTheContinuousForce) {
   DriveLimits<3> limits;
   limits.peak_force = 8.5;
@@ -49,7 +49,7 @@ TEST(Drive, HeatBringsThePeakDownToTheContinuousForce) {
     force = next;
   }
   EXPECT_NEAR(force, 1.4, 0.01 * 1.4 + 1e-3);
-  EXPECT_LT(largest_step, 0.3);  // no step that a hand would feel as a click
+  EXPECT_LT(largest_step, 0.3);  // no step that an operator perceives
   for (int k = 0; k < 100000; ++k) drive.limit_force({0.0, 0.0, 0.0});
   EXPECT_NEAR(drive.limit_force({8.5, 0.0, 0.0}).norm(), 8.5, 1e-3);  // cold again
 }

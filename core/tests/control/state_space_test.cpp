@@ -16,7 +16,7 @@ TEST(StateSpace, WithoutStatesIsAGain) {
   EXPECT_EQ(gain.output({1.0, 2.0, 3.0}, {1.0, 1.0, 1.0}), Vector3<>(1.0, 3.0, 5.0));
 }
 
-// Law: with anti-windup, an integrator fed a command the drive cannot give stops where the drive's limit is.
+// Law: with anti-windup, an integrator stops at the limit of the drive.
 TEST(StateSpace, AntiwindupHoldsAnIntegrator) {
   const Eigen::MatrixXd eye = Eigen::MatrixXd::Identity(3, 3);
   Eigen::MatrixXd b(3, 6);
@@ -30,7 +30,7 @@ TEST(StateSpace, AntiwindupHoldsAnIntegrator) {
     }
   }
   EXPECT_NEAR(wound.state()[0], 100.0, 1e-9);
-  EXPECT_NEAR(held.state()[0], 2.2, 1e-9);  // 0.1 in balance with 0.5 of what exceeds 2
+  EXPECT_NEAR(held.state()[0], 2.2, 1e-9);  // input 0.1 balances 0.5 times the excess over 2
 }
 
 TEST(VirtualCoupling, SpringAndBackwardDifference) {
@@ -42,7 +42,7 @@ TEST(VirtualCoupling, SpringAndBackwardDifference) {
   EXPECT_NEAR(f[2], 0.3 + 2.0, 1e-12);
 }
 
-// Law: the bilinear rule integrates exactly by trapezia: T (v_k + v_{k-1}) / 2 adds up to the displacement.
+// Law: the bilinear rule is the trapezoidal rule: T (v_k + v_{k-1}) / 2 adds up to the displacement.
 TEST(VirtualCoupling, BilinearRateAddsUpToTheDisplacement) {
   VirtualCoupling c(Vector3<>::Zero(), Vector3<>::Ones(), VirtualCoupling::Difference::bilinear);
   double sum = 0.0, before = 0.0, x = 0.0;

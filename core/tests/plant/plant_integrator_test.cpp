@@ -14,7 +14,7 @@ using palpate::plant::JointFriction;
 using palpate::plant::PlantIntegrator;
 using palpate::plant::PlantState;
 
-// Law: without friction and forces the energy stays.
+// Law: without friction and forces the energy is constant.
 TEST(PlantIntegrator, ConservesEnergyForTenSeconds) {
   const PlantIntegrator<Premium> motion(arm, JointFriction<3>{}, HumanArm{});
   PlantState<3> s;
@@ -26,7 +26,7 @@ TEST(PlantIntegrator, ConservesEnergyForTenSeconds) {
   EXPECT_LT(std::abs(energy() - before), 1e-9 * std::abs(before));
 }
 
-// Law: a slider with viscous friction under constant force has an exponential answer.
+// Law: a slider with viscous friction under constant force has an exponential response.
 TEST(PlantIntegrator, SliderFollowsItsClosedForm) {
   JointFriction<1> friction;
   friction.viscous[0] = 0.8;
@@ -52,12 +52,12 @@ TEST(PlantIntegrator, CoulombFrictionStopsAMassAtTheRightPlaceForEver) {
   EXPECT_NEAR(s.q[0], 0.01 * 0.06 / (2 * 0.04), 1e-10);
   const double stopped = s.q[0];
   for (int k = 0; k < 1000; ++k) motion.advance(s, Joints<1>(0.0399), ForceSegment<>{}, 1e-3, 2);
-  EXPECT_EQ(s.q[0], stopped);  // a force it can hold moves nothing: no creep, no chatter
+  EXPECT_EQ(s.q[0], stopped);  // a force below breakaway causes no creep and no chatter
   for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(0.0401), ForceSegment<>{}, 1e-3, 2);
   EXPECT_GT(s.qd[0], 0.0);
 }
 
-// Law: gravity on the arm is a slope; joints whose friction exceeds it do not move by one bit.
+// Law: joints whose friction exceeds the gravity torque do not move by one bit.
 TEST(PlantIntegrator, StickingHoldsTheArmAgainstGravity) {
   JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
   friction.coulomb = Joints<3>::Constant(0.02);
@@ -73,7 +73,7 @@ TEST(PlantIntegrator, StickingHoldsTheArmAgainstGravity) {
   EXPECT_EQ(s.qd, Joints<3>(Joints<3>::Zero()));
 }
 
-// Law: friction and the arm's damper only take energy away.
+// Law: friction and the damper of the arm never add energy.
 TEST(PlantIntegrator, DissipationNeverAddsEnergy) {
   JointFriction<3> friction = palpate::plant::phantom_premium_1_5a_friction();
   friction.coulomb = Joints<3>::Constant(0.002);

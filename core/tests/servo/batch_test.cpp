@@ -19,7 +19,7 @@ using palpate::servo::SimulationSetup;
 constexpr int ticks = 400;
 constexpr int width = palpate::servo::outcome_width<1>;
 
-/// A slider at a spring, with its own delay, heat of the drive and late ticks; every third is far past its critical stiffness.
+/// A slider at a spring, with its own delay, drive temperature and jitter. Every third one exceeds its critical stiffness by far.
 SimulationSetup<Slider> cell(int i) {
   SimulationSetup<Slider> s;
   s.mechanism = Slider(0.06);
@@ -51,7 +51,7 @@ struct JobScheduler {
   }
 };
 
-// Law: a loop in a lane is the loop alone, bit for bit, whichever loops the lane had before and whoever sits beside it.
+// Law: a loop in a lane equals the loop alone, bit for bit, whatever ran in the lane before and beside it.
 TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
   const std::vector<double> nothing(3 * (ticks + 1), 0.0);
   for (const int count : {1, 3, 23}) {

@@ -1,4 +1,4 @@
-// The servo tick and the motion take no memory: this program's own allocation functions count every call.
+// Servo tick and plant do not allocate. The allocation functions of this program count every call.
 #include <gtest/gtest.h>
 
 #include "support/allocations.hpp"

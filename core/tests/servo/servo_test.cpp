@@ -67,7 +67,7 @@ TEST(Servo, FrozenKinematicsAreTheTangent) {
   EXPECT_NEAR(error(1e-2).second / error(1e-3).second, 100.0, 3.0);
 }
 
-// Law: a wall never pulls, whatever its damper says on the way out.
+// Law: a wall never pulls, even if its damping force would on the way out.
 TEST(Servo, AWallNeverPulls) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
@@ -83,7 +83,7 @@ TEST(Servo, AWallNeverPulls) {
   }
 }
 
-// Law: what the motors cannot give is told to the controller: the command, the torque and J^T agree.
+// Law: the controller receives the limited force, and it agrees with the torque through J^T.
 TEST(Servo, MotorLimitsScaleTheCommandAndTheTorqueAlike) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
@@ -110,7 +110,7 @@ TEST(Servo, DelayHoldsTheTorqueBack) {
   EXPECT_LT((servo.tick(pose, push).torque - rest - arm.jacobian(pose).transpose() * push).norm(), 1e-15);
 }
 
-// Law: on the flat top of a box a frictionless mesh answers as a wall of the same stiffness does, and never pulls; the object's
+// Law: on the flat top of a box, a frictionless mesh equals a wall of the same stiffness and never pulls; the object's
 // force is that of the tip on it, opposite to the proxy's.
 TEST(Servo, AFlatMeshIsAWall) {
   palpate::mesh::Surface surface;
@@ -195,7 +195,7 @@ TEST(Servo, AnyObjectIsTheObject) {
   EXPECT_NE(any_hertz.object().get_if<HertzWall>(), nullptr);
 }
 
-// Law: a user's controller sees tip, velocity and forces of its tick, and hears of every applied force.
+// Law: a user's controller receives tip, velocity and forces of its tick, and every applied force.
 TEST(Servo, RunsAUsersController) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
@@ -230,7 +230,7 @@ TEST(Servo, ASceneAddsForces) {
   }
 }
 
-// Law: an object in a rotated and shifted frame answers as the rotated and shifted object; torque about the frame's origin is r x F.
+// Law: an object in a rotated and shifted frame equals the rotated and shifted object; torque about the frame's origin is r x F.
 TEST(Servo, AMovingFrameCarriesItsObject) {
   const Pose frame{{0.01, -0.02, 0.03}, Eigen::AngleAxisd(0.7, Vector3<>(1.0, 2.0, 0.5).normalized()).toRotationMatrix()};
   MovingFrame<SpringWall> moved(wall_at(0.0, 500.0, 1.0));
@@ -272,7 +272,7 @@ TEST(Servo, ResetForgetsEverything) {
   }
 }
 
-// Law: with the true time since the last tick, a damper's force does not depend on when ticks come.
+// Law: with the true time since the last tick, a damper's force does not depend on the tick times.
 TEST(Servo, ALateTickDampsWithTheTrueVelocity) {
   ServoSetup<Premium> setup{.mechanism = arm};
   setup.start = pose;
@@ -284,7 +284,7 @@ TEST(Servo, ALateTickDampsWithTheTrueVelocity) {
   EXPECT_LT((servo.tick(later, Vector3<>::Zero(), 15e-3).object_force - 2.0 * velocity).norm(), 1e-9);
 }
 
-// Law: what cannot be is named.
+// Law: fault() names each invalid parameter.
 TEST(Servo, ASetupNamesItsFault) {
   ServoSetup<Premium> setup{.mechanism = arm};
   EXPECT_EQ(setup.fault(), nullptr);

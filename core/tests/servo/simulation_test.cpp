@@ -24,7 +24,7 @@ SimulationSetup<Slider> sampled_wall(double stiffness, double damping, double vi
   return s;
 }
 
-/// Largest deflection in the last tenth of a run over that in the first.
+/// Return the largest deflection in the last tenth of a run over that in the first.
 double growth(const SimulationSetup<Slider>& setup, int ticks) {
   const std::vector<double> nothing(3 * (static_cast<std::size_t>(ticks) + 1), 0.0);
   std::vector<double> rows(palpate::servo::record_width<1> * (static_cast<std::size_t>(ticks) + 1));

@@ -1,7 +1,7 @@
 #pragma once
 
-// Counts every allocation of the program that includes it, by taking malloc's place. One per program; not with the address sanitizer,
-// which does the same.
+// Counts every allocation of the program that includes this header by replacing malloc. Include it in one program only, and not with the
+// address sanitizer, which replaces malloc too.
 
 #include <gtest/gtest.h>
 

@@ -5,9 +5,9 @@
 #include <palpate/palpate.hpp>
 #include <random>
 
-inline const palpate::mechanism::Premium arm(palpate::plant::phantom_premium_1_5a());  ///< whose laws are checked
+inline const palpate::mechanism::Premium arm(palpate::plant::phantom_premium_1_5a());  ///< mechanism of the tests
 
-/// Random states with a fixed seed, for tests of laws that must hold everywhere.
+/// Random states with a fixed seed, for laws that hold everywhere.
 class States {
  public:
   palpate::math::Joints<3> draw(double size) {

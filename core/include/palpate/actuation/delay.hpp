@@ -18,7 +18,7 @@ class Delay {
   /// @param initial  output before the first input arrives
   Delay(int periods, const Value& initial) : periods_(std::clamp(periods, 0, max_length - 1)), initial_(initial) { line_.fill(initial); }
 
-  /// Stores `value` and returns the value stored `periods` calls ago.
+  /// Store `value` and returns the value stored `periods` calls ago.
   Value pass(const Value& value) noexcept {
     line_[static_cast<std::size_t>(position_)] = value;
     position_ = position_ < periods_ ? position_ + 1 : 0;  // the oldest value, overwritten next
@@ -46,7 +46,7 @@ class Delay {
 template <class Value, int lanes, int max_length = 65>
 class Delays {
  public:
-  /// Copies the delay of one loop, before its first tick, into a lane.
+  /// Copy the delay of one loop, before its first tick, into a lane.
   template <class One>
   void set_lane(int lane, const Delay<One, max_length>& one) {
     periods_[static_cast<std::size_t>(lane)] = one.periods();

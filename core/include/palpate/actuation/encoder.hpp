@@ -18,10 +18,10 @@ struct Encoder {
     return out;
   }
 
-  /// Copies the encoders of one loop into a lane.
+  /// Copy the encoders of one loop into a lane.
   void set_lane(int lane, const Encoder<dof>& one) { math::set_lane(step, lane, one.step); }
 
-  /// Returns the measured angles [rad] of the true angles `q` [rad].
+  /// Return the measured angles [rad] of the true angles `q` [rad].
   [[nodiscard]] Joints<dof, Scalar> read(const Joints<dof, Scalar>& q) const noexcept {
     Joints<dof, Scalar> measured = q;
     for (int i = 0; i < dof; ++i) {

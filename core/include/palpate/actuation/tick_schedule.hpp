@@ -11,7 +11,7 @@ namespace palpate::actuation {
 
 namespace detail {
 
-/// Mixes the bits of an integer: the finalizer of splitmix64 (variant 13 of Stafford).
+/// Mix the bits of an integer: the finalizer of splitmix64 (variant 13 of Stafford).
 [[gnu::always_inline]] inline std::uint64_t splitmix64_mix(std::uint64_t bits) noexcept {
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9ULL;
   bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebULL;
@@ -20,7 +20,7 @@ namespace detail {
 
 }  // namespace detail
 
-/// Returns number `index` of the random sequence of a seed, uniform in [0, 1). It depends only on seed and index (counter-based).
+/// Return number `index` of the random sequence of a seed, uniform in [0, 1). It depends only on seed and index (counter-based).
 [[gnu::always_inline]] inline double random_number(std::uint64_t seed, int index) noexcept {
   const std::uint64_t offset = (static_cast<std::uint64_t>(index) + 1) * 0x9e3779b97f4a7c15ULL;
   return static_cast<double>(detail::splitmix64_mix(detail::splitmix64_mix(seed) + offset) >> 11) * 0x1p-53;
@@ -39,7 +39,7 @@ class TickSchedule {
     tick();
   }
 
-  /// Advances to the next tick.
+  /// Advance to the next tick.
   void tick() noexcept {
     if (!has_jitter_) return;
     elapsed_ = period_ + (next_lateness_ - lateness_);
@@ -47,7 +47,7 @@ class TickSchedule {
     draw();
   }
 
-  /// Copies the schedule of one loop into a lane. All lanes have the same period, and all or none have jitter.
+  /// Copy the schedule of one loop into a lane. All lanes have the same period, and all or none have jitter.
   void set_lane(int lane, const TickSchedule<double>& one) {
     using math::set_lane;
     period_ = one.period_;
@@ -77,7 +77,7 @@ class TickSchedule {
   template <class>
   friend class TickSchedule;
 
-  /// Draws the lateness of the next tick.
+  /// Draw the lateness of the next tick.
   void draw() noexcept {
     if constexpr (std::is_same_v<Scalar, double>) {
       next_lateness_ = jitter_ * random_number(seed_, index_++);

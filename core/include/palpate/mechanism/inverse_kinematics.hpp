@@ -19,7 +19,7 @@ struct InverseKinematics {
   std::string error;               ///< why the position is unreachable, e.g. "412.0 mm from the shoulder, ..."
 };
 
-/// Returns the pose whose tip is at `p` [m] by damped Newton iteration (Levenberg-Marquardt) from `start`.
+/// Return the pose whose tip is at `p` [m] by damped Newton iteration (Levenberg-Marquardt) from `start`.
 template <class Mechanism>
 [[nodiscard]] InverseKinematics<Mechanism::dof> newton_inverse(const Mechanism& mechanism, const Vector3<>& p,
                                                                const Joints<Mechanism::dof>& start) {

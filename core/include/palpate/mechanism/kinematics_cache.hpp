@@ -21,10 +21,10 @@ struct IncrementalKinematics {
   IncrementalKinematics() = default;
   explicit IncrementalKinematics(const KinematicsCacheOf<Mechanism, Scalar>& start) : current(start), reference(start) {}
 
-  /// Moves to the pose `q`.
+  /// Move to the pose `q`.
   void update(const Mechanism& mechanism, const Joints<Mechanism::dof, Scalar>& q) { current = mechanism.kinematics_near(reference, q); }
 
-  /// Copies the kinematics of one loop into a lane.
+  /// Copy the kinematics of one loop into a lane.
   void set_lane(int lane, const IncrementalKinematics<Mechanism>& one) {
     set_cache_lane(current, lane, one.current);
     set_cache_lane(reference, lane, one.reference);

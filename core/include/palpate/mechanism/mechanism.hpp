@@ -19,7 +19,7 @@ namespace palpate::mechanism {
 template <int dof, class Scalar = double>
 using JointMatrix = Eigen::Matrix<Scalar, dof, dof>;
 
-/// Returns the joint coordinates `q` as independent variables of differentiation.
+/// Return the joint coordinates `q` as independent variables of differentiation.
 template <int dof, class Scalar>
 [[nodiscard]] Joints<dof, Dual<dof, Scalar>> joint_variables(const Eigen::Matrix<Scalar, dof, 1>& q) {
   Joints<dof, Dual<dof, Scalar>> out;
@@ -27,7 +27,7 @@ template <int dof, class Scalar>
   return out;
 }
 
-/// Returns the inverse of a symmetric positive definite matrix by Gauss-Jordan elimination, which needs no pivoting for such matrices.
+/// Return the inverse of a symmetric positive definite matrix by Gauss-Jordan elimination, which needs no pivoting for such matrices.
 template <int n, class Scalar>
 [[nodiscard]] Eigen::Matrix<Scalar, n, n> inverse_of_spd(Eigen::Matrix<Scalar, n, n> a) {
   for (int k = 0; k < n; ++k) {
@@ -60,7 +60,7 @@ struct ChristoffelDynamics {
     [[nodiscard]] Vector operator*(const Vector& force) const { return matrix * force; }
   };
 
-  /// Computes M, its Christoffel symbols and N from a mass matrix and a potential that carry derivatives by the joint coordinates.
+  /// Compute M, its Christoffel symbols and N from a mass matrix and a potential that carry derivatives by the joint coordinates.
   ChristoffelDynamics(const JointMatrix<dof, Dual<dof, Scalar>>& m, const Dual<dof, Scalar>& potential) : gravity(potential.gradient) {
     for (int i = 0; i < dof; ++i) {
       for (int j = 0; j < dof; ++j) {

@@ -21,7 +21,7 @@ struct PremiumInverse {
     Joints<3> q = Joints<3>::Zero();  ///< rad
   };
 
-  /// Returns a pose whose tip is at `p` [m], or the reason why there is none. There are up to four poses.
+  /// Return a pose whose tip is at `p` [m], or the reason why there is none. There are up to four poses.
   /// @param behind      the base turns by half a turn and the mechanism reaches over it
   /// @param elbow_down  the elbow folds downward
   [[nodiscard]] Solution solve(const Vector3<>& p, bool behind, bool elbow_down) const {
@@ -49,7 +49,7 @@ struct PremiumInverse {
     return {Reach::reachable, Joints<3>(yaw, theta2, theta2 + alpha - 0.5 * std::numbers::pi)};
   }
 
-  /// Returns all poses whose tip is at `p` [m].
+  /// Return all poses whose tip is at `p` [m].
   [[nodiscard]] InverseKinematics<3> solve_all(const Vector3<>& p) const {
     InverseKinematics<3> out;
     for (const bool behind : {false, true}) {
@@ -62,7 +62,7 @@ struct PremiumInverse {
     return out;
   }
 
-  /// Returns the reason why `p` [m] is unreachable as a sentence.
+  /// Return the reason why `p` [m] is unreachable as a sentence.
   [[nodiscard]] std::string explain(const Vector3<>& p, Reach reach) const {
     char text[96] = "";
     const double distance = 1e3 * (p - Vector3<>(0.0, l2, -l1)).norm();

@@ -40,7 +40,7 @@ struct MechanismList {
   static_assert((has_uniform_joints<Mechanisms>() && ...), "all joints of a registered mechanism must be of one kind");
   static constexpr std::size_t size = sizeof...(Mechanisms);
 
-  /// Calls `function.template operator()<M>()` for each mechanism.
+  /// Call `function.template operator()<M>()` for each mechanism.
   template <class Function>
   static void for_each(Function&& function) {
     (function.template operator()<Mechanisms>(), ...);

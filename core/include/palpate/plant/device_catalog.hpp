@@ -5,7 +5,7 @@
 
 namespace palpate::plant {
 
-/// Returns the published parameters of the PHANToM Premium 1.5A without rotors (Cavusoglu & Feygin 2001).
+/// Return the published parameters of the PHANToM Premium 1.5A without rotors (Cavusoglu & Feygin 2001).
 /// A test compares them with the device file phantom-premium-1.5a.toml, which gives the source of each number.
 inline mechanism::PremiumParameters phantom_premium_1_5a() {
   mechanism::PremiumParameters p;
@@ -26,7 +26,7 @@ inline mechanism::PremiumParameters phantom_premium_1_5a() {
   return p;
 }
 
-/// Returns the viscous joint friction of the same device [N*m*s/rad] (Hosseini-Zadeh 2004, chapter 3).
+/// Return the viscous joint friction of the same device [N*m*s/rad] (Hosseini-Zadeh 2004, chapter 3).
 inline JointFriction<3> phantom_premium_1_5a_friction() {
   JointFriction<3> friction;
   friction.viscous = Joints<3>(0.05, 0.001, 0.01);

@@ -23,7 +23,7 @@ struct BasicHumanArm {
     return all(mass == Scalar(0.0)) && all(damping == Scalar(0.0)) && all(stiffness == Scalar(0.0)) && !tissue;
   }
 
-  /// Copies the arm of one loop into a lane. All or none of the lanes have tissue.
+  /// Copy the arm of one loop into a lane. All or none of the lanes have tissue.
   void set_lane(int lane, const BasicHumanArm<double>& one) {
     using math::set_lane;
     set_lane(mass, lane, one.mass);

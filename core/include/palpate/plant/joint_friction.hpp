@@ -28,7 +28,7 @@ struct JointFriction {
     return false;
   }
 
-  /// Copies the friction of one loop into a lane.
+  /// Copy the friction of one loop into a lane.
   void set_lane(int lane, const JointFriction<dof>& one) {
     using math::set_lane;
     set_lane(viscous, lane, one.viscous);

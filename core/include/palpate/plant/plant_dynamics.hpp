@@ -19,7 +19,7 @@ struct PlantState {
   Vector3<Scalar> hand_position = Vector3<Scalar>::Constant(0.0);  ///< m
   Vector3<Scalar> hand_velocity = Vector3<Scalar>::Constant(0.0);  ///< m/s
 
-  /// Copies the state of one loop into a lane.
+  /// Copy the state of one loop into a lane.
   void set_lane(int lane, const PlantState<dof>& one) {
     using math::set_lane;
     set_lane(q, lane, one.q);
@@ -89,7 +89,7 @@ class PlantDynamics {
     update_constants();
   }
 
-  /// Copies the equations of one loop into a lane. All lanes have the same mechanism.
+  /// Copy the equations of one loop into a lane. All lanes have the same mechanism.
   void set_lane(int lane, const PlantDynamics<Mechanism, double>& one) {
     mechanism_ = one.mechanism_;
     friction_.set_lane(lane, one.friction_);
@@ -152,7 +152,7 @@ class PlantDynamics {
     return point.dynamics.generalized_force(torque, s.qd);
   }
 
-  /// Integrates `s` over `h` [s] from `here` at time `t`, where the accelerations are `k1`.
+  /// Integrate `s` over `h` [s] from `here` at time `t`, where the accelerations are `k1`.
   template <HandCoupling coupling, class Time, class JointModes>
   [[gnu::always_inline]] void step(State& s, const PointDynamics& here, const Acceleration& k1, const AppliedLoad& load, const Scalar& t,
                                    const Time& h, const JointModes& modes) const {

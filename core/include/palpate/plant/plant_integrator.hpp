@@ -30,14 +30,14 @@ class PlantIntegrator {
   [[nodiscard]] const Mechanism& mechanism() const { return plant_.mechanism(); }
   [[nodiscard]] const JointFriction<dof, Scalar>& friction() const { return plant_.friction(); }
 
-  /// Copies the plant of one loop into a lane. All lanes have the same mechanism, and all or none have an arm, tissue and dry friction.
+  /// Copy the plant of one loop into a lane. All lanes have the same mechanism, and all or none have an arm, tissue and dry friction.
   void set_lane(int lane, const PlantIntegrator<Mechanism>& one) {
     plant_.set_lane(lane, one.plant_);
     has_dry_friction_ = one.has_dry_friction_;
     is_held_ = one.is_held_;
   }
 
-  /// Integrates `state` over `period` [s] in `substeps` equal steps, under constant motor torques [N*m] and the voluntary force.
+  /// Integrate `state` over `period` [s] in `substeps` equal steps, under constant motor torques [N*m] and the voluntary force.
   /// @tparam Time  double for all loops, or Scalar for a period per lane
   template <class Time>
   void advance(State& state, const Torque& torque, const ForceSegment<Scalar>& force, const Time& period, int substeps) const noexcept {

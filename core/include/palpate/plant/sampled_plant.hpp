@@ -29,7 +29,7 @@ class SampledPlant {
     return q;
   }
 
-  /// Advances by one period under a constant torque [N*m].
+  /// Advance by one period under a constant torque [N*m].
   void advance(const Joints<dof>& torque) noexcept {
     next_.noalias() = a_ * x_;
     next_.noalias() += b_ * (torque - operating_torque_);

@@ -44,7 +44,7 @@ class StickSlip {
     }
   };
 
-  /// Returns the modes at a state. A joint at rest sticks if breakaway friction can hold it. Of the joints that it cannot hold, the one
+  /// Return the modes at a state. A joint at rest sticks if breakaway friction can hold it. Of the joints that it cannot hold, the one
   /// with the largest excess is released first.
   template <HandCoupling coupling>
   [[nodiscard]] JointModes choose_modes(const PointDynamics& here, const State& s, const AppliedLoad& load, const Scalar& t) const {
@@ -79,7 +79,7 @@ class StickSlip {
     return modes;
   }
 
-  /// Integrates `state` over one substep of `duration` [s].
+  /// Integrate `state` over one substep of `duration` [s].
   template <HandCoupling coupling>
   void step(State& state, const typename Dynamics::KinematicsCache& kinematics, const AppliedLoad& load, const Scalar& duration) const {
     constexpr int max_events = 4 * dof;  // bounds the computing time: the rest of the substep then keeps the last modes
@@ -145,7 +145,7 @@ class StickSlip {
     return out;
   }
 
-  /// Returns the time after `t` at which the first mode ends, and the state just past it in `next`.
+  /// Return the time after `t` at which the first mode ends, and the state just past it in `next`.
   ///
   /// Illinois method: regula falsi for each joint, taking the earliest root. An end of the bracket that is kept twice gets half its
   /// weight, and every fourth trial bisects.

@@ -10,7 +10,7 @@
 
 namespace palpate::servo {
 
-/// A simulated loop that a caller steps, sample by sample: the same arithmetic as simulate(), bit for bit.
+/// A simulated loop that the caller steps sample by sample. Its results equal those of simulate(), bit for bit.
 template <class Mechanism>
 class Loop {
  public:
@@ -33,7 +33,7 @@ class Loop {
     diverged_ = false;
   }
 
-  /// Run the servo's tick at this sample: its torque acts until the next. The plant does not move yet.
+  /// Run the servo's tick at this sample. Its torque acts until the next sample.
   /// @param reference  force that the object should feel, N
   const Tick& tick(const Vector3<>& reference) noexcept {
     std::visit([&](const auto& plant) { detail::tick_of(servo_, plant, reference); }, plant_);
@@ -41,7 +41,7 @@ class Loop {
   }
 
   /// Move the plant to the next sample under the last tick's torque and the operator's force, linear in time from `begin` to `end` [N].
-  /// Return false once the loop has diverged; it does not move any more.
+  /// Return false once the loop has diverged; then the plant stays in its state.
   bool advance(const Vector3<>& begin, const Vector3<>& end) {
     if (diverged_) return false;
     servo_.update();

@@ -17,8 +17,8 @@
 
 namespace palpate::servo {
 
-/// A simulated experiment: the loop and its plant. Plain data; every run builds afresh from it, so the same setup gives the same trace, bit
-/// for bit.
+/// Setup of a simulated loop and its plant. Plain data: every run builds its own loop from it, so the same setup gives the same trace,
+/// bit for bit.
 template <class Mechanism>
 struct SimulationSetup : ServoSetup<Mechanism> {
   static constexpr int dof = Mechanism::dof;
@@ -30,11 +30,11 @@ struct SimulationSetup : ServoSetup<Mechanism> {
   plant::HumanArm human_arm;
 
   bool fixed = false;   ///< the operator holds the tip at the start: nothing moves
-  bool linear = false;  ///< the plant is the next three instead of the mechanism's motion
+  bool linear = false;  ///< the plant is x' = A x + B u, q = C x instead of the mechanism
   Eigen::MatrixXd plant_a, plant_b, plant_c;
   Joints<dof> working_torque = Joints<dof>::Zero();
 
-  double jitter = 0.0;     ///< s, less than a period: ticks are late by up to this (not with a sampled plant)
+  double jitter = 0.0;     ///< largest lateness of a tick, s, less than a period; not with a sampled plant
   std::uint64_t seed = 0;  ///< of the lateness of each tick
 
   Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
@@ -48,7 +48,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 /// on the tip (3), touching, saturated; then the columns of the object, see object::ContactObject.
 struct SimulationOutcome {
   int rows = 0;            ///< written
-  int unstable_tick = -1;  ///< the tick at which the loop diverged, -1: never; nothing is recorded from it on
+  int unstable_tick = -1;  ///< tick at which the loop diverged, -1: never; the record ends before it
 };
 
 template <int dof>
@@ -83,7 +83,7 @@ class MovingPlant {
     if (clock.has_jitter()) return motion_.advance(state_, track_, torque, force, clock.remaining(), substeps_);
     motion_.advance(state_, track_, torque, force, clock.period(), substeps_);
   }
-  /// Puts one loop's plant into a lane: of the same mechanism and number of substeps.
+  /// Set one lane from the plant of a loop with the same mechanism and number of substeps.
   void set_lane(int lane, const MovingPlant<Mechanism>& one) {
     motion_.set_lane(lane, one.motion_);
     state_.set_lane(lane, one.state_);
@@ -130,7 +130,7 @@ class SampledPlant {
   double per_period_;
 };
 
-/// A device held at its start pose by a hand that does not yield.
+/// A device fixed at its start pose.
 template <class Mechanism>
 class FixedPlant {
  public:
@@ -163,7 +163,7 @@ void write_row(const Plant& plant, const Servo& servo, const Vector3<>& operator
   object::record(servo.object(), row + record_width<dof>);
 }
 
-/// Writes one loop's rows.
+/// Writes the rows of one loop.
 template <class Mechanism>
 class Recorder {
  public:
@@ -191,7 +191,7 @@ class Recorder {
   SimulationOutcome outcome_;
 };
 
-/// Whether a plant moves no faster than `fastest` and is somewhere; a NaN is not.
+/// Return whether all joint speeds are below `fastest` [rad/s] and all angles are finite.
 template <class Plant>
 [[gnu::always_inline]] inline auto calm(const Plant& plant, double fastest) {
   using std::abs;
@@ -201,19 +201,19 @@ template <class Plant>
   return out;
 }
 
-/// Three numbers of a table of forces.
+/// Return the force of sample `k` in a table.
 inline Vector3<> force_at(const double* table, int tick) noexcept {
   return Eigen::Map<const Vector3<>>{table + 3 * static_cast<std::ptrdiff_t>(tick)};
 }
 
-/// Force at `late` [s] after a sample, less than a period: linear from there to the next; after the last (`ticks`) it stays.
+/// Return the force `late` [s] after a sample, by linear interpolation to the next sample; constant after sample `ticks`.
 inline Vector3<> force_after(const double* table, int tick, int ticks, double late, double period) noexcept {
   const Vector3<> here = force_at(table, std::min(tick, ticks));
   const Vector3<> next = force_at(table, std::min(tick + 1, ticks));
   return here + (late / period) * (next - here);
 }
 
-/// The operator's force [N] from one tick to the next: between two late ones a straight line, though it may bend at a sample.
+/// Return the operator's force [N] between two ticks. It is linear in time, even if a sample lies between two late ticks.
 inline plant::ForceSegment<> force_during(const double* table, int tick, int ticks, const actuation::TickSchedule<double>& clock) noexcept {
   if (clock.has_jitter())
     return {force_after(table, tick, ticks, clock.lateness(), clock.period()),
@@ -221,7 +221,7 @@ inline plant::ForceSegment<> force_during(const double* table, int tick, int tic
   return {force_at(table, tick), force_at(table, std::min(tick + 1, ticks))};
 }
 
-/// The servo's tick at a plant, which may know its posture.
+/// Run the servo's tick at a plant, with the plant's kinematics cache if it has one.
 template <class Servo, class Plant, class Vector>
 [[gnu::always_inline]] inline const auto& tick_of(Servo& servo, const Plant& plant, const Vector& reference) noexcept {
   if constexpr (requires { plant.kinematics(); })
@@ -230,7 +230,7 @@ template <class Servo, class Plant, class Vector>
     return servo.tick(plant.angles(), reference);
 }
 
-/// Run samples 0 to `ticks`, each shown to `monitor`, until the loop diverges.
+/// Run samples 0 to `ticks` until the loop diverges. Pass each sample to `monitor`.
 template <class Mechanism, class Plant, class Monitor>
 void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
          Monitor& monitor) noexcept {
@@ -249,10 +249,10 @@ void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const
 
 }  // namespace detail
 
-/// Runs `ticks` servo periods, samples 0 to `ticks` included.
+/// Run `ticks` servo periods: samples 0 to `ticks`.
 /// @param reference       force reference at each sample, (ticks + 1) x 3 row by row, N
 /// @param operator_force  voluntary force at each sample, (ticks + 1) x 3, N; linear in time between samples, and between late ticks
-/// @param rows            room for ticks / record_every + 1 rows of row_width(setup)
+/// @param rows            array for ticks / record_every + 1 rows of row_width(setup)
 template <class Mechanism>
 SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                            double* rows) noexcept {

@@ -1,4 +1,4 @@
-// A tick on a body does not allocate: this program's own allocation functions count every call.
+// A tick on a body does not allocate. The allocation functions of this program count every call.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>

@@ -37,7 +37,9 @@ def tables_of(name: str, duration: str | None = None) -> dict[str, Any]:
 def test_no_cell_away_from_the_exact_curve_is_wrong(name: str, linear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two cells from the curve: no unstable loop is settled, no stable one unstable; with both, 99.5 % are right."""
     if not linear:
-        monkeypatch.setattr("palpate.sweeps.plan.linear_signs", lambda _simulation, _columns, count: np.zeros(count))
+        monkeypatch.setattr(
+            "palpate.sweeps.plan.linear_radii", lambda _simulation, _columns, count: np.full(count, np.nan)
+        )
     most_k, most_b, duration = MAPS[name]
     tables = tables_of(name, duration)
     over = {

@@ -149,8 +149,8 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
         return None  # written by another version, or its device file is missing
 
 
-def linear_radius(trace: Recorded, scenario: Scenario | None) -> tuple[float | None, int]:
-    """Return the larger spectral radius of the linear loop at start and rest, and its sign; None, 0 if unknown."""
+def linear_radius(trace: Recorded, scenario: Scenario | None) -> float | None:
+    """Return the larger spectral radius of the linear loop at start and rest; None if it is unknown."""
     own: Mapping[str, Any] = trace.metadata.get("controller", {})
     if (
         scenario is None
@@ -159,14 +159,14 @@ def linear_radius(trace: Recorded, scenario: Scenario | None) -> tuple[float | N
         or "object" in trace.metadata
         or scenario.object.kind not in ("spring", "wall")
     ):
-        return None, 0
+        return None
     try:
         radii = [_radius(scenario_loop(scenario))]
         if trace.unstable_from is None and (pose := _rest(trace, scenario)) is not None:
             radii.append(_radius(pose))
     except PalpateError:
-        return None, 0
-    return max(radii), linear_sign(max(radii))
+        return None
+    return max(radii)
 
 
 def _radius(loop: ScenarioLoop) -> float:
@@ -201,11 +201,11 @@ def windows(trace: Recorded, scenario: Scenario | None) -> list[Window]:
     return [*found, Window(0, count - 1, False)]
 
 
-def evidence(trace: Recorded, scenario: Scenario | None, window: Window, sign: int) -> Evidence:
-    """Return the evidence of one run in one window, as a batch measures it; `sign` is that of the linear loop."""
+def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius: float | None) -> Evidence:
+    """Return the evidence of one run in one window, as a batch measures it; `radius` is that of the linear loop."""
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
-    tip = trace["tip"]
+    tip, every = trace["tip"], 1 if scenario is None else scenario.run.record_every
     bend = np.zeros(len(tip))
     rate = np.diff(trace.time)
     velocity = np.diff(tip, axis=0) / (rate / np.median(rate))[:, None]
@@ -245,7 +245,8 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, sign: i
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
         saturated=float(trace["saturated"][ending].mean()),
         constant=window.constant,
-        linear=sign,
+        linear=0 if radius is None else linear_sign(radius),
+        decay=np.nan if radius is None else radius ** (fifth * every),
         **known,
     )
 

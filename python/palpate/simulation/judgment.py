@@ -12,6 +12,7 @@ from palpate.simulation.evidence import (
     beyond_reach,
     evidence,
     linear_radius,
+    linear_sign,
     recorded_scenario,
     windows,
 )
@@ -33,22 +34,22 @@ def judge(trace: Recorded) -> Verdict:
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
-    radius, sign = linear_radius(trace, scenario)
-    linear = None if radius is None else _linear_text(radius, sign)
+    radius = linear_radius(trace, scenario)
+    linear = None if radius is None else _linear_text(radius)
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
     *earlier, final = windows(trace, scenario)
     for window in earlier:
-        found = evidence(trace, scenario, window, 0)
+        found = evidence(trace, scenario, window, None)
         state = State(int(decide(found)[0]))
         if state in WORSE:
             return _explained(trace, scenario, window, found, state, linear)
-    found = evidence(trace, scenario, final, sign)
+    found = evidence(trace, scenario, final, radius)
     return _explained(trace, scenario, final, found, State(int(decide(found)[0])), linear)
 
 
-def _linear_text(radius: float, sign: int) -> str:
-    kind = {1: "stable", -1: "unstable", 0: "at its limit"}[sign]
+def _linear_text(radius: float) -> str:
+    kind = {1: "stable", -1: "unstable", 0: "at its limit"}[linear_sign(radius)]
     return f"the linear loop is {kind} (spectral radius {radius:.9g})"
 
 

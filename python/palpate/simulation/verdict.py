@@ -115,6 +115,7 @@ class Evidence:
         constant: whether there is a window, i.e. the external force is constant at the end.
         resolution: tip displacement of two encoder counts, m; 0 without encoders.
         linear: +1 if the linear loop is stable, -1 if it is unstable, 0 if that is not known.
+        decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
     """
 
@@ -136,12 +137,13 @@ class Evidence:
     constant: NDArray[np.bool_]
     resolution: Array
     linear: NDArray[np.int_]
+    decay: Array
     lossy: NDArray[np.bool_]
 
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        unknown = dict.fromkeys(("swing_before", "error", "drift"), np.nan)
+        unknown = dict.fromkeys(("swing_before", "error", "drift", "decay"), np.nan)
         none = dict.fromkeys(("contacts", "saturated", "resolution", "linear"), 0)
         defaults: Mapping[str, Any] = {
             **unknown,
@@ -190,7 +192,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
     least = np.maximum(SWING * e.deflection, np.maximum(e.resolution, FLOOR))
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
-    decays = stable & (ratio < 1.0 / GROWING)
+    decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
     swings = bounces | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
     rests = ((e.ripple <= band) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
     state = np.select(

@@ -12,6 +12,8 @@ from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
+from palpate.simulation.verdict import State
+from palpate.simulation.verdict import Verdict as RunVerdict
 from palpate.stability.assumptions import assumptions, method, start_pose
 from palpate.stability.certificate import Certificate, Verdict
 from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
@@ -19,6 +21,9 @@ from palpate.stability.criteria import check_stability
 from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
 
 __all__ = ["certify_spring"]
+
+
+AGAINST = (State.BOUNDED_OSCILLATION, State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT)
 
 
 def certify_spring(s: Scenario) -> Certificate:
@@ -90,12 +95,15 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[st
         "delay_margin_s": m.delay,
         "disk_margin": m.disk,
     }
-    rest, diverged, sentence = _simulate_to_rest(s)
+    rest, run, sentence = _simulate_to_rest(s)
     steps = [*method(s), sentence]
-    if diverged is not None:
-        claim = f"Unstable: small motions about the start decay, but the run itself diverges at {diverged:g} s."
-        example = CounterExample(s.to_dict(), float("inf"), f"the scenario itself diverges after {diverged:.3g} s.")
+    if run.state is State.UNSTABLE and run.since is not None:
+        claim = f"Unstable: small motions about the start decay, but the run itself {run.reason}."
+        example = CounterExample(s.to_dict(), float("inf"), f"the scenario itself {run.reason}.")
         return _certificate(s, criteria, "unstable", claim, margin, tuple(steps), None, example)
+    if run.state in AGAINST:
+        claim = f"Cannot tell: small motions about the start decay, but the verdict of the run is {run}."
+        return _certificate(s, criteria, "cannot tell", claim, margin, tuple(steps))
     if rest is not None:
         radius_at_rest, criteria_at_rest = check_stability(rest.matrix())
         margin["spectral_radius_at_rest"] = radius_at_rest
@@ -154,22 +162,23 @@ def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
     return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
 
 
-def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, float | None, str]:
-    """Run the scenario; return its loop at rest, the time of divergence (s), and the observation as a sentence."""
+def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, RunVerdict, str]:
+    """Run the scenario; return its loop at rest, the verdict of the run, and the observation as a sentence."""
     trace = simulate(s)
-    run = f"The full scenario was run for {s.run.duration:g} s"
+    run, verdict = f"The full scenario was run for {s.run.duration:g} s", trace.verdict
     if not trace.completed:
-        return None, trace.unstable_from, f"{run} and diverged at {trace.unstable_from:g} s."
+        return None, verdict, f"{run} and diverged at {trace.unstable_from:g} s."
+    run = f"{run}; its verdict is {verdict.state.label}"
     if s.device.model != "nonlinear":
-        return None, None, f"{run} and stayed bounded."
+        return None, verdict, f"{run}."
     if s.object.kind == "wall" and not trace["touching"][-1, 0]:
-        return None, None, f"{run} and stayed bounded; at its end the tip is off the wall."
+        return None, verdict, f"{run}. At its end the tip is off the wall."
     speed = np.abs(np.diff(trace["tip"][-20:], axis=0)).max() / (s.period * s.run.record_every)
     if speed > 5e-3:
-        return None, None, f"{run} and stayed bounded; it has not come to rest (tip speed {speed:.2g} m/s)."
+        return None, verdict, f"{run}. It has not come to rest (tip speed {speed:.2g} m/s)."
     force = trace["command_force"][-1]
     rest = scenario_loop(s, pose=trace["angle"][-1], tip_force=force, operator_force=trace["operator_force"][-1])
-    return rest, None, f"{run}, stayed bounded, and was tested again where it came to rest."
+    return rest, verdict, f"{run}. The loop was tested again where it came to rest."
 
 
 def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:

@@ -15,17 +15,17 @@ from palpate.simulation.simulator import Simulation
 from palpate.simulation.verdict import BAND, Evidence, decide
 from palpate.stability.maps.zwidth_map import loop_radii
 
-__all__ = ["judge_rows", "linear_signs"]
+__all__ = ["judge_rows", "linear_radii"]
 
 
-def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array], linear: Array) -> dict[str, Array]:
+def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array], radii: Array) -> dict[str, Array]:
     """Return the outcomes of cells (n,) by name, with their verdicts.
 
     Args:
         simulation: of all cells; `columns` has the values in which a cell differs from it.
         rows: of the core, (n, k).
         columns: as given to the core, (n, 1) or (n, 3).
-        linear: of `linear_signs` (n,).
+        radii: of `linear_radii` (n,).
     """
     scenario, device, count = simulation.scenario, simulation.device, len(rows)
     out = name_rows(rows, scenario.period)
@@ -48,6 +48,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         error = np.where(driven.any(axis=1), relative.max(axis=1), np.nan)
     beyond = np.zeros(count, dtype=bool)
     beyond[known] = beyond_reach(device, simulation.start, end_angles(rows)[known])
+    linear = np.array([0 if np.isnan(radius) else linear_sign(radius) for radius in radii], dtype=float)
     dry = bool(np.any(device.coulomb)) or any(np.any(columns.get(name, 0.0)) for name in ("coulomb", "breakaway"))
     evidence = Evidence.of(
         count,
@@ -65,17 +66,18 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         beyond=beyond,
         resolution=resolution(scenario, device, simulation.start)[0],
         linear=linear.astype(int),
+        decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.judged_from) // 5),
         lossy=scenario.device.encoder or scenario.device.saturation or dry,
     )
     return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}
 
 
-def linear_signs(simulation: Simulation, columns: Mapping[str, Array], count: int) -> Array:
-    """Return +1 where the linear loop of a cell is stable at the start pose, -1 where it is not, 0 if unknown (n,).
+def linear_radii(simulation: Simulation, columns: Mapping[str, Array], count: int) -> Array:
+    """Return the spectral radius (n,) of the linear loop of each cell at the start pose; nan if it is unknown.
 
     It is known for springs and walls with backward difference whose cells differ in stiffness and damping alone.
     """
-    scenario, unknown = simulation.scenario, np.zeros(count)
+    scenario, unknown = simulation.scenario, np.full(count, np.nan)
     varied = columns.keys() - {"seed"}
     if (
         scenario.object.kind not in ("spring", "wall")
@@ -93,5 +95,4 @@ def linear_signs(simulation: Simulation, columns: Mapping[str, Array], count: in
         loop = scenario_loop(scenario, controller=simulation.controller)  # type: ignore[arg-type]
     except PalpateError:
         return unknown
-    radii = loop_radii(loop, values[0][:, 0], values[1][:, 0])
-    return np.array([linear_sign(radius) for radius in radii], dtype=float)
+    return loop_radii(loop, values[0][:, 0], values[1][:, 0])

@@ -21,7 +21,7 @@ from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
 from palpate.sweeps.excitation import Excitation, excited
-from palpate.sweeps.judged_rows import judge_rows, linear_signs
+from palpate.sweeps.judged_rows import judge_rows, linear_radii
 
 __all__ = ["Design", "Plan"]
 
@@ -158,8 +158,8 @@ class Plan:
             columns.setdefault("seed", self._seeds(cells[here])[:, None].astype(float))
             count = len(here)
             rows = _core.run_cells(experiment.setup, experiment.reference, experiment.operator, columns, count, threads)
-            linear = linear_signs(experiment, columns, count)
-            for name, values in judge_rows(experiment, np.asarray(rows), columns, linear).items():
+            radii = linear_radii(experiment, columns, count)
+            for name, values in judge_rows(experiment, np.asarray(rows), columns, radii).items():
                 whole = out.setdefault(name, np.empty((len(cells), *values.shape[1:])))
                 whole[here] = values
         return out

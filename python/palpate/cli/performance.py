@@ -6,10 +6,11 @@ import math
 from pathlib import Path
 
 from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
+from palpate.cli.settings import Settings, load_scenario
 from palpate.files import write_folder
 
 
-def performance(scenario: ScenarioFile, out: OutFolder = None) -> None:
+def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None) -> None:
     """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth and ripple.
 
     Writes performance.html and performance.json.
@@ -19,9 +20,8 @@ def performance(scenario: ScenarioFile, out: OutFolder = None) -> None:
     with progress("reading the scenario") as tell:
         from palpate.metrics import measure_performance
         from palpate.report import performance_page
-        from palpate.scenario import Scenario
 
-        loaded = Scenario.from_file(scenario)
+        loaded = load_scenario(scenario, settings)
         found = measure_performance(loaded, progress=tell)
         tell("drawing", 0.9)
         page = performance_page(found)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from palpate.cli.console import ScenarioFile, print_paths, progress
+from palpate.cli.settings import Settings, load_scenario
 
 
 def resolve(
@@ -18,6 +19,7 @@ def resolve(
             "--out", "-o", help="Folder to write; the default is results/ and the scenario's name, with loop/."
         ),
     ] = None,
+    settings: Settings = None,
 ) -> None:
     """Resolve a scenario to plain data that the C++ core runs without Python.
 
@@ -28,5 +30,7 @@ def resolve(
     with progress("resolving the scenario"):
         from palpate.simulation.loop_config import resolve as write
 
-        folder = write(scenario, out if out is not None else Path("results") / scenario.stem / "loop")
+        folder = write(
+            load_scenario(scenario, settings), out if out is not None else Path("results") / scenario.stem / "loop"
+        )
     print_paths(sorted(folder.iterdir()))

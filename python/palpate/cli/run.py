@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.markup import escape
 
 from palpate.cli.console import output, progress
-from palpate.errors import ScenarioError
+from palpate.cli.settings import Settings, load_scenario
 from palpate.files import write_folder
 
-__all__ = ["read_settings", "run"]
-
-
-def read_settings(texts: list[str]) -> dict[str, Any]:
-    """Return the values of settings "key=value" by key: a number, list or flag of TOML, or else text.
-
-    Raises:
-        ScenarioError: one has no "=".
-    """
-    settings: dict[str, Any] = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not equals or not key.strip():
-            raise ScenarioError(f'--set "{text}": write it as --set object.stiffness="2 N/mm"')
-        try:
-            settings[key.strip()] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
-            settings[key.strip()] = value.strip()
-    return settings
+__all__ = ["run"]
 
 
 def run(
@@ -41,12 +22,7 @@ def run(
         Path | None,
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help='Use another value, as in object.stiffness="2 N/mm"; repeatable.'
-        ),
-    ] = None,
+    settings: Settings = None,
 ) -> None:
     """Run a scenario: writes trace.h5, summary.json and report.html, and prints the verdict.
 
@@ -58,11 +34,10 @@ def run(
     with progress("reading the scenario") as tell:
         from palpate.metrics import summarize
         from palpate.report import run_page
-        from palpate.scenario import Scenario
         from palpate.simulation.simulator import simulate
         from palpate.simulation.verdict import State
 
-        loaded = Scenario.from_file(scenario, read_settings(settings or []))
+        loaded = load_scenario(scenario, settings)
         if loaded.object.kind == "body":
             from palpate.simulation.bodies import scenario_body
 

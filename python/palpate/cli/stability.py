@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from palpate.cli.console import output, progress
+from palpate.cli.settings import Settings, load_scenario
+from palpate.errors import ScenarioError
 from palpate.files import write_folder
 
 __all__ = ["certify", "workspace", "zwidth"]
@@ -20,6 +22,7 @@ def certify(
         Path | None,
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
+    settings: Settings = None,
 ) -> None:
     """Judge a scenario's loop: the claim, what it holds for, its margins, or a counter-example that runs.
 
@@ -29,10 +32,9 @@ def certify(
     Example: palpate certify scenarios/press-stiff-cube-lqg.toml
     """
     with progress("judging the loop") as tell:
-        from palpate.scenario import Scenario
         from palpate.stability import certify as judge
 
-        loaded = Scenario.from_file(scenario)
+        loaded = load_scenario(scenario, settings)
         tell("judging the loop", 0.1)
         certificate = judge(loaded)
         folder = out if out is not None else Path("results") / scenario.stem
@@ -58,6 +60,7 @@ def zwidth(
         typer.Option("--out", "-o", help="Folder to write to; if not given, results/ and in it the scenario's name."),
     ] = None,
     simulate: Annotated[bool, typer.Option(help="Find the boundary by running the loop as well.")] = True,
+    settings: Settings = None,
 ) -> None:
     """Map every stiffness and damping that a scenario's loop bears: exact curve, simulated boundary, passive region.
 
@@ -67,10 +70,9 @@ def zwidth(
     """
     with progress("reading the scenario") as tell:
         from palpate.report import zwidth_page
-        from palpate.scenario import Scenario
         from palpate.stability import zwidth as map_of
 
-        loaded = Scenario.from_file(scenario)
+        loaded = load_scenario(scenario, settings)
         found = map_of(loaded, simulated=simulate, progress=tell)
         tell("drawing", 0.95)
         page = zwidth_page(found)
@@ -104,6 +106,7 @@ def workspace(
         ),
     ] = None,
     poses: Annotated[int, typer.Option(min=50, max=100_000, help="About how many poses to judge.")] = 2000,
+    settings: Settings = None,
 ) -> None:
     """Map the stiffest stable wall over all that an arm can reach, in every direction, and tell where it is least.
 
@@ -115,7 +118,10 @@ def workspace(
         from palpate.report import workspace_page
         from palpate.stability import workspace as map_of
 
-        found = map_of(subject, poses=poses, progress=tell)
+        if settings and not subject.endswith(".toml"):
+            raise ScenarioError(f"--set changes a scenario, and {subject} is a device: give a scenario file")
+        loaded = load_scenario(Path(subject), settings) if settings else subject
+        found = map_of(loaded, poses=poses, progress=tell)
         tell("drawing", 0.96)
         page = workspace_page(found)
         folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")

@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 
 from palpate.cli.console import ScenarioFile, errors, output, print_paths, progress
+from palpate.cli.settings import Settings, load_scenario
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -38,6 +39,7 @@ def sweep(
         str, typer.Option(help="cell: design the controller for each cell; once: for the scenario as it stands.")
     ] = "cell",
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th chunk from the I-th on, for job arrays.")] = None,
+    settings: Settings = None,
 ) -> None:
     """Run a scenario for every combination of values, with the whole nonlinear loop.
 
@@ -59,7 +61,7 @@ def sweep(
             part = _shard(shard)
             executor, threads = _executor(stack, engine, scheduler, workers)
             found = run(
-                scenario,
+                load_scenario(scenario, settings),
                 _pairs(over),
                 random=_pairs(random or ()),
                 draws=draws,

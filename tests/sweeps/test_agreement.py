@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from palpate.linear import LinearDevice
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
+from palpate.stability import critical_stiffness
 from palpate.stability.maps.zwidth_map import loop_radii
 from palpate.sweeps import State, SweepError, sweep
 
@@ -93,3 +95,21 @@ def test_a_controller_designed_once_is_that_of_the_scenario() -> None:
     assert not each.unstable.any()
     certificate = palpate.stability.certify(once.scenario(0), once.plan.controller())
     assert certificate.stable == once.settled[0]
+
+
+def test_the_exact_boundary_of_the_map_separates_the_cells() -> None:
+    from matplotlib.figure import Figure
+
+    tables = tables_of("slider-wall-stable", "20 s")
+    over = {"object.stiffness": "50 N/m..150 N/m:11", "object.damping": "0 N*s/m..0.04 N*s/m:5"}
+    found = sweep(tables, over)
+    axes = found.plot(Figure().add_subplot())
+    contour = axes.collections[1]
+    damping, stiffness = np.vstack([path.vertices for path in contour.get_paths() if len(path.vertices)]).T
+    mass = LinearDevice.of_mass(0.06, 0.05)
+    exact = [critical_stiffness(mass, period=1e-3, virtual_damping=b) for b in damping[::20]]
+    np.testing.assert_allclose(1e3 * stiffness[::20], exact, rtol=5e-3)
+    labels = {text.get_text() for text in axes.figure.legends[0].get_texts()}
+    assert labels >= {"settled", "unstable", "exact boundary"}
+    with pytest.raises(SweepError, match="one or two numeric axes"):
+        sweep(tables, {**over, "device.delay": [0, 1]}).plot(Figure().add_subplot())

@@ -43,8 +43,9 @@ def sweep(
 ) -> None:
     """Run a scenario for every combination of values, with the whole nonlinear loop.
 
-    The result is one HDF5 file, which is filled as cells are done. After an interruption the same command continues.
-    The file does not depend on the number of workers, threads or vector lanes.
+    The result is one HDF5 file and, once complete, a page with a map of the verdicts. The file is filled as cells are
+    done. After an interruption the same command continues. The file does not depend on the number of workers, threads
+    or vector lanes.
 
     Keys are those of the scenario, such as object.stiffness, operator.mass, device.delay or servo.jitter. A suffix .x,
     .y or .z selects one axis. A range includes both ends; " log" after its count selects geometric spacing.
@@ -76,7 +77,15 @@ def sweep(
     except KeyboardInterrupt:
         errors.print(f"stopped: {path} has the cells that are done; the same command continues")
         raise typer.Exit(130) from None
-    _print_result(found, path, shard, part is not None and part[0] > found.plan.chunks)
+    idle = part is not None and part[0] > found.plan.chunks
+    page = None
+    if found.done == 1.0:
+        from palpate.report import sweep_page
+
+        page = sweep_page(found).save(path.with_suffix(".html"))
+    _print_result(found, path, shard, idle)
+    if page is not None:
+        print_paths([page])
 
 
 def _executor(

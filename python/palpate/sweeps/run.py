@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,14 @@ from palpate.sweeps.excitation import Excitation
 from palpate.sweeps.outcomes import Outcomes
 from palpate.sweeps.plan import Design, Plan
 from palpate.sweeps.store import FileStore, MemoryStore, read
+from palpate.sweeps.sweep_plot import plot_sweep
 
 __all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
 
 Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as MatplotlibAxes
+
 Progress = Callable[[str, float], None]
 MOST_SEEDS = 2**53 // LARGEST  # a cell's own seed travels as a double
 IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
@@ -79,6 +83,10 @@ class Sweep:
     def simulate(self, *index: int) -> Trace:
         """Return the trace of one cell, under the forces of the sweep (see `excitation`)."""
         return self.plan.simulate(int(np.ravel_multi_index(index, self.shape)))
+
+    def plot(self, ax: MatplotlibAxes | None = None) -> MatplotlibAxes:
+        """Draw the verdicts over one or two axes, with the exact boundary where it is known; see `plot_sweep`."""
+        return plot_sweep(self, ax)
 
     @property
     def excitation(self) -> Excitation:

@@ -1,0 +1,43 @@
+"""Page of a sweep: numbers of cells by verdict, and a map over one or two axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.plotting.style import new_figure
+from palpate.report.html import Page
+from palpate.simulation.verdict import State
+from palpate.sweeps.axes import SweepError
+from palpate.sweeps.run import Sweep
+from palpate.sweeps.sweep_plot import plot_sweep
+
+
+def sweep_page(found: Sweep) -> Page:
+    """Return the page of a sweep."""
+    page = Page(f"Sweep: {found.plan.tables.get('title', '')}", str(found))
+    states = np.asarray(found["verdict"], dtype=float).ravel()
+    counts = [int(np.count_nonzero(states == state)) for state in State]
+    page.facts([("cells", f"{found.plan.count:,}"), ("done", f"{found.done:.0%}")])
+    page.table(
+        ["verdict", "cells", "share"],
+        [
+            (state.label, f"{count:,}", f"{100 * count / max(len(states), 1):.3g}")
+            for state, count in zip(State, counts, strict=True)
+            if count
+        ],
+        "Verdicts of the cells.",
+        units=["", "", "%"],
+    )
+    page.paragraph(f"{str(found.excitation).capitalize()}.")
+    page.paragraph(
+        "The controller is designed once, for the scenario as it stands."
+        if found.plan.design == "once"
+        else "The controller is designed for each cell."
+    )
+    try:
+        figure, rows = new_figure(1, 1, height=4.2)
+        plot_sweep(found, rows[0][0])
+    except SweepError:
+        return page
+    page.figure(figure, "Verdict of each cell. Line: where the linear loop is at its limit.", label="map of verdicts")
+    return page

@@ -39,7 +39,8 @@ class Certificate:
         assumptions: conditions under which the claim holds, each a sentence.
         margin: numbers with their unit in the name; empty if nothing is claimed.
         method: how the claim was derived and checked, each a sentence.
-        criteria: verdict of each criterion ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own.
+        criteria: verdict of each criterion ("eigenvalues", "Jury", "Routh", "Lyapunov") on its own; on a deformable
+            body as `ContactStability.criteria`.
         passive: whether the display is passive, hence stable with every passive operator; None: not tested or open.
         counter_example: a scenario that demonstrates an instability; None if there is none.
         scenario: tables of the scenario.

@@ -26,6 +26,7 @@ __all__ = ["certify_body", "contact_of"]
 _DEPTHS = (0.25, 0.5, 0.75)  # of the depth at rest, tested as well
 _QUANTILES = (0.5, 0.25, 0.1, 0.75)  # of the depth in contact, tried in turn for a run that does not rest
 _APART = 0.05  # difference of two depths, relative to the depth at rest, that counts
+_REAL = 1e-9  # angle of an eigenvalue, rad per sample, below which its motion does not oscillate
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
 
 
@@ -196,6 +197,8 @@ def _verdict(found: _Findings) -> tuple[Verdict, str]:
     if rest.verdict == "cannot tell":
         return "cannot tell", f"Cannot tell: {linear} {run.sentence}"
     if rest.verdict == "unstable":
+        if run.outcome == "oscillates" and abs(np.angle(rest.loop.root())) < _REAL:
+            return "cannot tell", f"Cannot tell: {linear} They do not oscillate: the tip slides. {run.sentence}"
         if run.outcome in ("diverges", "bounces", "oscillates"):
             return "unstable", f"Unstable: {linear} {run.sentence}"
         return "cannot tell", f"Cannot tell: {linear} But the run does not show it. {run.sentence}"

@@ -65,7 +65,7 @@ def random_loop(rng: np.random.Generator, folder: Path, roughest: float = 0.3) -
             reach = press
             tables["operator"] = {"kind": "force", "shape": "ramp", "rise": "0.2 s"}
         tables["operator"]["force"] = [write(float(x), "N") for x in reach]
-    elif rng.random() < 0.9:
+    elif rng.random() < 0.9 or not rough:
         hand.pop("k")
         tables["operator"] = {"kind": "arm", **hand}
     return tables

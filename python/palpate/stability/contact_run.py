@@ -49,7 +49,7 @@ class PushedRun:
         time: s that it was watched after the push.
         decay: response to the push at the end, relative to that right after it.
         swing: speed at the end about the smooth motion, rms, m/s.
-        slide: speed of the proxy at the end without a push, m/s.
+        slide: speed of the proxy at the end without a push, m/s; 0 if it slides slower and slower.
         failure: how the run fails; empty if it does not.
     """
 
@@ -120,8 +120,16 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float) -> PushedRu
     early, late = (float(np.sqrt(np.mean(part**2))) for part in (speed[:fifth], speed[-fifth:]))
     failure = _failure(pushed["tip"][start:], pushed["touching"][start:, 0] > 0.0, period)
     swing = _swing(pushed["tip"][-fifth:], period)
-    slide = float(np.linalg.norm(free["proxy"][-1] - free["proxy"][-fifth]) / (fifth * period))
+    earlier, slide = (_slide(free["proxy"][start:], end, fifth, period) for end in (3, 5))
+    if slide < 0.5 * earlier:
+        slide = 0.0
     return PushedRun(size, watch, late / early if early > 0.0 else 0.0, swing, slide, failure)
+
+
+def _slide(proxy: Array, end: int, fifth: int, period: float) -> float:
+    """Return the mean speed of the proxy (n, 3) in one fifth of a run, 1 to 5, m/s."""
+    part = proxy[(end - 1) * fifth : end * fifth]
+    return float(np.linalg.norm(part[-1] - part[0]) / (fifth * period))
 
 
 def _trace(simulation: Simulation, reference: Array, operator: Array) -> Trace:

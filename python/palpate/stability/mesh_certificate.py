@@ -33,7 +33,7 @@ from palpate.stability.switching import has_solver
 __all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
 
 SITES = 4  # poses along the path of the proxy, besides the last
-FAILED = (State.BOUNDED_OSCILLATION, State.UNSTABLE, State.CONTACT_LOST)
+FAILED = (State.UNSTABLE, State.CONTACT_LOST)
 FEW_STATES = 14  # of the loop, up to which switching is tested at three sites and not at the last alone
 NEARLY = 0.9995  # spectral radius above which the decay may not be visible in the run
 WATCH = (0.5, 8.0)  # s, shortest and longest time that a pushed run is watched

@@ -1,6 +1,6 @@
 """Certificates of random loops on deformable bodies agree with the nonlinear loop, or are undecided.
 
-PALPATE_ROUNDS=10 (`make nightly`) tests 100 loops instead of seven quick ones.
+PALPATE_ROUNDS=10 (`make nightly`) tests 100 loops instead of six quick ones.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from palpate.simulation.simulator import build_simulation
 from palpate.stability import certify
 
 ROUNDS = int(os.environ.get("PALPATE_ROUNDS", "1"))
-LOOPS = (0, 3, 14, 16, 18, 24, 34) if ROUNDS == 1 else range(10 * ROUNDS)
+LOOPS = (0, 6, 14, 16, 18, 24) if ROUNDS == 1 else range(10 * ROUNDS)
 KINDS = ("compliance", "viscoelastic", "modal", "mass_spring", "free_form", "neo-hookean", "corotational")
 
 
@@ -105,4 +105,4 @@ def test_certificates_of_random_loops_agree_with_the_nonlinear_loop(block: Path)
             undecided.append(f"{index}: {certificate.claim}")
             continue
         assert rests(tables) == certificate.stable, f"{index}: {certificate.claim}"
-    assert len(undecided) <= 0.04 * len(LOOPS), "\n".join(undecided)
+    assert len(undecided) <= 0.03 * len(LOOPS), "\n".join(undecided)

@@ -228,6 +228,7 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius:
             "beyond": bool(beyond_reach(device, q[0], q[first : last + 1]).any()),
             "error": _error(scenario, deflection[ending]),
             "pressed": scenario.object.kind in ("wall", "mesh", "body") and _pressed(trace, scenario, touching, last),
+            "apart": _apart(trace, touching) if scenario.object.kind in ("wall", "mesh", "body") else 0.0,
             "lossy": scenario.device.encoder or scenario.device.saturation or bool(np.any(device.coulomb)),
         }
     return Evidence.of(
@@ -269,6 +270,23 @@ def _error(scenario: Scenario, deflection: Array) -> float:
         return np.nan
     steady = deflection.mean(axis=0)
     return float(np.max(np.abs(steady[driven] / np.asarray(expected)[driven] - 1.0)))
+
+
+def _apart(trace: Recorded, touching: NDArray[np.bool_]) -> float:
+    """Return the fraction of the run since the first contact in which a pressed tip is off its object.
+
+    The normal is that of the last contact before.
+    """
+    if not touching.any():
+        return 0.0
+    rows = np.arange(len(touching))
+    last = np.maximum.accumulate(np.where(touching, rows, -1))
+    load, contact = trace["reference_force"] + trace["operator_force"], trace["object_force"][np.maximum(last, 0)]
+    force = np.linalg.norm(load, axis=1)
+    pressed = np.sum(load * contact, axis=1) > BAND * force * np.linalg.norm(contact, axis=1)
+    pressed &= force > BAND * force.max()
+    since = last >= 0
+    return float(np.count_nonzero(since & ~touching & pressed) / np.count_nonzero(since))
 
 
 def _pressed(trace: Recorded, scenario: Scenario, touching: NDArray[np.bool_], last: int) -> bool:

@@ -83,7 +83,7 @@ def _explained(
     elif state is State.OUT_OF_REACH:
         since, reason = _reach(trace, scenario, window)
     elif state is State.CONTACT_LOST:
-        since, reason = _lost(trace)
+        since, reason = _lost(trace, float(e.apart[0]))
     elif state is State.DRIVE_LIMIT:
         since = float(time[np.flatnonzero(trace["saturated"][:, 0])[0]])
         share = f"{100 * float(e.saturated[0]):.3g} %"
@@ -106,11 +106,15 @@ def _explained(
     return Verdict(state, reason, since, axis, amplitude, frequency, linear)
 
 
-def _lost(trace: Recorded) -> tuple[float | None, str]:
+def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     """Return when the tip left the object, and the reason."""
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
         return None, "the tip never touches the object"
+    if touching[-1] >= 0.99 * (len(trace.time) - 1):
+        first = touching[np.flatnonzero(np.diff(touching) > 1)[0]] if np.any(np.diff(touching) > 1) else touching[-1]
+        share = f"{100 * apart:.3g} % of the time since the first contact"
+        return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
     since = float(trace.time[touching[-1]])
     return since, f"the tip is off the object from t = {since:.4g} s on, under a force that presses it on"
 

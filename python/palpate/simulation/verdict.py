@@ -26,6 +26,7 @@ SWING = 0.01  # of the deflection: a sustained oscillation below it counts as re
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
+APART = 0.05  # fraction of the run off the object, though pressed, above which contact counts as lost
 SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the drive limits the loop
 
 
@@ -109,6 +110,7 @@ class Evidence:
         drift: relative change of the commanded force over the last fifth; nan if unknown.
         touching: fraction of the last fifth in contact.
         contacts: number of contacts that begin in the last fifth.
+        apart: fraction of the run since the first contact in which the tip is off the object though it is pressed on.
         saturated: fraction of the last fifth at the drive's limits.
         pressed: whether the external force presses the tip against a one-sided object.
         beyond: whether a joint is beyond its limits, has turned round, or the pose is singular.
@@ -131,6 +133,7 @@ class Evidence:
     drift: Array
     touching: Array
     contacts: Array
+    apart: Array
     saturated: Array
     pressed: NDArray[np.bool_]
     beyond: NDArray[np.bool_]
@@ -144,7 +147,7 @@ class Evidence:
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
         unknown = dict.fromkeys(("swing_before", "error", "drift", "decay"), np.nan)
-        none = dict.fromkeys(("contacts", "saturated", "resolution", "linear"), 0)
+        none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
         defaults: Mapping[str, Any] = {
             **unknown,
             **none,
@@ -188,6 +191,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     travels = e.ripple > TRAVEL * e.swing  # a tip that slides on is not judged by its bumps
     grows = ~travels & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
     lost = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
+    lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
     unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & e.constant)
     band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
     least = np.maximum(SWING * e.deflection, np.maximum(e.resolution, FLOOR))

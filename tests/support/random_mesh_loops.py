@@ -165,7 +165,7 @@ def _pushed(tables: dict[str, Any], seed: int, push: float, watched: float) -> t
     text = f"{rms[0] * 1e3:.3g} -> {rms[1] * 1e3:.3g} mm/s, apart for {lost} of {last} ticks"
     if rms[1] < 1e-4 and not lost:
         return "rests", text
-    return ("decays" if rms[1] < 0.6 * rms[0] and not lost else "moves"), text
+    return ("decays" if rms[1] < 0.8 * rms[0] and not lost else "moves"), text
 
 
 def _swing(tip: Any, period: float) -> float:

@@ -223,13 +223,12 @@ def _sector(site: Site, group: Sequence[SurfacePoint]) -> Sector:
 
 def _observable(site: Site, sectors: Sequence[Sector]) -> list[Sector]:
     """Return the sectors without the states that no force of any of them shows."""
-    directions, n = site.loop.directions, site.path.nstates
+    directions = site.loop.directions
     points = [group[0] for group in _groups(site.points)]
     laws = [friction_law(point, np.zeros(2)) for point in points]
     force = np.vstack(
         [np.hstack([directions.T @ law.D @ directions @ site.path.C, directions.T @ law.C]) for law in laws]
     )
     still = closed_matrix(site.path, laws[0], directions, 0.0)
-    assert force.shape[1] >= n
     basis, inverse = reachable_space(still.T, force.T, force.T)
     return [sector.transformed(basis.T, inverse.T) for sector in sectors]

@@ -20,6 +20,7 @@ PUSH = 0.02  # s, duration of the push
 SHARE = 0.02  # of the contact force
 MOVING = 1e-4  # m/s: a tip that swings or slides faster does not rest
 PERSISTS = 0.3  # motion long after a push, relative to that right after it, that counts as not decaying
+BOUNCING = 0.7  # speed at the end relative to that before, above which the bounces do not die out
 BOUNCES = 3  # contacts under constant forces in the time observed, above which the tip bounces endlessly
 
 
@@ -166,12 +167,12 @@ def _direction(normal: Array) -> Array:
 
 def _failure(tip: Array, touching: NDArray[np.bool_], period: float) -> str:
     """Return how a tip under constant forces fails to come to rest; empty if it does."""
-    bounces = int(np.count_nonzero(touching[1:] & ~touching[:-1]))
-    if bounces > BOUNCES and not touching[-len(touching) // 5 :].all():
-        return f"bounces on the mesh, {bounces} times in {len(touching) * period:.3g} s"
     watched = tip[-len(touching) :]
     part = len(watched) // 4
     earlier, late = (_swing(watched[i * part : (i + 1) * part], period) for i in (1, 3))
+    bounces = int(np.count_nonzero(touching[1:] & ~touching[:-1]))
+    if bounces > BOUNCES and not touching[-len(touching) // 5 :].all() and late > BOUNCING * earlier:
+        return f"bounces on the mesh, {bounces} times in {len(touching) * period:.3g} s"
     if late > MOVING and late > 0.9 * earlier:
         return f"oscillates at {late * 1e3:.2g} mm/s without decay"
     return ""

@@ -170,6 +170,9 @@ def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
     if unstable:
         why = f"and the loop is unstable {unstable[0].mode.name}" if len(unstable) == 1 else "as are its contact modes"
         why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
+    if failure.startswith("oscillates") and contact.resting.stable and contact.resting.radius > NEARLY:
+        claim = f"Cannot tell: stable where it rests, but so near its limit that the run still {failure}."
+        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
     example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself {failure}.")
     claim = f"Unstable: the run {failure}, {why}."
     return _certificate(contact, criteria, "unstable", claim, margin, steps, example)

@@ -12,7 +12,9 @@ class DeformableBody:
     """Interface of deformable bodies to a servo loop."""
 
 class SurfaceFrames:
-    """Thread that computes the displacements of a body's surface during a servo loop."""
+    """
+    Thread that computes the displacements of a body's surface during a servo loop.
+    """
 
     def __init__(self, compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], rate: float) -> None:
         """The compliance is not copied."""
@@ -23,9 +25,7 @@ class SurfaceFrames:
         """
 
 class PlacedBody:
-    """
-    A body, its pose in the device frame, and the tip that touches it.
-    """
+    """A body, its pose in the device frame, and the tip that touches it."""
 
     def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
 
@@ -46,7 +46,9 @@ class ComplianceBody(DeformableBody):
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
 
     def reset(self) -> None: ...
 
@@ -72,7 +74,9 @@ class ModalBody(DeformableBody):
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
 
     def reset(self) -> None: ...
 
@@ -98,7 +102,9 @@ class StandardLinearSolidBody(DeformableBody):
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
 
     def reset(self) -> None: ...
 
@@ -124,7 +130,9 @@ class MassSpringBody(DeformableBody):
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
 
     def reset(self) -> None: ...
 
@@ -140,7 +148,9 @@ class MassSpringBody(DeformableBody):
         """Return the positions of the vertices (N, 3), m."""
 
     def set(self, places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], speeds: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> None:
-        """Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices."""
+        """
+        Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices.
+        """
 
     @property
     def energy(self) -> float:
@@ -148,7 +158,9 @@ class MassSpringBody(DeformableBody):
 
     @property
     def held_back(self) -> int:
-        """Number of periods whose speed was reduced to keep the energy from rising."""
+        """
+        Number of periods whose speed was reduced to keep the energy from rising.
+        """
 
 class FreeFormBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, give: float, layer: float, give_across: float, layer_across: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
@@ -167,7 +179,9 @@ class FreeFormBody(DeformableBody):
         """
 
     def dragged(self) -> NDArray[numpy.float64]:
-        """Return the friction forces on the contact nodes of the last step (n, 3), N."""
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
 
     def reset(self) -> None: ...
 
@@ -223,7 +237,9 @@ class QuasiStaticSolver:
     def reset(self) -> None: ...
 
 class DeformationFrames:
-    """Displacements of all points of a hyperelastic body after its last model update."""
+    """
+    Displacements of all points of a hyperelastic body after its last model update.
+    """
 
     def __init__(self, points: int) -> None: ...
 
@@ -251,7 +267,9 @@ class HyperelasticBody(DeformableBody):
         """
 
     def displacement(self) -> NDArray[numpy.float64]:
-        """Return the displacements of all points at the last model update (p, 3), m."""
+        """
+        Return the displacements of all points at the last model update (p, 3), m.
+        """
 
     def reset(self) -> None: ...
 
@@ -259,7 +277,9 @@ class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
 
     def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
-        """Return the energy, J, and the internal forces on the free points (p, 3), N."""
+        """
+        Return the energy, J, and the internal forces on the free points (p, 3), N.
+        """
 
     def tangent(self, way: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """

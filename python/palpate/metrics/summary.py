@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import expected_deflection, recorded_scenario, windows
+from palpate.simulation.evidence import NEAR_SINGULAR, conditioning, expected_deflection, recorded_scenario, windows
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import BAND, State
@@ -20,6 +20,7 @@ __all__ = ["summarize"]
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the summary mentions it
+NEAR_LIMIT = 0.02  # of a joint's range below which the summary warns
 LEAST_DEFLECTION = 1e-6  # m, steady deflection of an axis below which its transient is of no interest
 
 
@@ -64,7 +65,7 @@ def summarize(trace: Trace) -> dict[str, Any]:
             colon = "" if details[0].startswith("to 5 %") else ":"
             summary["verdict"] = f"{trace.verdict.state.label}{colon} {details[0]}"
         details = details[1:]
-    summary["verdict"] = "; ".join([summary["verdict"], *details, *_drive(trace, scenario)])
+    summary["verdict"] = "; ".join([summary["verdict"], *details, *_drive(trace, scenario), *_reach(trace, scenario)])
     return summary
 
 
@@ -167,6 +168,23 @@ def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:
     if last > device.continuous_force and trace.verdict.state is not State.UNSTABLE:
         limit = device.continuous_force
         return [f"without drive limits: the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
+    return []
+
+
+def _reach(trace: Trace, scenario: Scenario | None) -> list[str]:
+    """Return a warning if the run comes near a singular pose or a joint limit."""
+    if scenario is None or "angle" not in trace or not len(trace) or trace.verdict.state is State.OUT_OF_REACH:
+        return []
+    device, angles = scenario.load_device(), trace["angle"]
+    least = float(conditioning(device, angles).min())
+    if device.dof > 1 and least < NEAR_SINGULAR:
+        return [
+            f"the pose comes near a singular one: the Jacobian's singular values differ by a factor of {1 / least:.3g}"
+        ]
+    low, high = device.joint_limits
+    margin = np.minimum(angles - low, high - angles).min(axis=0)
+    if np.any(near := margin < NEAR_LIMIT * (high - low)) and np.all(margin >= 0.0):
+        return [f"joint {int(np.flatnonzero(near)[0]) + 1} comes near its limit"]
     return []
 
 

@@ -38,6 +38,7 @@ LEAST_PLATEAU = 0.1  # the same for a stretch before
 LEAST_SAMPLES = 50  # samples of either
 AT_REST = 5e-3  # m/s: largest speed of a tip at rest
 AT_LIMIT = 1e-9  # distance of a spectral radius from 1 within which the linear loop is at its limit
+NEAR_SINGULAR = 0.05  # ratio of the smallest to the largest singular value of the Jacobian near a singular pose
 SINGULAR = 0.005  # ratio of the smallest to the largest singular value of the Jacobian of a singular pose
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.control.stability_margins import critical_gain, loop_margins
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.evidence import NEAR_SINGULAR, conditioning
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import State
@@ -169,6 +170,8 @@ def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, RunVerdict, str
     if not trace.completed:
         return None, verdict, f"{run} and diverged at {trace.unstable_from:g} s."
     run = f"{run}; its verdict is {verdict.state.label}"
+    if len(trace["angle"][0]) > 1 and conditioning(s.load_device(), trace["angle"]).min() < NEAR_SINGULAR:
+        run += " and it comes near a singular pose"
     if s.device.model != "nonlinear":
         return None, verdict, f"{run}."
     if s.object.kind == "wall" and not trace["touching"][-1, 0]:

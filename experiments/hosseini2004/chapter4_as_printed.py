@@ -238,7 +238,7 @@ def _weights(theirs: dict[Name, _Lqg], ours: dict[Name, _Lqg]) -> Check:
 
 
 def _two_rates() -> Check:
-    """The controllers are sampled every 0.5 ms, the virtual couple at 1000 Hz: what the second rate would bear."""
+    """The controllers are sampled every 0.5 ms, the virtual couple at 1000 Hz: the limit at the second rate."""
     arm = load("phantom-premium-1.5a")
     limits = {}
     for period in (5e-4, 1e-3):

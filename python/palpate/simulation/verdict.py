@@ -175,11 +175,11 @@ def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Arr
 def decide(e: Evidence) -> NDArray[np.int8]:
     """Return the State of each loop (n,). Every command that judges a loop uses this function.
 
-    The worst finding decides: divergence or growth, contact, drive, reach, then the oscillation that remains. Where the
-    linear loop is unstable, a run that did not show it is never "settled": it is "undecided" if friction, encoder
-    counts or drive limits may have hidden the instability, and "unstable" otherwise, unless friction, counts or impacts
-    bound its oscillation. An oscillation that decays in a
-    stable linear loop is "settled" before it has come to rest.
+    The worst finding decides: divergence or growth, contact, drive, reach, then the oscillation that remains.
+
+    A run whose linear loop is unstable is never "settled". It is "undecided" if friction, encoder counts or drive
+    limits may hide the instability. Otherwise it is "unstable", unless friction, counts or impacts bound its
+    oscillation. An oscillation that decays in a stable linear loop is "settled" before it has come to rest.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(e.late <= STILL, 0.0, e.late / e.prior)

@@ -15,10 +15,16 @@
 
 namespace palpate::servo {
 
-/// Numbers of a loop's outcome, one row instead of a trace: tick of divergence (-1: never); oscillation early, prior and late, m; ripple, m;
-/// steady tip displacement (3), m; peak object force and command, N; fraction of the run in contact and at the drive's limits; the same two
-/// over the last fifth of the judged window; contacts that begin in that fifth; joint angles (dof) and velocities (dof) at the end.
-/// See StabilityMonitor for the definitions.
+/// Columns of a loop's outcome, see StabilityMonitor for the definitions:
+///   0       tick of divergence, -1 if there was none
+///   1-3     oscillation early, prior and late, m
+///   4       ripple, m
+///   5-7     steady tip displacement, m
+///   8, 9    peak object force and command, N
+///   10, 11  fraction of the run in contact and at the limits of the drive
+///   12, 13  the same for the last fifth of the judged window
+///   14      contacts that begin in that fifth
+///   15-     joint angles (dof) and velocities (dof) at the end
 template <int dof>
 constexpr int outcome_width = 15 + 2 * dof;
 

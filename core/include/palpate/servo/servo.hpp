@@ -164,8 +164,8 @@ class Servo {
     return tick_;
   }
 
-  /// Limit the tip force `wanted` [N] to what the drive can add to the operator's share; return the torques of both [N*m].
-  /// @param share  the reference force [N]: in force tracking the operator exerts it, and the motors deliver the rest
+  /// Limit the tip force `wanted` [N], of operator and motors, by the drive. Return the torques of both [N*m].
+  /// @param share  reference force [N], which the operator exerts; the motors deliver the rest
   Angles limit(Vector& wanted, const Vector& share) noexcept;
 
   Angles torque_at_rest(const Angles& start);

@@ -86,7 +86,7 @@ def test_without_the_optimizer_the_certificate_says_so(monkeypatch: pytest.Monke
     certificate = certify(tables)
     assert certificate.stable
     assert certificate.margin["dwell_time_s"] > 0.0
-    assert any("pip install palpate[lmi]" in step for step in certificate.method)
+    assert any("pip install clarabel" in step for step in certificate.method)
 
 
 def test_a_frictionless_contact_under_integrators_is_not_certified() -> None:

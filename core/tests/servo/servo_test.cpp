@@ -89,11 +89,27 @@ TEST(Servo, MotorLimitsScaleTheCommandAndTheTorqueAlike) {
   setup.start = pose;
   setup.gravity_compensation = Vector3<>(0.0, 0.1, 0.0);
   setup.limits.peak_torque = Joints<3>(0.05, 0.05, 0.05);
-  Servo<Premium, SpringWall> servo(setup);
-  const auto& tick = servo.tick(pose, Vector3<>(3.0, -2.0, 1.0));
+  const SpringWall wall({.kind = SpringWall::Kind::half_space,
+                         .point = arm.forward(pose) + Vector3<>(0.0, 0.0, 5e-3),
+                         .normal = Vector3<>(0.0, 0.0, 1.0),
+                         .stiffness = Vector3<>::Constant(1000.0)});
+  Servo<Premium, SpringWall> servo(setup, wall);
+  const auto& tick = servo.tick(pose, Vector3<>::Zero());
   EXPECT_TRUE(tick.saturated);
   EXPECT_NEAR(tick.torque.cwiseAbs().maxCoeff(), 0.05, 1e-15);
   EXPECT_LT((tick.torque - arm.jacobian(pose).transpose() * (tick.command + setup.gravity_compensation)).norm(), 1e-15);
+}
+
+// Law: the operator exerts the reference force, so the limits of the motors do not apply to it.
+TEST(Servo, MotorLimitsLeaveTheOperatorsShareAlone) {
+  ServoSetup<Premium> setup{.mechanism = arm};
+  setup.start = pose;
+  setup.limits.peak_torque = Joints<3>(0.05, 0.05, 0.05);
+  Servo<Premium, SpringWall> servo(setup);
+  const Vector3<> reference(3.0, -2.0, 1.0);
+  const auto& tick = servo.tick(pose, reference);
+  EXPECT_FALSE(tick.saturated);
+  EXPECT_LT((tick.command - reference).norm(), 1e-15);
 }
 
 // Law: a torque leaves the servo `delay` periods after it was computed; before that the device is held at rest.

@@ -61,6 +61,8 @@ def run(
     state = trace.verdict.state
     colour = "green" if trace.verdict.settled else "yellow" if state is State.UNDECIDED else "red"
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {colour}]{escape(summary['verdict'])}[/]", soft_wrap=True)
+    for warning in summary["warnings"]:
+        output.print(f"  [yellow]{escape(warning)}[/]", soft_wrap=True)
     for axis, row in summary["axes"].items() if trace.verdict.settled else ():
         expected = row["expected_deflection_m"]
         wanted = "" if expected is None else f" of {expected * 1e3:.4g} mm wanted"

@@ -27,10 +27,11 @@ LEAST_DEFLECTION = 1e-6  # m, steady deflection of an axis below which its trans
 def summarize(trace: Trace) -> dict[str, Any]:
     """Return the verdict and the metrics of a run for JSON, in SI except for percentages.
 
-    "state" is the verdict's label and "verdict" a sentence with details; "stable" is true if the state is "settled".
-    Each driven axis has the steady tip deflection, the expected deflection (reference force over stiffness) and the
-    error against it, overshoot, 5 % settling time, and the growth of an oscillation. The whole run has the peak
-    command, torque and object force, and the force that the motors must deliver.
+    "state" is the verdict's label and "verdict" a sentence with details. "stable" is true if the state is "settled".
+    "warnings" are sentences on the drive and on singular poses. Each driven axis has the steady tip deflection, the
+    expected deflection (reference force over stiffness) and the error against it, overshoot, 5 % settling time, and the
+    growth of an oscillation. The whole run has the peak command, torque and object force, and the force that the motors
+    must deliver.
 
     A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
     the axes. A run that diverged has no steady state, and only the peaks are given.
@@ -65,7 +66,8 @@ def summarize(trace: Trace) -> dict[str, Any]:
             colon = "" if details[0].startswith("to 5 %") else ":"
             summary["verdict"] = f"{trace.verdict.state.label}{colon} {details[0]}"
         details = details[1:]
-    summary["verdict"] = "; ".join([summary["verdict"], *details, *_drive(trace, scenario), *_reach(trace, scenario)])
+    summary["verdict"] = "; ".join([summary["verdict"], *details])
+    summary["warnings"] = [*_drive(trace, scenario), *_reach(trace, scenario)]
     return summary
 
 

@@ -19,6 +19,8 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     page = Page(found["title"] or "Run", str(trace.scenario.get("description", "")))
     page.section("Verdict")
     page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", _tone(trace))
+    for warning in found["warnings"]:
+        page.verdict(f"{warning[0].upper()}{warning[1:]}.", "note")
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
     for key, name, unit, scale in (
         ("peak_deflection_m", "largest deflection", "mm", 1e3),

@@ -14,10 +14,9 @@ from palpate.sweeps.sweep_plot import plot_sweep
 
 def sweep_page(found: Sweep) -> Page:
     """Return the page of a sweep."""
-    page = Page(f"Sweep: {found.plan.tables.get('title', '')}", str(found))
+    page = Page(f"Sweep: {found.plan.tables.get('title', '')}", " × ".join(f"{a.path} ({len(a)})" for a in found.axes))
     states = np.asarray(found["verdict"], dtype=float).ravel()
     counts = [int(np.count_nonzero(states == state)) for state in State]
-    page.facts([("cells", f"{found.plan.count:,}"), ("done", f"{found.done:.0%}")])
     page.table(
         ["verdict", "cells", "share"],
         [
@@ -29,11 +28,9 @@ def sweep_page(found: Sweep) -> Page:
         units=["", "", "%"],
     )
     page.paragraph(f"{str(found.excitation).capitalize()}.")
-    page.paragraph(
-        "The controller is designed once, for the scenario as it stands."
-        if found.plan.design == "once"
-        else "The controller is designed for each cell."
-    )
+    if found.plan.tables.get("controller", {}).get("kind", "none") not in ("none", "gain", "state_space"):
+        when = "once, for the scenario as it stands" if found.plan.design == "once" else "for each cell"
+        page.paragraph(f"The controller is designed {when}.")
     try:
         figure, rows = new_figure(1, 1, height=4.2)
         plot_sweep(found, rows[0][0])

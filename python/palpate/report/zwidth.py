@@ -34,7 +34,7 @@ def zwidth_page(z: ZWidth) -> Page:
         "An object of stiffness K and damping B below a curve is stable. The curve is computed from the linearized "
         "loop; the dots come from simulations.",
     )
-    page.verdict(_sentence(z, own), "good" if _under(own, *z.here) else "bad")
+    page.verdict(_sentence(z), "good" if z.stable_here else "bad")
     facts = [("stiffest object", f"{k / 1e3:.4g} N/mm"), ("its damping", f"{b:.4g} N·s/m")]
     if z.passive is not None:
         facts.append(("stiffest passive object", f"{z.passive[1].max() / 1e3:.4g} N/mm"))
@@ -77,10 +77,10 @@ def zwidth_page(z: ZWidth) -> Page:
     return page
 
 
-def _sentence(z: ZWidth, own: Boundary) -> str:
+def _sentence(z: ZWidth) -> str:
     b, k = z.here
-    where = "inside" if _under(own, b, k) else "outside"
-    return f"The scenario's object, K = {k:g} N/m with B = {b:g} N·s/m, lies {where} the stable region."
+    state = "stable" if z.stable_here else "unstable"
+    return f"The loop with the scenario's object, K = {k:g} N/m and B = {b:g} N·s/m, is {state}."
 
 
 def _runs(found: SimulatedBoundary | None) -> str:
@@ -102,19 +102,6 @@ def _method(z: ZWidth) -> str:
         "they bound an oscillation and would hide its growth. At a corner of the curve two modes are at their limits "
         "at once, and the dots are less accurate there."
     )
-
-
-def _under(own: Boundary, b: float, k: float) -> bool:
-    """Return whether (b, k) lies in the region enclosed by the curve and the axes."""
-    crossings = 0
-    for first, last in own.pieces:
-        x, y = own.damping[first:last], own.stiffness[first:last]
-        spans = (np.minimum(x[:-1], x[1:]) <= b) & (b < np.maximum(x[:-1], x[1:]))
-        at = y[:-1][spans] + (b - x[:-1][spans]) / (x[1:] - x[:-1])[spans] * (y[1:] - y[:-1])[spans]
-        crossings += int(np.sum(at > k))
-    if b <= own.damping.min() and crossings == 0:
-        return bool(k < own.stiffness[int(np.argmin(own.damping))])
-    return crossings % 2 == 1
 
 
 def _undamped(c: Boundary) -> float | None:

@@ -239,6 +239,7 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius:
         prior=largest(last - 2 * fifth, last - fifth),
         late=largest(last - fifth, last),
         ripple=float(np.ptp(tip[ending], axis=0).max(initial=0.0)) / 2.0,
+        ripple_before=float(np.ptp(tip[before], axis=0).max(initial=0.0)) / 2.0,
         swing=swing(trace.time[ending], tip[ending]),
         swing_before=swing(trace.time[before], tip[before]),
         deflection=float(np.linalg.norm(deflection[ending].mean(axis=0))),

@@ -21,6 +21,7 @@ from palpate.simulation.verdict import BAND, GROWING, Evidence, State, Verdict, 
 __all__ = ["judge"]
 
 AXES = "xyz"
+STILL = 1e-7  # m: a tip that moves less was not excited
 WORSE = (State.UNSTABLE, State.BOUNDED_OSCILLATION)  # states that count even if the force changes later
 
 
@@ -45,7 +46,16 @@ def judge(trace: Recorded) -> Verdict:
         if state in WORSE:
             return _explained(trace, scenario, window, found, state, linear)
     found = evidence(trace, scenario, final, radius)
-    return _explained(trace, scenario, final, found, State(int(decide(found)[0])), linear)
+    if not found.constant[0] or _excited(trace) or State(int(decide(found)[0])) is not State.SETTLED:
+        return _explained(trace, scenario, final, found, State(int(decide(found)[0])), linear)
+    reason = "nothing excites the loop: give [reference] or [operator] a force"
+    return Verdict(State.UNDECIDED, reason, linear=linear)
+
+
+def _excited(trace: Recorded) -> bool:
+    """Return whether a force or an initial displacement has moved the tip."""
+    forces = [trace[name] for name in ("reference_force", "operator_force") if name in trace]
+    return any(np.any(force) for force in forces) or float(np.ptp(trace["tip"], axis=0).max()) > STILL
 
 
 def _linear_text(radius: float) -> str:
@@ -124,10 +134,10 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
         return "the external force changes until the end: hold it for the last twentieth of the run or longer"
     if int(e.linear[0]) < 0:
         return "the run settles, but friction, encoder counts or drive limits may hide an instability"
-    if abs(float(e.error[0])) > BAND:
-        return f"it rests {100 * float(e.error[0]):.3g} % from force over stiffness"
     if float(e.drift[0]) > BAND:
         return f"the command still changes, by {100 * float(e.drift[0]):.3g} % of the largest force at the end"
+    if abs(float(e.error[0])) > BAND:
+        return f"it rests {100 * float(e.error[0]):.3g} % from force over stiffness"
     return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
 
 

@@ -103,6 +103,7 @@ class Evidence:
         unstable_from: time of divergence, s; nan: it did not diverge.
         early, prior, late: oscillation in the second, fourth and last fifth, m.
         ripple: half the range of the tip in the last fifth, along the axis with the largest range, m.
+        ripple_before: the same in the fourth fifth; nan if unknown.
         swing: amplitude of the oscillation in the last fifth: the same without the trend of the motion, m.
         swing_before: the same in the fourth fifth, m; nan if unknown.
         deflection: magnitude of the object's mean deflection in the last fifth, m.
@@ -126,6 +127,7 @@ class Evidence:
     prior: Array
     late: Array
     ripple: Array
+    ripple_before: Array
     swing: Array
     swing_before: Array
     deflection: Array
@@ -146,7 +148,7 @@ class Evidence:
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        unknown = dict.fromkeys(("swing_before", "error", "drift", "decay"), np.nan)
+        unknown = dict.fromkeys(("ripple_before", "swing_before", "error", "drift", "decay"), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
         defaults: Mapping[str, Any] = {
             **unknown,
@@ -198,7 +200,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
     swings = bounces | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
-    rests = ((e.ripple <= band) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
+    creeps = (e.ripple > least) & (e.ripple > GROWING * e.ripple_before)
+    rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
     state = np.select(
         [
             unstable,

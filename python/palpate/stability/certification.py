@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.optimize import brentq
 
-from palpate.control.stability_margins import critical_gain, loop_margins
-from palpate.errors import PalpateError
+from palpate.control.stability_margins import loop_margins
+from palpate.errors import PalpateError, StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.evidence import NEAR_SINGULAR, conditioning
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
@@ -67,7 +68,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     margin = {"spectral_radius": radius, "doubling_time_s": doubling}
     limit = ""
     try:
-        gain = critical_gain(loop.gain())
+        gain = _stable_factor(loop)
         margin["critical_gain"] = gain
         limit = f"; the loop is stable below {gain:.4g} times the object's stiffness and damping"
     except PalpateError:
@@ -78,6 +79,24 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     example = divergence_example(s, radius)
     claim = f"Unstable: {motion} doubles every {doubling:.3g} s{limit}."
     return _certificate(s, criteria, "unstable", claim, margin, method(s), None, example)
+
+
+def _stable_factor(loop: ScenarioLoop) -> float:
+    """Return the largest factor below 1 on stiffness and damping at which an unstable loop becomes stable.
+
+    Raises:
+        StabilityError: no factor down to 1e-6 makes it stable.
+    """
+    factors = np.geomspace(1.0, 1e-6, 300)
+    radii = np.array([np.abs(np.linalg.eigvals(loop.matrix(factor))).max() for factor in factors])
+    stable = np.flatnonzero(radii < 1.0)
+    if not len(stable):
+        raise StabilityError("no factor on the stiffness makes the loop stable")
+    first = int(stable[0])
+    edge = brentq(
+        lambda factor: np.abs(np.linalg.eigvals(loop.matrix(factor))).max() - 1.0, factors[first], factors[first - 1]
+    )
+    return float(edge)
 
 
 def _dominant_angle(loop: ScenarioLoop) -> float:

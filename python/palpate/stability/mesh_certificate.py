@@ -214,11 +214,12 @@ def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
         if math.isinf(factor)
         else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
     )
+    decided = all(one.proof != "undecided" for one in switching)
     claim = (
-        f"Stable: each of {len(contact.found)} contact modes "
+        f"{'Stable' if decided else 'Cannot tell'}: each of {len(contact.found)} contact modes "
         f"({', '.join(sorted(kinds))}) along the run is stable, {stiffer}; {order}."
     )
-    return _certificate(contact, criteria, "stable", claim, margin, steps)
+    return _certificate(contact, criteria, "stable" if decided else "cannot tell", claim, margin, steps)
 
 
 def _order(contact: MeshContact, switching: Sequence[Switching], margin: dict[str, float]) -> str:
@@ -310,7 +311,7 @@ def _switching_method(switching: Sequence[Switching]) -> str:
             f"every stiffness between the extremes and every force of Coulomb friction (a polygon of {CORNERS} corners "
             "about its disk); it was verified without the solver."
         )
-    missing = "" if has_solver() else " The optional solver (pip install palpate[lmi]) is not installed."
+    missing = "" if has_solver() else " The solver (pip install clarabel) is not installed."
     return (
         f"At t = {where} s no common Lyapunov matrix was found for all; the dwell time follows from the Lyapunov "
         f"matrices of slides in four directions at the extremes of stiffness.{missing}"

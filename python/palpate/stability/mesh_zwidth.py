@@ -52,6 +52,7 @@ def mesh_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
         "the passive stiffness of a mesh depends on its edges and its friction, and no condition for it is known",
         None,
         (damping, stiffest),
+        all(one.stable for one in contact.found),
     )
 
 

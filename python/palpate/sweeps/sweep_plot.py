@@ -128,7 +128,7 @@ def _legend(ax: Axes, present: Sequence[State]) -> None:
     from matplotlib.patches import Patch
 
     handles: list[Patch | Line2D] = [Patch(color=COLORS[state], label=state.label) for state in present]
-    if ax.collections and len(ax.collections) > 1:
+    if len(ax.collections) > 1 and any(np.size(path.vertices) for path in ax.collections[1].get_paths()):
         handles.append(Line2D([], [], color="#1d2126", linewidth=1.2, label="exact boundary"))
     ax.figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4))
 

@@ -71,7 +71,9 @@ def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
         s, operator_name(s), other_operators(s), lambda done: report("exact boundary", 0.2 + 0.7 * done)
     )
     reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
-    return ZWidth(s.title, curves, None, reason, None, (0.0, stiffness), None, tuple(never), least)
+    edge = next(iter(curves.values()))
+    stable = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
+    return ZWidth(s.title, curves, None, reason, None, (0.0, stiffness), stable, None, tuple(never), least)
 
 
 def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:

@@ -67,6 +67,7 @@ class ZWidth:
         here: (B, K) of the scenario's object, N s/m and N/m.
         corner: enlarged map about the origin, if details would be invisible in the whole.
         never: operators with which no wall is stable, for example because the arm tips over along the surface.
+        stable_here: whether the loop with the scenario's object is stable, by its own eigenvalues.
         min_stable_stiffness: least K with which the scenario's loop is stable, N/m, for any damping; above 0 if the
             device is unstable without an object.
     """
@@ -77,6 +78,7 @@ class ZWidth:
     not_passive: str
     simulated: SimulatedBoundary | None
     here: tuple[float, float]
+    stable_here: bool
     corner: Corner | None = None
     never: tuple[str, ...] = ()
     min_stable_stiffness: float = 0.0
@@ -135,7 +137,11 @@ class ZWidth:
             },
             "never_stable": list(self.never),
             "min_stable_stiffness_N_per_m": self.min_stable_stiffness,
-            "object": {"damping_N_s_per_m": self.here[0], "stiffness_N_per_m": self.here[1]},
+            "object": {
+                "damping_N_s_per_m": self.here[0],
+                "stiffness_N_per_m": self.here[1],
+                "stable": self.stable_here,
+            },
         }
 
     def save(self, path: str | Path) -> Path:
@@ -200,7 +206,8 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
                 s, own, near, window, min_stable_stiffness, lambda done: report("simulating", 0.6 + 0.3 * done)
             )
         corner = Corner(window, near, near_simulated)
-    return ZWidth(s.title, curves, passive, reason, found, here, corner, tuple(never), min_stable_stiffness)
+    stable = own.spectral_radius() < 1.0
+    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), min_stable_stiffness)
 
 
 def _min_stable_stiffness(loop: ScenarioLoop, edge: Boundary) -> float:

@@ -130,7 +130,7 @@ def test_a_sweep_finds_the_nodule_where_it_is(sweep: PalpationSweep) -> None:
     left, right = (np.interp(side * 15e-3, sweep.with_nodule.position, sweep.with_nodule.stiffness) for side in (-1, 1))
     assert left == pytest.approx(right, rel=0.1)  # the mesh's diagonals all lean the same way
     run = summarize(sweep.trace)
-    assert run["stable"]
+    assert run["stable"], run["verdict"]
     felt_along = run["palpation"]
     assert felt_along["path_stiffness_max_N_per_m"] == pytest.approx(sweep.with_nodule.over, rel=0.02)
     assert felt_along["path_stiffness_max_N_per_m"] > 1.23 * felt_along["path_stiffness_median_N_per_m"]

@@ -173,7 +173,8 @@ def test_zwidth_of_a_slider() -> None:
         assert k == pytest.approx(exact, rel=2e-3)
     html = zwidth_page(found).html()
     assert "<svg" in html
-    assert "inside the stable region" in html
+    assert "is stable" in html
+    assert found.stable_here
     assert "http://" not in html.replace("http://www.w3.org", "")
 
 

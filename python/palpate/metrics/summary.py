@@ -120,7 +120,7 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> list[str]:
     summary["sliding"] = None if found is None else found.to_dict()
     if found is None or not trace.completed:
         return []
-    text = f"slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found)} at the end"
+    text = f"slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found, trace)} at the end"
     if found.step_at_crossing is not None:
         text += (
             f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
@@ -138,7 +138,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
     text = (
         f"presses the body in by {found.deepest * 1e3:.3g} mm with {at_depth}"
-        f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found)} at the end"
+        f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found, trace)} at the end"
     )
     if found.nodes < FEW:
         text += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
@@ -148,8 +148,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     return [text, *_began(began, "body")]
 
 
-def _at_the_end(found: SlidingMetrics | PalpationMetrics) -> str:
-    return "rests in contact" if found.settled else "still moves" if found.touching_at_end else "is apart"
+def _at_the_end(found: SlidingMetrics | PalpationMetrics, trace: Trace) -> str:
+    if found.settled and trace.verdict.settled:
+        return "rests in contact"
+    return "is in contact" if found.touching_at_end else "is apart"
 
 
 def _began(depth: float, touched: str) -> list[str]:

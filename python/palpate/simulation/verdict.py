@@ -23,6 +23,7 @@ SMALL = 1e-9  # m, likewise
 BAND = 0.05  # of the deflection: a settled loop stays within it, and this near to force over stiffness
 VISIBLE = 1e-4  # of the deflection: a smaller oscillation grows only if it did so from the second fifth on
 SWING = 0.01  # of the deflection: a sustained oscillation below it counts as rest
+CREEP = 0.0125  # of the deflection: a motion above it that becomes faster is not rest
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
@@ -200,7 +201,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
     swings = bounces | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
-    creeps = (e.ripple > least) & (e.ripple > GROWING * e.ripple_before)
+    creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
+    creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
     state = np.select(
         [

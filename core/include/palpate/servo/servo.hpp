@@ -79,8 +79,8 @@ class Servo {
   struct Tick {
     Vector tip = Vector::Constant(0.0);           ///< measured, m
     Vector object_force = Vector::Constant(0.0);  ///< of the tip on the object, N
-    Vector command = Vector::Constant(0.0);       ///< tip force of hand and motors after the drive's limits, without gravity compensation, N
-    Angles torque = Angles::Constant(0.0);        ///< of hand and motors, after the delay, N*m
+    Vector command = Vector::Constant(0.0);  ///< tip force of hand and motors after the drive's limits, without gravity compensation, N
+    Angles torque = Angles::Constant(0.0);   ///< of hand and motors, after the delay, N*m
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
   };

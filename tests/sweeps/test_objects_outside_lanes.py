@@ -40,3 +40,18 @@ def test_a_spring_has_the_same_outcome_in_lanes_and_alone() -> None:
         row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
         for key, values in name_rows(row[None], simulation.scenario.period).items():
             np.testing.assert_array_equal(np.asarray(found.outcomes[key])[cell], values[0], err_msg=key)
+
+
+def test_a_controller_designed_once_holds_for_cells_on_a_mesh() -> None:
+    """The outcome of a cell is that of its trace, with one controller for all cells."""
+    tables = short("slide-cube-small-steps.toml")
+    peaks = {}
+    for design in ("once", "cell"):
+        found = sweep(tables, {"controller.stiffness": ["1 N/mm", "3 N/mm"]}, design=design)
+        for cell in range(2):
+            trace = found.simulate(cell)
+            assert found.verdict(cell) is trace.verdict.state
+            largest = np.linalg.norm(trace["command_force"], axis=1).max()
+            assert found["peak_command_force"][cell] == pytest.approx(largest, rel=1e-9)
+        peaks[design] = found["peak_command_force"][1]
+    assert peaks["once"] != pytest.approx(peaks["cell"], rel=1e-6)

@@ -124,11 +124,7 @@ class Plan:
 
     def controller(self) -> Controller | None:
         """Return the controller of every cell if it is designed once; None: each cell's own."""
-        if self.design == "cell":
-            return None
-        own = build_simulation(self.tables).controller
-        assert isinstance(own, Controller)  # a scenario's own is linear
-        return own
+        return None if self.design == "cell" else _own_controller(self.text())
 
     def run(self, first: int, last: int, threads: int = 1) -> dict[str, Array]:
         """Run cells `first` to `last` (not included) and return their outcomes by name of QUANTITIES."""
@@ -168,7 +164,7 @@ class Plan:
         """Run cells one loop at a time: for meshes and bodies, whose contact does not run in SIMD lanes."""
 
         def outcome(cell: int) -> tuple[Array, float]:
-            simulation, _ = excited(build_simulation(self.scenario(cell)))
+            simulation = self._simulation(cell)
             row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
             return row, float(judge(simulation.trace(*simulation.run())).state)
 
@@ -193,8 +189,11 @@ class Plan:
 
     def simulate(self, cell: int) -> Trace:
         """Return the trace of one cell, under the forces of the sweep."""
-        simulation, _ = excited(_check(self.scenario(cell).to_dict(), self.controller()))
+        simulation = self._simulation(cell)
         return simulation.trace(*simulation.run())
+
+    def _simulation(self, cell: int) -> Simulation:
+        return excited(build_simulation(self.scenario(cell), self.controller()))[0]
 
     def excitation(self) -> Excitation:
         """Return what the sweep does with the forces of the scenario as it stands."""
@@ -229,6 +228,14 @@ def _check(tables: Mapping[str, Any], controller: Controller | None = None) -> S
 def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:
     """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls."""
     return Scenario.from_dict(tables).object.kind in ("none", "spring", "wall")
+
+
+@lru_cache(maxsize=8)
+def _own_controller(plan_text: str) -> Controller:
+    """Return the controller that is designed for the scenario as it stands."""
+    own = build_simulation(Plan.of_text(plan_text).tables).controller
+    assert isinstance(own, Controller)  # a scenario's own is linear
+    return own
 
 
 @lru_cache(maxsize=64)

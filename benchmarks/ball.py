@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array, Indices
 
 __all__ = ["ball"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def ball(pieces: int, radius: float = 0.5, bump: float = 0.0) -> tuple[Array, Indices]:

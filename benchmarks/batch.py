@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import _core
+from palpate.arrays import Array
 from palpate.simulation.simulator import Simulation, build_simulation
 
 from benchmarks.peers import mujoco_rollout
@@ -17,7 +17,6 @@ from benchmarks.workload import STIFFNESS, Workload
 
 __all__ = ["SECTION"]
 
-Array = NDArray[np.float64]
 LANES = {8: "AVX-512", 4: "AVX2", 2: "SSE2 or the like"}
 ASKED = 20_000.0
 

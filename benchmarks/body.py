@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import _core
 from palpate.fem import Body, block, build
 
@@ -14,7 +13,6 @@ from benchmarks.section import Effort, Progress, Rows, Section, figures
 
 __all__ = ["SECTION"]
 
-Array = NDArray[np.float64]
 SIZE, CELLS = (0.1, 0.1, 0.05), 5e-3  # m; 4,851 vertices, 24,000 tetrahedra
 SMALL = (0.06, 0.06, 0.03)
 FINE = (2.5e-3, 2.5e-3, 10e-3)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.simulation.simulator import build_simulation, simulate
 
 from benchmarks.peers import mujoco_loop, python_control_loop
@@ -15,8 +15,6 @@ from benchmarks.section import Effort, Progress, Rows, Section, figures
 from benchmarks.workload import DURATION, Workload
 
 __all__ = ["SECTION"]
-
-Array = NDArray[np.float64]
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 
 from benchmarks.workload import PERIOD, POSE, ForceLaw, Workload
 
 __all__ = ["mujoco_loop", "mujoco_rollout", "python_control_loop"]
 
-Array = NDArray[np.float64]
 SUBSTEPS = 10  # Runge-Kutta steps of a peer in one servo period
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.contact.mesh import Mesh
 from palpate.contact.proxy import Proxy
 from palpate.contact.surface import Surface
 
 __all__ = ["orbit", "time_steps"]
-
-Array = NDArray[np.float64]
 
 
 def orbit(ticks: int, bump: float = 0.0) -> Array:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import devices
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.errors import PalpateError
 from palpate.linear.linearization import static_tip_force
@@ -19,7 +19,6 @@ from scipy.integrate import solve_ivp
 
 __all__ = ["DURATION", "PERIOD", "ForceLaw", "Workload"]
 
-Array = NDArray[np.float64]
 PERIOD = 1e-3  # s
 DURATION = 1.0  # s
 STIFFNESS, DAMPING = 500.0, 2.0  # N/m, N*s/m

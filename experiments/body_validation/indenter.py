@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.fem.elements import Elements
 from palpate.fem.factor import Factor
 from palpate.fem.material import Material
@@ -18,7 +18,6 @@ from palpate.fem.volume import Volume, grid
 
 __all__ = ["HEIGHT", "POISSON", "SIDE", "YOUNG", "extrapolate", "stiffness"]
 
-Array = NDArray[np.float64]
 YOUNG, POISSON, SIDE, HEIGHT = 20e3, 0.45, 0.1, 0.05  # Pa, -, m, m: of the block
 _GRADING = 3.0  # exponent of the cell size; preserves most of the order under a stress of 1 / sqrt(distance)
 _CORE = 0.4  # half side of the central square over the radius of the end

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.checks import TipShape
@@ -15,7 +15,6 @@ from palpate.fem.volume import block
 
 __all__ = ["energy_out", "small_body"]
 
-Array = NDArray[np.float64]
 _SIDE, _HEIGHT, _RADIUS, _DURATION = 0.04, 0.02, 6e-3, 2.0
 _TIPS: tuple[TipShape, TipShape] = ("sphere", "flat")
 

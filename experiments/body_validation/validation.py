@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.checks import whole
@@ -25,7 +25,6 @@ from experiments.body_validation.passivity import energy_out, small_body
 
 __all__ = ["Deviations", "dense_free_form", "flat_end", "hertz", "linearized_mass_spring", "other_models", "validate"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 Row = dict[str, Any]
 _BOTTOM: Final = half_space("z", "<", 1e-9)

@@ -11,7 +11,8 @@ from typing import Any, Final, Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from palpate.arrays import Array
 from palpate.control import Controller, lqg
 from palpate.devices import Device
 from palpate.errors import DesignError
@@ -23,7 +24,6 @@ from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = ["Z_GAIN", "driven_by_error", "lead_lag_of_table_51", "printed_weights", "rest"]
 
-Array = NDArray[np.float64]
 Name = Literal["A", "B", "C", "D"]
 Z_GAIN: Final = 0.0031  # static gain along z, N/N; fitted to the row of 2 N/mm of table 5.1
 # Static gain, zero and pole (rad/s) along y and z; along x the gain is 1. Zeros and poles only keep the loop stable.

@@ -23,7 +23,7 @@ from typing import Any, Final, Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from palpate.control import Controller, critical_gain, gain_interval, lead_lag, loop_gain, lqg, spectral_radius
 from palpate.devices import Device, load
 from palpate.errors import DesignError
@@ -46,7 +46,6 @@ __all__ = [
     "ignorant_lqg",
 ]
 
-Array = NDArray[np.float64]
 Name = Literal["A", "B", "C", "D"]
 POSE: Final = (0.0, 2.2305, 3.2776)  # rad, (3.8)
 STIFFEST: Final = 3500.0  # N/m, table 2.1

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import devices
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.linear import equilibria, linearize
 from palpate.report import Page
@@ -20,7 +20,6 @@ from experiments.hosseini2004.specifications import specifications
 
 __all__ = ["DEVICE", "EQUILIBRIUM", "chapter2"]
 
-Array = NDArray[np.float64]
 DEVICE = "phantom-premium-1.5a"
 EQUILIBRIUM = np.array([0.0, 2.2305, 3.2776])  # rad, as printed in (2.84) and used for every linear model
 SPEED = np.array([0.0, 0.1, 0.1])  # rad/s, (2.86), (2.88)

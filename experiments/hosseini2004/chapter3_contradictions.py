@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.linear.linearization import static_tip_force
 from palpate.report import Page
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["contradictions", "end_rates"]
 
-Array = NDArray[np.float64]
 PULSE: Final = 0.05  # s
 TORQUE: Final = 1.0  # N m
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.linear import equilibria
 from palpate.report import Page
@@ -21,7 +21,6 @@ from experiments.hosseini2004.printed_numbers import printed
 
 __all__ = ["open_loop_with_friction", "table31"]
 
-Array = NDArray[np.float64]
 ZERO = 0.005  # mm: what "~0.0" stands for in a table of two decimals
 
 

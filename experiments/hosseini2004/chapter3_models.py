@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.linear import discretize, linearize
 from palpate.linear.linearization import static_tip_force
@@ -18,7 +18,6 @@ from experiments.hosseini2004.printed_numbers import printed, with_zero
 
 __all__ = ["case_c", "case_d", "discretisation", "experimental", "linear_model"]
 
-Array = NDArray[np.float64]
 EQUILIBRIUM = np.array([0.0, 2.2305, 3.2776])  # rad, as printed in (2.84)
 TORQUE = np.array([0.0, 0.01, 0.01])  # N m, at which (3.37) and (3.41) are taken
 STIFFEST = 3500.0  # N/m

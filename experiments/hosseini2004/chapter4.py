@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.control import Controller, loop_gain, margins, spectral_radius
 from palpate.report import Page
 
@@ -20,7 +20,6 @@ from experiments.hosseini2004.topologies import other_topology
 
 __all__ = ["chapter4", "grid"]
 
-Array = NDArray[np.float64]
 Name = Literal["A", "B", "C", "D"]
 Kind = Literal["lead_lag", "lqg"]
 KINDS: Final[dict[Kind, str]] = {"lead_lag": "lead–lag", "lqg": "LQG"}

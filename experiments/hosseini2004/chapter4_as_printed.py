@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.control import Controller, closed_loop, gain_interval, loop_gain, lqg, spectral_radius
 from palpate.devices import load
 from palpate.linear import rendering_plant
@@ -20,7 +20,6 @@ from experiments.hosseini2004.loops import FORCES, Loop, respond, respond_case
 
 __all__ = ["chapter4_as_printed"]
 
-Array = NDArray[np.float64]
 Name = Literal["A", "B", "C", "D"]
 CASE_NAMES: Final[tuple[Name, ...]] = ("A", "B", "C", "D")
 DURATION: Final[dict[Name, float]] = {"A": 6.0, "B": 6.0, "C": 20.0, "D": 6.0}  # s: the printed weights creep

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate.devices import load
 from palpate.report import Page
 
@@ -22,7 +21,6 @@ from experiments.hosseini2004.printed_numbers import printed
 
 __all__ = ["chapter5"]
 
-Array = NDArray[np.float64]
 FITTED: Final = 2.0  # N/mm: row of table 5.1 to which the gain along z is fitted
 ROWS: Final = (3.5, 1.0, 2.0, 2.5, 3.0)  # N/mm, as table 5.1 orders them
 FORCE: Final = 8.5  # N

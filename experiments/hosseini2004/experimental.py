@@ -19,13 +19,12 @@ from typing import Final
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 
 from experiments.hosseini2004.printed_numbers import printed
 
 __all__ = ["PERIOD", "denominators", "experimental_model"]
 
-Array = NDArray[np.float64]
 PERIOD: Final = 5e-4  # s, (3.12)
 CHAINS: Final = ((2.0, 1.0, 1.0, 0.5, 0.25), (0.5, 0.5, 1.0, 2.0), (0.5, 1.0, 1.0, 2.0))  # A_e below the diagonal
 ENDS: Final = (0.5, 0.5, 0.5)  # B_e of state 1; C_e of states 12 and 18

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from palpate.plotting.figures import thin
 from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["angles", "eigenvalues", "lines", "poles_in_the_disk", "steps"]
 
-Array = NDArray[np.float64]
 DASHED = (0, (4, 3))
 
 

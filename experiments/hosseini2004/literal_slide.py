@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from palpate import Trace, simulate
+from palpate.arrays import Array
 from palpate.control import Controller
 from palpate.devices import load
 from palpate.simulation import ContactResult
@@ -22,7 +23,6 @@ from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = ["STEPS", "TANGENTIAL", "LiteralCube", "LiteralSlide", "slide"]
 
-Array = NDArray[np.float64]
 DEVICE: Final = "phantom-premium-1.5a"
 TANGENTIAL: Final = 1000.0  # N/m, section 5.3.1
 STEPS: Final = {"small": (1.0, 1.2, 1.4), "large": (0.2, 3.5, 0.5, 2.0)}  # N/mm, as in palpate's other slides

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import Trace, simulate
+from palpate.arrays import Array
 from palpate.control import Controller
 from palpate.simulation.step_response import StepResponse, step_response
 
@@ -16,7 +16,6 @@ from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = ["FORCES", "STIFFNESSES", "Loop", "loop_of", "respond", "respond_case", "scenario"]
 
-Array = NDArray[np.float64]
 FORCES: Final = (1.0, 4.0, 8.5)  # N, chapter 4
 STIFFNESSES: Final = (1.0, 1.05, 2.0, 2.5, 3.0, 3.5)  # N/mm, chapters 4 and 5
 Model = Literal["nonlinear", "linear", "experimental"]

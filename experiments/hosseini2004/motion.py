@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from palpate.arrays import Array
 from scipy.integrate import solve_ivp
 
 __all__ = ["Motion", "constant", "move", "pulse"]
-
-Array = NDArray[np.float64]
 
 
 class Arm(Protocol):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.devices import Device
 
 __all__ = ["PrintedArm", "body_jacobian", "rotation"]
-
-Array = NDArray[np.float64]
 
 
 def rotation(q: Array) -> Array:

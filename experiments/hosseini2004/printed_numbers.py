@@ -11,11 +11,10 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 
 __all__ = ["Erratum", "Printed", "keys", "printed", "table", "with_zero"]
 
-Array = NDArray[np.float64]
 PACKAGE = "experiments.hosseini2004"
 
 

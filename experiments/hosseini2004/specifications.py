@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import devices
+from palpate.arrays import Array
 from palpate.control import Controller, critical_gain, loop_gain
 from palpate.devices import Device
 from palpate.linear import rendering_plant
@@ -17,7 +17,6 @@ from experiments.hosseini2004.printed_numbers import printed
 
 __all__ = ["specifications"]
 
-Array = NDArray[np.float64]
 GHOST_PERIOD: Final = 1e-3  # s, the manufacturer's servo loop
 STIFF: Final = 1e5  # N/m, well above the limit that is looked for
 

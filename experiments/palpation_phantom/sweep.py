@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.metrics.body_contact import JND
 from palpate.scenario import Scenario
@@ -21,7 +21,6 @@ from experiments.palpation_phantom.stiffnesses import PERIOD, POSE, controller_o
 
 __all__ = ["AWAY", "JND", "PalpationSweep", "StiffnessProfile", "stiffness_profile", "sweep_phantom", "sweep_scenario"]
 
-Array = NDArray[np.float64]
 LENGTH: Final = 64e-3  # m
 SPEED: Final = 20e-3  # m/s
 FROM: Final = 1.0  # begin of the motion, s

@@ -6,14 +6,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.metrics.mesh_contact import LAST
 from palpate.simulation.trace import Trace
 
 __all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
 
-Array = NDArray[np.float64]
 JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1990)
 MIN_SWEEP = 10e-3  # m, path length from which a run counts as a sweep
 FEW = 4  # nodes under the tip, below which the force is unreliable

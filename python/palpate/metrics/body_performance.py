@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array, Complex
 from palpate.errors import StabilityError
 from palpate.metrics.loop_response import LoopResponse
 from palpate.scenario import Scenario
@@ -22,9 +22,6 @@ from palpate.simulation.body_response import (
 from palpate.simulation.controllers import build_controller
 
 __all__ = ["BodyLoopResponse", "body_loop_response"]
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

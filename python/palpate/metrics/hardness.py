@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate.checks import positive
 from palpate.errors import StabilityError
@@ -11,8 +11,6 @@ from palpate.linear.sampled_loop import assemble_loop, sampled_plants
 from palpate.metrics.loop_response import LoopResponse
 
 __all__ = ["rate_hardness"]
-
-Array = NDArray[np.float64]
 
 
 def rate_hardness(loop: LoopResponse, along: ArrayLike, window: float = 10e-3) -> float:

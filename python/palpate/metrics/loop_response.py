@@ -15,8 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array, Complex
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.errors import StabilityError
@@ -29,9 +30,6 @@ from palpate.simulation.trace import Trace
 from palpate.units import write
 
 __all__ = ["LoopResponse", "arm_stiffness", "hold_response"]
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def hold_response(frequency: ArrayLike, period: float) -> Complex:

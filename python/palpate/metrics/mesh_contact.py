@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from palpate.arrays import Array
 from palpate.simulation.trace import Trace
 from palpate.units import parse_quantity
 
 __all__ = ["LAST", "RIPPLE_BAND", "SlidingMetrics", "sliding_metrics"]
 
-Array = NDArray[np.float64]
 RIPPLE_BAND = (20.0, 500.0)  # Hz, perceptible vibration
 LAST = 0.1  # s at the end of a run, over which the final state is averaged
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm
 from palpate.metrics.body_performance import body_loop_response
@@ -25,7 +26,6 @@ from palpate.simulation.trace import Trace
 
 __all__ = ["DirectionalPerformance", "Performance", "measure_performance"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1990)
 BAND = (0.5, 8.0)  # Hz, voluntary motion

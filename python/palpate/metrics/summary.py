@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
@@ -17,7 +16,6 @@ from palpate.simulation.verdict import BAND, State
 
 __all__ = ["summarize"]
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the summary mentions it
 NEAR_LIMIT = 0.02  # of a joint's range below which the summary warns

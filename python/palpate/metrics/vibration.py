@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal.windows import flattop
 
+from palpate.arrays import Array
 from palpate.checks import positive
 from palpate.errors import StabilityError
 
 __all__ = ["Ripple", "ripple", "vibration_threshold"]
 
-Array = NDArray[np.float64]
 PEAK_FREQUENCY = 250.0  # Hz, of the highest sensitivity
 MIN_THRESHOLD = 0.1e-6  # m, threshold there
 FLAT_LIMIT = 40.0  # Hz, below which the threshold is constant

@@ -6,12 +6,13 @@ that moves between samples (device, gravity, the operator's arm) is continuous b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.coupling import virtual_coupling
 from palpate.control.feedback_loop import closed_loop_matrix, spectral_radius
@@ -25,8 +26,6 @@ from palpate.simulation.controllers import build_controller
 from palpate.simulation.plants import sampled_plant
 
 __all__ = ["ScenarioLoop", "scenario_arm", "scenario_loop"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -217,9 +216,3 @@ def _damping_felt(device: Device, jacobian: Array, directions: Array) -> float:
         return 0.0
     mobility = directions.T @ jacobian @ np.diag(1 / device.viscous) @ jacobian.T @ directions
     return float(1 / np.linalg.eigvalsh(mobility).max())
-
-
-def with_object(loop: ScenarioLoop, stiffness: float, damping: float) -> ScenarioLoop:
-    """Return the same loop around an object of one stiffness (N/m) and damping (N s/m) in every direction."""
-    eye = np.eye(loop.directions.shape[1])
-    return replace(loop, stiffness=stiffness * eye, damping=damping * eye)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.scenario import Scenario
 
 __all__ = ["assumptions", "method", "start_pose"]
-
-Array = NDArray[np.float64]
 
 
 def start_pose(s: Scenario) -> Array:

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import as_linear_controller
 from palpate.errors import StabilityError
@@ -28,7 +28,6 @@ from palpate.stability.criteria import check_stability
 
 __all__ = ["ContactStability", "contact_at", "contact_stability", "device_loop", "every_tick", "judge"]
 
-Array = NDArray[np.float64]
 _TABLES = 26  # states of the closed loop up to which Jury's, Routh's and Lyapunov's tests are computed
 
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.trace import Trace
 
 __all__ = ["Observed", "PushedRun", "run_on", "run_pushed"]
 
-Array = NDArray[np.float64]
 SETTLE = 2.0  # s that a run goes on after its forces stop changing
 LONGER = 4.0  # s that a run goes on that seems to fail
 PUSH = 0.02  # s, duration of the push

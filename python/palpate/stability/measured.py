@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.checks import finite, fraction, not_negative, positive
 from palpate.errors import StabilityError
 
 __all__ = ["MeasuredResponse", "MeasuredVerdict"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

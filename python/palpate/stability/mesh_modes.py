@@ -21,7 +21,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from palpate.arrays import Array
 
 __all__ = [
     "ContactLaw",
@@ -35,7 +36,6 @@ __all__ = [
     "vertex_mode",
 ]
 
-Array = NDArray[np.float64]
 SLIP_DIRECTIONS = 8
 LAG_KEPT = (0.9, 1.0)  # shares of the lag, besides the least
 

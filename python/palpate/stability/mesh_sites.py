@@ -8,6 +8,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.contact import Mesh, Surface
 from palpate.control.controller import Controller
 from palpate.errors import StabilityError
@@ -27,7 +28,6 @@ from palpate.stability.proxy_jacobian import ProxyProbe
 
 __all__ = ["NORMAL_RESOLUTION", "Site", "TouchedSurface"]
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 NORMAL_RESOLUTION = np.radians(6.0)  # normals within this angle are represented by one
 NEAR = 2e-3  # m: faces this near to the path of the proxy are tested

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
@@ -19,7 +18,6 @@ from palpate.stability.mode_stability import ModeStability, gain_margin, mode_st
 
 __all__ = ["mesh_zwidth"]
 
-Array = NDArray[np.float64]
 RATIOS = (0.0, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3, 1.7, 2.5, 4.0, 8.0, 20.0, 100.0)
 SITES = 3
 SMALLEST = 1e-4  # factor on the surface's forces at which the search for a stable one ends

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.linear.sampled_loop import reachable_space
 from palpate.stability.mesh_modes import ContactMode, SurfacePoint, closed_matrix, friction_law
 from palpate.stability.mesh_sites import Site
@@ -17,7 +18,6 @@ from palpate.stability.switching import Sector, common_lyapunov, dwell_time
 
 __all__ = ["ModeStability", "Switching", "contact_matrix", "gain_margin", "mode_stability", "site_switching"]
 
-Array = NDArray[np.float64]
 CORNERS = 16  # of the polygon about the disk of friction
 UNFELT = 1e-6  # force on the object relative to stiffness times motion, below which a motion is not felt
 ALONG = 0.35  # motion out of the surface relative to the whole, of a slow motion along it

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.contact import Mesh
 from palpate.stability.mesh_modes import ContactLaw
 
 __all__ = ["ProxyProbe"]
 
-Array = NDArray[np.float64]
 STEPS = (1e-7, 4e-7)  # m, of the differences
 SMOOTH = 1e-3  # relative difference of the laws of both steps, above which the contact is not smooth
 PLACED = 1e-9  # m, depth at which the proxy is placed

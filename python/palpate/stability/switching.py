@@ -15,12 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import cholesky, solve_discrete_lyapunov, solve_triangular
+
+from palpate.arrays import Array
 
 __all__ = ["CommonLyapunov", "DwellTime", "Sector", "common_lyapunov", "decrease", "dwell_time", "has_solver"]
 
-Array = NDArray[np.float64]
 MARGIN = 1e-7  # least decrease of x^T P x in a step, relative to x^T P x, that counts as verified
 ROUNDS = 3  # of the solver, each with the sectors that the last P violates
 ADDED = 2  # sectors added in a round

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
 from palpate.units import UNITS, parse_quantity, write
 
 __all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
 
-Array = NDArray[np.float64]
 
 # Keys with a separate value in every lane of the batch: column of the core, SI unit.
 COLUMNS: dict[str, tuple[str, str]] = {

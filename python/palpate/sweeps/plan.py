@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.scenario import Scenario
 from palpate.simulation.judgment import judge
@@ -25,7 +26,6 @@ from palpate.sweeps.judged_rows import judge_rows, linear_radii
 
 __all__ = ["Design", "Plan"]
 
-Array = NDArray[np.float64]
 Design = Literal["cell", "once"]
 TICKS_A_CHUNK = 5e6  # about 0.3 s of one core
 CHUNK_LIMITS = (64, 16384)  # cells

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
@@ -27,7 +28,6 @@ from palpate.sweeps.sweep_plot import plot_sweep
 
 __all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
 
-Array = NDArray[np.float64]
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as MatplotlibAxes
 

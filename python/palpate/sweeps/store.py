@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import OutputError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.simulation.verdict import State
@@ -25,8 +26,6 @@ from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
 
 __all__ = ["FileStore", "MemoryStore", "StoredValues", "merge", "read", "tally"]
-
-Array = NDArray[np.float64]
 
 
 class MemoryStore:

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import origin_of, scenario_body
 
 __all__ = ["HeldTip"]
 
-Array = NDArray[np.float64]
 _BLOCK = 200  # ticks between two tests for rest, or two updates of a hyperelastic body
 _MAX_SETTLING = 6000  # ticks
 _MAX_UPDATES = 200  # of a hyperelastic body's model

@@ -14,14 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.simulation.body_response.held_tip import HeldTip
 
 __all__ = ["MultirateResponse", "multirate_response"]
 
-Array = NDArray[np.float64]
 _STEPS = (1e-3, 1e-4, 1e-5)  # displacement of the tip, relative to its radius
 _DECAYED = 1e-5  # correction of the last update, relative to the stiffness, that ends the record
 _UPDATES, _MOST_UPDATES = 6, 48

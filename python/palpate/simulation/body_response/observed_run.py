@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import build_simulation
@@ -15,7 +14,6 @@ from palpate.simulation.trace import Trace
 
 __all__ = ["ObservedRun", "Outcome", "observe"]
 
-Array = NDArray[np.float64]
 Outcome = Literal["rests", "diverges", "bounces", "oscillates", "leaves"]
 HOLD = 0.5  # s for which the signals keep their last value before the push, at least
 SHORTEST, LONGEST = 1500, 20_000  # ticks after the push

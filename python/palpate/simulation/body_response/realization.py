@@ -16,9 +16,10 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
+
 __all__ = ["realize"]
 
-Array = NDArray[np.float64]
 _DENSE, _SPARSE = 24, 40  # offsets in succession, and geometric ones after them
 _ORDERS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 26, 32, 40, 48, 64)
 _ACCURATE = 1e-5  # error relative to the sum of the Markov parameters at which the order suffices

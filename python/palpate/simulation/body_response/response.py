@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.simulation.body_response.held_tip import HeldTip
 from palpate.simulation.body_response.realization import realize
 
 __all__ = ["BodyResponse", "body_response"]
 
-Array = NDArray[np.float64]
 _STEPS = (2e-3, 5e-4, 1e-4, 1e-5, 1e-6)  # displacement of the tip, relative to its radius
 _FIRST, _LONGEST = 256, 4096  # ticks of the impulse response
 _DECAYED = 1e-5  # share of the last quarter in the whole response that ends the record

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array, Complex
 from palpate.control.feedback_loop import series
 
 __all__ = ["BodyLoop", "stiffness_margin", "unstable_poles", "worst_gain"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _OUTSIDE = 1e-6  # distance of the Nyquist contour from the unit circle
 _TURN = 0.3  # phase, rad, between two points of the contour
 _HALVINGS = 24

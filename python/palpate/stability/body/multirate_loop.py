@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.stability.body.body_loop import worst_gain
 
 __all__ = ["MultirateLoop"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

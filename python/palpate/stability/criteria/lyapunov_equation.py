@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import matrix_balance
 
+from palpate.arrays import Array, Flags
 from palpate.errors import StabilityError
 
 __all__ = ["Lyapunov", "lyapunov"]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

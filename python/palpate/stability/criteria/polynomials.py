@@ -5,15 +5,14 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.checks import fraction, not_negative, positive
 from palpate.errors import StabilityError
 from palpate.units import array_to_si
 
 __all__ = ["bilinear_map", "characteristic_polynomial", "wall_polynomial"]
-
-Array = NDArray[np.float64]
 
 
 def characteristic_polynomial(matrix: ArrayLike) -> Array:

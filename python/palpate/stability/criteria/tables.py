@@ -11,13 +11,11 @@ from decimal import Decimal, localcontext
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.arrays import Array, Flags
 from palpate.errors import StabilityError
 from palpate.stability.criteria.polynomials import bilinear_map
 
 __all__ = ["Jury", "Routh", "jury", "precise_tables", "routh"]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

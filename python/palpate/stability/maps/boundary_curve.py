@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.checks import finite
 from palpate.errors import StabilityError
 from palpate.linear.wall import WallLoop
@@ -17,7 +18,6 @@ from palpate.stability.maps.wall_interval import Device, as_wall_loop, is_stable
 
 __all__ = ["Boundary", "stability_boundary", "trace_boundary"]
 
-Array = NDArray[np.float64]
 Curve: TypeAlias = Callable[[Array], tuple[Array, Array]]
 Segment: TypeAlias = tuple[Array, Array, Array]  # angle, B, K
 

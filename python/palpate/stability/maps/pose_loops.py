@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array, Complex
 from palpate.control.controller import Controller
 from palpate.devices import Device
 from palpate.linear.linear_device import HumanArm, SampledDevice
@@ -26,8 +27,6 @@ from palpate.stability.maps.wall_interval import stability_interval
 
 __all__ = ["PoseLoops"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 ANGLES = np.unique(np.concatenate([np.geomspace(1e-4, np.pi, 220), np.linspace(0.02, np.pi, 180)]))[:-1]
 CHUNK = 128  # poses per chunk
 STABLE = 1 + 1e-10  # an unobservable mode at 1 is accepted

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device
 
 __all__ = ["reachable_poses", "shoulder"]
 
-Array = NDArray[np.float64]
 SINGULAR = 0.1  # least ratio of the Jacobian's smallest to largest singular value
 TURN = math.pi / 2  # rad, largest rotation of the base from the start
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop
 from palpate.simulation.outcome_rows import name_rows
@@ -22,7 +23,6 @@ from palpate.stability.maps.refined import follow
 
 __all__ = ["SimulatedBoundary", "simulated_boundary"]
 
-Array = NDArray[np.float64]
 STEPS, LEVELS = 8, 4  # steps of the coarse grid per axis; number of refinements along the boundary
 PUSH = 1e-3  # N, for five samples
 DIVERGED = 100  # object force over excitation above which a run counts as unstable

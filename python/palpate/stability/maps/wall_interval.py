@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.checks import finite
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import LinearDevice, SampledDevice
@@ -27,7 +28,6 @@ __all__ = [
     "wall_spectral_radius",
 ]
 
-Array = NDArray[np.float64]
 OPTIONS = frozenset({"period", "delay", "velocity_filter", "controller"})
 Device: TypeAlias = LinearDevice | SampledDevice | WallLoop | control.StateSpace
 

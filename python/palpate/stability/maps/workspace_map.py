@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.arrays import Array
 from palpate.devices import Device, load
 from palpate.errors import DeviceError, StabilityError
 from palpate.files import as_path, check_suffix, write_json
@@ -23,7 +24,6 @@ from palpate.stability.maps.reachable_poses import reachable_poses, shoulder
 
 __all__ = ["Workspace", "workspace"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 TILT = math.radians(12.0)  # between the weakest direction and the additional ones
 FINGERTIP = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # default operator

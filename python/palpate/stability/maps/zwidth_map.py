@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm, SampledDevice
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Corner", "ZWidth", "loop_radii", "operator_name", "other_operators", "spring_zwidth", "wall_loops"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 HAND = HumanArm(0.15, 4.5, 560.0)
 TISSUE = (500.0, 0.5)  # N/m, N s/m

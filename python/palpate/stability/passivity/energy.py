@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.checks import not_negative, positive
 from palpate.errors import StabilityError
 from palpate.simulation.user_object import as_object
 
 __all__ = ["EnergyObserver", "PassivityController", "naive_energy", "zoh_energy"]
-
-Array = NDArray[np.float64]
 
 
 def zoh_energy(force: ArrayLike, position: ArrayLike) -> float:

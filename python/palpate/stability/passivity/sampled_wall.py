@@ -13,6 +13,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.arrays import Array
 from palpate.checks import finite, fraction, not_negative, positive
 from palpate.errors import StabilityError
 from palpate.linear.wall import causal_controller, frequency_values
@@ -27,8 +28,6 @@ __all__ = [
     "quantized_stiffness",
     "sufficient_damping",
 ]
-
-Array = NDArray[np.float64]
 
 
 def passive_damping(

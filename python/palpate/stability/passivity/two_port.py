@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate.arrays import Array
 from palpate.checks import not_negative, positive
 from palpate.errors import StabilityError
 from palpate.linear.wall import causal_controller, frequency_values
@@ -21,8 +22,6 @@ __all__ = [
     "two_port_limit",
     "two_port_margin",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import palpate
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from palpate.devices.reach import beyond_reach
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import beyond_reach
 from palpate.simulation.verdict import Evidence, State, decide
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -157,3 +157,13 @@ def test_no_evidence_against_a_loop_leaves_it_settled(diverged: bool, **values: 
         assert state is not State.SETTLED
     if diverged:
         assert state is State.UNSTABLE
+
+
+def test_a_table_that_ends_constant_has_the_steady_error_of_the_step_to_the_same_force() -> None:
+    loop = press(controller={"kind": "gain", "gain": 0.03}, run={"duration": "3 s"})
+    step = palpate.simulate({**loop, "reference": {"shape": "step", "force": "1 N"}})
+    rows = [["0 s", "0 N", "0 N", "0 N"], ["0.3 s", "1 N", "1 N", "1 N"], ["1 s", "1 N", "1 N", "1 N"]]
+    table = palpate.simulate({**loop, "reference": {"shape": "table", "table": rows}})
+    assert step.verdict.state is State.UNDECIDED
+    assert table.verdict.state is State.UNDECIDED
+    assert "from force over stiffness" in table.verdict.reason

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.errors import PalpateError
-from palpate.simulation.evidence import evidence, recorded_scenario, windows
+from palpate.simulation.evidence import evidence
+from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.verdict import State, decide
+from palpate.simulation.windows import windows
 from palpate.stability import certify
 
 ROUNDS = int(os.environ.get("PALPATE_ROUNDS", "1"))
@@ -70,7 +72,7 @@ def run_alone(tables: dict[str, Any], radius: float) -> tuple[State, float]:
     if not trace.completed:
         return State.UNSTABLE, np.inf
     scenario = recorded_scenario(trace)
-    found = evidence(trace, scenario, windows(trace, scenario)[-1], None)
+    found = evidence(trace, scenario, windows(external_forces(trace, scenario))[-1], None)
     return State(int(decide(found)[0])), float(found.late[0] / max(found.prior[0], 1e-300))
 
 

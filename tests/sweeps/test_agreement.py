@@ -73,6 +73,13 @@ def test_a_cell_has_the_verdict_of_its_run() -> None:
         assert found.simulate(i).verdict.state is found.verdict(i)
 
 
+def test_a_spring_away_from_the_start_is_judged_by_its_own_deflection() -> None:
+    tables = tables_of("press-stiff-cube-lqg")
+    tables["object"] = {"kind": "spring", "stiffness": "1 N/mm", "position": ["2 mm", "0 mm", "0 mm"]}
+    found = sweep(tables, {"object.stiffness": ["1 N/mm"]}, design="once")
+    assert found.verdict(0) is found.simulate(0).verdict.state is State.SETTLED
+
+
 def test_forces_that_end_too_early_are_held() -> None:
     found = sweep(tables_of("arm-through-tissue-on-a-wall"), {"object.stiffness": ["0.5 N/mm", "1 N/mm"]})
     assert found.excitation.held == pytest.approx(0.3)

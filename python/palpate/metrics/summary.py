@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from palpate.devices.reach import NEAR_SINGULAR, conditioning
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import NEAR_SINGULAR, conditioning, expected_deflection, recorded_scenario, windows
+from palpate.simulation.recorded import external_forces, recorded_scenario
+from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import BAND, State
+from palpate.simulation.windows import windows
 
 __all__ = ["summarize"]
 
@@ -76,7 +79,7 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
     expected, deflection = expected_deflection(scenario), trace["deflection"]
     start = 0.0 if scenario is None else float((scenario.reference or scenario.operator).start)
     least = max(LEAST_DEFLECTION, BAND * float(np.max(np.linalg.norm(deflection, axis=1))))
-    driven, constant = any(expected), windows(trace, scenario)[-1].constant
+    driven, constant = any(expected), windows(external_forces(trace, scenario))[-1].constant
     for axis in range(deflection.shape[1]):
         if not expected[axis] and (driven or np.max(np.abs(deflection[:, axis])) < least):
             continue  # coupling or rounding

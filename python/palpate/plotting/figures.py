@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.plotting.style import COLORS, INK, TITLE, new_figure
-from palpate.simulation.evidence import expected_deflection, recorded_scenario
+from palpate.simulation.recorded import recorded_scenario
+from palpate.simulation.statics import expected_deflection
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:

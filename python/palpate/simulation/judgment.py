@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import (
-    Recorded,
-    Window,
-    beyond_reach,
-    evidence,
-    linear_radius,
-    linear_sign,
-    recorded_scenario,
-    windows,
-)
+from palpate.simulation.evidence import evidence
+from palpate.simulation.linear_evidence import linear_radius, linear_sign
+from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
 from palpate.simulation.verdict import BAND, GROWING, Evidence, State, Verdict, decide
+from palpate.simulation.windows import Window, windows
 
 __all__ = ["judge"]
 
@@ -39,17 +34,18 @@ def judge(trace: Recorded) -> Verdict:
     linear = None if radius is None else _linear_text(radius)
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
-    *earlier, final = windows(trace, scenario)
+    *earlier, final = windows(external_forces(trace, scenario))
     for window in earlier:
         found = evidence(trace, scenario, window, None)
         state = State(int(decide(found)[0]))
         if state in WORSE:
             return _explained(trace, scenario, window, found, state, linear)
     found = evidence(trace, scenario, final, radius)
-    if not found.constant[0] or _excited(trace) or State(int(decide(found)[0])) is not State.SETTLED:
-        return _explained(trace, scenario, final, found, State(int(decide(found)[0])), linear)
-    reason = "nothing excites the loop: give [reference] or [operator] a force"
-    return Verdict(State.UNDECIDED, reason, linear=linear)
+    state = State(int(decide(found)[0]))
+    if state is State.SETTLED and not _excited(trace):
+        reason = "nothing excites the loop: give [reference] or [operator] a force"
+        return Verdict(State.UNDECIDED, reason, linear=linear)
+    return _explained(trace, scenario, final, found, state, linear)
 
 
 def _excited(trace: Recorded) -> bool:

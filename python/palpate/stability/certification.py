@@ -9,9 +9,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from palpate.control.stability_margins import loop_margins
+from palpate.devices.reach import NEAR_SINGULAR, conditioning
 from palpate.errors import PalpateError, StabilityError
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import NEAR_SINGULAR, conditioning
+from palpate.simulation.linear_evidence import loop_at_rest
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import State
@@ -191,16 +192,9 @@ def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, RunVerdict, str
     run = f"{run}; its verdict is {verdict.state.label}"
     if len(trace["angle"][0]) > 1 and conditioning(s.load_device(), trace["angle"]).min() < NEAR_SINGULAR:
         run += " and it comes near a singular pose"
-    if s.device.model != "nonlinear":
-        return None, verdict, f"{run}."
-    if s.object.kind == "wall" and not trace["touching"][-1, 0]:
-        return None, verdict, f"{run}. At its end the tip is off the wall."
-    speed = np.abs(np.diff(trace["tip"][-20:], axis=0)).max() / (s.period * s.run.record_every)
-    if speed > 5e-3:
-        return None, verdict, f"{run}. It has not come to rest (tip speed {speed:.2g} m/s)."
-    force = trace["command_force"][-1]
-    rest = scenario_loop(s, pose=trace["angle"][-1], tip_force=force, operator_force=trace["operator_force"][-1])
-    return rest, verdict, f"{run}. The loop was tested again where it came to rest."
+    rest, reason = loop_at_rest(trace, s)
+    told = "The loop was tested again where it came to rest." if rest is not None else reason
+    return rest, verdict, f"{run}. {told}".rstrip()
 
 
 def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:

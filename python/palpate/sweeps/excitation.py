@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.arrays import Array
-from palpate.simulation.evidence import constant_from
+from palpate.arrays import Array, Indices
 from palpate.simulation.simulator import Simulation
+from palpate.simulation.windows import constant_stretches
 from palpate.sweeps.axes import SweepError
 
 __all__ = ["Excitation", "excited"]
@@ -59,10 +59,11 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
         raise SweepError(
             "the scenario has no excitation, so no loop can be judged: give [reference] or [operator] a force"
         )
-    samples, first = len(forces), constant_from(reference, operator)
+    edges = constant_stretches(forces)
+    samples, first = len(forces), int(edges[-2])
     if samples - first >= WINDOW * samples and forces[-1].any():
         return _judged(simulation, first), Excitation(first, None)
-    held = _longest_load(forces)
+    held = _longest_load(forces, edges)
     length = max(samples, held + round(HELD * samples))
     row = np.minimum(np.arange(length), held)
     force = forces[held]
@@ -81,9 +82,8 @@ def _judged(simulation: Simulation, first: int) -> Simulation:
     return simulation
 
 
-def _longest_load(forces: Array) -> int:
-    """Return the first sample of the longest stretch of constant forces (n, 6) that are not zero."""
-    edges = np.concatenate([[0], np.flatnonzero(np.any(forces[1:] != forces[:-1], axis=1)) + 1, [len(forces)]])
+def _longest_load(forces: Array, edges: Indices) -> int:
+    """Return the first sample of the longest constant stretch, between `edges`, of forces (n, 6) that are not zero."""
     lengths = np.diff(edges) * np.any(forces[edges[:-1]] != 0.0, axis=1)
     if lengths.max(initial=0) >= 0.1 * len(forces):
         return int(edges[np.argmax(lengths)])

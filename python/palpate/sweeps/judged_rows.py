@@ -7,12 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.devices.reach import beyond_reach
 from palpate.errors import PalpateError
-from palpate.simulation.evidence import beyond_reach, linear_sign, resolution
+from palpate.simulation.evidence import lossy, resolution
+from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.outcome_rows import end_angles, name_rows
 from palpate.simulation.simulator import Simulation
-from palpate.simulation.verdict import BAND, Evidence, decide
+from palpate.simulation.statics import force_over_stiffness, presses, steady_error
+from palpate.simulation.verdict import Evidence, decide
 from palpate.stability.maps.zwidth_map import loop_radii
 
 __all__ = ["judge_rows", "linear_radii"]
@@ -31,25 +34,18 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     out = name_rows(rows, scenario.period)
     reference, operator = simulation.reference[-1], simulation.operator[-1]
     stiffness = columns.get("stiffness", np.broadcast_to(np.asarray(simulation.setup.stiffness), (count, 3)))
-    steady, known = out["steady_tip"], ~np.isnan(out["steady_tip"][:, 0])
+    steady, known = out["steady_tip"] - np.array(scenario.object.position), ~np.isnan(out["steady_tip"][:, 0])
     error, pressed = np.full(count, np.nan), False
     deflection = np.linalg.norm(steady, axis=1)
     if scenario.object.kind == "wall":
         normal = np.array(scenario.object.normal)
-        deflection = np.maximum((np.array(scenario.object.position) - steady) @ normal, 0.0)
-        load = reference + operator
-        pressed = bool(load @ normal < -BAND * np.linalg.norm(load))
-    elif scenario.object.kind == "spring" and reference.any():
-        with np.errstate(divide="ignore", invalid="ignore"):
-            expected = np.where(stiffness > 0.0, reference / stiffness, np.nan)
-        driven = np.abs(expected) > BAND * np.nanmax(np.abs(expected), axis=1, initial=0.0)[:, None]
-        driven[:, device.dof :] &= device.dof >= 3
-        relative = np.where(driven, np.abs(steady / np.where(driven, expected, 1.0) - 1.0), 0.0)
-        error = np.where(driven.any(axis=1), relative.max(axis=1), np.nan)
+        deflection = np.maximum(-steady @ normal, 0.0)
+        pressed = bool(presses(reference + operator, normal)[0])
+    elif scenario.object.kind == "spring":
+        error = steady_error(steady, force_over_stiffness(reference, stiffness, device.dof))
     beyond = np.zeros(count, dtype=bool)
     beyond[known] = beyond_reach(device, simulation.start, end_angles(rows)[known])
-    linear = np.array([0 if np.isnan(radius) else linear_sign(radius) for radius in radii], dtype=float)
-    dry = bool(np.any(device.coulomb)) or any(np.any(columns.get(name, 0.0)) for name in ("coulomb", "breakaway"))
+    linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
     evidence = Evidence.of(
         count,
         unstable_from=out["unstable_from"],
@@ -67,7 +63,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         resolution=resolution(scenario, device, simulation.start)[0],
         linear=linear.astype(int),
         decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.judged_from) // 5),
-        lossy=scenario.device.encoder or scenario.device.saturation or dry,
+        lossy=lossy(scenario, device),
     )
     return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}
 

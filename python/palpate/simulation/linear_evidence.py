@@ -1,0 +1,56 @@
+"""What the linear loop of a spring or wall says about a recorded run, at its start and where it comes to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from palpate.errors import PalpateError
+from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.simulation.recorded import Recorded
+
+__all__ = ["linear_radius", "linear_sign", "loop_at_rest"]
+
+AT_REST = 5e-3  # m/s: largest speed of a tip at rest
+AT_LIMIT = 1e-9  # distance of a spectral radius from 1 within which the linear loop is at its limit
+LAST = 20  # samples over which the speed at rest is measured
+
+
+def linear_sign(radius: float) -> int:
+    """Return +1 for a stable spectral radius, -1 for an unstable one, 0 at the limit or if it is nan."""
+    return 0 if not abs(radius - 1.0) >= AT_LIMIT else 1 if radius < 1.0 else -1
+
+
+def linear_radius(trace: Recorded, scenario: Scenario | None) -> float | None:
+    """Return the larger spectral radius of the linear loop at start and rest; None if it is unknown."""
+    own: Mapping[str, Any] = trace.metadata.get("controller", {})
+    if (
+        scenario is None
+        or own.get("given")
+        or own.get("kind") == "python"
+        or "object" in trace.metadata
+        or scenario.object.kind not in ("spring", "wall")
+    ):
+        return None
+    try:
+        loops = [scenario_loop(scenario), loop_at_rest(trace, scenario)[0]]
+    except PalpateError:
+        return None
+    return max(loop.spectral_radius() for loop in loops if loop is not None)
+
+
+def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | None, str]:
+    """Return the linear loop where a run came to rest, or None and the reason as a sentence, empty if it is trivial."""
+    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
+        return None, ""
+    if scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
+        return None, "At its end the tip is off the wall."
+    steps = np.diff(trace.time[-LAST:])[:, None]
+    speed = float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
+    if speed > AT_REST:
+        return None, f"It has not come to rest (tip speed {speed:.2g} m/s)."
+    force, operator = trace["command_force"][-1], trace["operator_force"][-1]
+    return scenario_loop(scenario, pose=trace["angle"][-1], tip_force=force, operator_force=operator), ""

@@ -1,0 +1,52 @@
+"""A trace as its judge sees it."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from palpate.arrays import Array
+from palpate.errors import PalpateError
+from palpate.scenario import Scenario
+
+__all__ = ["Recorded", "external_forces", "recorded_scenario"]
+
+
+class Recorded(Protocol):
+    """Trace as the judge sees it: time (n,), s, channels by name, time of divergence, s, and metadata."""
+
+    @property
+    def time(self) -> Array:
+        """Times (n,), s."""
+        ...
+
+    @property
+    def unstable_from(self) -> float | None:
+        """Time of divergence, s."""
+        ...
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Scenario and controller."""
+        ...
+
+    def __getitem__(self, name: str) -> Array: ...
+    def __contains__(self, name: object) -> bool: ...
+
+
+def recorded_scenario(trace: Recorded) -> Scenario | None:
+    """Return the scenario of a trace; None if it is missing or cannot be read."""
+    try:
+        return Scenario.from_dict(trace.metadata["scenario"]) if trace.metadata.get("scenario") else None
+    except PalpateError:
+        return None  # written by another version, or its device file is missing
+
+
+def external_forces(trace: Recorded, scenario: Scenario | None) -> Array:
+    """Return reference force and operator's force (n, 6), N; a motion of the operator, m, in place of its force."""
+    reference = trace["reference_force"] if "reference_force" in trace else np.zeros((len(trace.time), 3))
+    operator = np.zeros_like(reference)
+    if scenario is not None and scenario.operator.moves:
+        operator = scenario.operator.values(trace.time)
+    return np.hstack([reference, operator])

@@ -106,7 +106,7 @@ def _cells(row: Row, c: Certificate) -> tuple[Any, ...]:
     m = c.margin
     up = m.get("gain_margin", m.get("critical_gain"))
     return (
-        row.where, KINDS[row.kind], f"{row.stiffness:g}", c.verdict,
+        row.where, KINDS[row.kind], f"{row.stiffness:g}", c.verdict.state.label,
         None if up is None else f"{row.stiffness * up:.4g}",
         None if "phase_margin_deg" not in m else f"{m['phase_margin_deg']:.0f}",
         None if "delay_margin_s" not in m else f"{1e3 * m['delay_margin_s']:.2f}",
@@ -116,10 +116,10 @@ def _cells(row: Row, c: Certificate) -> tuple[Any, ...]:
 
 
 def _verdict(row: Row, c: Certificate) -> Check:
-    said = "stable" if row.stable else "unstable"
-    holds = c.verdict == said and len(set(c.criteria.values())) == 1
+    said, label = "stable" if row.stable else "unstable", c.verdict.state.label
+    holds = label == said and len(set(c.criteria.values())) == 1
     return statement(
-        row.id, f"certificate: {row.where}, palpate's own {KINDS[row.kind]}, {row.stiffness:g} N/mm", said, c.verdict,
+        row.id, f"certificate: {row.where}, palpate's own {KINDS[row.kind]}, {row.stiffness:g} N/mm", said, label,
         holds=holds, kind="own", where=row.where, note=c.claim,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from palpate import fem, simulate
 from palpate.errors import StabilityError
 from palpate.metrics import measure_performance, summarize
 from palpate.scenario import Scenario
+from palpate.simulation.verdict import State
 from palpate.stability import certify, contact_stability, zwidth
 
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
@@ -65,7 +66,7 @@ def test_inertia_is_no_stiffness_of_a_wall(block: Path, kind: str, scale: float)
     found = contact_stability(trace)
     assert summarize(trace)["palpation"]["settled"]
     assert found.one_tick_stiffness > 1.3 * found.static_stiffness
-    assert found.verdict == "stable"
+    assert found.state is State.STABLE
     assert found.doubt < 0.5
 
 
@@ -79,7 +80,7 @@ def test_a_block_too_stiff_for_the_hand_bounces(block: Path) -> None:
     soft, stiff = (certify(press(block, "compliance", scale)) for scale in (6, 12))
     assert soft.stable
     assert 1.0 < soft.margin["gain_margin"] < 2.0
-    assert stiff.verdict == "unstable"
+    assert stiff.verdict.state is State.UNSTABLE
     assert stiff.counter_example is not None
     assert stiff.counter_example.scenario == stiff.scenario
     assert set(soft.criteria) == {"eigenvalues", "Jury", "Routh", "Lyapunov", "Nyquist"}
@@ -116,12 +117,12 @@ def test_the_slowest_updates_of_a_hyperelastic_body_are_reported(coarse: Path) -
 
 def test_what_cannot_be_decided_is_said(coarse: Path) -> None:
     undamped = certify(press(coarse, "modal", 1.0))
-    assert undamped.verdict == "cannot tell"
+    assert undamped.verdict.state is State.UNDECIDED
     released = press(coarse, "compliance", 1.0)
     released["operator"] |= {"stop": "0.5 s", "force": ["0 N", "0 N", "-1 N"]}
     released["object"]["position"] = ["0 mm", "0 mm", "-1 mm"]
     found = certify(released)
-    assert found.verdict == "cannot tell"
+    assert found.verdict.state is State.UNDECIDED
     assert "off the body" in found.claim
     far = press(coarse, "compliance", 1.0)
     far["object"]["position"] = ["0 mm", "0 mm", "-90 mm"]

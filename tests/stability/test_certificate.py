@@ -16,6 +16,7 @@ from palpate.linear.linear_device import LinearDevice
 from palpate.report import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
+from palpate.simulation.verdict import State
 from palpate.stability import certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
 from palpate.stability.counter_example import growth, to_toml
 from palpate.stability.maps.zwidth_map import wall_loops
@@ -55,7 +56,7 @@ def test_stable_and_passive_slider() -> None:
 def test_unstable_slider_has_a_counter_example_that_runs() -> None:
     """130 N/m is beyond the limit: the scenario in the certificate, read back from its text, diverges from rest."""
     certificate = certify(slider("130 N/m"))
-    assert certificate.verdict == "unstable"
+    assert certificate.verdict.state is State.UNSTABLE
     assert not any(certificate.criteria.values())
     assert certificate.margin["critical_gain"] == pytest.approx(100.0139 / 130, rel=1e-5)
     example = certificate.counter_example
@@ -108,7 +109,7 @@ def test_a_run_that_diverges_is_not_called_stable() -> None:
     }
     certificate = certify(thrown)
     assert all(certificate.criteria.values())
-    assert certificate.verdict != "stable"
+    assert not certificate.stable
 
 
 @pytest.mark.parametrize("name", ["press-stiff-cube-lqg", "press-soft-cube-lead-lag", "arm-through-tissue-on-a-wall"])
@@ -220,7 +221,7 @@ def test_certify_and_zwidth_from_the_command_line(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "Stable: " in result.output
     written = json.loads((tmp_path / "good" / "certificate.json").read_text("utf-8"))
-    assert written["verdict"] == "stable"
+    assert written["state"] == "stable"
     result = runner.invoke(app, ["certify", str(bad), "--out", str(tmp_path / "bad")])
     assert result.exit_code == 1
     assert simulate(tmp_path / "bad" / "counter-example.toml")["tip"].size > 0

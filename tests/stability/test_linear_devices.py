@@ -216,7 +216,7 @@ def test_measured_response_holds_the_truth_in_its_interval(noise: float, damping
 def test_measured_response_that_cannot_tell_says_why(measured: MeasuredResponse, says: str) -> None:
     verdict = measured.critical_stiffness(2.0)
     assert not verdict.known
-    assert verdict.sentence.startswith("Cannot tell: ")
+    assert verdict.sentence.startswith("Undecided: ")
     assert any(part in verdict.sentence for part in says.split("|"))
     assert np.isnan(verdict.critical_stiffness)
 

@@ -1,4 +1,4 @@
-"""Certificates of scenarios on meshes agree with the loop as it runs, or say why they cannot tell."""
+"""Certificates of scenarios on meshes agree with the loop as it runs, or are undecided and say why."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from palpate.errors import StabilityError
 from palpate.metrics import measure_performance
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import simulate
+from palpate.simulation.verdict import State
 from palpate.stability import certify, switching, zwidth
 from random_mesh_loops import loops, outcome
 
@@ -64,12 +65,12 @@ def test_a_surface_stiffer_than_its_margin_is_not_stable_and_a_softer_one_is() -
     assert not certify(_press(f"{1.1 * limit} N/m")).stable
     at_rest = 300.0 * certificate.margin["gain_margin_at_rest"]
     beyond = certify(_press(f"{1.3 * max(limit, at_rest)} N/m"))
-    assert beyond.verdict == "unstable", beyond.claim
+    assert beyond.verdict.state is State.UNSTABLE, beyond.claim
 
 
 def test_an_unstable_run_is_its_own_counter_example() -> None:
     certificate = certify(_press("20000 N/m"))
-    assert certificate.verdict == "unstable"
+    assert certificate.verdict.state is State.UNSTABLE
     assert certificate.counter_example is not None
     again = simulate(Scenario.from_dict(certificate.counter_example.scenario))
     assert not again.verdict.settled
@@ -94,7 +95,7 @@ def test_a_frictionless_contact_under_integrators_is_not_certified() -> None:
     tables["object"]["surface"]["tangential"] = "0 N/m"
     tables["controller"] = {"kind": "lqg", "stiffness": "1 N/mm"}
     del tables["operator"]
-    assert certify(tables).verdict != "stable"
+    assert not certify(tables).stable
 
 
 def test_a_mesh_that_the_tip_cannot_reach_is_an_error_with_a_remedy() -> None:
@@ -132,11 +133,11 @@ def test_certificates_of_random_loops_agree_with_the_pushed_run(seed: int, tmp_p
     """No verdict is wrong: a stable loop rests after a push, and an unstable one does not."""
     undecided = 0
     for index, tables in enumerate(loops(1000 + seed, 10, tmp_path)):
-        verdict = certify(tables).verdict
+        state = certify(tables).verdict.state
         seen, text = outcome(tables, index)
-        if verdict == "stable":
+        if state is State.STABLE:
             assert seen in ("rests", "decays"), f"loop {index}: stable, but {text}"
-        elif verdict == "unstable":
+        elif state is State.UNSTABLE:
             assert seen in ("moves", "apart"), f"loop {index}: unstable, but it rests ({text})"
         else:
             undecided += 1

@@ -22,6 +22,7 @@ OutFolder = Annotated[
     typer.Option("--out", "-o", help="Folder to write; the default is results/ and the scenario's name."),
 ]
 
+COLORS = {"good": "green", "note": "yellow", "bad": "red"}  # of the tone of a verdict
 output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 

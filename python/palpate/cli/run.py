@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import output, progress
+from palpate.cli.console import COLORS, output, progress
 from palpate.cli.settings import Settings, load_scenario
 from palpate.files import write_folder
 
@@ -35,7 +35,6 @@ def run(
         from palpate.metrics import summarize
         from palpate.report import run_page
         from palpate.simulation.simulator import simulate
-        from palpate.simulation.verdict import State
 
         loaded = load_scenario(scenario, settings)
         if loaded.object.kind == "body":
@@ -58,9 +57,8 @@ def run(
                 "report.html": page.save,
             },
         )
-    state = trace.verdict.state
-    colour = "green" if trace.verdict.settled else "yellow" if state is State.UNDECIDED else "red"
-    output.print(f"[bold]{escape(loaded.title)}[/]: [bold {colour}]{escape(summary['verdict'])}[/]", soft_wrap=True)
+    color = COLORS[trace.verdict.state.tone]
+    output.print(f"[bold]{escape(loaded.title)}[/]: [bold {color}]{escape(summary['verdict'])}[/]", soft_wrap=True)
     for warning in summary["warnings"]:
         output.print(f"  [yellow]{escape(warning)}[/]", soft_wrap=True)
     for axis, row in summary["axes"].items() if trace.verdict.settled else ():

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
-from palpate.cli.console import output, progress
+from palpate.cli.console import COLORS, output, progress
 from palpate.cli.settings import Settings, load_scenario
 from palpate.errors import ScenarioError
 from palpate.files import write_folder
@@ -44,8 +45,8 @@ def certify(
             text = example.toml()
             writers["counter-example.toml"] = lambda path: path.write_text(text, "utf-8")
         paths = write_folder(folder, writers)
-    colour = {"stable": "green", "unstable": "red"}.get(certificate.verdict, "yellow")
-    output.print(f"[bold]{loaded.title}[/]: [bold {colour}]{certificate.verdict}[/]")
+    state = certificate.verdict.state
+    output.print(f"[bold]{escape(loaded.title)}[/]: [bold {COLORS[state.tone]}]{state.label}[/]")
     output.print(str(certificate), markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim")

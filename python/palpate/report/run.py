@@ -8,9 +8,8 @@ from typing import Any
 from palpate.metrics import summarize
 from palpate.plotting import figures
 from palpate.report.contact import palpation_section, sliding_section
-from palpate.report.html import Page, Tone
+from palpate.report.html import Page
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import State
 
 
 def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
@@ -18,7 +17,7 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     found = summarize(trace) if summary is None else summary
     page = Page(found["title"] or "Run", str(trace.scenario.get("description", "")))
     page.section("Verdict")
-    page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", _tone(trace))
+    page.verdict(found["verdict"][0].upper() + found["verdict"][1:] + ".", trace.verdict.state.tone)
     for warning in found["warnings"]:
         page.verdict(f"{warning[0].upper()}{warning[1:]}.", "note")
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
@@ -53,13 +52,6 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     if trace.metadata.get("controller"):
         page.code(json.dumps(trace.metadata["controller"], indent=2, ensure_ascii=False), "Controller")
     return page
-
-
-def _tone(trace: Trace) -> Tone:
-    """Return the tone of a verdict: a green tick for "settled" alone."""
-    if trace.verdict.settled:
-        return "good"
-    return "note" if trace.verdict.state is State.UNDECIDED else "bad"
 
 
 def _axes(page: Page, axes: dict[str, dict[str, Any]]) -> None:

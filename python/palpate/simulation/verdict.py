@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.arrays import Array
 
-__all__ = ["Evidence", "State", "Verdict", "decide", "growth"]
-
+__all__ = ["FAILED", "Evidence", "State", "Verdict", "decide", "growth"]
 
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
@@ -32,7 +31,11 @@ SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the
 
 
 class State(IntEnum):
-    """Final state of a servo loop."""
+    """Final state of a servo loop.
+
+    A run settles. STABLE is the state of a certificate alone: small motions about the equilibrium decay, and the run
+    does not contradict it.
+    """
 
     SETTLED = 0
     BOUNDED_OSCILLATION = 1
@@ -41,11 +44,19 @@ class State(IntEnum):
     OUT_OF_REACH = 4
     DRIVE_LIMIT = 5
     UNDECIDED = 6
+    STABLE = 7
 
     @property
     def label(self) -> str:
         """The state in words."""
         return _LABELS[self]
+
+    @property
+    def tone(self) -> Literal["good", "note", "bad"]:
+        """Tone in which pages and the command line show the state: a green tick for "settled" and "stable" alone."""
+        if self in (State.SETTLED, State.STABLE):
+            return "good"
+        return "note" if self is State.UNDECIDED else "bad"
 
 
 _LABELS = {
@@ -56,7 +67,12 @@ _LABELS = {
     State.OUT_OF_REACH: "out of reach",
     State.DRIVE_LIMIT: "drive limit exceeded",
     State.UNDECIDED: "undecided",
+    State.STABLE: "stable",
 }
+# States of a run in which its loop failed; a certificate beside such a run is never "stable".
+FAILED = frozenset(
+    (State.BOUNDED_OSCILLATION, State.UNSTABLE, State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT)
+)
 
 
 @dataclass(frozen=True)
@@ -65,7 +81,7 @@ class Verdict:
 
     Attributes:
         state: final state.
-        reason: one sentence without the state.
+        reason: one sentence without the state; a certificate's may have more.
         since: when an instability, a loss of contact or a limit began, s; None if it did not or is not known.
         axis: "x", "y" or "z", along which the loop oscillates most; None if it does not oscillate.
         amplitude: of the oscillation along `axis`, m; None likewise.

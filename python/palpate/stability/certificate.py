@@ -8,16 +8,16 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from html import escape
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from palpate.files import atomic_write, check_suffix
+from palpate.simulation.verdict import State, Verdict
 from palpate.stability.counter_example import CounterExample
 
-__all__ = ["Certificate", "Verdict"]
+__all__ = ["Certificate"]
 
-Verdict = Literal["stable", "unstable", "cannot tell"]
 UNITS = {
     "_N_s_per_m": " N s/m",
     "_N_per_m": " N/m",
@@ -34,8 +34,7 @@ class Certificate:
 
     Attributes:
         title: title of the scenario.
-        verdict: "stable", "unstable" or "cannot tell".
-        claim: the verdict in one sentence.
+        verdict: State.STABLE, UNSTABLE or UNDECIDED, with the reason.
         assumptions: conditions under which the claim holds, each a sentence.
         margin: numbers with their unit in the name; empty if nothing is claimed.
         method: how the claim was derived and checked, each a sentence.
@@ -48,7 +47,6 @@ class Certificate:
 
     title: str
     verdict: Verdict
-    claim: str
     assumptions: tuple[str, ...]
     margin: Mapping[str, float]
     method: tuple[str, ...]
@@ -60,7 +58,13 @@ class Certificate:
     @property
     def stable(self) -> bool:
         """Whether stability is claimed."""
-        return self.verdict == "stable"
+        return self.verdict.state is State.STABLE
+
+    @property
+    def claim(self) -> str:
+        """The verdict in words."""
+        words = str(self.verdict)
+        return words[0].upper() + words[1:]
 
     def __str__(self) -> str:
         lines = [self.claim, "", "Assumptions:", *(f"  - {sentence}" for sentence in self.assumptions)]
@@ -83,9 +87,15 @@ class Certificate:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the certificate for JSON; infinities become text."""
-        plain: dict[str, Any] = _plain(asdict(self))
-        return plain
+        """Return the certificate for JSON; infinities become text. The verdict has the keys of a run's summary."""
+        fields: dict[str, Any] = _plain(asdict(self))
+        verdict = {
+            "stable": self.stable,
+            "state": self.verdict.state.label,
+            "verdict": self.claim,
+            "judgment": self.verdict.to_dict(),
+        }
+        return {**fields, **verdict}
 
     def save(self, path: str | Path) -> Path:
         """Write the certificate atomically as `.json` and return the path.

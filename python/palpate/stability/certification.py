@@ -15,18 +15,14 @@ from palpate.scenario import Scenario
 from palpate.simulation.linear_evidence import loop_at_rest
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
-from palpate.simulation.verdict import State
-from palpate.simulation.verdict import Verdict as RunVerdict
+from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions, method, start_pose
-from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.certificate import Certificate
 from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
 from palpate.stability.criteria import check_stability
 from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
 
 __all__ = ["certify_spring"]
-
-
-AGAINST = (State.BOUNDED_OSCILLATION, State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT)
 
 
 def certify_spring(s: Scenario) -> Certificate:
@@ -39,11 +35,11 @@ def certify_spring(s: Scenario) -> Certificate:
     radius, criteria = check_stability(loop.matrix())
     if len(set(criteria.values())) > 1 or abs(radius - 1) < 1e-12:
         verdicts = ", ".join(f"{name}: {'stable' if stable else 'unstable'}" for name, stable in criteria.items())
-        claim = (
-            f"Cannot tell: the loop is so near its limit (spectral radius 1 {radius - 1:+.1e}) that the criteria "
+        reason = (
+            f"the loop is so near its limit (spectral radius 1 {radius - 1:+.1e}) that the criteria "
             f"disagree within rounding ({verdicts})."
         )
-        return _certificate(s, criteria, "cannot tell", claim, {}, method(s))
+        return _certificate(s, criteria, State.UNDECIDED, reason, {}, method(s))
     if radius >= 1:
         return _unstable(s, loop, radius, criteria)
     return _stable(s, loop, radius, criteria)
@@ -52,15 +48,15 @@ def certify_spring(s: Scenario) -> Certificate:
 def _certificate(
     s: Scenario,
     criteria: Mapping[str, bool],
-    verdict: Verdict,
-    claim: str,
+    state: State,
+    reason: str,
     margin: Mapping[str, float],
     steps: tuple[str, ...],
     passive: bool | None = None,
     example: CounterExample | None = None,
 ) -> Certificate:
     return Certificate(
-        s.title, verdict, claim, assumptions(s), margin, steps, dict(criteria), passive, example, s.to_dict()
+        s.title, Verdict(state, reason), assumptions(s), margin, steps, dict(criteria), passive, example, s.to_dict()
     )
 
 
@@ -78,8 +74,8 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without oscillation"
     example = divergence_example(s, radius)
-    claim = f"Unstable: {motion} doubles every {doubling:.3g} s{limit}."
-    return _certificate(s, criteria, "unstable", claim, margin, method(s), None, example)
+    reason = f"{motion} doubles every {doubling:.3g} s{limit}."
+    return _certificate(s, criteria, State.UNSTABLE, reason, margin, method(s), None, example)
 
 
 def _stable_factor(loop: ScenarioLoop) -> float:
@@ -119,25 +115,25 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[st
     rest, run, sentence = _simulate_to_rest(s)
     steps = [*method(s), sentence]
     if run.state is State.UNSTABLE and run.since is not None:
-        claim = f"Unstable: small motions about the start decay, but the run itself {run.reason}."
+        reason = f"small motions about the start decay, but the run itself {run.reason}."
         example = CounterExample(s.to_dict(), float("inf"), f"the scenario itself {run.reason}.")
-        return _certificate(s, criteria, "unstable", claim, margin, tuple(steps), None, example)
-    if run.state in AGAINST:
-        claim = f"Cannot tell: small motions about the start decay, but the verdict of the run is {run}."
-        return _certificate(s, criteria, "cannot tell", claim, margin, tuple(steps))
+        return _certificate(s, criteria, State.UNSTABLE, reason, margin, tuple(steps), None, example)
     if rest is not None:
         radius_at_rest, criteria_at_rest = check_stability(rest.matrix())
         margin["spectral_radius_at_rest"] = radius_at_rest
         if not all(criteria_at_rest.values()):
-            claim = (
-                "Cannot tell: stable at the start, but not where the run comes to rest (spectral radius "
+            reason = (
+                "stable at the start, but not where the run comes to rest (spectral radius "
                 f"{radius_at_rest:.6g}); the loop may oscillate between the two."
             )
-            return _certificate(s, criteria, "cannot tell", claim, margin, tuple(steps))
+            return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))
         margin["gain_margin_at_rest"] = loop_margins(rest.gain()).gain_up
+    if run.state in FAILED:
+        reason = f"small motions about the start decay, but the verdict of the run is {run}."
+        return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))
     passive, destabilizing, addition = _passivity(s, loop, margin, steps)
-    claim = f"Stable: the object may be {_stiffness_factor(m.gain_up, loop)} before the loop oscillates{addition}."
-    return _certificate(s, criteria, "stable", claim, margin, tuple(steps), passive, destabilizing)
+    reason = f"the object may be {_stiffness_factor(m.gain_up, loop)} before the loop oscillates{addition}."
+    return _certificate(s, criteria, State.STABLE, reason, margin, tuple(steps), passive, destabilizing)
 
 
 def _passivity(
@@ -183,7 +179,7 @@ def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
     return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
 
 
-def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, RunVerdict, str]:
+def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, Verdict, str]:
     """Run the scenario; return its loop at rest, the verdict of the run, and the observation as a sentence."""
     trace = simulate(s)
     run, verdict = f"The full scenario was run for {s.run.duration:g} s", trace.verdict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import control
 import numpy as np
@@ -22,6 +22,7 @@ from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from palpate.stability.body.body_loop import BodyLoop, stiffness_margin, unstable_poles
 from palpate.stability.body.multirate_loop import MultirateLoop
 from palpate.stability.criteria import check_stability
@@ -70,16 +71,16 @@ class ContactStability:
     loop: BodyLoop | MultirateLoop = field(repr=False)
 
     @property
-    def verdict(self) -> Literal["stable", "unstable", "cannot tell"]:
-        """Verdict on small motions about this contact; "cannot tell" if the criteria disagree or the doubt is 1."""
+    def state(self) -> State:
+        """STABLE, UNSTABLE, or UNDECIDED if the criteria disagree or the doubt is 1: of small motions here."""
         if len(set(self.criteria.values())) > 1 or not self.doubt < 1.0 or abs(self.radius - 1.0) < 1e-9:
-            return "cannot tell"
-        return "stable" if self.criteria["eigenvalues"] else "unstable"
+            return State.UNDECIDED
+        return State.STABLE if self.criteria["eigenvalues"] else State.UNSTABLE
 
     @property
     def stable(self) -> bool:
         """Whether small motions about this contact decay."""
-        return self.verdict == "stable"
+        return self.state is State.STABLE
 
     @property
     def critical_stiffness(self) -> float:

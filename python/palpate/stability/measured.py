@@ -202,4 +202,4 @@ def _crossing(
 
 def _unknown(reason: str) -> MeasuredVerdict:
     nan = float("nan")
-    return MeasuredVerdict(False, nan, nan, nan, nan, f"Cannot tell: {reason}.")
+    return MeasuredVerdict(False, nan, nan, nan, nan, f"Undecided: {reason}.")

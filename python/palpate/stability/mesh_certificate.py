@@ -12,9 +12,9 @@ import numpy as np
 
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
-from palpate.simulation.verdict import State
+from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions
-from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.certificate import Certificate
 from palpate.stability.contact_run import MOVING, PERSISTS, Observed, PushedRun, run_on, run_pushed
 from palpate.stability.counter_example import CounterExample
 from palpate.stability.criteria import check_stability
@@ -33,7 +33,6 @@ from palpate.stability.switching import has_solver
 __all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
 
 SITES = 4  # poses along the path of the proxy, besides the last
-FAILED = (State.UNSTABLE, State.CONTACT_LOST)
 FEW_STATES = 14  # of the loop, up to which switching is tested at three sites and not at the last alone
 NEARLY = 0.9995  # spectral radius above which the decay may not be visible in the run
 WATCH = (0.5, 8.0)  # s, shortest and longest time that a pushed run is watched
@@ -110,56 +109,58 @@ def certify_mesh(s: Scenario) -> Certificate:
     if contact.observed.failure and not _near_limit(contact):
         return _failed(contact, margin, criteria, steps)
     if not agree:
-        claim = f"Cannot tell: a mode is so near its limit ({worst.mode.name}) that the criteria disagree."
-        return _certificate(contact, criteria, "cannot tell", claim, {}, steps)
+        reason = f"a mode is so near its limit ({worst.mode.name}) that the criteria disagree."
+        return _certificate(contact, criteria, State.UNDECIDED, reason, {}, steps)
     pushed = run_pushed(s, contact.observed, _watch(contact))
     steps.append(_push_sentence(pushed))
     if resting.radius >= 1.0:
         return _unstable(contact, pushed, margin, criteria, steps)
     if not worst.stable:
-        claim = (
-            f"Cannot tell: stable where the run rests, but unstable {worst.mode.name}, at the pose at "
+        reason = (
+            f"stable where the run rests, but unstable {worst.mode.name}, at the pose at "
             f"t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})."
         )
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     if resting.drift > 0.0:
-        claim = (
-            f"Cannot tell: every contact mode is stable, but {resting.mode.name} nothing holds the tip along the "
+        reason = (
+            f"every contact mode is stable, but {resting.mode.name} nothing holds the tip along the "
             "surface, so it may slide to another part of the mesh; give friction (object.surface.static_friction) or "
             "an arm (operator)."
         )
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     if not contact.touching:
-        claim = (
-            "Cannot tell: every contact mode along the run is stable, but at its end the tip is off the mesh; let the "
+        reason = (
+            "every contact mode along the run is stable, but at its end the tip is off the mesh; let the "
             "run end in contact."
         )
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     if pushed.failure or pushed.decay > _expected(contact, pushed) or pushed.slide > MOVING:
         how = pushed.failure or f"keeps {pushed.decay:.0%} of the motion for {pushed.time:.3g} s"
         if pushed.slide > MOVING:
             how = f"slides on at {1e3 * pushed.slide:.2g} mm/s under constant forces"
-        claim = f"Cannot tell: every contact mode is stable, but after a push of {pushed.push:.2g} N the run {how}."
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        reason = f"every contact mode is stable, but after a push of {pushed.push:.2g} N the run {how}."
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     run = contact.observed.trace.verdict
     if contact.observed.constant and run.state in FAILED:
-        claim = f"Cannot tell: every contact mode is stable, but the verdict of the run is {run}."
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        reason = f"every contact mode is stable, but the verdict of the run is {run}."
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     return _stable(contact, margin, criteria, steps)
 
 
 def _certificate(
     contact: MeshContact,
     criteria: dict[str, bool],
-    verdict: Verdict,
-    claim: str,
+    state: State,
+    reason: str,
     margin: dict[str, float],
     steps: Sequence[str],
     example: CounterExample | None = None,
 ) -> Certificate:
     s = contact.scenario
     holds = (*assumptions(s), *_assumptions(contact))
-    return Certificate(s.title, verdict, claim, holds, margin, tuple(steps), criteria, None, example, s.to_dict())
+    return Certificate(
+        s.title, Verdict(state, reason), holds, margin, tuple(steps), criteria, None, example, s.to_dict()
+    )
 
 
 def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
@@ -171,11 +172,11 @@ def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
         why = f"and the loop is unstable {unstable[0].mode.name}" if len(unstable) == 1 else "as are its contact modes"
         why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
     if failure.startswith("oscillates") and contact.resting.stable and contact.resting.radius > NEARLY:
-        claim = f"Cannot tell: stable where it rests, but so near its limit that the run still {failure}."
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
+        reason = f"stable where it rests, but so near its limit that the run still {failure}."
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself {failure}.")
-    claim = f"Unstable: the run {failure}, {why}."
-    return _certificate(contact, criteria, "unstable", claim, margin, steps, example)
+    reason = f"the run {failure}, {why}."
+    return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps, example)
 
 
 def _unstable(
@@ -186,14 +187,14 @@ def _unstable(
     doubling = math.log(2.0) / math.log(resting.radius) * period
     margin = {**margin, "doubling_time_s": doubling, "frequency_Hz": resting.angle / (2.0 * math.pi * period)}
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if resting.angle > 0 else "a motion"
-    claim = f"Unstable: {resting.mode.name}, {motion} doubles every {doubling:.3g} s."
+    reason = f"{resting.mode.name}, {motion} doubles every {doubling:.3g} s."
     if not pushed.moves and pushed.swing < MOVING:
-        claim = (
-            f"Cannot tell: {resting.mode.name}, {motion} should double every {doubling:.3g} s, but the run comes to "
+        reason = (
+            f"{resting.mode.name}, {motion} should double every {doubling:.3g} s, but the run comes to "
             "rest after a push."
         )
-        return _certificate(contact, criteria, "cannot tell", claim, margin, steps)
-    return _certificate(contact, criteria, "unstable", claim, margin, steps)
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
+    return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps)
 
 
 def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
@@ -215,11 +216,11 @@ def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
         else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
     )
     decided = all(one.proof != "undecided" for one in switching)
-    claim = (
-        f"{'Stable' if decided else 'Cannot tell'}: each of {len(contact.found)} contact modes "
+    reason = (
+        f"each of {len(contact.found)} contact modes "
         f"({', '.join(sorted(kinds))}) along the run is stable, {stiffer}; {order}."
     )
-    return _certificate(contact, criteria, "stable" if decided else "cannot tell", claim, margin, steps)
+    return _certificate(contact, criteria, State.STABLE if decided else State.UNDECIDED, reason, margin, steps)
 
 
 def _order(contact: MeshContact, switching: Sequence[Switching], margin: dict[str, float]) -> str:

@@ -31,6 +31,7 @@ COLORS: Final = {
     State.OUT_OF_REACH: "#56b4e9",
     State.DRIVE_LIMIT: "#009e73",
     State.UNDECIDED: "#8a9099",
+    State.STABLE: "#cfe3ef",
 }
 SCALES: Final = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
 FINE: Final = 300  # points along the second axis of the grid on which the exact boundary is traced

@@ -13,11 +13,12 @@ from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
 from palpate.simulation.body_response.observed_run import LONGEST, SHORTEST, ObservedRun, observe
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State, Verdict
 from palpate.stability.assumptions import assumptions
 from palpate.stability.body.body_loop import BodyLoop
 from palpate.stability.body.multirate_loop import MultirateLoop
 from palpate.stability.body.update_rate import slowest_update
-from palpate.stability.certificate import Certificate, Verdict
+from palpate.stability.certificate import Certificate
 from palpate.stability.contact_loop import ContactStability, contact_at
 from palpate.stability.counter_example import CounterExample
 
@@ -51,22 +52,20 @@ def certify_body(s: Scenario) -> Certificate:
             'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
         )
     found = _find(s)
-    verdict, claim = _verdict(found)
+    verdict = _verdict(found)
     steps = [*_method(s, found), found.run.sentence]
     margin = _margins(found)
-    if found.rest is not None and isinstance(found.rest.loop, MultirateLoop) and verdict == "stable":
+    if found.rest is not None and isinstance(found.rest.loop, MultirateLoop) and verdict.state is State.STABLE:
         interval, sentence = slowest_update(s, found.run.trace, found.run.held, found.rest.loop.every, _is_stable_at)
         steps.append(sentence)
         if interval is not None:
             margin["slowest_update_s"] = interval
     example = None
-    if verdict == "unstable":
+    if verdict.state is State.UNSTABLE:
         ratio = float("inf") if math.isnan(found.run.decay) else found.run.decay
         example = CounterExample(s.to_dict(), ratio, f"the scenario itself. {found.run.sentence}")
     criteria = {} if found.rest is None else dict(found.rest.criteria)
-    return Certificate(
-        s.title, verdict, claim, _assumptions(s), margin, tuple(steps), criteria, None, example, s.to_dict()
-    )
+    return Certificate(s.title, verdict, _assumptions(s), margin, tuple(steps), criteria, None, example, s.to_dict())
 
 
 def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
@@ -84,8 +83,8 @@ def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
 
 
 def _is_stable_at(s: Scenario, trace: Trace, row: int) -> bool | None:
-    verdict = contact_at(s, trace, row).verdict
-    return None if verdict == "cannot tell" else verdict == "stable"
+    state = contact_at(s, trace, row).state
+    return None if state is State.UNDECIDED else state is State.STABLE
 
 
 def _find(s: Scenario) -> _Findings:
@@ -159,7 +158,7 @@ def _at_rest(s: Scenario, run: ObservedRun) -> tuple[ContactStability | None, in
         except StabilityError as problem:
             best = (best[0], best[1], best[2] or str(problem))
             continue
-        if found.verdict != "cannot tell":
+        if found.state is not State.UNDECIDED:
             return found, row, ""
         if best[0] is None:
             best = found, row, ""
@@ -188,42 +187,42 @@ def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
     return rows
 
 
-def _verdict(found: _Findings) -> tuple[Verdict, str]:
-    """Return the verdict and the claim."""
+def _verdict(found: _Findings) -> Verdict:
     rest, run = found.rest, found.run
     if rest is None:
-        return "cannot tell", f"Cannot tell: {found.untested}. {run.sentence}"
+        return Verdict(State.UNDECIDED, f"{found.untested}. {run.sentence}")
     linear = _about(rest)
-    if rest.verdict == "cannot tell":
-        return "cannot tell", f"Cannot tell: {linear} {run.sentence}"
-    if rest.verdict == "unstable":
+    if rest.state is State.UNDECIDED:
+        return Verdict(State.UNDECIDED, f"{linear} {run.sentence}")
+    if rest.state is State.UNSTABLE:
         if run.outcome == "oscillates" and abs(np.angle(rest.loop.root())) < _REAL:
-            return "cannot tell", f"Cannot tell: {linear} They do not oscillate: the tip slides. {run.sentence}"
+            return Verdict(State.UNDECIDED, f"{linear} They do not oscillate: the tip slides. {run.sentence}")
         if run.outcome in ("diverges", "bounces", "oscillates"):
-            return "unstable", f"Unstable: {linear} {run.sentence}"
-        return "cannot tell", f"Cannot tell: {linear} But the run does not show it. {run.sentence}"
+            return Verdict(State.UNSTABLE, f"{linear} {run.sentence}")
+        return Verdict(State.UNDECIDED, f"{linear} But the run does not show it. {run.sentence}")
     if run.outcome != "rests":
-        return "cannot tell", f"Cannot tell: {linear} But the run does not rest. {run.sentence}"
+        return Verdict(State.UNDECIDED, f"{linear} But the run does not rest. {run.sentence}")
     doubtful = [one for one in found.depths if not one.stable]
     if doubtful:
-        where = ", ".join(f"{1e3 * one.depth:.3g} mm ({one.verdict})" for one in doubtful)
-        return "cannot tell", f"Cannot tell: {linear} But not at other depths of the run: {where}."
+        where = ", ".join(f"{1e3 * one.depth:.3g} mm ({one.state.label})" for one in doubtful)
+        return Verdict(State.UNDECIDED, f"{linear} But not at other depths of the run: {where}.")
     if found.untested:
-        return "cannot tell", f"Cannot tell: {linear} But {found.untested}."
+        return Verdict(State.UNDECIDED, f"{linear} But {found.untested}.")
+    about = linear[0].upper() + linear[1:]
     least = min(one.stiffness_margin for one in (rest, *found.depths))
     factor = "of any stiffness" if math.isinf(least) else f"{least:.4g} times as stiff"
-    return "stable", f"Stable: the body may be {factor} at every depth tested before the loop oscillates. {linear}"
+    return Verdict(State.STABLE, f"the body may be {factor} at every depth tested before the loop oscillates. {about}")
 
 
 def _about(one: ContactStability) -> str:
     """Return a contact's stability as a sentence."""
     where = f"at {1e3 * one.depth:.3g} mm, where the body's stiffness is {one.static_stiffness / 1e3:.4g} N/mm"
-    if one.verdict == "cannot tell":
+    if one.state is State.UNDECIDED:
         if not one.doubt < 1.0:
             return f"{where}, the error of the body's response is {one.doubt:.2g} times what the loop tolerates."
         return f"{where}, the criteria disagree (spectral radius 1 {one.radius - 1.0:+.1e})."
     motion = "decay" if one.stable else "grow"
-    return f"Small motions {motion} {where} (spectral radius {one.radius:.6g})."
+    return f"small motions {motion} {where} (spectral radius {one.radius:.6g})."
 
 
 def _margins(found: _Findings) -> dict[str, float]:

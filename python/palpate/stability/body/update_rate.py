@@ -45,7 +45,7 @@ def slowest_update(
         found = test(interval)
         if found is None:
             text = (
-                f"the slowest stable rate is undecided: at {interval * scenario.period:.4g} s the analysis cannot tell"
+                f"the slowest stable rate is unknown: at {interval * scenario.period:.4g} s the criteria do not decide"
             )
             return None, f"Updates every {good * scenario.period:.4g} s are stable; {text}."
         if not found:
@@ -64,7 +64,7 @@ def _bisect(good: int, bad: int, test: Callable[[int], bool | None], period: flo
         if found is None:
             return None, (
                 f"Updates every {good * period:.4g} s are stable, every {bad * period:.4g} s unstable; between them "
-                "the analysis cannot tell."
+                "the criteria do not decide."
             )
         good, bad = (middle, bad) if found else (good, middle)
     return good * period, f"The slowest stable updates of the body's model are {good * period:.4g} s apart."

@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <palpate/control/any_controller.hpp>
 #include <palpate/object/any_object.hpp>
 #include <palpate/object/mesh_object.hpp>
@@ -309,6 +311,104 @@ TEST(Servo, ASetupNamesItsFault) {
   setup.period = 1e-3;
   setup.delay = 65;
   EXPECT_NE(setup.fault(), nullptr);
+}
+
+struct GuardedLoop {
+  static constexpr double stiffness = 500.0;
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  Servo<Premium, SpringWall> servo = loop({});
+  Servo<Premium, SpringWall> loop(const palpate::servo::FaultLimits& faults) {
+    setup.faults = faults;
+    setup.limits.peak_force = 8.5;
+    setup.limits.continuous_force = 1.4;
+    setup.limits.thermal_time = 6.0;
+    return Servo<Premium, SpringWall>(
+        setup, SpringWall({.kind = SpringWall::Kind::point, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(stiffness)}));
+  }
+};
+
+const Joints<3> pressed = pose + Joints<3>(0.002, -0.003, 0.004);
+const double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+// Law: without a valid sample the torque of the last one fades linearly to zero within the fade time; with valid ones it returns in 8
+// ticks.
+TEST(Servo, FadesTheTorqueWhileSamplesAreInvalid) {
+  GuardedLoop loop;
+  for (const double bad : {nan_value, std::numeric_limits<double>::infinity(), -1e300, 1e154}) {
+    auto servo = loop.loop({.fade = 10e-3});
+    const Joints<3> torque = servo.tick(pressed, Vector3<>::Zero()).torque;
+    for (int k = 1; k <= 20; ++k) {
+      const auto& tick = servo.tick(Joints<3>(0.0, bad, 0.0), Vector3<>::Zero());
+      EXPECT_TRUE(tick.fault);
+      EXPECT_LT((tick.torque - std::max(0.0, 1.0 - 0.1 * k) * torque).norm(), 1e-15);
+      EXPECT_EQ(servo.faults(), k);
+    }
+    for (int k = 1; k <= 8; ++k) {
+      const auto& tick = servo.tick(pressed, Vector3<>::Zero());
+      EXPECT_FALSE(tick.fault);
+      EXPECT_LT((tick.torque - k / 8.0 * torque).norm(), 1e-15);
+    }
+    EXPECT_EQ(servo.faults(), 20);
+    EXPECT_EQ(servo.tick(pressed, Vector3<>(bad, 0.0, 0.0)).fault, true);
+  }
+}
+
+// Law: one invalid sample leaves no trace: later ticks equal those of a loop that held its tip meanwhile, with the true elapsed time.
+TEST(Servo, AnInvalidSampleLeavesObjectAndControllerAlone) {
+  GuardedLoop loop;
+  auto faulty = loop.loop({.fade = 10e-3});
+  auto clean = loop.loop({.fade = 10e-3});
+  const Joints<3> step(1e-4, 2e-4, -1e-4);
+  for (int k = 0; k < 50; ++k) {
+    const Joints<3> q = pressed + k * step;
+    if (k == 20) {
+      EXPECT_TRUE(faulty.tick(Joints<3>::Constant(nan_value), Vector3<>::Zero()).fault);
+      continue;
+    }
+    const double elapsed = k == 21 ? 2 * loop.setup.period : loop.setup.period;
+    const Joints<3> torque = clean.tick(q, Vector3<>::Zero(), elapsed).torque;
+    const auto& tick = faulty.tick(q, Vector3<>::Zero());
+    EXPECT_EQ(tick.torque, torque) << k;
+    EXPECT_EQ(tick.object_force, clean.last().object_force) << k;
+  }
+}
+
+// Law: a joint cannot move farther than its largest speed allows since the last valid sample.
+TEST(Servo, RefusesAJumpThatNoJointCanMake) {
+  GuardedLoop loop;
+  auto servo = loop.loop({.speed = 20.0, .fade = 10e-3});
+  servo.tick(pressed, Vector3<>::Zero());
+  EXPECT_FALSE(servo.tick(pressed + Joints<3>::Constant(0.019), Vector3<>::Zero()).fault);
+  EXPECT_TRUE(servo.tick(pressed + Joints<3>::Constant(0.040), Vector3<>::Zero()).fault);
+  EXPECT_FALSE(servo.tick(pressed + Joints<3>::Constant(0.040), Vector3<>::Zero()).fault);  // in two periods
+}
+
+/// A controller whose force and state are not finite in one tick.
+struct BreaksOnce {
+  using Scalar = double;
+  int at = 0;
+  double memory = 0.0;
+  Vector3<> command(const TickInput& in) noexcept {
+    if (--at == 0) memory = nan_value;
+    memory += in.reference[0];
+    return Vector3<>(memory, 0.0, 0.0);
+  }
+  void reset() noexcept { memory = 0.0; }
+};
+
+// Law: a force that is not finite never reaches a torque, and does not stay in a controller.
+TEST(Servo, AForceThatIsNotFiniteIsAFaultOfOneTick) {
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  Servo<Premium, SpringWall, BreaksOnce> servo(
+      setup, SpringWall({.kind = SpringWall::Kind::point, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(500.0)}),
+      BreaksOnce{.at = 10});
+  for (int k = 1; k <= 30; ++k) {
+    const auto& tick = servo.tick(pose, Vector3<>(1.0, 0.0, 0.0));
+    EXPECT_EQ(tick.fault, k == 10);
+    EXPECT_TRUE(tick.torque.allFinite());
+    EXPECT_LT(tick.torque.norm(), 20.0);
+  }
+  EXPECT_EQ(servo.faults(), 1);
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/mechanism/tip_kinematics.hpp"
 #include "palpate/object/contact_object.hpp"
+#include "palpate/servo/fault_guard.hpp"
 
 namespace palpate::servo {
 
@@ -32,6 +33,7 @@ struct ServoSetup {
   Vector3<> gravity_compensation = Vector3<>::Zero();  ///< constant tip force added to every command, N
   Joints<dof> start = Joints<dof>::Zero();             ///< pose at the first tick, rad
   double period = 1e-3;                                ///< s
+  FaultLimits faults{};                                ///< what a valid reading is, and how the torque fades without one
 
   /// Return the first thing that is wrong, as a sentence; null if nothing is.
   [[nodiscard]] const char* fault() const noexcept {
@@ -39,6 +41,8 @@ struct ServoSetup {
     if (delay < 0 || delay > 64) return "delay must be 0 to 64 servo periods";
     if (!start.allFinite()) return "start must be finite [rad]";
     if (!gravity_compensation.allFinite()) return "gravity_compensation must be finite [N]";
+    if (!(faults.speed > 0.0)) return "faults.speed must be positive [rad/s]";
+    if (!(faults.fade >= 0.0) || !std::isfinite(faults.fade)) return "faults.fade must not be negative [s]";
     for (int i = 0; i < dof; ++i)
       if (!(encoder.step[i] >= 0.0)) return "encoder.step must not be negative [rad]";
     return nullptr;
@@ -54,6 +58,9 @@ concept HasScalar = requires { typename T::Scalar; };
 /// same type runs in simulation and in real time.
 ///
 ///   angles -> encoder -> tip -> object -> controller -> drive limits -> torques -> delay
+///
+/// A sample that FaultGuard refuses is a fault: the object, the controller and the thermal model keep their states, and the last valid
+/// torque fades to zero. A force that is not finite is a fault too; it also resets the object and the controller. Lanes have no guard.
 ///
 /// @tparam Mechanism   kinematics, see mechanism::Mechanism
 /// @tparam Object      see object::ContactObject; object::AnyObject chooses at run time
@@ -83,6 +90,7 @@ class Servo {
     Angles torque = Angles::Constant(0.0);   ///< of hand and motors, after the delay, N*m
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
+    bool fault = false;  ///< the sample or the computed force was invalid
   };
 
   Servo() = default;
@@ -127,6 +135,9 @@ class Servo {
   /// Return to the state before the first tick, at the pose `start` [rad].
   void reset(const Angles& start) noexcept;
 
+  /// Number of ticks with a fault since the first tick or the last reset.
+  [[nodiscard]] std::int64_t faults() const noexcept { return guard_.faults(); }
+
   /// Signals of the last tick.
   [[nodiscard]] const Tick& last() const noexcept { return tick_; }
 
@@ -149,6 +160,11 @@ class Servo {
     tick_.touching = contact.touching;
     const double time = static_cast<double>(count_++) * period_;
     const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time});
+    if constexpr (is_scalar) {
+      tick_.fault = false;
+      if (!FaultGuard<dof>::usable(contact.force) || !FaultGuard<dof>::usable(wanted)) [[unlikely]]
+        return start_again();
+    }
     tick_.command = wanted;
     tick_.saturated = false;
     Vector applied = wanted + gravity_compensation_;
@@ -159,9 +175,47 @@ class Servo {
     } else {
       torque = kinematics_.torque(applied);
     }
+    if constexpr (is_scalar) {
+      guard_.torque = torque;
+      guard_.command = tick_.command;
+      if (!guard_.full()) [[unlikely]]
+        torque = scaled(guard_.rise());
+    }
     control::applied(controller_, tick_.command);
     tick_.torque = delay_.pass(torque);
     return tick_;
+  }
+
+  /// Return the rate at which velocities are taken [1/s]: over the time since the last valid sample.
+  [[nodiscard]] double rate() const noexcept {
+    if constexpr (is_scalar)
+      if (guard_.elapsed() != period_) return 1.0 / guard_.elapsed();
+    return rate_;
+  }
+
+  /// Run a tick without a valid sample: hold all states and let the last valid torque fade.
+  const Tick& hold() noexcept {
+    ++count_;
+    tick_.fault = true;
+    tick_.torque = delay_.pass(scaled(guard_.fall()));
+    return tick_;
+  }
+
+  /// Forget the states of object and controller, which are not finite, and hold.
+  const Tick& start_again() noexcept {
+    object::reset(object_);
+    object::start(object_, tick_.tip);
+    control::reset(controller_);
+    --count_;  // hold() counts this tick
+    tick_.object_force.setZero();
+    tick_.touching = false;
+    return hold();
+  }
+
+  /// Set the command to a share of the last valid one. Return its torque [N*m].
+  Angles scaled(double share) noexcept {
+    tick_.command = share * (guard_.command + gravity_compensation_) - gravity_compensation_;
+    return share * guard_.torque;
   }
 
   /// Limit the tip force `wanted` [N], of operator and motors, by the drive. Return the torques of both [N*m].
@@ -182,6 +236,7 @@ class Servo {
   bool exact_encoders_ = false;
   std::int64_t count_ = 0;  // ticks
   Tick tick_;
+  FaultGuard<dof> guard_;
 };
 
 template <class Mechanism, class Object, class Controller>
@@ -196,22 +251,26 @@ PALPATE_INLINE Servo<Mechanism, Object, Controller>::Servo(const ServoSetup<Mech
       delay_(s.delay, torque_at_rest(s.start)),
       rate_(1.0 / s.period),
       period_(s.period),
-      exact_encoders_(!s.frozen_kinematics && s.encoder.exact()) {
+      exact_encoders_(!s.frozen_kinematics && s.encoder.exact()),
+      guard_(s.faults, s.period) {
   tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
+  if constexpr (is_scalar) guard_.torque = delay_.initial();
   if constexpr (is_scalar) object::start(object_, tick_.tip);
 }
 
 template <class Mechanism, class Object, class Controller>
 PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference) noexcept -> const Tick& {
-  kinematics_.update(encoder_.read(angles));
-  return finish_tick(reference, rate_);
+  return tick(angles, reference, period_);
 }
 
 template <class Mechanism, class Object, class Controller>
 PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference,
                                                                double elapsed) noexcept -> const Tick& {
+  if constexpr (is_scalar)
+    if (!guard_.accept(angles, reference, elapsed)) [[unlikely]]
+      return hold();
   kinematics_.update(encoder_.read(angles));
-  return finish_tick(reference, elapsed > 0.0 ? 1.0 / elapsed : rate_);
+  return finish_tick(reference, rate());
 }
 
 template <class Mechanism, class Object, class Controller>
@@ -219,8 +278,11 @@ PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& ang
                                                                const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at,
                                                                const Vector& reference) noexcept -> const Tick& {
   if (!exact_encoders_) return tick(angles, reference);
+  if constexpr (is_scalar)
+    if (!guard_.accept(angles, reference, period_)) [[unlikely]]
+      return hold();
   kinematics_.update(at);
-  return finish_tick(reference, rate_);
+  return finish_tick(reference, rate());
 }
 
 template <class Mechanism, class Object, class Controller>
@@ -231,6 +293,8 @@ PALPATE_INLINE void Servo<Mechanism, Object, Controller>::reset(const Angles& st
   delay_.reset(torque_at_rest(start));
   tick_ = {};
   tick_.tip = kinematics_.tip();
+  guard_.reset();
+  if constexpr (is_scalar) guard_.torque = delay_.initial();
   count_ = 0;
   if constexpr (is_scalar) object::start(object_, tick_.tip);
 }

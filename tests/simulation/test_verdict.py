@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from palpate.devices.reach import beyond_reach
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
+from palpate.simulation.judgment import judge
 from palpate.simulation.verdict import Evidence, State, decide
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -167,3 +168,37 @@ def test_a_table_that_ends_constant_has_the_steady_error_of_the_step_to_the_same
     assert step.verdict.state is State.UNDECIDED
     assert table.verdict.state is State.UNDECIDED
     assert "from force over stiffness" in table.verdict.reason
+
+
+def test_the_verdict_does_not_depend_on_how_many_ticks_are_recorded(tmp_path: Path) -> None:
+    """A tip that bounces on a mesh at 47 Hz, recorded every 10 ms."""
+    tables = press(
+        servo={"period": "1 ms", "topology": "impedance_display"},
+        operator={"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "300 N/m",
+                  "tissue_stiffness": "800 N/m", "tissue_damping": "1 N*s/m",
+                  "shape": "step", "force": ["0 N", "0 N", "-1.5 N"]},
+        run={"duration": "0.8 s", "record_every": 10},
+    )  # fmt: skip
+    del tables["reference"], tables["controller"]
+    tables["object"] = {
+        "kind": "mesh", "position": ["0 mm", "0 mm", "-0.5 mm"],
+        "mesh": {"shape": "box", "edge": "80 mm", "divisions": 1},
+        "surface": {"stiffness": "12 N/mm"},
+    }  # fmt: skip
+    seldom = palpate.simulate(tables)
+    every = palpate.simulate({**tables, "run": {"duration": "0.8 s"}})
+    assert every.verdict.state is State.BOUNDED_OSCILLATION
+    assert seldom.verdict == every.verdict
+    np.testing.assert_array_equal(seldom["tip"], every["tip"][::10])
+    assert palpate.Trace.load(seldom.save(tmp_path / "t.h5")).verdict == every.verdict
+
+
+def test_a_mesh_recorded_seldom_is_not_settled_without_the_verdict_of_every_tick() -> None:
+    tables = tomllib.loads((SCENARIOS / "slide-cube-small-steps.toml").read_text("utf-8"))
+    tables["run"]["record_every"] = 5
+    seldom = palpate.simulate(tables)
+    assert seldom.verdict.settled
+    del seldom.metadata["verdict"]
+    alone = judge(seldom)
+    assert alone.state is State.UNDECIDED
+    assert "one of 5 ticks is recorded" in alone.reason

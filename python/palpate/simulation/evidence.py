@@ -17,7 +17,7 @@ from palpate.simulation.statics import force_over_stiffness, presses, steady_err
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
 
-__all__ = ["evidence", "lossy", "resolution", "swing"]
+__all__ = ["evidence", "lossy", "resolution", "second_differences", "swing"]
 
 
 def lossy(scenario: Scenario, device: Device) -> bool:
@@ -39,10 +39,8 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius:
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
     tip, every = trace["tip"], 1 if scenario is None else scenario.run.record_every
-    bend = np.zeros(len(tip))
-    rate = np.diff(trace.time)
-    velocity = np.diff(tip, axis=0) / (rate / np.median(rate))[:, None]
-    bend[2:] = np.linalg.norm(np.diff(velocity, axis=0), axis=1)
+    interval = None if scenario is None else scenario.period * every
+    bend = second_differences(trace.time, tip, interval)
 
     def largest(begin: int, end: int) -> float:
         return float(bend[begin + 1 : end + 1].max(initial=0.0))
@@ -84,6 +82,20 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius:
         decay=np.nan if radius is None else radius ** (fifth * every),
         **known,
     )
+
+
+def second_differences(time: Array, tip: Array, interval: float | None) -> Array:
+    """Return the size of the second differences of tip positions (n, 3), m: (n,); 0 for the first two.
+
+    Each is the change of the mean speed between times (n,), s, that may come late, times the nominal interval, s; None
+    is their median.
+    """
+    bend = np.zeros(len(tip))
+    if len(tip) > 2:
+        rate = np.diff(time)
+        velocity = np.diff(tip, axis=0) / (rate / (interval or np.median(rate)))[:, None]
+        bend[2:] = np.linalg.norm(np.diff(velocity, axis=0), axis=1)
+    return bend
 
 
 def swing(time: Array, tip: Array) -> float:

@@ -45,6 +45,9 @@ def judge(trace: Recorded) -> Verdict:
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=linear)
+    if state is State.SETTLED and radius is None and scenario is not None and scenario.run.record_every > 1:
+        reason = f"one of {scenario.run.record_every} ticks is recorded, and an oscillation between them does not show"
+        return Verdict(State.UNDECIDED, reason)
     return _explained(trace, scenario, final, found, state, linear)
 
 

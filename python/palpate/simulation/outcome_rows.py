@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.simulation.evidence import second_differences
+from palpate.simulation.recorded import Recorded
+from palpate.simulation.windows import Window
 
-__all__ = ["QUANTITIES", "end_angles", "name_rows"]
+__all__ = ["QUANTITIES", "end_angles", "name_rows", "outcome_of"]
 
 # Name: (columns, unit, meaning).
 QUANTITIES: Final[dict[str, tuple[int, str, str]]] = {
@@ -44,3 +47,42 @@ def end_angles(rows: Array) -> Array:
     """Return the joint coordinates (n, dof) at the end of each loop; nan where it diverged."""
     dof = (rows.shape[1] - _FIRST) // 2
     return rows[:, _FIRST : _FIRST + dof]
+
+
+def outcome_of(trace: Recorded, period: float, ticks: int, first: int) -> dict[str, Array]:
+    """Return the outcome of one loop, as the core measures it, from the trace of every tick, by name of QUANTITIES.
+
+    Args:
+        trace: of the run.
+        period: T, s.
+        ticks: number of the last tick, had the loop not diverged.
+        first: first tick of the judged window.
+    """
+    window, tip = Window(first, ticks), trace["tip"]
+    fifth, ending = window.fifth, window.ending
+    bend = second_differences(trace.time, tip, period)
+    touching, saturated = trace["touching"][:, 0] > 0.0, trace["saturated"][:, 0] > 0.0
+    begun = touching & ~np.concatenate([[False], touching[:-1]])
+    found: dict[str, Any] = {
+        "oscillation_2": bend[first + fifth + 1 : first + 2 * fifth + 1].max(initial=0.0),
+        "peak_object_force": np.linalg.norm(trace["object_force"], axis=1).max(initial=0.0),
+        "peak_command_force": np.linalg.norm(trace["command_force"], axis=1).max(initial=0.0),
+        "touching": touching.mean() if len(tip) else 0.0,
+        "saturated": saturated.mean() if len(tip) else 0.0,
+    }
+    if trace.unstable_from is None:
+        found |= {
+            "oscillation_4": bend[ticks - 2 * fifth + 1 : ticks - fifth + 1].max(initial=0.0),
+            "oscillation_5": bend[ticks - fifth + 1 :].max(initial=0.0),
+            "ripple": 0.5 * np.ptp(tip[ending], axis=0).max(),
+            "steady_tip": tip[ending].mean(axis=0) - tip[0],
+            "touching_5": touching[ending].mean(),
+            "saturated_5": saturated[ending].mean(),
+            "contacts_5": np.count_nonzero(begun[ending]),
+        }
+    else:
+        found["unstable_from"] = trace.unstable_from
+    return {
+        name: np.array(found.get(name, np.nan if count == 1 else [np.nan] * count), dtype=float)
+        for name, (count, _unit, _meaning) in QUANTITIES.items()
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from palpate.simulation.user_object import PythonObject, as_object
 # Channels that the core adds to a row, with their numbers of columns.
 MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
 BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}
+MOST_TICKS = 2_000_000  # up to which every tick is judged if fewer are recorded: half a gigabyte
 BEYOND = 1e100  # bound of every signal, in any unit; its square is finite
 
 
@@ -56,8 +57,7 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: An
         PoseError: the pose is singular for what is asked.
         DesignError: no controller meets the options in [controller].
     """
-    simulation = build_simulation(scenario, controller, object)
-    return simulation.trace(*simulation.run())
+    return build_simulation(scenario, controller, object).simulate()
 
 
 def build_simulation(
@@ -108,6 +108,28 @@ class Simulation:
             setup.set_python_object(touched)
         reference = np.ascontiguousarray(reference)
         return cls(scenario, device, start, hold, chosen, setup, reference, operator, touched, controller is not None)
+
+    def simulate(self) -> Trace:
+        """Run the scenario and return its trace.
+
+        The verdict is that of every tick, whatever `run.record_every` is, up to MOST_TICKS ticks.
+        """
+        every = self.scenario.run.record_every
+        if every == 1 or len(self.reference) > MOST_TICKS:
+            return self.trace(*self.run())
+        trace = self.every_tick()
+        return trace.thinned(every, {**self._metadata(), "verdict": trace.verdict.to_dict()})
+
+    def every_tick(self) -> Trace:
+        """Run the scenario and return the trace of every tick, whatever `run.record_every` is."""
+        every = self.scenario.run.record_every
+        run = self.scenario.run.model_copy(update={"record_every": 1})
+        whole = replace(self, scenario=self.scenario.model_copy(update={"run": run}))
+        self.setup.record_every = 1
+        try:
+            return whole.trace(*whole.run())
+        finally:
+            self.setup.record_every = every
 
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -146,8 +146,11 @@ class Trace(TraceContent):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Verdict of the run, by the rule that every command uses (see `palpate.simulation.verdict`)."""
-        return judge(self)
+        """Verdict of the run, by the rule that every command uses (see `palpate.simulation.verdict`).
+
+        A run that records fewer ticks than it judges has it in its metadata.
+        """
+        return Verdict.from_dict(self.metadata.get("verdict")) or judge(self)
 
     @property
     def stable(self) -> bool:
@@ -158,6 +161,11 @@ class Trace(TraceContent):
     def scenario(self) -> dict[str, Any]:
         """The scenario's tables, as text with units; empty if none is known."""
         return dict(self.metadata.get("scenario", {}))
+
+    def thinned(self, every: int, metadata: Mapping[str, Any]) -> Trace:
+        """Return the trace of every n-th sample, with other metadata."""
+        channels = {name: replace(one, values=one.values[::every]) for name, one in self.channels.items()}
+        return Trace(self.time[::every], channels, self.unstable_from, dict(metadata))
 
     def save(self, path: str | Path) -> Path:
         """Write the trace atomically in the format of the suffix.

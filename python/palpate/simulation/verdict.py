@@ -109,6 +109,15 @@ class Verdict:
         """Return the verdict for JSON; the state as its label."""
         return {**{f.name: getattr(self, f.name) for f in fields(self)}, "state": self.state.label}
 
+    @classmethod
+    def from_dict(cls, stored: Any) -> Verdict | None:
+        """Return the verdict of `to_dict`; None for anything else."""
+        try:
+            state = next(state for state in State if state.label == stored["state"])
+            return cls(**{**stored, "state": state})
+        except (LookupError, TypeError, StopIteration):
+            return None
+
 
 @dataclass(frozen=True)
 class Evidence:

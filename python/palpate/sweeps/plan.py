@@ -16,8 +16,7 @@ from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.scenario import Scenario
-from palpate.simulation.judgment import judge
-from palpate.simulation.outcome_rows import name_rows
+from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
@@ -163,15 +162,17 @@ class Plan:
     def _run_singly(self, cells: NDArray[np.int64], threads: int) -> dict[str, Array]:
         """Run cells one loop at a time: for meshes and bodies, whose contact does not run in SIMD lanes."""
 
-        def outcome(cell: int) -> tuple[Array, float]:
+        def outcome(cell: int) -> dict[str, Array]:
             simulation = self._simulation(cell)
-            row = np.asarray(simulation.setup.outcome(simulation.reference, simulation.operator))
-            return row, float(judge(simulation.trace(*simulation.run())).state)
+            trace = simulation.every_tick()
+            found = outcome_of(
+                trace, simulation.scenario.period, len(simulation.reference) - 1, simulation.setup.judged_from
+            )
+            return {**found, "linear": np.zeros(()), "verdict": np.array(float(trace.verdict.state))}
 
         with ThreadPoolExecutor(max(threads, 1)) as pool:
-            rows, states = zip(*pool.map(outcome, [int(cell) for cell in cells]), strict=True)
-        named = name_rows(np.array(rows), self.period)
-        return {**named, "linear": np.zeros(len(cells)), "verdict": np.array(states)}
+            found = list(pool.map(outcome, [int(cell) for cell in cells]))
+        return {name: np.array([one[name] for one in found]) for name in found[0]}
 
     def scenario(self, cell: int) -> Scenario:
         """Return the scenario of one cell, by its number: a simulation of it reproduces the cell."""
@@ -189,8 +190,7 @@ class Plan:
 
     def simulate(self, cell: int) -> Trace:
         """Return the trace of one cell, under the forces of the sweep."""
-        simulation = self._simulation(cell)
-        return simulation.trace(*simulation.run())
+        return self._simulation(cell).simulate()
 
     def _simulation(self, cell: int) -> Simulation:
         return excited(build_simulation(self.scenario(cell), self.controller()))[0]

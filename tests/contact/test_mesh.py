@@ -155,3 +155,10 @@ def test_parts_that_meet_in_a_point_are_told() -> None:
     assert Mesh(*ball(5)).diagnose().pinched_vertices == 0
     sheet = Mesh([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.2]], [[0, 1, 2], [1, 3, 2]], open=True)
     assert sheet.diagnose().pinched_vertices == 0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e155])
+def test_a_point_without_a_distance_has_no_nearest_point(bad: float) -> None:
+    mesh = Mesh([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]], open=True)
+    with pytest.raises(MeshError, match="point 1 is not finite or too far"):
+        mesh.nearest([[0.0, 0.0, 1.0], [0.0, bad, 0.0]])

@@ -125,9 +125,18 @@ class Mesh:
         )
 
     def nearest(self, points: ArrayLike) -> tuple[Array, Indices]:
-        """Return the points of the surface (n, 3), m, nearest to `points` (n, 3), m, and their triangles (n,)."""
-        nearest, faces = self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
-        return np.asarray(nearest), np.asarray(faces)
+        """Return the points of the surface (n, 3), m, nearest to `points` (n, 3), m, and their triangles (n,).
+
+        Raises:
+            MeshError: a point is not finite, or its squared distance overflows.
+        """
+        nearest, faces = (
+            np.asarray(x) for x in self.core.nearest(np.ascontiguousarray(points, dtype=float).reshape(-1, 3))
+        )
+        if np.any(faces < 0):
+            row = int(np.flatnonzero(faces < 0)[0])
+            raise MeshError(f"point {row} is not finite or too far from the mesh: give coordinates in meters")
+        return nearest, faces
 
     def move(self, positions: ArrayLike, vertices: ArrayLike | None = None) -> None:
         """Move vertices, and the proxies on the surface with them.

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence
-from palpate.simulation.linear_evidence import linear_radius, linear_sign
+from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
-from palpate.simulation.verdict import BAND, GROWING, Evidence, State, Verdict, decide
+from palpate.simulation.verdict import BAND, FAILED, GROWING, Evidence, State, Verdict, decide
 from palpate.simulation.windows import Window, windows
 
 __all__ = ["judge"]
@@ -30,8 +32,7 @@ def judge(trace: Recorded) -> Verdict:
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
-    radius = linear_radius(trace, scenario)
-    linear = None if radius is None else _linear_text(radius)
+    linear = linear_radii_of(trace, scenario)
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
     *earlier, final = windows(external_forces(trace, scenario))
@@ -40,12 +41,12 @@ def judge(trace: Recorded) -> Verdict:
         state = State(int(decide(found)[0]))
         if state in WORSE:
             return _explained(trace, scenario, window, found, state, linear)
-    found = evidence(trace, scenario, final, radius)
+    found = evidence(trace, scenario, final, None if linear is None else linear.worst)
     state = State(int(decide(found)[0]))
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
-        return Verdict(State.UNDECIDED, reason, linear=linear)
-    if state is State.SETTLED and radius is None and scenario is not None and scenario.run.record_every > 1:
+        return Verdict(State.UNDECIDED, reason, linear=_text(linear))
+    if state is State.SETTLED and linear is None and scenario is not None and scenario.run.record_every > 1:
         reason = f"one of {scenario.run.record_every} ticks is recorded, and an oscillation between them does not show"
         return Verdict(State.UNDECIDED, reason)
     return _explained(trace, scenario, final, found, state, linear)
@@ -57,24 +58,28 @@ def _excited(trace: Recorded) -> bool:
     return any(np.any(force) for force in forces) or float(np.ptp(trace["tip"], axis=0).max()) > STILL
 
 
-def _linear_text(radius: float) -> str:
-    kind = {1: "stable", -1: "unstable", 0: "at its limit"}[linear_sign(radius)]
-    return f"the linear loop is {kind} (spectral radius {radius:.9g})"
+def _text(linear: LinearRadii | None) -> str | None:
+    return None if linear is None else str(linear)
 
 
-def _diverged(trace: Recorded, linear: str | None) -> Verdict:
+def _diverged(trace: Recorded, linear: LinearRadii | None) -> Verdict:
     since = trace.unstable_from
     if since is None:
-        return Verdict(State.UNDECIDED, "the run has no samples to judge", linear=linear)
+        return Verdict(State.UNDECIDED, "the run has no samples to judge", linear=_text(linear))
     axis = None
     if len(trace.time) > 1:
         axis = AXES[int(np.argmax(np.abs(trace["tip"][-1] - trace["tip"][0])))]
     reason = f"diverges at t = {since:.4g} s" + (f", most along {axis}" if axis else "")
-    return Verdict(State.UNSTABLE, reason, since, axis, linear=linear)
+    return Verdict(State.UNSTABLE, reason, since, axis, linear=_text(linear))
 
 
 def _explained(
-    trace: Recorded, scenario: Scenario | None, window: Window, e: Evidence, state: State, linear: str | None
+    trace: Recorded,
+    scenario: Scenario | None,
+    window: Window,
+    e: Evidence,
+    state: State,
+    linear: LinearRadii | None,
 ) -> Verdict:
     """Return the verdict with its reason."""
     time = trace.time
@@ -85,7 +90,7 @@ def _explained(
     ratio = float(e.late[0]) / max(float(e.prior[0]), 1e-300)
     since: float | None = None
     if state is State.UNSTABLE and int(e.linear[0]) < 0 and ratio <= GROWING:
-        reason = f"the run of {time[-1]:.4g} s does not show the growth; it ends with an oscillation by {swing}"
+        reason = _hidden(trace, e, swing, linear)
     elif state is State.UNSTABLE:
         since = float(time[window.begin])
         reason = f"an oscillation by {swing} grows by a factor of {ratio:.3g} in {span}"
@@ -111,8 +116,19 @@ def _explained(
     if linear is not None and (swings or state is State.UNDECIDED):
         reason += f"; {linear}"
     if not swings:
-        return Verdict(state, reason, since, linear=linear)
-    return Verdict(state, reason, since, axis, amplitude, frequency, linear)
+        return Verdict(state, reason, since, linear=_text(linear))
+    return Verdict(state, reason, since, axis, amplitude, frequency, _text(linear))
+
+
+def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:
+    """Return what a run does whose linear loop is unstable, if no oscillation grows at its end."""
+    if linear is not None and linear.leaves:
+        away = float(np.linalg.norm(trace["tip"][-1] - trace["tip"][0]))
+        return f"the run leaves the unstable equilibrium at its start and comes to rest {1e3 * away:.3g} mm away"
+    alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))
+    if alone in FAILED:
+        return f"the run alone is judged: {alone.label}; it ends with an oscillation by {swing}"
+    return f"the run of {trace.time[-1]:.4g} s does not show the growth; it ends with an oscillation by {swing}"
 
 
 def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:

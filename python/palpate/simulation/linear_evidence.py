@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.recorded import Recorded
 
-__all__ = ["linear_radius", "linear_sign", "loop_at_rest"]
+__all__ = ["LinearRadii", "linear_radii_of", "linear_sign", "loop_at_rest"]
 
 AT_REST = 5e-3  # m/s: largest speed of a tip at rest
 AT_LIMIT = 1e-9  # distance of a spectral radius from 1 within which the linear loop is at its limit
@@ -24,8 +25,35 @@ def linear_sign(radius: float) -> int:
     return 0 if not abs(radius - 1.0) >= AT_LIMIT else 1 if radius < 1.0 else -1
 
 
-def linear_radius(trace: Recorded, scenario: Scenario | None) -> float | None:
-    """Return the larger spectral radius of the linear loop at start and rest; None if it is unknown."""
+@dataclass(frozen=True)
+class LinearRadii:
+    """Spectral radii of the linear loop at the `start` of a run and at its `rest`; None: it did not come to rest."""
+
+    start: float
+    rest: float | None
+
+    @property
+    def worst(self) -> float:
+        """The larger one."""
+        return self.start if self.rest is None else max(self.start, self.rest)
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the run leaves an unstable equilibrium and comes to rest where the loop is stable."""
+        return self.rest is not None and linear_sign(self.start) < 0 < linear_sign(self.rest)
+
+    def __str__(self) -> str:
+        if self.leaves:
+            return (
+                f"the linear loop is unstable at the start (spectral radius {self.start:.9g}) and stable where the run "
+                f"rests ({self.rest:.9g})"
+            )
+        kind = {1: "stable", -1: "unstable", 0: "at its limit"}[linear_sign(self.worst)]
+        return f"the linear loop is {kind} (spectral radius {self.worst:.9g})"
+
+
+def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> LinearRadii | None:
+    """Return the spectral radii of the linear loop of a run; None if they are unknown."""
     own: Mapping[str, Any] = trace.metadata.get("controller", {})
     if (
         scenario is None
@@ -36,10 +64,10 @@ def linear_radius(trace: Recorded, scenario: Scenario | None) -> float | None:
     ):
         return None
     try:
-        loops = [scenario_loop(scenario), loop_at_rest(trace, scenario)[0]]
+        start, rest = scenario_loop(scenario), loop_at_rest(trace, scenario)[0]
     except PalpateError:
         return None
-    return max(loop.spectral_radius() for loop in loops if loop is not None)
+    return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius())
 
 
 def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | None, str]:

@@ -74,8 +74,16 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without oscillation"
     example = divergence_example(s, radius)
-    reason = f"{motion} doubles every {doubling:.3g} s{limit}."
-    return _certificate(s, criteria, State.UNSTABLE, reason, margin, method(s), None, example)
+    rest, run, sentence = _simulate_to_rest(s)
+    reason = f"about the start {motion} doubles every {doubling:.3g} s{limit}."
+    if rest is not None:
+        margin["spectral_radius_at_rest"] = rest.spectral_radius()
+    if run.since is None:
+        reason += f" The verdict of the run is {run}."
+    # without a counter-example, friction, encoder counts or drive limits may bound all motions
+    hidden = example is None and run.state is State.UNDECIDED
+    state = State.UNDECIDED if hidden else State.UNSTABLE
+    return _certificate(s, criteria, state, reason, margin, (*method(s), sentence), None, example)
 
 
 def _stable_factor(loop: ScenarioLoop) -> float:

@@ -202,3 +202,8 @@ def test_a_mesh_recorded_seldom_is_not_settled_without_the_verdict_of_every_tick
     alone = judge(seldom)
     assert alone.state is State.UNDECIDED
     assert "one of 5 ticks is recorded" in alone.reason
+
+
+def test_a_force_on_three_axes_states_its_magnitude() -> None:
+    summary = palpate.summarize(palpate.simulate(press(reference={"force": ["3 N", "-4 N", "12 N"]})))
+    assert summary["peak_reference_force_N"] == pytest.approx(13.0, rel=1e-12)

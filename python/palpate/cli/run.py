@@ -68,6 +68,8 @@ def run(
             f"  {axis}: {row['steady_deflection_m'] * 1e3:.4g} mm{wanted}, overshoot {row['overshoot_percent']:.1f} %",
             soft_wrap=True,
         )
+    if len(summary["axes"]) > 1 and summary["peak_reference_force_N"]:
+        output.print(f"  the reference is {summary['peak_reference_force_N']:.4g} N over all axes", soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
     if not trace.verdict.settled:

@@ -23,6 +23,7 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
     for key, name, unit, scale in (
         ("peak_deflection_m", "largest deflection", "mm", 1e3),
+        ("peak_reference_force_N", "largest reference", "N", 1.0),
         ("peak_object_force_N", "largest force on the object", "N", 1.0),
         ("peak_command_force_N", "largest command", "N", 1.0),
         ("peak_motor_force_N", "largest force of the motors", "N", 1.0),

@@ -81,7 +81,7 @@ def _burdens(start: Array, work: Workload) -> dict[str, dict[str, Array]]:
     """Return variants with more work per loop: an operator with a rigid grip, and the dry friction of the rotors."""
     tip = np.asarray(work.device.forward(start))[None]
     arm = {"mass": 0.15, "damping": 4.5, "stiffness": 560.0}
-    hand = {**{f"hand_{key}": np.array([[value]]) for key, value in arm.items()}, "hand_rest": tip}
+    hand = {**{f"arm_{key}": np.array([[value]]) for key, value in arm.items()}, "arm_rest": tip}
     rubbing = {"coulomb": np.full((1, 3), 0.01), "breakaway": np.full((1, 3), 0.01)}
     return {"in a hand": hand, "dry friction": rubbing, "in a hand, dry friction": {**hand, **rubbing}}
 

@@ -90,7 +90,7 @@ def _row(
     assert not isinstance(body.core, _core.HyperelasticBody)  # its model updates are not part of the ticks
     for _ in range(3):
         body.core.reset()
-        times.append(1e6 * np.asarray(body.core.time(path, axes, radius, False)))
+        times.append(1e6 * np.asarray(body.core.step_durations(path, axes, radius, False)))
     best = np.min(times, axis=0)
     return {
         "what": f"palpate: {what}, {len(body.nodes)} nodes",

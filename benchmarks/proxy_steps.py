@@ -32,7 +32,7 @@ def time_steps(mesh: Mesh, path: Array, radius: float = 0.0, passes: int = 3) ->
     surface = Surface(stiffness=100.0, static_friction=0.6, dynamic_friction=0.4)
     times = np.empty((passes, len(path)))
     for i in range(passes):
-        times[i] = 1e6 * np.asarray(Proxy(mesh, surface, radius).core.time(path))
+        times[i] = 1e6 * np.asarray(Proxy(mesh, surface, radius).core.step_durations(path))
     proxy = Proxy(mesh, surface, radius)
     contacts = proxy.simulate_path(path)
     best = times.min(axis=0)
@@ -42,5 +42,5 @@ def time_steps(mesh: Mesh, path: Array, radius: float = 0.0, passes: int = 3) ->
         "worst": float(best.max()),
         "worst_single": float(times.max()),
         "lost": int(np.sum(~contacts.touching)),
-        "unfinished": proxy.unfinished,
+        "unfinished": proxy.iteration_limit_count,
     }

@@ -40,9 +40,9 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                 axis=1,
             )
             body.reset()
-            on = body.live(path, RADIUS, outward=(0, 0, 1), period=PERIOD)
+            on = body.simulate_realtime(path, RADIUS, outward=(0, 0, 1), period=PERIOD)
             pressed = on.touches.nodes[:, 0]
-            off = body.live(path, RADIUS, outward=(0, 0, 1), period=PERIOD, thread=False)
+            off = body.simulate_realtime(path, RADIUS, outward=(0, 0, 1), period=PERIOD, thread=False)
             deep = t > 0.5
             rows.append(
                 {

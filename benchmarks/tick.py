@@ -84,7 +84,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
             tell(f"{name}{', drawn' if drawn else ''}", 0.1 + (2 * number + drawn) * 0.9 / (2 * len(cases)))
             frames = _core.SurfaceFrames(full, 60.0) if drawn else None
             if frames is not None:
-                experiment.setup.watch(frames)
+                experiment.setup.set_observer(frames)
             seconds = np.min([_time(experiment, paced) for _ in range(PASSES)], axis=0)
             pressed = experiment.run()[0]
             rows.append(

@@ -27,116 +27,116 @@ class SurfaceFrames:
 class PlacedBody:
     """A body, its pose in the device frame, and the tip that touches it."""
 
-    def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], turn: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
+    def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rotation: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
 
 class ComplianceBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
-    def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
-    def dragged(self) -> NDArray[numpy.float64]:
+    def friction_forces(self) -> NDArray[numpy.float64]:
         """
         Return the friction forces on the contact nodes of the last step (n, 3), N.
         """
 
     def reset(self) -> None: ...
 
-    def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class ModalBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float, instant: float = 1.0, creep: float = 1.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, rayleigh_alpha: float, rayleigh_beta: float, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
-    def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
-    def dragged(self) -> NDArray[numpy.float64]:
+    def friction_forces(self) -> NDArray[numpy.float64]:
         """
         Return the friction forces on the contact nodes of the last step (n, 3), N.
         """
 
     def reset(self) -> None: ...
 
-    def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class StandardLinearSolidBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instant: float, creep: float, period: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instantaneous_ratio: float, retardation_time: float, period: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
-    def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
-    def dragged(self) -> NDArray[numpy.float64]:
+    def friction_forces(self) -> NDArray[numpy.float64]:
         """
         Return the friction forces on the contact nodes of the last step (n, 3), N.
         """
 
     def reset(self) -> None: ...
 
-    def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
 
 class MassSpringBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], masses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], springs: Annotated[NDArray[numpy.int32], dict(shape=(None, 2), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int32], dict(shape=(None, 4), order='C', device='cpu', writable=False)], pressure: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shares: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, alpha: float, beta: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], positions: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], masses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], springs: Annotated[NDArray[numpy.int32], dict(shape=(None, 2), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int32], dict(shape=(None, 4), order='C', device='cpu', writable=False)], pressure: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_vertices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, rayleigh_alpha: float, rayleigh_beta: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
-    def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
-    def dragged(self) -> NDArray[numpy.float64]:
+    def friction_forces(self) -> NDArray[numpy.float64]:
         """
         Return the friction forces on the contact nodes of the last step (n, 3), N.
         """
 
     def reset(self) -> None: ...
 
-    def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
@@ -144,10 +144,10 @@ class MassSpringBody(DeformableBody):
     def displacement(self) -> NDArray[numpy.float64]:
         """Return the mean displacement of each node's patch (n, 3), m."""
 
-    def places(self) -> NDArray[numpy.float64]:
+    def positions(self) -> NDArray[numpy.float64]:
         """Return the positions of the vertices (N, 3), m."""
 
-    def set(self, places: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], speeds: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> None:
+    def set_state(self, positions: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], velocities: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> None:
         """
         Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices.
         """
@@ -157,35 +157,35 @@ class MassSpringBody(DeformableBody):
         """Kinetic plus stored energy, J."""
 
     @property
-    def held_back(self) -> int:
+    def limited_steps(self) -> int:
         """
         Number of periods whose speed was reduced to keep the energy from rising.
         """
 
 class FreeFormBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, give: float, layer: float, give_across: float, layer_across: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, control_compliance: float, surface_layer: float, tangential_control_compliance: float, tangential_surface_layer: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
         """
 
-    def time(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
 
-    def dragged(self) -> NDArray[numpy.float64]:
+    def friction_forces(self) -> NDArray[numpy.float64]:
         """
         Return the friction forces on the contact nodes of the last step (n, 3), N.
         """
 
     def reset(self) -> None: ...
 
-    def respond(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
         """
@@ -203,24 +203,24 @@ def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), d
     """
 
 class QuasiStaticSolver:
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, every: int) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, update_interval: int) -> NDArray[numpy.float64]:
         """
-        Step along a path; update the model every `every` ticks and publish it after as many. Return rows: for each tip force (3), deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.
-        """
-
-    def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, steps: int) -> NDArray[numpy.float64]:
-        """
-        Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.
+        Step along a path; update the model every `update_interval` ticks and publish it after as many. Return rows: for each tip force (3), deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.
         """
 
-    def live(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
+    def settle(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, max_updates: int) -> NDArray[numpy.float64]:
         """
-        Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of follow; lateness and duration of each tick, s; duration of each model update, s.
+        Return the equilibrium at each position, after at most `max_updates` model updates: rows as of simulate_path, and whether it converged.
         """
 
-    def step(self) -> NDArray[numpy.float64]:
+    def simulate_realtime(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
+        """
+        Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of simulate_path; lateness and duration of each tick, s; duration of each model update, s.
+        """
+
+    def last_report(self) -> NDArray[numpy.float64]:
         """
         Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the compliance; error of the compliance.
         """
@@ -229,7 +229,7 @@ class QuasiStaticSolver:
 
     def energy(self) -> float: ...
 
-    def snapshot(self) -> tuple:
+    def local_model(self) -> tuple:
         """
         Return the local model of the servo: surface nodes, their normals, compliance along the inward normals, m/N, and a mask of inner nodes.
         """
@@ -249,19 +249,19 @@ class DeformationFrames:
         """
 
 class HyperelasticBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, point: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], shared: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], near: int, every: int, ratio: float = 1.0, sway: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int, update_interval: int, tangential_ratio: float = 1.0, common_compliance: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
 
-    def follow(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
         Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without directions, a sphere takes the mean normal of its contact nodes, as in a loop.
         """
 
-    def settle(self, centres: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, steps: int) -> NDArray[numpy.float64]:
+    def settle(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, max_updates: int) -> NDArray[numpy.float64]:
         """
-        Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.
+        Return the equilibrium at each position, after at most `max_updates` model updates: rows as of simulate_path, and whether it converged.
         """
 
-    def pressed(self) -> tuple:
+    def contact_forces(self) -> tuple:
         """
         Return the contact nodes of the last step and the forces along their inward normals, N.
         """
@@ -274,19 +274,19 @@ class HyperelasticBody(DeformableBody):
     def reset(self) -> None: ...
 
 class HyperelasticModel:
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], held: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
 
     def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Return the energy, J, and the internal forces on the free points (p, 3), N.
         """
 
-    def tangent(self, way: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def tangent(self, direction: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Return the derivative of the internal forces along `way`, N, at the last evaluated displacement, in single precision.
+        Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.
         """
 
-    def relax(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, most: int = 60) -> int:
+    def solve_equilibrium(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, max_steps: int = 60) -> int:
         """
         Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.
         """
@@ -390,21 +390,21 @@ class MeshModel:
 class Proxy:
     def __init__(self, mesh: TriangleMesh, surface: Surface, radius: float) -> None: ...
 
-    def follow(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
+    def simulate_path(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
         """
         Step along a path (n, 3), m. Return rows of position (3), normal (3), force (3), depth, stiffness; and triangles, -1 without contact.
         """
 
-    def time(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def step_durations(self, path: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """Return the duration of each step, s, including the clock's own."""
 
     def reset(self) -> None: ...
 
     @property
-    def faults(self) -> int: ...
+    def invalid_input_count(self) -> int: ...
 
     @property
-    def unfinished(self) -> int: ...
+    def iteration_limit_count(self) -> int: ...
 
     @property
     def sliding(self) -> bool: ...
@@ -795,10 +795,10 @@ class PremiumSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
-    def judged_from(self) -> int: ...
+    def window_start(self) -> int: ...
 
-    @judged_from.setter
-    def judged_from(self, arg: int, /) -> None: ...
+    @window_start.setter
+    def window_start(self, arg: int, /) -> None: ...
 
     @property
     def jitter(self) -> float: ...
@@ -832,11 +832,11 @@ class PremiumSetup:
         """
 
     @overload
-    def watch(self, frames: SurfaceFrames) -> None:
+    def set_observer(self, frames: SurfaceFrames) -> None:
         """Compute the displacement of the body's surface in a thread."""
 
     @overload
-    def watch(self, frames: DeformationFrames) -> None:
+    def set_observer(self, frames: DeformationFrames) -> None:
         """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
@@ -1093,10 +1093,10 @@ class SliderSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
-    def judged_from(self) -> int: ...
+    def window_start(self) -> int: ...
 
-    @judged_from.setter
-    def judged_from(self, arg: int, /) -> None: ...
+    @window_start.setter
+    def window_start(self, arg: int, /) -> None: ...
 
     @property
     def jitter(self) -> float: ...
@@ -1130,11 +1130,11 @@ class SliderSetup:
         """
 
     @overload
-    def watch(self, frames: SurfaceFrames) -> None:
+    def set_observer(self, frames: SurfaceFrames) -> None:
         """Compute the displacement of the body's surface in a thread."""
 
     @overload
-    def watch(self, frames: DeformationFrames) -> None:
+    def set_observer(self, frames: DeformationFrames) -> None:
         """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
@@ -1391,10 +1391,10 @@ class FiveBarSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
-    def judged_from(self) -> int: ...
+    def window_start(self) -> int: ...
 
-    @judged_from.setter
-    def judged_from(self, arg: int, /) -> None: ...
+    @window_start.setter
+    def window_start(self, arg: int, /) -> None: ...
 
     @property
     def jitter(self) -> float: ...
@@ -1428,11 +1428,11 @@ class FiveBarSetup:
         """
 
     @overload
-    def watch(self, frames: SurfaceFrames) -> None:
+    def set_observer(self, frames: SurfaceFrames) -> None:
         """Compute the displacement of the body's surface in a thread."""
 
     @overload
-    def watch(self, frames: DeformationFrames) -> None:
+    def set_observer(self, frames: DeformationFrames) -> None:
         """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
@@ -1639,10 +1639,10 @@ class TipDeviceSetup:
     def speed_limit(self, arg: float, /) -> None: ...
 
     @property
-    def judged_from(self) -> int: ...
+    def window_start(self) -> int: ...
 
-    @judged_from.setter
-    def judged_from(self, arg: int, /) -> None: ...
+    @window_start.setter
+    def window_start(self, arg: int, /) -> None: ...
 
     @property
     def jitter(self) -> float: ...
@@ -1676,11 +1676,11 @@ class TipDeviceSetup:
         """
 
     @overload
-    def watch(self, frames: SurfaceFrames) -> None:
+    def set_observer(self, frames: SurfaceFrames) -> None:
         """Compute the displacement of the body's surface in a thread."""
 
     @overload
-    def watch(self, frames: DeformationFrames) -> None:
+    def set_observer(self, frames: DeformationFrames) -> None:
         """Publish each model update of the body."""
 
     def time_ticks(self, reference: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], operator_force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], paced: bool) -> NDArray[numpy.float64]:
@@ -1802,7 +1802,7 @@ class Premium:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], nearest_to: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
         """Return (poses with the tip at p, reason why there are none)."""
 
 class Slider:
@@ -1829,7 +1829,7 @@ class Slider:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]) -> tuple:
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], nearest_to: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')]) -> tuple:
         """Return (poses with the tip at p, reason why there are none)."""
 
 class FiveBar:
@@ -1856,7 +1856,7 @@ class FiveBar:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]) -> tuple:
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], nearest_to: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]) -> tuple:
         """Return (poses with the tip at p, reason why there are none)."""
 
 class TipDevice:
@@ -1883,7 +1883,7 @@ class TipDevice:
 
     def linearization(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg2: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg3: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
-    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], near: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
+    def inverse(self, p: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], nearest_to: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> tuple:
         """Return (poses with the tip at p, reason why there are none)."""
 
 def max_lanes() -> int:

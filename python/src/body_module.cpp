@@ -76,34 +76,34 @@ template <class Kind>
 nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* name) {
   return nb::class_<BodyCore<Kind>, BodyInLoop>(m, name)
       .def(
-          "follow",
-          [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
-            const std::size_t n = centres.shape(0);
-            const bool faces = outward.shape(0) == 0 && !flat;
-            if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
+          "simulate_path",
+          [](BodyCore<Kind>& self, const Points& centers, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centers.shape(0);
+            const bool mean_normal = outward.shape(0) == 0 && !flat;
+            if (outward.shape(0) != n && !mean_normal) throw nb::value_error("the path needs one direction for each position");
             auto [rows, row] = new_array<double>({n, result_width});
             const nb::gil_scoped_release unlocked;
             palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
             for (std::size_t i = 0; i < n; ++i, row += result_width) {
-              tip.center = Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i);
-              tip.outward = faces ? self.contact.outward(tip)
-                                  : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+              tip.center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i);
+              tip.outward = mean_normal ? self.contact.outward(tip)
+                                        : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               write_result(self.contact.step(tip), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a,
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a,
           "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without "
           "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.")
       .def(
-          "time",
-          [](BodyCore<Kind>& self, const Points& centres, const Points& outward, double radius, bool flat) {
-            const std::size_t n = centres.shape(0);
+          "step_durations",
+          [](BodyCore<Kind>& self, const Points& centers, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centers.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
             auto [seconds, s] = new_array<double>({n});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i) {
-              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
+              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i),
                                                           Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               const auto begin = std::chrono::steady_clock::now();
               self.contact.step(tip);
@@ -111,12 +111,12 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
             }
             return seconds;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "Return the duration of each step, s, including the clock's own.")
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, "Return the duration of each step, s, including the clock's own.")
       .def(
-          "pressed", [](const BodyCore<Kind>& self) { return contact_forces(self.contact); },
+          "contact_forces", [](const BodyCore<Kind>& self) { return contact_forces(self.contact); },
           "Return the contact nodes of the last step and the forces along their inward normals, N.")
       .def(
-          "dragged",
+          "friction_forces",
           [](const BodyCore<Kind>& self) {
             const auto n = static_cast<std::size_t>(self.contact.last().nodes);
             auto [forces, f] = new_array<double>({n, 3});
@@ -127,15 +127,15 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           "Return the friction forces on the contact nodes of the last step (n, 3), N.")
       .def("reset", [](BodyCore<Kind>& self) { self.contact.reset(); })
       .def(
-          "respond",
+          "node_response",
           [](BodyCore<Kind>& self, std::int32_t node, const Numbers& forces) {
             if (node < 0 || node >= self.nodes.size()) throw nb::value_error("the node does not exist");
-            auto [places, x] = new_array<double>({forces.shape(0)});
+            auto [positions, x] = new_array<double>({forces.shape(0)});
             for (std::size_t k = 0; k < forces.shape(0); ++k) {
               x[k] = self.body.free_displacement(node) + self.body.compliance(node, node) * forces.data()[k];
               self.body.advance(&node, forces.data() + k, 1);
             }
-            return places;
+            return positions;
           },
           "node"_a, "forces"_a,
           "Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.");
@@ -153,15 +153,14 @@ std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std
   return list;
 }
 
-palpate::deformable::SpringNetworkData network_parts(const Points& places, const Numbers& masses, const Flags& held,
+palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,
                                                      const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
                                                      const Numbers& pressure) {
-  const std::size_t count = places.shape(0);
-  if (masses.shape(0) != count || held.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
+  const std::size_t count = positions.shape(0);
+  if (masses.shape(0) != count || fixed.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
     throw nb::value_error("the sizes of the network's arrays do not match");
-  return {points(places),          numbers(masses),    {held.data(), held.data() + count},
-          rows<2>(springs, count), numbers(stiffness), rows<4>(tetrahedra, count),
-          numbers(pressure)};
+  return {points(positions),          numbers(masses),  {fixed.data(), fixed.data() + count}, rows<2>(springs, count), numbers(stiffness),
+          rows<4>(tetrahedra, count), numbers(pressure)};
 }
 
 palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares, std::size_t nodes,
@@ -183,25 +182,26 @@ auto new_points(std::size_t n, At at) {
   return array;
 }
 
-void bind_lattice(nb::module_& m) {
+void bind_mass_spring(nb::module_& m) {
   using palpate::deformable::MassSpringModel;
   bind_kind<MassSpringModel>(m, "MassSpringBody")
       .def(
           "__init__",
-          [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& places,
-             const Numbers& masses, const Flags& held, const IndexRows<2>& springs, const Numbers& stiffness,
+          [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& positions,
+             const Numbers& masses, const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness,
              const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
              double period, double alpha, double beta, double mu_static, double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
-            MassSpringModel lattice(nodes, network_parts(places, masses, held, springs, stiffness, tetrahedra, pressure),
-                                    network_patches(begin, vertices, shares, at.shape(0), places.shape(0)), period, alpha, beta);
-            if (!lattice.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
-            new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(lattice), {mu_static, mu_dynamic});
+            MassSpringModel network(nodes, network_parts(positions, masses, fixed, springs, stiffness, tetrahedra, pressure),
+                                    network_patches(begin, vertices, shares, at.shape(0), positions.shape(0)), period, alpha, beta);
+            if (!network.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
+            new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(network), {mu_static, mu_dynamic});
           },
-          "points"_a, "normals"_a, "areas"_a, "places"_a, "masses"_a, "held"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a, "pressure"_a,
-          "begin"_a, "vertices"_a, "shares"_a, "period"_a, "alpha"_a, "beta"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
+          "points"_a, "normals"_a, "areas"_a, "positions"_a, "masses"_a, "fixed"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a,
+          "pressure"_a, "patch_begin"_a, "patch_vertices"_a, "patch_weights"_a, "period"_a, "rayleigh_alpha"_a, "rayleigh_beta"_a,
+          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
           [](const BodyCore<MassSpringModel>& self) {
@@ -210,41 +210,43 @@ void bind_lattice(nb::module_& m) {
           },
           "Return the mean displacement of each node's patch (n, 3), m.")
       .def(
-          "places",
+          "positions",
           [](const BodyCore<MassSpringModel>& self) {
             return new_points(self.body.positions().size(), [&](std::size_t v) { return self.body.positions()[v]; });
           },
           "Return the positions of the vertices (N, 3), m.")
       .def(
-          "set",
-          [](BodyCore<MassSpringModel>& self, const Points& places, const Points& speeds) {
-            if (places.shape(0) != self.body.positions().size() || speeds.shape(0) != places.shape(0))
+          "set_state",
+          [](BodyCore<MassSpringModel>& self, const Points& positions, const Points& velocities) {
+            if (positions.shape(0) != self.body.positions().size() || velocities.shape(0) != positions.shape(0))
               throw nb::value_error("positions and velocities must have one row for each vertex of the network");
-            self.body.set_state(points(places).data(), points(speeds).data());
+            self.body.set_state(points(positions).data(), points(velocities).data());
           },
-          "places"_a, "speeds"_a, "Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices.")
+          "positions"_a, "velocities"_a, "Set the positions (N, 3), m, and velocities (N, 3), m/s, of the vertices.")
       .def_prop_ro(
           "energy", [](const BodyCore<MassSpringModel>& self) { return self.body.energy(); }, "Kinetic plus stored energy, J.")
       .def_prop_ro(
-          "held_back", [](const BodyCore<MassSpringModel>& self) { return self.body.limited_steps(); },
+          "limited_steps", [](const BodyCore<MassSpringModel>& self) { return self.body.limited_steps(); },
           "Number of periods whose speed was reduced to keep the energy from rising.");
 }
 
-void bind_spline(nb::module_& m) {
+void bind_free_form(nb::module_& m) {
   using palpate::deformable::FreeFormDeformation;
   bind_kind<FreeFormDeformation>(m, "FreeFormBody")
       .def(
           "__init__",
           [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
-             double give, double layer, double give_across, double layer_across, double mu_static, double mu_dynamic) {
+             double normal_compliance, double normal_layer, double tangential_compliance, double tangential_layer, double mu_static,
+             double mu_dynamic) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
-            FreeFormDeformation spline(nodes, numbers(areas), spacing, {give, layer}, {give_across, layer_across});
-            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(spline), {mu_static, mu_dynamic});
+            FreeFormDeformation model(nodes, numbers(areas), spacing, {normal_compliance, normal_layer},
+                                      {tangential_compliance, tangential_layer});
+            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(model), {mu_static, mu_dynamic});
           },
-          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "give"_a, "layer"_a, "give_across"_a, "layer_across"_a,
-          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
+          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "control_compliance"_a, "surface_layer"_a, "tangential_control_compliance"_a,
+          "tangential_surface_layer"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "displacement",
           [](const BodyCore<FreeFormDeformation>& self) {
@@ -287,7 +289,7 @@ void bind_body(nb::module_& m) {
           "Return the last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
   nb::class_<PlacedBody>(m, "PlacedBody", "A body, its pose in the device frame, and the tip that touches it.")
       .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
-           "turn"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
+           "rotation"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
   bind_kind<Compliance>(m, "ComplianceBody")
       .def(
           "__init__",
@@ -302,30 +304,32 @@ void bind_body(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<Modal>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instant, double creep,
-             double mu_static, double mu_dynamic) {
+             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instantaneous_ratio,
+             double retardation_time, double mu_static, double mu_dynamic) {
             if (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0))
               throw nb::value_error("the sizes of the modes do not match the compliance");
             new (self) BodyCore<Modal>(at, normals, areas, compliance, {mu_static, mu_dynamic},
                                        [&](const palpate::deformable::SurfaceNodes& nodes) {
                                          return Modal(nodes, compliance.data(), shapes.data(), numbers(frequencies), period, alpha, beta,
-                                                      instant, creep, mu_static > 0.0);
+                                                      instantaneous_ratio, retardation_time, mu_static > 0.0);
                                        });
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "alpha"_a, "beta"_a,
-          "instant"_a = 1.0, "creep"_a = 1.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "shapes"_a, "frequencies"_a, "period"_a, "rayleigh_alpha"_a,
+          "rayleigh_beta"_a, "instantaneous_ratio"_a = 1.0, "retardation_time"_a = 1.0, "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0);
   bind_kind<StandardLinearSolid>(m, "StandardLinearSolidBody")
       .def(
           "__init__",
           [](BodyCore<StandardLinearSolid>* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             double instant, double creep, double period, double mu_static, double mu_dynamic) {
-            new (self) BodyCore<StandardLinearSolid>(
-                at, normals, areas, compliance, {mu_static, mu_dynamic}, [&](const palpate::deformable::SurfaceNodes& nodes) {
-                  return StandardLinearSolid(Compliance(nodes, compliance.data(), mu_static > 0.0), instant, creep, period);
-                });
+             double instantaneous_ratio, double retardation_time, double period, double mu_static, double mu_dynamic) {
+            new (self) BodyCore<StandardLinearSolid>(at, normals, areas, compliance, {mu_static, mu_dynamic},
+                                                     [&](const palpate::deformable::SurfaceNodes& nodes) {
+                                                       return StandardLinearSolid(Compliance(nodes, compliance.data(), mu_static > 0.0),
+                                                                                  instantaneous_ratio, retardation_time, period);
+                                                     });
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instant"_a, "creep"_a, "period"_a, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0);
-  bind_lattice(m);
-  bind_spline(m);
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instantaneous_ratio"_a, "retardation_time"_a, "period"_a,
+          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
+  bind_mass_spring(m);
+  bind_free_form(m);
 }

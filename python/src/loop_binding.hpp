@@ -132,7 +132,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("substeps", &Setup::substeps)
       .def_rw("record_every", &Setup::record_every)
       .def_rw("speed_limit", &Setup::speed_limit)
-      .def_rw("judged_from", &Setup::judged_from)
+      .def_rw("window_start", &Setup::window_start)
       .def_rw("jitter", &Setup::jitter)
       .def_rw("seed", &Setup::seed)
       .def(
@@ -165,10 +165,10 @@ void bind_loop(nb::module_& m, const char* name) {
           "set_python_controller", [](Setup& s, nb::object part) { s.python_controller(std::move(part)); }, "controller"_a,
           "Use a controller written in Python: a callable from TickSignals to a force, N, or an object with `command`.")
       .def(
-          "watch", [](Setup& s, SurfaceFrames& f) { s.placement.contact_frames = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "set_observer", [](Setup& s, SurfaceFrames& f) { s.placement.contact_frames = f.pressed(); }, "frames"_a, nb::keep_alive<1, 2>(),
           "Compute the displacement of the body's surface in a thread.")
       .def(
-          "watch", [](Setup& s, SolidFrames& f) { s.placement.deformation_frames = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
+          "set_observer", [](Setup& s, SolidFrames& f) { s.placement.deformation_frames = f.box(); }, "frames"_a, nb::keep_alive<1, 2>(),
           "Publish each model update of the body.")
       .def(
           "time_ticks",

@@ -182,13 +182,13 @@ void bind_mechanism(nb::module_& m) {
   });
   cls.def(
       "inverse",
-      [](const Mechanism& self, const palpate::math::Vector3<>& p, const Q& near) {
-        const auto found = self.inverse_kinematics(p, near);
+      [](const Mechanism& self, const palpate::math::Vector3<>& p, const Q& nearest_to) {
+        const auto found = self.inverse_kinematics(p, nearest_to);
         auto [out, data] = new_array<double>({found.poses.size(), dof});
         for (std::size_t i = 0; i < found.poses.size(); ++i) Eigen::Map<Q>(data + dof * i) = found.poses[i];
         return nb::make_tuple(out, found.error);
       },
-      "p"_a, "near"_a, "Return (poses with the tip at p, reason why there are none).");
+      "p"_a, "nearest_to"_a, "Return (poses with the tip at p, reason why there are none).");
 }
 
 }  // namespace

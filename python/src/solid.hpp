@@ -20,7 +20,7 @@ class AnySolid {
   virtual void tangent(const double* motion, double* forces) = 0;
   /// Iterate with Newton steps until the residual is below `tolerance` times the load. Return the number of steps, or -1 if `max_steps`
   /// do not suffice.
-  virtual int relax(const double* load, double tolerance, int max_steps) = 0;
+  virtual int solve_equilibrium(const double* load, double tolerance, int max_steps) = 0;
   virtual void displacement(double* to) const = 0;
   virtual void reset() = 0;
 };

@@ -34,7 +34,7 @@ class SolidOf final : public AnySolid {
     scatter(free.data(), free_, forces);
   }
 
-  int relax(const double* load, double tolerance, int max_steps) override {
+  int solve_equilibrium(const double* load, double tolerance, int max_steps) override {
     gather(load, load_);
     double size = 0.0;
     for (const double f : load_) size += f * f;

@@ -49,9 +49,9 @@ auto widest(Make make) {
 }
 
 palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
-                                     const Flags& held) {
+                                     const Flags& fixed) {
   const std::size_t n = points.shape(0), m = cells.shape(0);
-  if (n == 0 || m == 0 || shear.shape(0) != m || lame.shape(0) != m || held.shape(0) != n)
+  if (n == 0 || m == 0 || shear.shape(0) != m || lame.shape(0) != m || fixed.shape(0) != n)
     throw nb::value_error("the sizes of the body's arrays do not match");
   palpate::deformable::TetMesh mesh;
   for (std::size_t i = 0; i < n; ++i) mesh.points.emplace_back(points.data()[3 * i], points.data()[3 * i + 1], points.data()[3 * i + 2]);
@@ -65,7 +65,7 @@ palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, c
   }
   mesh.shear.assign(shear.data(), shear.data() + m);
   mesh.lame.assign(lame.data(), lame.data() + m);
-  mesh.fixed.assign(held.data(), held.data() + n);
+  mesh.fixed.assign(fixed.data(), fixed.data() + n);
   if (std::find(mesh.fixed.begin(), mesh.fixed.end(), false) == mesh.fixed.end()) throw nb::value_error("all points are fixed");
   return mesh;
 }
@@ -98,9 +98,9 @@ palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& p
 }
 
 std::unique_ptr<AnyPressed> pressed_of(const palpate::deformable::TetMesh& mesh, bool corotational,
-                                       const palpate::deformable::TetSurface& surface, int near) {
+                                       const palpate::deformable::TetSurface& surface, int nodes_per_tip) {
   palpate::deformable::SolverOptions options;
-  options.nodes_per_tip = near;
+  options.nodes_per_tip = nodes_per_tip;
   return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, options); });
 }
 
@@ -112,9 +112,9 @@ struct PressedCore {
 /// The tips at each tick of a path (ticks, tips, 3).
 class Ways {
  public:
-  Ways(const Paths& centres, const Paths& outward, const Numbers& radii, bool flat)
-      : centres_(centres.data()), outward_(outward.data()), ticks_(centres.shape(0)) {
-    const std::size_t count = centres.shape(1);
+  Ways(const Paths& centers, const Paths& outward, const Numbers& radii, bool flat)
+      : centers_(centers.data()), outward_(outward.data()), ticks_(centers.shape(0)) {
+    const std::size_t count = centers.shape(1);
     if (count == 0 || count > palpate::deformable::TipPair::max_tips) throw nb::value_error("the path must have one or two tips");
     if (outward.shape(0) != ticks_ || outward.shape(1) != count || radii.shape(0) != count)
       throw nb::value_error("the path needs one direction for each position and one radius for each tip");
@@ -129,7 +129,7 @@ class Ways {
   const palpate::deformable::TipPair& at(std::size_t tick) {
     const auto count = static_cast<std::size_t>(tips_.count);
     for (std::size_t t = 0; t < count; ++t) {
-      tips_.tip[t].center = Eigen::Map<const palpate::math::Vector3<>>(centres_ + 3 * (tick * count + t));
+      tips_.tip[t].center = Eigen::Map<const palpate::math::Vector3<>>(centers_ + 3 * (tick * count + t));
       tips_.tip[t].outward = Eigen::Map<const palpate::math::Vector3<>>(outward_ + 3 * (tick * count + t));
     }
     return tips_;
@@ -153,7 +153,7 @@ class Ways {
   }
 
  private:
-  const double* centres_;
+  const double* centers_;
   const double* outward_;
   std::size_t ticks_;
   palpate::deformable::TipPair tips_;
@@ -172,52 +172,54 @@ void bind_pressed(nb::module_& m) {
   nb::class_<PressedCore>(m, "QuasiStaticSolver")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near) {
-            auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
-                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
+             const Numbers& weights, const Triangles& triangles, int nodes_per_tip) {
+            auto solid = pressed_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
             new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
-          "weights"_a, "triangles"_a, "near"_a)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
+          "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a)
       .def(
-          "follow",
-          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int every) {
-            Ways ways(centres, outward, radii, flat);
-            if (every < 1) throw nb::value_error("every must be 1 or more");
+          "simulate_path",
+          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int update_interval) {
+            Ways ways(centers, outward, radii, flat);
+            if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
-              if (k % static_cast<std::size_t>(every) == 0 && self.pressing.update_count() > 0) self.pressing.publish_model();
+              if (k % static_cast<std::size_t>(update_interval) == 0 && self.pressing.update_count() > 0) self.pressing.publish_model();
               self.pressing.tick(ways.at(k));
-              if (k % static_cast<std::size_t>(every) == 0) self.pressing.compute_model();
+              if (k % static_cast<std::size_t>(update_interval) == 0) self.pressing.compute_model();
               ways.write(self.pressing.model_switch(), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "every"_a,
-          "Step along a path; update the model every `every` ticks and publish it after as many. Return rows: for each tip force (3), "
+          "centers"_a, "outward"_a, "radii"_a, "flat"_a, "update_interval"_a,
+          "Step along a path; update the model every `update_interval` ticks and publish it after as many. Return rows: for each tip force "
+          "(3), "
           "deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.")
       .def(
           "settle",
-          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, int steps) {
-            Ways ways(centres, outward, radii, flat);
+          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int max_updates) {
+            Ways ways(centers, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns() + 1});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns() + 1) {
-              row[ways.columns()] = self.pressing.settle(ways.at(k), steps) ? 1.0 : 0.0;
+              row[ways.columns()] = self.pressing.settle(ways.at(k), max_updates) ? 1.0 : 0.0;
               ways.write(self.pressing.model_switch(), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "steps"_a,
-          "Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.")
+          "centers"_a, "outward"_a, "radii"_a, "flat"_a, "max_updates"_a,
+          "Return the equilibrium at each position, after at most `max_updates` model updates: rows as of simulate_path, and whether it "
+          "converged.")
       .def(
-          "live",
-          [](PressedCore& self, const Paths& centres, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
+          "simulate_realtime",
+          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
             using Clock = SlowThread::Clock;
-            Ways ways(centres, outward, radii, flat);
+            Ways ways(centers, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             auto [times, t] = new_array<double>({ways.ticks(), 2});
             std::vector<double> slow;
@@ -246,11 +248,12 @@ void bind_pressed(nb::module_& m) {
             std::copy(slow.begin(), slow.end(), s);
             return nb::make_tuple(rows, times, seconds);
           },
-          "centres"_a, "outward"_a, "radii"_a, "flat"_a, "period"_a, "thread"_a,
-          "Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of follow; "
+          "centers"_a, "outward"_a, "radii"_a, "flat"_a, "period"_a, "thread"_a,
+          "Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of "
+          "simulate_path; "
           "lateness and duration of each tick, s; duration of each model update, s.")
       .def(
-          "step", [](const PressedCore& self) { return step_row(self.pressing.last_report()); },
+          "last_report", [](const PressedCore& self) { return step_row(self.pressing.last_report()); },
           "Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the "
           "compliance; error of the compliance.")
       .def("displacement",
@@ -261,7 +264,7 @@ void bind_pressed(nb::module_& m) {
            })
       .def("energy", [](PressedCore& self) { return self.pressing.solver().energy(); })
       .def(
-          "snapshot",
+          "local_model",
           [](PressedCore& self) {
             const palpate::deformable::LocalModel& s = self.pressing.current_model();
             const auto n = static_cast<std::size_t>(s.nodes.size());
@@ -289,8 +292,8 @@ struct NonlinearCore : BodyInLoop {
   palpate::object::HyperelasticObject<AnyPressed> body;
   bool initialized = false;
 
-  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int every, palpate::deformable::LocalModelSlip slip)
-      : points(count), body(std::move(solid), every, std::move(slip)) {}
+  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int update_interval, palpate::deformable::LocalModelSlip slip)
+      : points(count), body(std::move(solid), update_interval, std::move(slip)) {}
 
   [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.clone_at_rest(); }
 
@@ -319,60 +322,61 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearCore, BodyInLoop>(m, "HyperelasticBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int near, int every, double ratio, double sway, double mu_static,
-             double mu_dynamic) {
-            if (every < 1) throw nb::value_error("every must be 1 or more");
-            auto solid = pressed_of(mesh_of(points, cells, shear, lame, held), corotational,
-                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), near);
-            new (self)
-                NonlinearCore(points.shape(0), std::move(solid), every,
-                              mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, ratio, sway, point.shape(0))
-                                              : palpate::deformable::LocalModelSlip());
+             const Numbers& weights, const Triangles& triangles, int nodes_per_tip, int update_interval, double tangential_ratio,
+             double common_compliance, double mu_static, double mu_dynamic) {
+            if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
+            auto solid = pressed_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
+            new (self) NonlinearCore(points.shape(0), std::move(solid), update_interval,
+                                     mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
+                                                                                           common_compliance, point.shape(0))
+                                                     : palpate::deformable::LocalModelSlip());
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a, "point"_a, "areas"_a, "begin"_a, "shared"_a,
-          "weights"_a, "triangles"_a, "near"_a, "every"_a, "ratio"_a = 1.0, "sway"_a = 0.0, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
+          "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a, "update_interval"_a, "tangential_ratio"_a = 1.0,
+          "common_compliance"_a = 0.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
-          "follow",
-          [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat) {
-            const std::size_t n = centres.shape(0);
-            const bool faces = outward.shape(0) == 0 && !flat;
-            if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
+          "simulate_path",
+          [](NonlinearCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
+            const std::size_t n = centers.shape(0);
+            const bool mean_normal = outward.shape(0) == 0 && !flat;
+            if (outward.shape(0) != n && !mean_normal) throw nb::value_error("the path needs one direction for each position");
             auto [rows, row] = new_array<double>({n, result_width});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i, row += result_width) {
               const palpate::math::Vector3<> out =
-                  faces ? palpate::math::Vector3<>::UnitZ()
-                        : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              write_result(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i), out)), row);
+                  mean_normal ? palpate::math::Vector3<>::UnitZ()
+                              : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+              write_result(self.tick(tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i), out)), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a,
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a,
           "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without "
           "directions, a sphere takes the mean normal of its contact nodes, as in a loop.")
       .def(
           "settle",
-          [](NonlinearCore& self, const Points& centres, const Points& outward, double radius, bool flat, int steps) {
-            const std::size_t n = centres.shape(0);
+          [](NonlinearCore& self, const Points& centers, const Points& outward, double radius, bool flat, int max_updates) {
+            const std::size_t n = centers.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
             auto [rows, row] = new_array<double>({n, result_width + 1});
             const nb::gil_scoped_release unlocked;
             for (std::size_t i = 0; i < n; ++i, row += result_width + 1) {
-              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centres.data() + 3 * i),
+              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i),
                                                           Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
               self.initialized = true;
-              row[result_width] = self.body.settle(tip, steps) ? 1.0 : 0.0;
+              row[result_width] = self.body.settle(tip, max_updates) ? 1.0 : 0.0;
               write_result(self.body.last(), row);
             }
             return rows;
           },
-          "centres"_a, "outward"_a, "radius"_a, "flat"_a, "steps"_a,
-          "Return the equilibrium at each position, after at most `steps` model updates: rows as of follow, and whether it converged.")
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, "max_updates"_a,
+          "Return the equilibrium at each position, after at most `max_updates` model updates: rows as of simulate_path, and whether it "
+          "converged.")
       .def(
-          "pressed", [](const NonlinearCore& self) { return contact_forces(self.body); },
+          "contact_forces", [](const NonlinearCore& self) { return contact_forces(self.body); },
           "Return the contact nodes of the last step and the forces along their inward normals, N.")
       .def(
           "displacement",
@@ -396,13 +400,13 @@ void bind_solid(nb::module_& m) {
   nb::class_<SolidCore>(m, "HyperelasticModel")
       .def(
           "__init__",
-          [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& held,
+          [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
              bool corotational) {
-            const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, held);
+            const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, fixed);
             auto solid = widest([&](auto lanes) { return palpate::solid::make<lanes()>(corotational, mesh); });
             new (self) SolidCore{points.shape(0), std::move(solid)};
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "held"_a, "corotational"_a)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a)
       .def(
           "evaluate",
           [](SolidCore& self, const Points& displacement) {
@@ -413,21 +417,22 @@ void bind_solid(nb::module_& m) {
           "displacement"_a, "Return the energy, J, and the internal forces on the free points (p, 3), N.")
       .def(
           "tangent",
-          [](SolidCore& self, const Points& way) {
-            check(self, way);
+          [](SolidCore& self, const Points& direction) {
+            check(self, direction);
             auto [forces, f] = new_array<double>({self.points, 3});
-            self.solid->tangent(way.data(), f);
+            self.solid->tangent(direction.data(), f);
             return forces;
           },
-          "way"_a, "Return the derivative of the internal forces along `way`, N, at the last evaluated displacement, in single precision.")
+          "direction"_a,
+          "Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.")
       .def(
-          "relax",
-          [](SolidCore& self, const Points& load, double tolerance, int most) {
+          "solve_equilibrium",
+          [](SolidCore& self, const Points& load, double tolerance, int max_steps) {
             check(self, load);
             const nb::gil_scoped_release unlocked;
-            return self.solid->relax(load.data(), tolerance, most);
+            return self.solid->solve_equilibrium(load.data(), tolerance, max_steps);
           },
-          "load"_a, "tolerance"_a = 1e-8, "most"_a = 60,
+          "load"_a, "tolerance"_a = 1e-8, "max_steps"_a = 60,
           "Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.")
       .def("displacement",
            [](const SolidCore& self) {

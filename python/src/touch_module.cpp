@@ -104,7 +104,7 @@ void bind_touch(nb::module_& m) {
              add_count("non_manifold", d.non_manifold);
              add_count("mixed_winding", d.mixed_winding);
              add_count("open", d.open);
-             out["parts"] = d.components;
+             out["components"] = d.components;
              out["volume"] = d.volume;
              return out;
            })
@@ -164,7 +164,7 @@ void bind_touch(nb::module_& m) {
           },
           "mesh"_a, "surface"_a, "radius"_a)
       .def(
-          "follow",
+          "simulate_path",
           [](TouchProxy& self, const Points& path) {
             const std::size_t n = path.shape(0);
             auto [rows, row] = new_array<double>({n, 11});
@@ -189,7 +189,7 @@ void bind_touch(nb::module_& m) {
           "Step along a path (n, 3), m. Return rows of position (3), normal (3), force (3), depth, stiffness; and triangles, -1 without "
           "contact.")
       .def(
-          "time",
+          "step_durations",
           [](TouchProxy& self, const Points& path) {
             const std::size_t n = path.shape(0);
             auto [seconds, s] = new_array<double>({n});
@@ -204,7 +204,7 @@ void bind_touch(nb::module_& m) {
           },
           "path"_a, "Return the duration of each step, s, including the clock's own.")
       .def("reset", [](TouchProxy& self) { self.proxy.reset(); })
-      .def_prop_ro("faults", [](const TouchProxy& self) { return self.proxy.invalid_input_count(); })
-      .def_prop_ro("unfinished", [](const TouchProxy& self) { return self.proxy.iteration_limit_count(); })
+      .def_prop_ro("invalid_input_count", [](const TouchProxy& self) { return self.proxy.invalid_input_count(); })
+      .def_prop_ro("iteration_limit_count", [](const TouchProxy& self) { return self.proxy.iteration_limit_count(); })
       .def_prop_ro("sliding", [](const TouchProxy& self) { return self.proxy.sliding(); });
 }

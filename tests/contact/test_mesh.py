@@ -61,7 +61,7 @@ def test_diagnosis_tells_open_edges_parts_and_piercing() -> None:
     sheet = Mesh(vertices, triangles[:-1], open=True).diagnose()
     assert (sheet.open_edges, sheet.closed, sheet.clean) == (3, False, False)
     both = Mesh(np.vstack([vertices, vertices + 0.3]), np.vstack([triangles, triangles + len(vertices)])).diagnose()
-    assert both.parts == 2
+    assert both.components == 2
     assert both.self_intersections > 0
     assert Mesh(vertices, triangles).diagnose().self_intersections == 0
 

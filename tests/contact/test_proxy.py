@@ -79,7 +79,7 @@ def test_the_bumpy_ball_of_100k_triangles_never_locks_up(radius: float, friction
     along = np.sum(spring * contacts.normal, axis=1)
     lag = np.linalg.norm(spring - along[:, None] * contacts.normal, axis=1)
     assert np.all(lag <= friction * along * (1 + 1e-6) + 1e-7)
-    assert proxy.unfinished <= 20  # of 20,000: the step goes on in the next tick, it is not held
+    assert proxy.iteration_limit_count <= 20  # of 20,000: the step goes on in the next tick, it is not held
 
 
 def test_continuous_field_has_smaller_steps_and_does_no_net_work() -> None:
@@ -108,7 +108,7 @@ def test_nan_is_counted_and_the_contact_held() -> None:
     proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)), Surface())
     path = np.array([[0.0, 0, 2], [0.1, 0.2, 0.9], [np.nan, 0, 0], [0.1, np.inf, 0], [0.2, 0.2, 0.9]])
     contacts = proxy.simulate_path(path)
-    assert proxy.faults == 2
+    assert proxy.invalid_input_count == 2
     np.testing.assert_array_equal(contacts.force[2], contacts.force[1])
     np.testing.assert_allclose(contacts.position[4], [0.2, 0.2, 1.0], atol=1e-12)
 

@@ -70,7 +70,7 @@ def test_inertia_and_gravity_agree_with_mujoco(pose: tuple[float, float]) -> Non
 def test_inverse_returns_the_nearest_pose() -> None:
     device = devices.load("haply-2diy")
     for pose in ((0.7, 2.4), (0.4, 2.6), (1.1, 2.3)):
-        np.testing.assert_allclose(device.inverse(device.forward(pose), near=pose), pose, atol=1e-9)
+        np.testing.assert_allclose(device.inverse(device.forward(pose), nearest_to=pose), pose, atol=1e-9)
 
 
 def test_a_wall_on_the_haply_holds_the_tip() -> None:

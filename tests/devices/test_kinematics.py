@@ -87,7 +87,7 @@ def test_forward_undoes_inverse(azimuth: float, elevation: float, reach: float) 
 def test_inverse_undoes_forward(q: Array) -> None:
     """The pose nearest to the one that made the point is that pose, wherever the Jacobian is regular."""
     assume(abs(np.linalg.det(ARM.jacobian(q))) > 1e-5)
-    np.testing.assert_allclose(ARM.inverse(ARM.forward(q), near=q), q, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(ARM.inverse(ARM.forward(q), nearest_to=q), q, rtol=0, atol=1e-7)
 
 
 def test_inverse_without_a_hint_is_the_printed_branch() -> None:

@@ -22,7 +22,7 @@ def body() -> Body:
 def test_forces_and_displacements_keep_the_contact_conditions(body: Body) -> None:
     """No node is inside the tip, none is pulled, and the displacement is the compliance times the forces."""
     felt = body.indent([0.02, 0.02, TOP], "8 mm", "1.5 mm")
-    nodes, forces = body.core.pressed()
+    nodes, forces = body.core.contact_forces()
     assert (forces > 0).all()
     assert len(nodes) >= 4
     below = np.hypot(*(body.nodes[:, :2] - 0.02).T)

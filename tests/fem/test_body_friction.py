@@ -65,7 +65,7 @@ def test_a_patch_that_sticks_is_the_dense_solution(body: Body) -> None:
     way = 1e-6
     felt = body.with_friction(100.0).simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
     body.simulate_path(_drag(np.array([way]), 3e-3), RADIUS, outward=[0, 0, 1])
-    nodes, _ = body.core.pressed()
+    nodes, _ = body.core.contact_forces()
     unknown = np.stack([3 * nodes, 3 * nodes + 1], axis=1).ravel()
     part = body.compliance[np.ix_(unknown, unknown)].astype(float)
     forces = np.linalg.solve(part, np.tile([0.8 * way, 0.6 * way], len(nodes))).reshape(-1, 2)
@@ -82,7 +82,7 @@ def test_the_surface_goes_along_until_the_cone_and_its_displacement_is_that_of_a
     ratio = np.linalg.norm(felt.friction, axis=1) / pressing[:, 2]
     assert ratio.max() == pytest.approx(0.8, rel=0.01)
     assert ratio[-1] == pytest.approx(0.5, rel=1e-3)
-    (nodes, forces), dragged = rough.core.pressed(), rough.core.dragged()
+    (nodes, forces), dragged = rough.core.contact_forces(), rough.core.friction_forces()
     load = np.zeros((len(body.nodes), 3))
     load[nodes] = dragged - forces[:, None] * body.normals[nodes]
     expected = (body.compliance.astype(float) @ load.ravel()).reshape(-1, 3)
@@ -111,7 +111,7 @@ def test_every_kind_rests_in_its_cones_breaks_away_and_slides(small: Body, name:
     felt, cones = [], []
     for part in np.array_split(path, 45):
         felt.append(rough.simulate_path(part, RADIUS, outward=[0, 0, 1]))
-        forces, dragged = rough.core.pressed()[1], rough.core.dragged()
+        forces, dragged = rough.core.contact_forces()[1], rough.core.friction_forces()
         cones.append(np.linalg.norm(dragged, axis=1) / forces)
         assert np.abs(dragged[:, 2]).max() == 0.0
     assert max(cone.max() for cone in cones) <= hold * (1 + 1e-9)
@@ -149,7 +149,7 @@ def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body)
     path = np.tile([0.0125, 0.0143, TOP + 0.06 - 1e-3], (600, 1))
     path[300:, 0] += way
     felt = rough.simulate_path(path, 0.06, outward=[0, 0, 1])
-    nodes, _ = rough.core.pressed()
+    nodes, _ = rough.core.contact_forces()
     begin, vertices, shares = small._patches()
     load = sparse.csr_matrix((shares, vertices, begin), shape=(len(small.nodes), len(small.contents.vertices)))[nodes]
     free = np.flatnonzero(np.repeat(~small.contents.dirichlet, 3))
@@ -168,7 +168,7 @@ def test_a_spline_that_sticks_is_the_dense_solution_of_its_law(body: Body) -> No
     way = 1e-6
     rough = body.free_form(static_friction=100.0)
     felt = rough.simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
-    nodes, law = rough.core.pressed()[0], rough.free_form_law
+    nodes, law = rough.core.contact_forces()[0], rough.free_form_law
     shared = (weights(body.nodes[nodes], law.spacing) @ weights(body.nodes[nodes], law.spacing).T).toarray()
     yields = law.tangential_control_compliance * shared + np.diag(
         law.tangential_layer_compliance / body.contents.areas[nodes]

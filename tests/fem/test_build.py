@@ -129,7 +129,7 @@ def test_every_factorisation_solves_and_refuses_what_is_not_definite(small: Elem
 
 
 def test_regions_and_skin_stiffen_where_they_are() -> None:
-    material = Material(5e3, regions=[Region(sphere((0, 0, 0), 0.01), 25e3)], skin=SurfaceLayer(2e-3, 50e3))
+    material = Material(5e3, regions=[Region(sphere((0, 0, 0), 0.01), 25e3)], surface_layer=SurfaceLayer(2e-3, 50e3))
     x = np.array([[0, 0, 0], [0, 0, 0.02], [0, 0, 0.03]], dtype=float)
     assert material.young_at(x, lambda p: np.array([1.0, 1.0, 1e-3])).tolist() == [25e3, 5e3, 50e3]
 
@@ -161,16 +161,16 @@ def test_what_is_stiffer_anywhere_makes_a_body_stiffer_everywhere(order: int) ->
 
 def test_a_skin_that_the_mesh_does_not_resolve_is_told() -> None:
     volume = block((0.03, 0.03, 0.02), 0.01)
-    with pytest.raises(BodyError, match=r"skin 0.01 mm = 1000 kPa: no quadrature point lies in it"):
-        Elements(volume, Material(5e3, skin="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
+    with pytest.raises(BodyError, match=r"surface_layer 0.01 mm = 1000 kPa: no quadrature point lies in it"):
+        Elements(volume, Material(5e3, surface_layer="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
     with pytest.warns(
         BodyWarning, match=r"0.5 mm = 50 kPa: the cells at the surface are 10 mm high: use at least one cell"
     ):
-        Elements(volume, Material(5e3, skin="0.5 mm = 50 kPa"), [BOTTOM], parse_selector("z > 19 mm")).young  # noqa: B018
+        Elements(volume, Material(5e3, surface_layer="0.5 mm = 50 kPa"), [BOTTOM], parse_selector("z > 19 mm")).young  # noqa: B018
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for touch in (parse_selector("z > 19 mm"), parse_selector("box 9 9 19 to 21 21 21 mm"), None):
-            Elements(volume, Material(5e3, skin="10 mm = 50 kPa"), [BOTTOM], touch).young  # noqa: B018
+            Elements(volume, Material(5e3, surface_layer="10 mm = 50 kPa"), [BOTTOM], touch).young  # noqa: B018
 
 
 def test_places_are_read_from_text() -> None:
@@ -373,7 +373,7 @@ def test_a_body_of_a_wrong_unit_is_warned_of(unit: str, told: str | None) -> Non
     [
         ({"young": 5}, 'young: 5 Pa is softer than any tissue; for a value in kPa, write "5 kPa"'),
         ({"young": "0.02 kPa"}, "young: 20 Pa is softer"),
-        ({"young": 5e3, "skin": "2 mm = 40 Pa"}, "skin: 40 Pa is softer"),
+        ({"young": 5e3, "surface_layer": "2 mm = 40 Pa"}, "surface_layer: 40 Pa is softer"),
         ({"young": 5e3, "regions": "z < 1 mm = 25 Pa"}, "region z < 1 mm: 25 Pa is softer"),
         ({"young": 50.0}, None),
     ],

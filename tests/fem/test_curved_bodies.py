@@ -111,7 +111,7 @@ def test_the_forces_are_those_of_all_nodes_at_once(shape: tuple[Body, float]) ->
             expected[near], _ = nnls(root.T, np.linalg.solve(root, deep[near]), maxiter=10_000)
             body.core.reset()
             body.simulate_path(place[None], radius, outward=UP)
-            nodes, forces = body.core.pressed()
+            nodes, forces = body.core.contact_forces()
             found = np.zeros(n)
             found[nodes] = forces
             assert found == pytest.approx(expected, abs=2e-5 * max(expected.max(), 1e-12))
@@ -145,6 +145,6 @@ def test_a_tip_through_a_thin_plate_presses_its_near_face_only(tip: TipShape) ->
     depth = np.linspace(0.0, 7e-3, 2000)
     path = np.array([0.003, 0.0005, top]) - np.outer(depth, UP)
     felt = body.simulate_path(path, 5e-3, outward=UP, tip=tip)
-    nodes, _ = body.core.pressed()
+    nodes, _ = body.core.contact_forces()
     assert (body.normals[nodes] @ UP > 0).all()
     assert (np.diff(felt.force[200:, 2]) > 0).all()

@@ -41,7 +41,7 @@ def test_the_core_moves_nodes_by_the_least_change_of_control_points(spline: Body
     """Hsu, Hughes & Kaufman's least squares, solved densely, on top of the layer: the same displacement."""
     law = spline.free_form_law
     displacement = spline.indent(MIDDLE, "8 mm", "1 mm").displacement
-    nodes, forces = spline.core.pressed()
+    nodes, forces = spline.core.contact_forces()
     b = weights(spline.nodes, law.spacing)
     goal = -displacement[nodes, 2] - forces * law.layer_compliance / spline.contents.areas[nodes]
     least = np.linalg.pinv(b[nodes].toarray()) @ goal
@@ -79,11 +79,11 @@ def test_it_is_reciprocal_and_never_pulls(spline: Body) -> None:
     law, n = spline.free_form_law, len(spline.nodes)
     b = weights(spline.nodes, law.spacing).toarray()
     whole = law.control_compliance * b @ b.T + np.diag(law.layer_compliance / spline.contents.areas)
-    own = [spline.core.respond(i, np.array([1.0]))[0] for i in range(n)]
+    own = [spline.core.node_response(i, np.array([1.0]))[0] for i in range(n)]
     assert own == pytest.approx(np.diag(whole), rel=1e-12)
     assert np.linalg.eigvalsh(whole)[0] > 0
     spline.indent(MIDDLE, "8 mm", "1 mm")
-    assert (spline.core.pressed()[1] > 0).all()
+    assert (spline.core.contact_forces()[1] > 0).all()
 
 
 def test_near_the_tip_it_is_crudely_the_solid_and_far_away_it_is_still(body: Body, spline: Body) -> None:

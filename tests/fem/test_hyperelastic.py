@@ -142,7 +142,7 @@ def test_small_loads_are_linear_finite_elements(law: Law) -> None:
     load[np.argmax(solid.points.sum(axis=1))] = [1e-6, -2e-6, 1e-6]
     k = solid.elements.stiffness[solid.elements.free][:, solid.elements.free]
     expected = spsolve(k.tocsc(), load.ravel()[solid.elements.free])
-    found = solid.relax(load).ravel()[solid.elements.free]
+    found = solid.solve_equilibrium(load).ravel()[solid.elements.free]
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 
@@ -157,7 +157,7 @@ def test_a_large_bend_is_that_of_another_program() -> None:
     load = np.zeros_like(solid.points)
     end = np.abs(solid.points[:, 0] - 0.06) < 1e-9
     load[end, 2] = -0.02 / end.sum()
-    found = solid.relax(load)
+    found = solid.solve_equilibrium(load)
 
     mesh = skfem.MeshTet(volume.points.T, volume.tetrahedra.T, sort_t=False)
     basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTetP1()), intorder=1)
@@ -207,7 +207,7 @@ def test_a_cantilever_bends_as_the_elastica(law: Law) -> None:
         end = np.abs(solid.points[:, 0] - long) < 1e-9
         for share in np.linspace(0.2, 1, 5):
             load[end, 2] = -share * force / end.sum()
-            bent = solid.relax(load, tolerance=1e-6)
+            bent = solid.solve_equilibrium(load, tolerance=1e-6)
         down.append(-bent[end, 2].mean())
 
     def end_moment(curvature: float) -> float:
@@ -230,8 +230,8 @@ def test_what_is_refused() -> None:
         HyperelasticModel(volume, MATERIAL, half_space("z", "<", -1.0))
     solid = HyperelasticModel(volume, MATERIAL, BOTTOM)
     with pytest.raises(BodyError, match="one finite vector"):
-        solid.relax(np.zeros((3, 3)))
+        solid.solve_equilibrium(np.zeros((3, 3)))
     load = np.zeros_like(solid.points)
     load[-1] = [1e9, 0, 0]
     with pytest.raises(BodyError, match="no equilibrium was found"):
-        solid.relax(load, most=2)
+        solid.solve_equilibrium(load, max_steps=2)

@@ -50,7 +50,7 @@ def test_at_rest_every_kind_stores_what_its_forces_did(body: Body, tip: Literal[
         felt = kind.simulate_path(np.tile(still, (2000, 1)), radius, outward=[0, 0, 1], tip=tip)
         assert felt.nodes[-1] >= 4
         assert abs(np.diff(felt.energy[-10:])).max() < 1e-6 * felt.energy[-1]
-        nodes, forces = kind.core.pressed()
+        nodes, forces = kind.core.contact_forces()
         inward = -(kind.displacement()[nodes] * kind.normals[nodes]).sum(axis=1)
         done = 0.5 * (forces @ inward if tip == "sphere" else forces.sum() * deep)
         assert felt.energy[-1] == pytest.approx(done, rel=1e-2 if name == "mass_spring" else 1e-5), name
@@ -75,7 +75,7 @@ def test_modal_is_within_two_percent_of_all_elements_in_time(body: Body, element
     )
     t = (np.arange(300) + 0.5) * PERIOD
     force = 0.2 * np.sin(np.pi * t / 0.03) ** 2 * (t < 0.03)
-    found = body.modal(PERIOD, rayleigh_alpha=ALPHA, rayleigh_beta=BETA).core.respond(node, force)
+    found = body.modal(PERIOD, rayleigh_alpha=ALPHA, rayleigh_beta=BETA).core.node_response(node, force)
 
     damping, h = ALPHA * m + BETA * k, PERIOD / 10
     u, v = np.zeros(len(k)), np.zeros(len(k))

@@ -82,11 +82,11 @@ def test_moved_as_a_whole_it_feels_nothing(lattice: Body) -> None:
     core, places = lattice.core, lattice.spring_network.points
     turned = places @ Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix().T + [0.01, 0.02, -0.03]
     core.reset()
-    core.set(turned, np.zeros_like(turned))
+    core.set_state(turned, np.zeros_like(turned))
     assert core.energy < 1e-25
     lattice.simulate_path([[1.0, 1.0, 1.0]] * 100, 0.005, outward=[0, 0, 1])
-    assert np.abs(core.places() - turned).max() < 1e-12
-    core.set(places * [1.0, 1.0, 1.1], np.zeros_like(places))
+    assert np.abs(core.positions() - turned).max() < 1e-12
+    core.set_state(places * [1.0, 1.0, 1.1], np.zeros_like(places))
     assert core.energy > 1e-6
 
 
@@ -95,7 +95,7 @@ def test_a_force_held_for_long_gives_the_static_answer_at_any_period(body: Body,
     """The core's ticks beside the stiffness that is assembled in Python."""
     node = int(np.argmin(np.linalg.norm(body.nodes - [0.01, 0.015, HEIGHT], axis=1)))
     force = 1e-3
-    found = body.mass_spring(period, rayleigh_beta=3e-3).core.respond(node, np.full(int(1.5 / period), force))[-1]
+    found = body.mass_spring(period, rayleigh_beta=3e-3).core.node_response(node, np.full(int(1.5 / period), force))[-1]
     assert found == pytest.approx(force * static_compliance(body)[3 * node + 2, 3 * node + 2], rel=2e-3)
 
 
@@ -110,27 +110,27 @@ def test_no_tick_makes_energy_while_a_tip_shakes_it(young: float) -> None:
         place = 0.95 * place + random.normal(size=3) * [1e-3, 1e-3, 4e-4]
         had = core.energy
         springy.simulate_path((place + np.array([0.015, 0.015, HEIGHT + 0.0075]))[None], 0.008, outward=[0, 0, 1])
-        nodes, forces = core.pressed()
+        nodes, forces = core.contact_forces()
         now = springy.displacement()
         work = (forces * np.einsum("ij,ij->i", inward[nodes], (now - before)[nodes])).sum()
         assert core.energy <= had + work + 1e-9 * (had + abs(work))
         before, total, pressed = now, total + work, pressed + (len(nodes) > 0)
     assert 50 < pressed < 1400
     assert 0 <= core.energy < total
-    assert core.held_back == 0
+    assert core.limited_steps == 0
 
 
 def test_thrown_about_violently_it_only_loses_energy(lattice: Body) -> None:
     """Speeds that turn tetrahedra inside out: far outside of what it models, and still it does not blow up."""
     core, random = lattice.core, np.random.default_rng(3)
     places = lattice.spring_network.points
-    core.set(places, random.normal(size=places.shape) * 10.0)
+    core.set_state(places, random.normal(size=places.shape) * 10.0)
     had = core.energy
     for _ in range(300):
         lattice.simulate_path([[1.0, 1.0, 1.0]], 0.005, outward=[0, 0, 1])
         assert core.energy <= had * (1 + 1e-12)
         had = core.energy
-    assert np.isfinite(core.places()).all()
+    assert np.isfinite(core.positions()).all()
 
 
 def test_closed_paths_of_the_tip_give_no_work(lattice: Body) -> None:

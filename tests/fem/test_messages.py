@@ -59,7 +59,7 @@ KINDS: dict[str, Callable[[Body], Body]] = {
     "viscoelastic": lambda body: body.viscoelastic("1 ms", instantaneous_ratio="1.5", retardation_time="50 ms"),
     "mass_spring": lambda body: body.mass_spring("1 ms", rayleigh_alpha="20 1/s"),
     "free_form": lambda body: body.free_form(),
-    "hyperelastic": lambda body: body.hyperelastic("1 ms", near="16"),
+    "hyperelastic": lambda body: body.hyperelastic("1 ms", nodes_per_tip="16"),
 }
 
 
@@ -100,7 +100,7 @@ def test_friction_stays_when_a_kind_is_made_of_a_rough_body(body: Body, name: st
         ("viscoelastic", "viscoelastic (period 1 ms, instantaneous_ratio 1.5, retardation_time 50 ms), friction"),
         ("mass_spring", "mass_spring (period 1 ms, rayleigh_alpha 20 1/s), friction"),
         ("free_form", "free_form, friction"),
-        ("hyperelastic", "hyperelastic (period 1 ms, neo-hookean, slow_step 20 ms, near 16), friction"),
+        ("hyperelastic", "hyperelastic (period 1 ms, neo-hookean, update_interval 20 ms, nodes_per_tip 16), friction"),
     ],
 )
 def test_a_body_says_what_it_is(body: Body, name: str, told: str) -> None:
@@ -113,7 +113,11 @@ def test_a_body_says_what_it_is(body: Body, name: str, told: str) -> None:
 def test_quantities_are_text_or_si(body: Body) -> None:
     """The same body, place, material and press from text as from numbers."""
     assert Material("5 kPa", "0.3", "1 g/cm^3") == Material(5e3, 0.3, 1000.0)
-    assert Material(5e3, skin="2 mm = 50 kPa").skin == SurfaceLayer("2 mm", "50 kPa") == SurfaceLayer(2e-3, 50e3)
+    assert (
+        Material(5e3, surface_layer="2 mm = 50 kPa").surface_layer
+        == SurfaceLayer("2 mm", "50 kPa")
+        == SurfaceLayer(2e-3, 50e3)
+    )
     assert Region("z < 1 mm", "25 kPa").young == Region.parse("z < 1 mm = 25 kPa").young == 25e3
     assert str(Region.parse("z <= 1 mm = 25 kPa").where) == "z <= 1 mm"
     assert str(sphere(["1 cm", 0, 0], "5 mm")) == str(sphere((0.01, 0, 0), 5e-3)) == "sphere 10 0 0 radius 5 mm"
@@ -144,7 +148,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: Material("5 mm"), 'young: "5 mm" is a length'),
         (lambda body: Material(np.nan), "young: nan is not a finite number"),
         (lambda body: Material(5e3, [0.3]), r"poisson: \[0.3\] is not a quantity"),
-        (lambda body: SurfaceLayer.parse("2 mm"), 'skin: "2 mm" cannot be read; write for example "2 mm = 50 kPa"'),
+        (
+            lambda body: SurfaceLayer.parse("2 mm"),
+            'surface_layer: "2 mm" cannot be read; write for example "2 mm = 50 kPa"',
+        ),
         (lambda body: Region.parse("z < 1 mm = "), 'region: "z < 1 mm = " cannot be read; write'),
         (lambda body: Region.parse("z <= 1 mm"), 'region: "z <= 1 mm" cannot be read; write'),
         (lambda body: bodies.load(None), "a file is named by text or a Path, not by None"),
@@ -172,7 +179,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: body.mass_spring(True), "period: True is not a quantity"),
         (lambda body: body.with_friction(0.3, "0.4"), r"dynamic_friction: 0.4 must not exceed static_friction \(0.3\)"),
         (lambda body: body.free_form(dynamic_friction=0.4), "must not exceed"),
-        (lambda body: body.hyperelastic("1 ms", near=4.5), "near: 4.5 must be a whole number, from 4 to 64"),
+        (
+            lambda body: body.hyperelastic("1 ms", nodes_per_tip=4.5),
+            "nodes_per_tip: 4.5 must be a whole number, from 4 to 64",
+        ),
         (lambda body: body.free_form(control_spacing="1 mm"), "control_spacing: 1 mm; it must lie between 1.11 mm"),
         (lambda body: body.free_form(control_spacing="61 mm"), "and the body's extent of 60 mm"),
         (lambda body: body.scaled_stiffness(-2.0), "stiffness_scale: -2 must be positive"),
@@ -202,10 +212,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: body.simulate_path([MIDDLE], 8e-3, outward="up"), "outward: a direction is three numbers"),
         (lambda body: body.indent(MIDDLE, 1e-12, 1e-3), "radius: 1e-12 m is less than a thousandth of the depth"),
         (lambda body: body.mass_spring(1e-300), "period: 1e-300 s; a tick lasts from 0.1 us to 100 s"),
-        (lambda body: body.hyperelastic("1 ms", slow_step=1e9), "slow_step: it lasts a million ticks"),
+        (lambda body: body.hyperelastic("1 ms", update_interval=1e9), "update_interval: it lasts a million ticks"),
         (lambda body: Material(1e300), "young: Young's modulus is positive"),
         (lambda body: Material(5e3, density=1e-300), "density: the density is positive"),
-        (lambda body: Material(5e3, skin=2e-3), "skin: 0.002 is no layer; write"),  # type: ignore[arg-type]
+        (lambda body: Material(5e3, surface_layer=2e-3), "surface_layer: 0.002 is no layer; write"),  # type: ignore[arg-type]
         (lambda body: Material(5e3, regions=[("z < 1 mm", 5e3)]), "regions: .* is no region; write"),  # type: ignore[list-item]
         (lambda body: bodies.build([1], young=1e3, fixed=""), r"a Volume, a Mesh or a mesh file, not from \[1\]"),
         (lambda body: bodies.build(CUBE, young=1e3, fixed=0.001), "0.001 is no region"),
@@ -219,11 +229,13 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: HyperelasticModel(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),
         (lambda body: QuasiStaticSolver(CUBE), "solid: a palpate.fem.HyperelasticModel is needed"),
         (
-            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").relax(0 * CUBE.points, most=2.5),
-            "most: 2.5 must be",
+            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").solve_equilibrium(
+                0 * CUBE.points, max_steps=2.5
+            ),
+            "max_steps: 2.5 must be",
         ),
         (
-            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").relax("1 N"),
+            lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").solve_equilibrium("1 N"),
             "numbers are needed, three for each point",
         ),
     ],
@@ -273,7 +285,7 @@ COMMANDS: list[tuple[str, str]] = [
     ("build ball.stl --unit mm --young 5kPa --fixed z<-12", 'no unit, and a length is needed; write it as "-12 m"'),
     ("build ball.stl --unit mm --young 5kPa --fixed z<nan", '"z<nan" is no region'),
     ("build ball.stl --unit mm --young 5kPa --fixed w<1mm", '"w<1mm" is no region'),
-    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm --skin 2mm", 'write for example "2 mm = 50 kPa"'),
+    ("build ball.stl --unit mm --young 5kPa --fixed z<1mm --surface-layer 2mm", 'write for example "2 mm = 50 kPa"'),
     ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o w.txt", "a body is an HDF5 file, named for example w.h5"),
     ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o folder.h5", "cannot be written: Is a directory"),
     ("build ball.stl --unit mm --young 5kPa --fixed z<1mm -o w.txt/b.h5", "w.txt is a file, not a folder"),

@@ -111,7 +111,7 @@ def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
     """Under a deep press: against the inverse of the whole tangent; estimated farther out, and definite throughout."""
     body = pressed()
     _, displacement = body.indent(MIDDLE, RADIUS, 6e-3, outward=UP)
-    names, normals, compliance, inner = body.core.snapshot()
+    names, normals, compliance, inner = body.core.local_model()
     solid = body.solid
     solid.evaluate(displacement)
     free = solid.elements.free
@@ -194,7 +194,7 @@ def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
     assert both[2] == pytest.approx(both[12], rel=0.02)  # mirror images, but for the way that the cells are cut
     assert both[2] < alone[2]  # the neighbour has pulled the surface down
     # A force on either moves the other.
-    names, _, compliance, _ = body.core.snapshot()
+    names, _, compliance, _ = body.core.local_model()
     at = body.solid.points[body.solid.elements.contact_nodes[names[:, 0].astype(int)]]
     i = int(np.argmin(np.linalg.norm(at[:, :2] - one[:2], axis=1)))
     j = int(np.argmin(np.linalg.norm(at[:, :2] - two[:2], axis=1)))
@@ -248,19 +248,19 @@ def test_a_thread_of_its_own_brings_the_servo_to_the_same_force() -> None:
     depth = np.concatenate([np.linspace(-1e-3, 5e-3, 300), np.full(900, 5e-3)])
     path = np.array([centre(0.02, 0.02, d) for d in depth])
     body = pressed()
-    live = body.live(path, RADIUS, outward=UP)
+    live = body.simulate_realtime(path, RADIUS, outward=UP)
     settled, _ = body.indent(MIDDLE, RADIUS, 5e-3, outward=UP)
     assert live.touches.force[-1, 0, 2] == pytest.approx(settled[2], rel=0.03)
     assert len(live.steps) > 3
     assert len(live.ticks) == len(path)
-    still = body.live(path[:50], RADIUS, outward=UP, thread=False)
+    still = body.simulate_realtime(path[:50], RADIUS, outward=UP, thread=False)
     assert len(still.steps) == 0
 
 
 def test_what_is_refused() -> None:
     solid = HyperelasticModel(VOLUME, MATERIAL, BOTTOM, TOP)
-    with pytest.raises(BodyError, match="near: 65 must be a whole number, from 4 to 64"):
-        QuasiStaticSolver(solid, near=65)
+    with pytest.raises(BodyError, match="nodes_per_tip: 65 must be a whole number, from 4 to 64"):
+        QuasiStaticSolver(solid, nodes_per_tip=65)
     body = QuasiStaticSolver(solid)
     with pytest.raises(PoseError, match="two tips"):
         body.simulate_path(np.zeros((5, 3, 3)), RADIUS, outward=UP)
@@ -269,7 +269,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(BodyError, match="every: 0 must be"):
         body.simulate_path(np.zeros((5, 3)), RADIUS, outward=UP, every=0)
     with pytest.raises(BodyError, match='period: "0 s" must be positive'):
-        body.live(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
+        body.simulate_realtime(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
 
 
 def test_wide_code_of_the_solids_is_shared_with_nothing() -> None:

@@ -119,19 +119,19 @@ def test_cells_have_their_own_delay_hand_and_start() -> None:
     random = np.random.default_rng(3)
     columns = {
         "delay": np.arange(count, dtype=float)[:, None],
-        "hand_mass": random.uniform(0.0, 0.3, (count, 1)),
-        "hand_damping": random.uniform(1.0, 5.0, (count, 1)),
-        "hand_stiffness": random.uniform(100.0, 900.0, (count, 1)),
+        "arm_mass": random.uniform(0.0, 0.3, (count, 1)),
+        "arm_damping": random.uniform(1.0, 5.0, (count, 1)),
+        "arm_stiffness": random.uniform(100.0, 900.0, (count, 1)),
         "start": experiment.start + random.uniform(-0.1, 0.1, (count, 3)),
         "stiffness": random.uniform(100.0, 1000.0, (count, 3)),
         "coulomb": np.zeros((count, 3)),
     }
-    columns["hand_mass"][4] = 0.0  # another shape of computation: it may not share a pack with the rest
+    columns["arm_mass"][4] = 0.0  # another shape of computation: it may not share a pack with the rest
     rows = np.asarray(_core.run_cells(setup, experiment.reference, experiment.operator, columns, count))
     for i, found in enumerate(rows):
         hand = setup.human_arm
-        hand.mass, hand.damping = columns["hand_mass"][i, 0], columns["hand_damping"][i, 0]
-        hand.stiffness = columns["hand_stiffness"][i, 0]
+        hand.mass, hand.damping = columns["arm_mass"][i, 0], columns["arm_damping"][i, 0]
+        hand.stiffness = columns["arm_stiffness"][i, 0]
         setup.human_arm, setup.delay = hand, i
         setup.start, setup.stiffness = columns["start"][i], columns["stiffness"][i]
         alone, unstable_tick = experiment.run()

@@ -68,7 +68,7 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
         np.testing.assert_allclose(on_body[channel], on_wall[channel], atol=1e-9)
     assert on_body["object_force"][-1, 2] < -0.1
     np.testing.assert_allclose(on_body["stored_energy"][:, 0], 512.0 * on_body["deflection"][:, 2] ** 2, atol=1e-9)
-    assert set(on_body["pressed_nodes"][:, 0]) == {0.0, 1.0}
+    assert set(on_body["contact_nodes"][:, 0]) == {0.0, 1.0}
     assert "only 1 nodes carry" in summarize(on_body)["verdict"]
 
 
@@ -86,7 +86,7 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
 )
 def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
     """The tip's way played to the body by itself, in the body's own turned frame, gives the loop's forces back."""
-    chosen = on(block, kind=kind, turn=["5 deg", "-10 deg", "40 deg"], **options) | {"tip": tip}
+    chosen = on(block, kind=kind, rotation=["5 deg", "-10 deg", "40 deg"], **options) | {"tip": tip}
     scenario = Scenario.from_dict(tables(chosen))
     trace = simulate(scenario)
     turn = Rotation.from_euler("xyz", [5.0, -10.0, 40.0], degrees=True).as_matrix()
@@ -98,7 +98,7 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, 
     assert felt.nodes.max() >= 3
     np.testing.assert_allclose(trace["object_force"], -felt.force @ turn.T, atol=1e-9)
     np.testing.assert_allclose(trace["deflection"], felt.deflection @ turn.T, atol=1e-12)
-    np.testing.assert_array_equal(trace["pressed_nodes"][:, 0], felt.nodes)
+    np.testing.assert_array_equal(trace["contact_nodes"][:, 0], felt.nodes)
 
 
 def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
@@ -289,15 +289,15 @@ BLOCK = (
             '[object.body]\nfile = "block.h5"\nradius = "8 mm"\nretardation_time = "2 s"',
             'line 13: unknown key "retardation_time"',
         ),
-        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nslow_step = "20 ms"', "only neo-hookean, corotational"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nupdate_interval = "9 ms"', "only neo-hookean, corot"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nyoung = "2 kPa"', "line 13: object.body.young has no mea"),
         (
             ON + 'kind = "viscoelastic"\ninstantaneous_ratio = 0.5\nretardation_time = "1 s"',
             "line 14: object.body.instantaneous_ratio: 0.5 must be 1 or more",
         ),
         ('[object.body]\nshape = "phantom"\ndepth = "1 m"\nradius = "8 mm"', "line 12: object.body.depth: 1000 mm; "),
-        (ON + 'kind = "neo-hookean"\nnear = 4.5', "line 14: object.body.near: 4.5 must be a whole number"),
-        (ON + 'kind = "neo-hookean"\nslow_step = "0.1 ms"', "line 14: object.body.slow_step: it lasts one tick"),
+        (ON + 'kind = "neo-hookean"\nnodes_per_tip = 4.5', "line 14: object.body.nodes_per_tip: 4.5 must be a whole"),
+        (ON + 'kind = "neo-hookean"\nupdate_interval = "0.1 ms"', "line 14: object.body.update_interval: it lasts one"),
         (ON + "static_friction = 0.3\ndynamic_friction = 0.4", "line 14: object.body.dynamic_friction: 0.4 must"),
         (ON + 'kind = "free_form"\ncontrol_spacing = "1 m"', "line 14: object.body.control_spacing: 1000 mm; it must"),
         (ON + 'kind = "free_form"\nspacing = "5 mm"', "line 14: object.body.spacing has no meaning"),

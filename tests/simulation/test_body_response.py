@@ -108,7 +108,7 @@ def test_a_realization_reproduces_a_random_system_within_its_bound() -> None:
 
 def test_a_hyperelastic_body_follows_its_local_model_between_updates(block: Path) -> None:
     """The local model is the tangent: the corrections after an update are small, and end after a few updates."""
-    found = multirate_response(held(block, "neo-hookean", slow_step="5 ms"))
+    found = multirate_response(held(block, "neo-hookean", update_interval="5 ms"))
     assert found.every == 5
     assert not found.correction[0].any()
     assert np.abs(found.correction[:5]).max() < 1e-3 * found.local[0, 0]  # published after the update

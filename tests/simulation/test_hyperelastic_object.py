@@ -62,12 +62,12 @@ def test_a_small_press_in_the_loop_is_that_of_the_condensed_body(block: Path, la
 
 def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
     """Bit for bit, and through the scenario's own text; the body that was made for it is not changed by a run."""
-    scenario = Scenario.from_dict(deep(block, slow_step="15 ms", near=24))
+    scenario = Scenario.from_dict(deep(block, update_interval="15 ms", nodes_per_tip=24))
     first, second = simulate(scenario), simulate(Scenario.from_dict(scenario.to_dict()))
-    assert scenario.to_dict()["object"]["body"]["options"] == {"slow_step": "0.015 s", "near": 24.0}
+    assert scenario.to_dict()["object"]["body"]["options"] == {"update_interval": "0.015 s", "nodes_per_tip": 24.0}
     for channel in first.channels:
         assert np.array_equal(first[channel], second[channel]), channel
-    other = simulate(deep(block, slow_step="40 ms"))
+    other = simulate(deep(block, update_interval="40 ms"))
     assert not np.array_equal(first["tip"], other["tip"])
 
 
@@ -77,14 +77,14 @@ def test_the_work_of_the_tip_is_what_the_body_holds(block: Path) -> None:
     reference = {"shape": "table", "table": [[t, "0 N", "0 N", f"{f:g} N"] for t, f in course]}
     trace = simulate({**deep(block), "reference": reference, "run": {"duration": "0.8 s"}})
     force, tip, on = trace["object_force"], trace["tip"], trace["touching"][:, 0] > 0
-    held = (trace["stored_energy"] + trace["saved_energy"])[:, 0]
+    held = (trace["stored_energy"] + trace["tank_energy"])[:, 0]
     mean = 0.5 * (force[1:] + force[:-1])
     work = np.concatenate([[0.0], np.cumsum((mean * np.diff(tip, axis=0)).sum(axis=1))])
     most = trace["stored_energy"].max()
     assert most > 5e-4
-    assert trace["saved_energy"].max() > 1e-3 * most
+    assert trace["tank_energy"].max() > 1e-3 * most
     assert trace["stored_energy"].min() >= 0.0
-    assert trace["saved_energy"].min() >= 0.0
+    assert trace["tank_energy"].min() >= 0.0
     first, last = np.flatnonzero(on)[[0, -1]]
     assert on[first:last].all()
     np.testing.assert_allclose(work[first:last], held[first:last], atol=0.01 * most)
@@ -107,7 +107,7 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
     assert felt.nodes.max() >= 4
     np.testing.assert_allclose(trace["object_force"], -felt.force, atol=1e-9)
     np.testing.assert_allclose(trace["deflection"], felt.deflection, atol=1e-9)
-    np.testing.assert_array_equal(trace["pressed_nodes"][:, 0], felt.nodes)
+    np.testing.assert_array_equal(trace["contact_nodes"][:, 0], felt.nodes)
     shown = pressed_at(trace, -1)
     under = np.argmin(np.linalg.norm(body.nodes - path[-1], axis=1))
     assert shown.displacement[under, 2] == pytest.approx(
@@ -133,10 +133,10 @@ def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
 
 
 def test_what_cannot_be_is_refused(block: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"slow_step: it lasts one tick \(0.001 s\) or more, not 0.0001 s"):
-        simulate(deep(block, slow_step="0.1 ms"))
-    with pytest.raises(ScenarioError, match="near: 65 must be a whole number, from 4 to 64"):
-        simulate(deep(block, near=65))
+    with pytest.raises(ScenarioError, match=r"update_interval: it lasts one tick \(0.001 s\) or more, not 0.0001 s"):
+        simulate(deep(block, update_interval="0.1 ms"))
+    with pytest.raises(ScenarioError, match="nodes_per_tip: 65 must be a whole number, from 4 to 64"):
+        simulate(deep(block, nodes_per_tip=65))
     with pytest.raises(ScenarioError, match=r'unknown key "retardation_time" in \[object.body\]'):
         simulate(deep(block, retardation_time="1 s"))
     with pytest.raises(ScenarioError, match="did you mean neo-hookean"):
@@ -175,7 +175,7 @@ def test_friction_takes_work_and_gives_none(block: Path) -> None:
     setup = {**deep(block, static_friction=0.5, dynamic_friction=0.4), "run": {"duration": "0.9 s"}}
     trace = simulate({**setup, "operator": {**HAND, "shape": "table", "table": led}})
     force, tip = trace["object_force"], trace["tip"]
-    held = (trace["stored_energy"] + trace["saved_energy"])[:, 0]
+    held = (trace["stored_energy"] + trace["tank_energy"])[:, 0]
     work = np.concatenate([[0.0], np.cumsum((0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0)).sum(axis=1))])
     most = trace["stored_energy"].max()
     assert (work - held).min() > -0.01 * most

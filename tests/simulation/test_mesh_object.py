@@ -140,7 +140,7 @@ def test_patterns_and_placement() -> None:
     stripes = {"stiffness": ["1 N/mm", "2 N/mm"], "pattern": "stripes", "width": "40 mm"}
     cube = {"shape": "box", "edge": "80 mm", "divisions": 4}
     for turn, shift, expected in ((0, -10, 2000), (0, 10, 1000), (180, -10, 1000), (180, 10, 2000)):
-        scenario = tables(stripes, {**cube, "turn": ["0 deg", "0 deg", f"{turn} deg"]})
+        scenario = tables(stripes, {**cube, "rotation": ["0 deg", "0 deg", f"{turn} deg"]})
         scenario["object"]["position"] = [f"{shift} mm", "5 mm", "-0.2 mm"]
         trace = simulate(scenario)
         assert trace["surface_stiffness"].max() == pytest.approx(expected)

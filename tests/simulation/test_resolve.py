@@ -93,7 +93,7 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         "object": {
             "kind": "body",
             "position": ["0 mm", "0 mm", "-0.5 mm"],
-            "body": {"file": str(block), "origin": middle, "turn": turned, "radius": "8 mm", **body},
+            "body": {"file": str(block), "origin": middle, "rotation": turned, "radius": "8 mm", **body},
         },
         "run": {"duration": "0.2 s"},
     }
@@ -136,7 +136,13 @@ def wall(**other: Any) -> dict[str, Any]:
 
 def organ(**surface: Any) -> dict[str, Any]:
     """A slider that leans on a mesh with a pattern of stiffness."""
-    shape = {"shape": "box", "edge": "40 mm", "divisions": 4, "turn": ["0 deg", "-90 deg", "0 deg"], "radius": "2 mm"}
+    shape = {
+        "shape": "box",
+        "edge": "40 mm",
+        "divisions": 4,
+        "rotation": ["0 deg", "-90 deg", "0 deg"],
+        "radius": "2 mm",
+    }
     laid = {"stiffness": ["100 N/m", "50 N/m"], "pattern": "checkerboard", "width": "10 mm", **surface}
     return wall(object={"kind": "mesh", "position": ["3 mm", "0 mm", "0 mm"], "mesh": shape, "surface": laid})
 

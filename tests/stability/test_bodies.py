@@ -106,7 +106,7 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
 
 
 def test_the_slowest_updates_of_a_hyperelastic_body_are_reported(coarse: Path) -> None:
-    certificate = certify(press(coarse, "neo-hookean", 1.0, slow_step="60 ms"))
+    certificate = certify(press(coarse, "neo-hookean", 1.0, update_interval="60 ms"))
     assert certificate.stable
     assert certificate.margin["slowest_update_s"] >= 0.06
     assert "update of 60 ticks" in certificate.method[0]

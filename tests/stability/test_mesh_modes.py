@@ -114,7 +114,7 @@ def test_any_friction_lies_in_the_hull_of_the_laws_of_the_disk() -> None:
     path = np.cumsum(rng.normal(0.0, 2e-4, (400, 3)), axis=0)
     path[:, 2] = -1e-3 - 5e-4 * np.abs(np.sin(np.arange(400) / 15.0))
     path[0] = [0.0, 0.0, 1e-5]
-    rows, _ = proxy.follow(np.ascontiguousarray(path))
+    rows, _ = proxy.simulate_path(np.ascontiguousarray(path))
     point = SurfacePoint(np.array([0.0, 0.0, 1.0]), k, kt, mu, viscous / (PERIOD * kt), 0.0, PERIOD)
     base, g = friction_law(point, np.zeros(2)), point.least_kept
     slides = 0

@@ -46,7 +46,7 @@ def random_loop(rng: Generator, block: Path, kind: str) -> dict[str, Any]:
     if kind in ("modal", "mass_spring"):
         options = {"rayleigh_beta": f"{rng.uniform(0.3e-3, 2e-3)} s"}
     if kind in ("neo-hookean", "corotational"):
-        options = {"slow_step": f"{period * int(rng.integers(1, 40))!r} s"}
+        options = {"update_interval": f"{period * int(rng.integers(1, 40))!r} s"}
     if rng.random() < 0.4:
         options["static_friction"] = rng.uniform(0.2, 0.8)
     hand = {

@@ -31,7 +31,9 @@ def build(
         list[str] | None,
         typer.Option("--region", help='Region of other stiffness: "sphere 50 50 40 radius 7.5 mm = 25 kPa"; repeat.'),
     ] = None,
-    skin: Annotated[str | None, typer.Option("--skin", help='Layer at the contact surface: "2 mm = 50 kPa".')] = None,
+    surface_layer: Annotated[
+        str | None, typer.Option("--surface-layer", help='Layer at the contact surface: "2 mm = 50 kPa".')
+    ] = None,
     touch: Annotated[
         str | None, typer.Option("--touch", help="Contact surface, as --fixed; default: the whole surface.")
     ] = None,
@@ -64,7 +66,7 @@ def build(
             poisson=poisson,
             density=density,
             regions=region or [],
-            skin=skin,
+            surface_layer=surface_layer,
             touch=touch,
             spacing=spacing,
             order=order,
@@ -131,8 +133,8 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     yield "material", f"Young's modulus {spread} kPa, Poisson's ratio {record('poisson')}, {density}"
     for region in record("regions") or ():
         yield "region", str(region)
-    if record("skin"):
-        yield "skin", str(record("skin"))
+    if record("surface_layer"):
+        yield "surface_layer", str(record("surface_layer"))
     yield "fixed", ", ".join(record("fixed") or ["?"])
     yield "contact", record("touch") or "whole surface that is not fixed"
     elements = {1: "linear", 2: "quadratic"}.get(record("order", 0), "?")

@@ -11,7 +11,7 @@ class Diagnosis:
 
     triangles: int
     vertices: int
-    parts: int
+    components: int
     """Components that share no edge."""
     size: tuple[float, float, float]
     """Edges of the bounding box along x, y and z, m."""
@@ -41,7 +41,9 @@ class Diagnosis:
         return not any(faults) and self.self_intersections == 0 and self.pinched_vertices == 0
 
     def __str__(self) -> str:
-        lines = [f"{self.triangles} triangles, {self.vertices} vertices, {self.parts} part{'s'[: self.parts != 1]}"]
+        lines = [
+            f"{self.triangles} triangles, {self.vertices} vertices, {self.components} part{'s'[: self.components != 1]}"
+        ]
         lines.append(f"{format_size(self.size)} along x, y and z")
         named = (
             (self.open_edges, "open edges (a border)"),

@@ -111,7 +111,7 @@ class Mesh:
         return Diagnosis(
             triangles=len(self.triangles),
             vertices=len(self.vertices),
-            parts=int(d["parts"]),
+            components=int(d["components"]),
             size=self.size,
             volume=float(d["volume"]),
             open_edges=d["open"][0],

@@ -72,7 +72,7 @@ class Proxy:
     """Proxy of a tip on a mesh: a point, or a sphere.
 
     The proxy starts at the first tip, or at the nearest surface point if the tip is inside a closed mesh. Each tip is
-    one tick. A tip that is not finite is counted in `faults`, and the last contact is repeated.
+    one tick. A tip that is not finite is counted in `invalid_input_count`, and the last contact is repeated.
 
     Args:
         mesh: the mesh.
@@ -107,7 +107,7 @@ class Proxy:
         points = _numbers(path, "a path is (n, 3) numbers in m")
         if points.ndim != 2 or points.shape[1] != 3:
             raise PoseError(f"a path is (n, 3) numbers in m; this has shape {points.shape}")
-        rows, triangle = self.core.follow(points)
+        rows, triangle = self.core.simulate_path(points)
         return Contacts(
             touching=np.asarray(triangle) >= 0,
             position=rows[:, 0:3],
@@ -123,14 +123,14 @@ class Proxy:
         self.core.reset()
 
     @property
-    def faults(self) -> int:
+    def invalid_input_count(self) -> int:
         """Number of tips that were not finite."""
-        return int(self.core.faults)
+        return int(self.core.invalid_input_count)
 
     @property
-    def unfinished(self) -> int:
+    def iteration_limit_count(self) -> int:
         """Number of ticks that reached the iteration limit and continued in the next tick."""
-        return int(self.core.unfinished)
+        return int(self.core.iteration_limit_count)
 
     @property
     def sliding(self) -> bool:

@@ -218,21 +218,21 @@ class Device:
         """Return d2p/dq2 (3, dof, dof), m/rad^2, exact by dual numbers."""
         return self._call(self.core.tip_hessian, q)
 
-    def inverse(self, p: ArrayLike, near: ArrayLike | None = None) -> Array:
+    def inverse(self, p: ArrayLike, nearest_to: ArrayLike | None = None) -> Array:
         """Return the pose (dof,) with the tip at p (3,), m.
 
-        Of several poses, the one nearest to `near` (dof,) is returned, including multiples of 2 pi. None stands for
-        q = 0.
+        Of several poses, the one nearest to `nearest_to` (dof,) is returned, including multiples of 2 pi. Default:
+        nearest to q = 0.
 
         Raises:
             PoseError: p is unreachable, not finite or has the wrong shape.
         """
         points = array_to_si(p, "m", "inverse: p", error=PoseError)
         if points.ndim == 2:
-            return np.array([self.inverse(point, near) for point in points]).reshape(-1, self.dof)
+            return np.array([self.inverse(point, nearest_to) for point in points]).reshape(-1, self.dof)
         if points.shape != (3,) or not np.all(np.isfinite(points)):
             raise PoseError(f"inverse: a tip position is three finite numbers in m, not {points.tolist()}")
-        reference = np.zeros(self.dof) if near is None else self._state(near, "near")[0][0]
+        reference = np.zeros(self.dof) if nearest_to is None else self._state(nearest_to, "nearest_to")[0][0]
         poses, reason = self.core.inverse(points, reference)
         if not len(poses):
             position = np.array2string(points * 1e3, precision=1, separator=", ")

@@ -216,31 +216,31 @@ class Body(IndentableBody):
         period: float | str,
         *,
         law: Law = "neo-hookean",
-        slow_step: float | str = "20 ms",
-        near: float | str = 32,
+        update_interval: float | str = "20 ms",
+        nodes_per_tip: float | str = 32,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
         """Return the same body under large displacements, without inertia.
 
         The body consists of linear tetrahedra (`palpate.fem.HyperelasticModel`), solved as by
-        `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `slow_step`, s or text, rounded to
-        whole ticks. From the next update on, the ticks use its local model of the `near` nodes around the tip (4 to
-        64). Update and ticks run synchronously, so results are reproducible. Friction acts in one plane, where the
-        body yields by `tangential_compliance`.
+        `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `update_interval`, s or text,
+        rounded to whole ticks. From the next update on, the ticks use its local model of the `nodes_per_tip` nodes
+        around the tip (4 to 64). Update and ticks run synchronously, so results are reproducible. Friction acts in one
+        plane, where the body yields by `tangential_compliance`.
 
         Raises:
-            BodyError: the law is unknown, `slow_step` is shorter than a tick, or a number is out of range.
+            BodyError: the law is unknown, `update_interval` is shorter than a tick, or a number is out of range.
         """
         if law not in LAWS:
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
-        node_count = whole(near, "near", 4, 64)
-        tick, update_period = tick_period(period), positive(slow_step, "s", "slow_step")
+        node_count = whole(nodes_per_tip, "nodes_per_tip", 4, 64)
+        tick, update_period = tick_period(period), positive(update_interval, "s", "update_interval")
         if not round(update_period / tick) >= 1:
-            raise BodyError(f"slow_step: it lasts one tick ({tick:g} s) or more, not {update_period:g} s")
+            raise BodyError(f"update_interval: it lasts one tick ({tick:g} s) or more, not {update_period:g} s")
         if update_period > 1e6 * tick:
-            raise BodyError(f"slow_step: it lasts a million ticks of {tick:g} s at most, not {update_period:g} s")
-        options = {"period": tick, "law": law, "slow_step": update_period, "near": node_count}
+            raise BodyError(f"update_interval: it lasts a million ticks of {tick:g} s at most, not {update_period:g} s")
+        options = {"period": tick, "law": law, "update_interval": update_period, "nodes_per_tip": node_count}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
         body.core = self._hyperelastic_core(law, node_count, round(update_period / tick), body.kind.friction)
         return body

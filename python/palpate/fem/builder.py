@@ -31,7 +31,7 @@ def build(
     poisson: float | str = 0.45,
     density: float | str = 1000.0,
     regions: str | Region | Sequence[str | Region] = (),
-    skin: str | SurfaceLayer | None = None,
+    surface_layer: str | SurfaceLayer | None = None,
     touch: str | Selector | None = None,
     unit: str | None = None,
     spacing: float | str | None = None,
@@ -52,7 +52,7 @@ def build(
         poisson: Poisson's ratio, below 0.5.
         density: kg/m^3, or text with its unit.
         regions: of other stiffness, "sphere 50 50 40 radius 7.5 mm = 25 kPa".
-        skin: layer below the contact surface, "2 mm = 50 kPa".
+        surface_layer: layer below the contact surface, "2 mm = 50 kPa".
         touch: region of the contact surface; None for the whole surface.
         unit: of the coordinates in a file; required for a file.
         spacing: edges of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent.
@@ -71,7 +71,7 @@ def build(
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
-    material = Material(young, poisson, density, regions, skin)
+    material = Material(young, poisson, density, regions, surface_layer)
     dirichlet = _dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
@@ -154,7 +154,7 @@ def _record(elements: Elements, condensation: Condensation) -> dict[str, Any]:
         "poisson": material.poisson,
         "density_kg_per_m3": material.density,
         "regions": [str(region) for region in material.regions],
-        "skin": None if material.skin is None else str(material.skin),
+        "surface_layer": None if material.surface_layer is None else str(material.surface_layer),
         "fixed": [str(region) for region in elements.fixed],
         "touch": None if elements.touch is None else str(elements.touch),
         "order": elements.order,

@@ -90,7 +90,7 @@ class Elements:
 
     @property
     def _uniform(self) -> bool:
-        return not self.material.regions and self.material.skin is None
+        return not self.material.regions and self.material.surface_layer is None
 
     @cached_property
     def nodes(self) -> Array:
@@ -192,7 +192,7 @@ class Elements:
                     f"region {region.where}: no quadrature point lies in it, so it has no effect: it is outside of the "
                     "body, or too small for the mesh"
                 )
-        layer = self.material.skin
+        layer = self.material.surface_layer
         depth = np.empty(0) if layer is None else self._depth(points)
         if layer is not None:
             self._check_layer(layer, depth)
@@ -208,8 +208,8 @@ class Elements:
         """
         if not (depth < layer.thickness).any():
             raise BodyError(
-                f"skin {layer}: no quadrature point lies in it, so it has no effect: use a finer mesh, or a thicker "
-                "and softer layer"
+                f"surface_layer {layer}: no quadrature point lies in it, so it has no effect: use a finer mesh, "
+                "or a thicker and softer layer"
             )
         a, b, c = (self.volume.points[self.triangles[:, i]] for i in range(3))
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
@@ -217,8 +217,8 @@ class Elements:
         height = float(np.median(3.0 * size / area))
         if layer.thickness < 0.5 * height:
             warnings.warn(
-                f"skin {layer}: the cells at the surface are {1e3 * height:.2g} mm high: use at least one cell per "
-                "layer thickness",
+                f"surface_layer {layer}: the cells at the surface are {1e3 * height:.2g} mm high: use at least one "
+                "cell per layer thickness",
                 BodyWarning,
                 stacklevel=2,
             )

@@ -92,7 +92,7 @@ class HyperelasticModel:
         """Set the displacement of all points (N, 3), m, fixed ones included; return the strain energy and forces."""
         return Strain(*self.core.evaluate(self._vectors(displacement)))
 
-    def relax(self, load: ArrayLike, *, tolerance: float = 1e-8, most: int = 60) -> Array:
+    def solve_equilibrium(self, load: ArrayLike, *, tolerance: float = 1e-8, max_steps: int = 60) -> Array:
         """Return the equilibrium displacement (N, 3), m, under `load` (N, 3), N.
 
         Newton's method with a line search on the energy starts from the current displacement. Each step is solved by
@@ -101,14 +101,14 @@ class HyperelasticModel:
         Args:
             load: nodal forces (N, 3), N.
             tolerance: on the residual over the load.
-            most: maximum number of Newton steps.
+            max_steps: maximum number of Newton steps.
 
         Raises:
-            BodyError: there is no convergence within `most` steps.
+            BodyError: there is no convergence within `max_steps` steps.
         """
         limit = positive(tolerance, "", "tolerance")
-        if self.core.relax(self._vectors(load), limit, whole(most, "most", 1)) < 0:
-            raise BodyError(f"no equilibrium was found in {most} Newton steps: apply the load in increments")
+        if self.core.solve_equilibrium(self._vectors(load), limit, whole(max_steps, "max_steps", 1)) < 0:
+            raise BodyError(f"no equilibrium was found in {max_steps} Newton steps: apply the load in increments")
         return np.asarray(self.core.displacement())
 
     def reset(self) -> None:

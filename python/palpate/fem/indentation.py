@@ -181,14 +181,14 @@ class IndentableBody(CondensedBody):
             corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centers)[1]]]
             outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
-        return _history(self.core.follow(centers, axes, size, tip == "flat"))
+        return _history(self.core.simulate_path(centers, axes, size, tip == "flat"))
 
     def pressure(self) -> Array:
         """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
 
         `indent` leaves no pressure in a body made by `modal` or `viscoelastic`.
         """
-        nodes, forces = self.core.pressed()
+        nodes, forces = self.core.contact_forces()
         pressure = np.zeros(len(self.nodes))
         pressure[nodes] = forces / self.contents.areas[nodes]
         return pressure
@@ -203,9 +203,9 @@ class IndentableBody(CondensedBody):
             return np.asarray(self.patch_weights @ self.core.displacement())
         if isinstance(self.core, _core.MassSpringBody | _core.FreeFormBody):
             return np.asarray(self.core.displacement())
-        nodes, forces = self.core.pressed()
+        nodes, forces = self.core.contact_forces()
         total = np.zeros(3 * len(self.nodes))
-        for node, force, friction in zip(nodes, forces, self.core.dragged(), strict=True):
+        for node, force, friction in zip(nodes, forces, self.core.friction_forces(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (friction - force * self.normals[node])
         return total.reshape(-1, 3)
 

@@ -47,7 +47,7 @@ class SurfaceLayer:
     young: float
 
     def __init__(self, thickness: float | str, young: float | str) -> None:
-        _set(self, thickness=positive(thickness, "m", "skin"), young=_young(young, "skin"))
+        _set(self, thickness=positive(thickness, "m", "surface_layer"), young=_young(young, "surface_layer"))
 
     def __str__(self) -> str:
         return f"{1e3 * self.thickness:g} mm = {1e-3 * self.young:g} kPa"
@@ -55,7 +55,7 @@ class SurfaceLayer:
     @classmethod
     def parse(cls, text: str) -> SurfaceLayer:
         """Parse text such as "2 mm = 50 kPa". Raise BodyError for any other form."""
-        return cls(*_sides(text, "skin", "2 mm = 50 kPa"))
+        return cls(*_sides(text, "surface_layer", "2 mm = 50 kPa"))
 
 
 @dataclass(frozen=True, init=False)
@@ -69,7 +69,7 @@ class Material:
         poisson: Poisson's ratio, above -1 and below 0.5.
         density: kg/m^3, or text with its unit.
         regions: of other stiffness, or their text. They override the surface layer, and later ones override earlier.
-        skin: surface layer, or its text.
+        surface_layer: layer at the contact surface, or its text.
 
     Raises:
         BodyError: a number is out of range, or a text cannot be parsed.
@@ -79,7 +79,7 @@ class Material:
     poisson: float
     density: float
     regions: tuple[Region, ...]
-    skin: SurfaceLayer | None
+    surface_layer: SurfaceLayer | None
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class Material:
         poisson: float | str = 0.45,
         density: float | str = 1000.0,
         regions: Region | str | Sequence[Region | str] = (),
-        skin: SurfaceLayer | str | None = None,
+        surface_layer: SurfaceLayer | str | None = None,
     ) -> None:
         ratio = number(poisson, "", "poisson")
         if not -1.0 < ratio < 0.5:
@@ -97,8 +97,10 @@ class Material:
         rho = number(density, "kg/m^3", "density")
         if not 1e-3 <= rho <= 1e6:
             raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {rho:g}")
-        if skin is not None and not isinstance(skin, SurfaceLayer | str):
-            raise BodyError(f'skin: {skin!r} is no layer; write "2 mm = 50 kPa", or SurfaceLayer("2 mm", "50 kPa")')
+        if surface_layer is not None and not isinstance(surface_layer, SurfaceLayer | str):
+            raise BodyError(
+                f'surface_layer: {surface_layer!r} is no layer; write "2 mm = 50 kPa", or SurfaceLayer(2e-3, 50e3)'
+            )
         each = [regions] if isinstance(regions, Region | str) else list(regions or ())
         for region in each:
             if not isinstance(region, Region | str):
@@ -109,14 +111,14 @@ class Material:
             poisson=ratio,
             density=rho,
             regions=tuple(Region.parse(region) if isinstance(region, str) else region for region in each),
-            skin=SurfaceLayer.parse(skin) if isinstance(skin, str) else skin,
+            surface_layer=SurfaceLayer.parse(surface_layer) if isinstance(surface_layer, str) else surface_layer,
         )
 
     def young_at(self, points: Array, depth: Callable[[Array], Array]) -> Array:
         """Return Young's modulus (n,), Pa, at `points` (n, 3), m; `depth` returns their distance from the surface."""
         young = np.full(len(points), self.young)
-        if self.skin is not None:
-            young[depth(points) < self.skin.thickness] = self.skin.young
+        if self.surface_layer is not None:
+            young[depth(points) < self.surface_layer.thickness] = self.surface_layer.young
         for region in self.regions:
             young[region.where.inside(points)] = region.young
         return young

@@ -11,7 +11,7 @@ LAWS: Final = get_args(Law)
 # option: (unit in which it is printed, that unit per SI unit)
 _UNITS: Final = {
     "period": ("ms", 1e3),
-    "slow_step": ("ms", 1e3),
+    "update_interval": ("ms", 1e3),
     "rayleigh_beta": ("ms", 1e3),
     "retardation_time": ("ms", 1e3),
     "control_spacing": ("mm", 1e3),

@@ -22,8 +22,8 @@ def phantom(
     contrast: float | str = 5.0,
     depth: float | str = 10e-3,
     diameter: float | str = 15e-3,
-    skin: float | str = 2e-3,
-    skin_young: float | str = 50e3,
+    layer_thickness: float | str = 2e-3,
+    layer_young: float | str = 50e3,
     poisson: float | str = 0.45,
     spacing: float | str = 5e-3,
     modes: int = 0,
@@ -39,8 +39,8 @@ def phantom(
         contrast: modulus of the nodule over that of the block; 2 to 10 for lesions of the breast, 1 for no nodule.
         depth: of the top of the nodule below the top of the block, m; 5 to 20 mm.
         diameter: of the nodule, which is centered in x and y, m.
-        skin: thickness of the surface layer, m; 0 for none.
-        skin_young: Young's modulus of the surface layer, Pa; skin of the breast has 56 +- 16 kPa.
+        layer_thickness: thickness of the surface layer, m; 0 for none.
+        layer_young: Young's modulus of the surface layer, Pa; skin of the breast has 56 +- 16 kPa.
         poisson: Poisson's ratio.
         spacing: of the cells, m.
         modes: number of vibration modes to compute.
@@ -51,7 +51,8 @@ def phantom(
         BodyError: the nodule does not fit into the block, or a number is out of range.
     """
     stiffness, ratio = positive(young, "Pa", "young"), positive(contrast, "", "contrast")
-    layer, deep, width = not_negative(skin, "m", "skin"), length(depth, "depth"), positive(diameter, "m", "diameter")
+    layer = not_negative(layer_thickness, "m", "layer_thickness")
+    deep, width = length(depth, "depth"), positive(diameter, "m", "diameter")
     _check_nodule(layer, deep, width)
     center = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - width / 2)
     nodule = [] if ratio == 1.0 else [Region(sphere(center, width / 2), ratio * stiffness)]
@@ -60,7 +61,7 @@ def phantom(
         young=stiffness,
         poisson=poisson,
         regions=nodule,
-        skin=SurfaceLayer(layer, skin_young) if layer > 0 else None,
+        surface_layer=SurfaceLayer(layer, layer_young) if layer > 0 else None,
         fixed=half_space("z", "<", 1e-6),
         touch=half_space("z", ">", _HEIGHT - 1e-6),
         modes=modes,
@@ -72,14 +73,16 @@ def phantom(
 def _check_nodule(layer: float, deep: float, width: float) -> None:
     """Raise BodyError unless a nodule at a depth, m, lies between the surface layer and the bottom."""
     if layer >= _HEIGHT:
-        raise BodyError(f"skin: {1e3 * layer:g} mm; it must be thinner than the block of {1e3 * _HEIGHT:g} mm")
+        raise BodyError(
+            f"layer_thickness: {1e3 * layer:g} mm; it must be thinner than the block of {1e3 * _HEIGHT:g} mm"
+        )
     if layer + width > _HEIGHT:
         raise BodyError(
-            f"diameter: {1e3 * width:g} mm; the nodule does not fit between a skin of {1e3 * layer:g} mm and the "
+            f"diameter: {1e3 * width:g} mm; the nodule does not fit between a layer of {1e3 * layer:g} mm and the "
             f"bottom of the block of {1e3 * _HEIGHT:g} mm"
         )
     if not layer <= deep <= _HEIGHT - width:
         raise BodyError(
-            f"depth: {1e3 * deep:g} mm; the nodule lies between the skin and the bottom of the block of "
+            f"depth: {1e3 * deep:g} mm; the nodule lies between the surface layer and the bottom of the block of "
             f"{1e3 * _HEIGHT:g} mm: from {1e3 * layer:g} to {1e3 * (_HEIGHT - width):.4g} mm"
         )

@@ -60,13 +60,13 @@ class QuasiStaticSolver:
 
     Args:
         solid: mesh, material, Dirichlet and contact nodes; it is not modified.
-        near: nodes near each tip in the local model, 4 to 64; two tips share 64.
+        nodes_per_tip: nodes near each tip in the local model, 4 to 64; two tips share 64.
 
     Raises:
         BodyError: the number of nodes is out of range.
     """
 
-    def __init__(self, solid: HyperelasticModel, *, near: float | str = 32) -> None:
+    def __init__(self, solid: HyperelasticModel, *, nodes_per_tip: float | str = 32) -> None:
         if not isinstance(solid, HyperelasticModel):
             raise BodyError(f"solid: a palpate.fem.HyperelasticModel is needed, not {solid!r}")
         self.solid = solid
@@ -81,7 +81,7 @@ class QuasiStaticSolver:
             np.ascontiguousarray(load.indices, dtype=np.int32),
             np.ascontiguousarray(load.data),
             np.ascontiguousarray(elements.triangles, dtype=np.int32),
-            whole(near, "near", 4, 64),
+            whole(nodes_per_tip, "nodes_per_tip", 4, 64),
         )
 
     def indent(
@@ -149,9 +149,9 @@ class QuasiStaticSolver:
         """
         ticks = whole(every, "every", 1)
         arguments = _core_path(path, radius, outward, tip)
-        return _history(self.core.follow(*arguments, ticks), arguments[0].shape[1])
+        return _history(self.core.simulate_path(*arguments, ticks), arguments[0].shape[1])
 
-    def live(
+    def simulate_realtime(
         self,
         path: ArrayLike,
         radius: float | str | Sequence[float | str],
@@ -176,7 +176,7 @@ class QuasiStaticSolver:
         """
         tick = tick_period(period)
         arguments = _core_path(path, radius, outward, tip)
-        rows, times, steps = self.core.live(*arguments, tick, thread)
+        rows, times, steps = self.core.simulate_realtime(*arguments, tick, thread)
         return RealtimeRun(_history(rows, arguments[0].shape[1]), times[:, 0], times[:, 1], steps[:, 0])
 
     def displacement(self) -> Array:

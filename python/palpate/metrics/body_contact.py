@@ -85,12 +85,12 @@ class PalpationMetrics:
 
 def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     """Return the metrics of a trace on a body; None without a body or with fewer than two samples in contact."""
-    if "pressed_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
+    if "contact_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
     first = max(int(np.argmax(trace["touching"][:, 0] > 0.0)) - 1, 0)  # the sample before, without stored energy
-    names = ("touching", "tip", "object_force", "deflection", "pressed_nodes", "solved")
+    names = ("touching", "tip", "object_force", "deflection", "contact_nodes", "solved")
     touching, tip, force, deflection, nodes, solved = (trace[name][first:] for name in names)
-    stored, saved = trace["stored_energy"][first:], trace["saved_energy"][first:]
+    stored, saved = trace["stored_energy"][first:], trace["tank_energy"][first:]
     time, contact = trace.time[first:], touching[:, 0] > 0.0
     depth = np.linalg.norm(deflection, axis=1)
     magnitude = np.linalg.norm(force, axis=1)

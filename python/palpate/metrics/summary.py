@@ -59,7 +59,7 @@ def summarize(trace: Trace) -> dict[str, Any]:
     }
     if "proxy" in trace:
         details = _on_mesh(summary, trace)
-    elif "pressed_nodes" in trace:
+    elif "contact_nodes" in trace:
         details = _on_body(summary, trace)
     else:
         details = _on_axes(summary, trace, scenario)

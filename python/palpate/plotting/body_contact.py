@@ -87,7 +87,7 @@ def body_energy(trace: Trace) -> Figure:
     panel = rows[0][0]
     panel.plot(*thin(trace.time, 1e3 * work_so_far(trace)), color=COLORS[2], label="work of the tip", linewidth=2.4)
     panel.plot(*thin(trace.time, 1e3 * trace["stored_energy"][:, 0]), color=INK, label="stored", linestyle=(0, (4, 3)))
-    tank = trace["saved_energy"][:, 0]
+    tank = trace["tank_energy"][:, 0]
     if tank.any():
         total = 1e3 * (trace["stored_energy"][:, 0] + tank)
         style: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 2.4}

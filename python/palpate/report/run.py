@@ -39,7 +39,7 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     if found.get("palpation") is not None:
         palpation_section(page, trace, found["palpation"])
     page.section("Time histories")
-    if "deflection" in trace and not ({"proxy", "pressed_nodes"} & trace.channels.keys()) and len(trace) > 1:
+    if "deflection" in trace and not ({"proxy", "contact_nodes"} & trace.channels.keys()) and len(trace) > 1:
         page.figure(figures.deflection(trace), "Deflection of the object at the tip.")
     if len(trace) > 1:
         page.figure(figures.forces(trace), "Forces at the tip.")

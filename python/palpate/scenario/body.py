@@ -41,7 +41,7 @@ _COUNT: Final = must(lambda value: value in range(4, 65), "must be a whole numbe
 _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
 _DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
 _CREEP: Final = {"instantaneous_ratio": Option("", _RATIO), "retardation_time": Option("s", POSITIVE)}
-_SLOW: Final = {"slow_step": Option("s", POSITIVE), "near": Option("", _COUNT), **_FRICTION}
+_SLOW: Final = {"update_interval": Option("s", POSITIVE), "nodes_per_tip": Option("", _COUNT), **_FRICTION}
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
@@ -57,8 +57,8 @@ _SHAPES: Final[dict[str, dict[str, str]]] = {
     "file": {"file": '"liver.h5"'},
     "block": {"size": '["100 mm", "100 mm", "50 mm"]', "young": '"10 kPa"', "spacing": '"5 mm"', "poisson": "",
               "modes": ""},
-    "phantom": dict.fromkeys(("young", "spacing", "poisson", "modes", "contrast", "depth", "diameter", "skin",
-                              "skin_young"), ""),
+    "phantom": dict.fromkeys(("young", "spacing", "poisson", "modes", "contrast", "depth", "diameter",
+                              "layer_thickness", "layer_young"), ""),
 }  # fmt: skip
 
 
@@ -80,12 +80,12 @@ class BodyChoice(Section):
         young: Young's modulus, Pa; poisson: Poisson's ratio, below 0.5.
         spacing: of the cells, m.
         modes: number of vibration modes, for the kind "modal".
-        contrast, depth, diameter, skin, skin_young: of the phantom, as `palpate.fem.phantom`.
+        contrast, depth, diameter, layer_thickness, layer_young: of the phantom, as `palpate.fem.phantom`.
         kind: material model, a key of `KINDS`; "neo-hookean" and "corotational" are for large displacements.
         options: of the kind, in SI: any other key of the table.
         origin: point in the body frame that lies at [object] position, m. Default: the center of the top of a block or
             phantom, the origin of the frame of a file.
-        turn: rotation about that point, about x, then y, then z of the device, rad.
+        rotation: rotation about that point, about x, then y, then z of the device, rad.
         stiffness_scale: factor on every Young's modulus.
         tip: "sphere", or "flat" for the end of a rod along the body's z axis.
         radius: of the tip, m.
@@ -103,11 +103,11 @@ class BodyChoice(Section):
     contrast: Annotated[Number, POSITIVE] | None = None
     depth: Length | None = None
     diameter: Length | None = None
-    skin: OneLength | None = None
-    skin_young: Pressure | None = None
+    layer_thickness: OneLength | None = None
+    layer_young: Pressure | None = None
     kind: str = "compliance"
     origin: Position3 | None = None
-    turn: Angle3 = (0.0, 0.0, 0.0)
+    rotation: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
     stiffness_scale: Annotated[Number, POSITIVE] = 1.0

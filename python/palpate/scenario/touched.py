@@ -39,7 +39,7 @@ class MeshChoice(Section):
         size: of the ellipsoid along x, y, z without its bumps, m.
         bump: height of the bumps over the radius.
         divisions: of a box: squares of two triangles along an edge; of an ellipsoid: subdivisions of an icosahedron.
-        turn: rotation about the mesh's origin, about x, then y, then z of the device, rad.
+        rotation: rotation about the mesh's origin, about x, then y, then z of the device, rad.
         radius: of the tip, m; 0 for a point.
     """
 
@@ -51,7 +51,7 @@ class MeshChoice(Section):
     size: Size3 | None = None
     bump: Fraction | None = None
     divisions: Whole | None = None
-    turn: Angle3 = (0.0, 0.0, 0.0)
+    rotation: Angle3 = (0.0, 0.0, 0.0)
     radius: OneLength = 0.0
 
     @field_validator("file")

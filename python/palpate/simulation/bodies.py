@@ -47,7 +47,7 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     assert choice is not None
     body = scenario_body(scenario)
     anchor = trace["tip"][0] + np.array(scenario.object.position)
-    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
     body.simulate_path(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
@@ -84,13 +84,13 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
     assert choice is not None
     body = scenario_body(scenario)
     _check_start(scenario, choice, body)
-    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     return body, origin - turn @ origin_of(choice, body), turn
 
 
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
     """Raise ScenarioError if the tip starts so deep in the body that it does not reach the surface."""
-    turn = Rotation.from_euler("xyz", choice.turn).as_matrix()
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     if not body.volume.contains(tip):
         return
@@ -156,8 +156,9 @@ def cache_path(choice: BodyChoice) -> Path:
 
 
 def _recipe(choice: BodyChoice) -> dict[str, Any]:
-    keys = ("young", "poisson", "spacing", "modes", "size", "contrast", "depth", "diameter", "skin", "skin_young")
-    given = {key: getattr(choice, key) for key in keys}
+    geometry = ("size", "spacing", "depth", "diameter", "layer_thickness")
+    material = ("young", "poisson", "contrast", "layer_young", "modes")
+    given = {key: getattr(choice, key) for key in (*geometry, *material)}
     return {key: value for key, value in given.items() if value is not None}
 
 

@@ -34,7 +34,7 @@ def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
         raise scenario.mistake(
             f"object.mesh.{'shape' if touched.mesh.file is None else 'file'}", str(problem)
         ) from None
-    turn = Rotation.from_euler("xyz", touched.mesh.turn).as_matrix()
+    turn = Rotation.from_euler("xyz", touched.mesh.rotation).as_matrix()
     mesh = Mesh(own.vertices @ turn.T + origin, own.triangles, open=touched.mesh.open, repair=False)
     surface = _surface(touched.surface, own, scenario.period)
     try:

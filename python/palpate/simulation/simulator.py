@@ -27,7 +27,7 @@ from palpate.simulation.user_object import PythonObject, as_object
 
 # Channels that the core adds to a row, with their numbers of columns.
 MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
-BODY = {"deflection": 3, "stored_energy": 1, "pressed_nodes": 1, "solved": 1, "saved_energy": 1}
+BODY = {"deflection": 3, "stored_energy": 1, "contact_nodes": 1, "solved": 1, "tank_energy": 1}
 MOST_TICKS = 2_000_000  # up to which every tick is judged if fewer are recorded: half a gigabyte
 BEYOND = 1e100  # bound of every signal, in any unit; its square is finite
 

@@ -48,7 +48,7 @@ class SurfaceFrames:
             self._core = _core.DeformationFrames(self._shares.shape[1])
         else:
             self._core = _core.SurfaceFrames(np.ascontiguousarray(body.compliance), rate)
-        experiment.setup.watch(self._core)
+        experiment.setup.set_observer(self._core)
 
     def latest(self) -> Frame:
         """Return the last frame; all zeros before the first. Never waits."""

@@ -56,8 +56,8 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "depth": ("m", "depth of the tip below the proxy, along the normal"),
     "surface_stiffness": ("N/m", "stiffness of the mesh at the proxy, along the normal"),
     "stored_energy": ("J", "elastic and kinetic energy of the body"),
-    "saved_energy": ("J", "level of the energy tank of the body (large displacements)"),
-    "pressed_nodes": ("", "number of nodes of the body in contact"),
+    "tank_energy": ("J", "level of the energy tank of the body (large displacements)"),
+    "contact_nodes": ("", "number of nodes of the body in contact"),
     "solved": ("", "1; 0 if more nodes lie under the tip than the solver holds"),
     "triangle": ("", "index of the triangle in contact, -1 without contact"),
 }

@@ -81,7 +81,7 @@ class ProxyProbe:
         """Return the force on the object and the proxy (6,) once the proxy at ``at`` has followed the tip."""
         self.proxy.reset()
         path = np.ascontiguousarray([at + PLACED * normal, at - PLACED * normal, tip])
-        rows, met = self.proxy.follow(path)
+        rows, met = self.proxy.simulate_path(path)
         if met[1] < 0 or met[2] < 0:
             return None
         return np.concatenate([-rows[2, 6:9], rows[2, 0:3]])

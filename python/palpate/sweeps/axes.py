@@ -19,9 +19,9 @@ __all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "
 COLUMNS: dict[str, tuple[str, str]] = {
     "object.stiffness": ("stiffness", "N/m"),
     "object.damping": ("damping", "N*s/m"),
-    "operator.mass": ("hand_mass", "kg"),
-    "operator.damping": ("hand_damping", "N*s/m"),
-    "operator.stiffness": ("hand_stiffness", "N/m"),
+    "operator.mass": ("arm_mass", "kg"),
+    "operator.damping": ("arm_damping", "N*s/m"),
+    "operator.stiffness": ("arm_stiffness", "N/m"),
     "operator.tissue_stiffness": ("tissue_stiffness", "N/m"),
     "operator.tissue_damping": ("tissue_damping", "N*s/m"),
     "device.delay": ("delay", ""),

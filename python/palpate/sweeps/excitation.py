@@ -78,7 +78,7 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
 
 
 def _judged(simulation: Simulation, first: int) -> Simulation:
-    simulation.setup.judged_from = first
+    simulation.setup.window_start = first
     return simulation
 
 

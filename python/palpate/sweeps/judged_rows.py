@@ -62,7 +62,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         beyond=beyond,
         resolution=resolution(scenario, device, simulation.start)[0],
         linear=linear.astype(int),
-        decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.judged_from) // 5),
+        decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.window_start) // 5),
         lossy=lossy(scenario, device),
     )
     return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}

@@ -166,7 +166,7 @@ class Plan:
             simulation = self._simulation(cell)
             trace = simulation.every_tick()
             found = outcome_of(
-                trace, simulation.scenario.period, len(simulation.reference) - 1, simulation.setup.judged_from
+                trace, simulation.scenario.period, len(simulation.reference) - 1, simulation.setup.window_start
             )
             return {**found, "linear": np.zeros(()), "verdict": np.array(float(trace.verdict.state))}
 

@@ -124,7 +124,7 @@ class FiveBar : public MechanismDefaults<FiveBar, 2> {
   }
 
   /// Poses whose tip is at `p` [m]: each elbow may be outward or inward.
-  [[nodiscard]] InverseKinematics<2> inverse_kinematics(const Vector3<>& p, const Joints<2>& /*near*/) const {
+  [[nodiscard]] InverseKinematics<2> inverse_kinematics(const Vector3<>& p, const Joints<2>& /*nearest_to*/) const {
     char text[96];
     if (std::abs(p[2]) > 1e-9) {
       std::snprintf(text, sizeof text, "it is %.1f mm away from the plane of the linkage", 1e3 * std::abs(p[2]));

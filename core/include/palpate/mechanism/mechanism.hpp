@@ -212,9 +212,9 @@ class MechanismDefaults {
     return d.inverse() * d.generalized_force(torque, qd);
   }
 
-  /// Poses whose tip is at `p` [m]; here the one found from the pose `near`.
-  [[nodiscard]] InverseKinematics<dof> inverse_kinematics(const Vector3<>& p, const Joints<dof>& near) const {
-    return newton_inverse(self(), p, near);
+  /// Poses whose tip is at `p` [m]; here the one found from the pose `nearest_to`.
+  [[nodiscard]] InverseKinematics<dof> inverse_kinematics(const Vector3<>& p, const Joints<dof>& nearest_to) const {
+    return newton_inverse(self(), p, nearest_to);
   }
 
  private:

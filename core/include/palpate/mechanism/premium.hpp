@@ -342,7 +342,7 @@ class Premium {
   }
 
   /// Return all poses whose tip is at `p` [m].
-  [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*near*/) const {
+  [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*nearest_to*/) const {
     return PremiumInverse{l1_, l2_}.solve_all(p);
   }
 

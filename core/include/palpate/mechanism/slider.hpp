@@ -116,7 +116,7 @@ class Slider : public MechanismDefaults<Slider, 1> {
   }
 
   /// The pose whose tip is at `p` [m].
-  [[nodiscard]] InverseKinematics<1> inverse_kinematics(const Vector3<>& p, const Joints<1>& /*near*/) const {
+  [[nodiscard]] InverseKinematics<1> inverse_kinematics(const Vector3<>& p, const Joints<1>& /*nearest_to*/) const {
     if (p[1] != 0.0 || p[2] != 0.0) return {{}, "the tip of the slider stays on the x axis"};
     return {{Joints<1>(p[0])}, {}};
   }

@@ -56,7 +56,7 @@ class TipDevice : public MechanismDefaults<TipDevice, 3> {
   [[nodiscard]] Joints<3, Scalar> apply_jacobian_transpose(const Joints<3, Scalar>& /*q*/, const Vector3<Scalar>& force) const {
     return force;
   }
-  [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*near*/) const { return {{p}, {}}; }
+  [[nodiscard]] InverseKinematics<3> inverse_kinematics(const Vector3<>& p, const Joints<3>& /*nearest_to*/) const { return {{p}, {}}; }
 
  private:
   Vector3<> mass_ = TipDeviceParameters{}.mass;

@@ -36,9 +36,9 @@ class Scene {
       const ContactResult& one = object.step(tip);
       force += one.force;
       touching = touching || one.touching;
-      const double pressed = one.touching ? one.force.squaredNorm() : -1.0;
-      if (pressed > largest) {
-        largest = pressed;
+      const double load = one.touching ? one.force.squaredNorm() : -1.0;
+      if (load > largest) {
+        largest = load;
         result_ = one;
       }
     }

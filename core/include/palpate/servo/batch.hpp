@@ -35,7 +35,7 @@ struct BatchJob {
   detail::MovingPlant<Mechanism> plant;
   actuation::TickSchedule<double> clock;
   double speed_limit;
-  int judged_from;
+  int window_start;
   double* row;
 
   BatchJob(const SimulationSetup<Mechanism>& s, double* row)
@@ -43,7 +43,7 @@ struct BatchJob {
         plant(s),
         clock(s.period, s.jitter, s.seed),
         speed_limit(s.speed_limit),
-        judged_from(s.judged_from),
+        window_start(s.window_start),
         row(row) {}
 };
 
@@ -124,17 +124,17 @@ class StabilityMonitor {
 
   /// Observe tick `k` of each lane.
   template <class Plant, class Servo>
-  [[gnu::always_inline]] void see(const Scalar& k, const Plant& plant, const Servo& servo,
-                                  const actuation::TickSchedule<Scalar>& clock) noexcept {
+  [[gnu::always_inline]] void observe(const Scalar& k, const Plant& plant, const Servo& servo,
+                                      const actuation::TickSchedule<Scalar>& clock) noexcept {
     const auto& tick = servo.last();
     const Vector tip = plant.tip();
-    const Vector bend = clock.has_jitter() ? bend_to(tip, clock) : Vector(tip - 2.0 * last_ + before_);
-    const Scalar swing = bend.squaredNorm();
+    const Vector second_difference = clock.has_jitter() ? second_difference_at(tip, clock) : Vector(tip - 2.0 * last_ + before_);
+    const Scalar oscillation = second_difference.squaredNorm();
     before_ = last_;
     last_ = tip;
     const double fifth = fifth_;
-    early_ = select((k > Scalar(from_ + fifth)) & (k <= Scalar(from_ + 2.0 * fifth)) & (early_ < swing), swing, early_);
-    prior_ = select((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < swing), swing, prior_);
+    early_ = select((k > Scalar(from_ + fifth)) & (k <= Scalar(from_ + 2.0 * fifth)) & (early_ < oscillation), oscillation, early_);
+    prior_ = select((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < oscillation), oscillation, prior_);
     object_force_ = max_of(object_force_, tick.object_force.squaredNorm());
     command_ = max_of(command_, tick.command.squaredNorm());
     const Scalar touching = select(tick.touching, Scalar(1.0), Scalar(0.0));
@@ -142,7 +142,7 @@ class StabilityMonitor {
     touching_ += touching;
     saturated_ += saturated;
     const Where ending = k > Scalar(ticks_ - fifth);
-    if (any(ending)) see_ending(ending, k, plant, tip, swing, touching, saturated);
+    if (any(ending)) observe_ending(ending, k, plant, tip, oscillation, touching, saturated);
     was_touching_ = touching;
   }
 
@@ -175,22 +175,22 @@ class StabilityMonitor {
 
  private:
   /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
-  Vector bend_to(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
+  Vector second_difference_at(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
     const Scalar share = clock.period() / clock.elapsed();
-    const Vector bend = share * (tip - last_) - share_before_ * (last_ - before_);
+    const Vector second_difference = share * (tip - last_) - share_before_ * (last_ - before_);
     share_before_ = share;
-    return bend;
+    return second_difference;
   }
 
   /// Observe a tick of the last fifth.
   template <class Plant>
-  void see_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& swing, const Scalar& touching,
-                  const Scalar& saturated) noexcept {
+  void observe_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& oscillation,
+                      const Scalar& touching, const Scalar& saturated) noexcept {
     const Where first = ending & (k <= Scalar(ticks_ - fifth_ + 1.0));
     late_touching_ = select(ending, late_touching_ + touching, late_touching_);
     late_saturated_ = select(ending, late_saturated_ + saturated, late_saturated_);
     contacts_ = select(ending & (was_touching_ < touching), contacts_ + 1.0, contacts_);
-    late_ = select(ending & (late_ < swing), swing, late_);
+    late_ = select(ending & (late_ < oscillation), oscillation, late_);
     for (int i = 0; i < 3; ++i) {
       lowest_[i] = select(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
       highest_[i] = select(first | (ending & (highest_[i] < tip[i])), tip[i], highest_[i]);
@@ -259,7 +259,7 @@ class LaneRunner {
   using Where = Mask<lanes>;
 
   LaneRunner(const JobQueue<Mechanism>& queue, const BatchJob<Mechanism>& first, int ticks)
-      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), watch_(ticks, first.judged_from) {
+      : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), monitor_(ticks, first.window_start) {
     begin(0, first);
     rows_[0] = first.row;
     running_ = 1;
@@ -268,31 +268,31 @@ class LaneRunner {
 
   /// Run until the queue and every lane are empty.
   void run(const double* reference, const double* operator_force) noexcept {
-    const SignalTable<lanes> wanted(reference, ticks_);
-    const SignalTable<lanes> push(operator_force, ticks_);
+    const SignalTable<lanes> reference_table(reference, ticks_);
+    const SignalTable<lanes> operator_table(operator_force, ticks_);
     for (;; tick_ += 1.0, clock_.tick()) {
-      leave();
+      retire_finished();
       if (running_ == 0) return;
-      const auto& tick = servo_.tick(plant_.angles(), plant_.kinematics(), wanted.at(tick_, together_));
-      watch_.see(tick_, plant_, servo_, clock_);
-      plant_.advance(tick.torque, push.during(tick_, together_, clock_), clock_);
+      const auto& tick = servo_.tick(plant_.angles(), plant_.kinematics(), reference_table.at(tick_, together_));
+      monitor_.observe(tick_, plant_, servo_, clock_);
+      plant_.advance(tick.torque, operator_table.during(tick_, together_, clock_), clock_);
     }
   }
 
  private:
   /// Write the outcome of every loop that has ended or diverged, and refill its lane.
-  void leave() noexcept {
+  void retire_finished() noexcept {
     for (Where left;;) {
-      const Where over = tick_ > Scalar(ticks_);
-      const Where lost = !(over | calm(plant_, fastest_));
-      left = over | lost;
+      const Where ended_run = tick_ > Scalar(ticks_);
+      const Where diverged = !(ended_run | is_bounded(plant_, fastest_));
+      left = ended_run | diverged;
       if (!any(left)) [[likely]]
         return;
       bool again = false;
       for (int lane = 0; lane < lanes; ++lane) {
         if (!left[lane]) continue;
         if (double*& row = rows_[static_cast<std::size_t>(lane)]; row != nullptr) {
-          watch_.write(lane, lost[lane] ? tick_[lane] : -1.0, row);
+          monitor_.write(lane, diverged[lane] ? tick_[lane] : -1.0, row);
           row = nullptr;
           --running_;
         }
@@ -322,7 +322,7 @@ class LaneRunner {
     servo_.set_lane(lane, one.servo);
     plant_.set_lane(lane, one.plant);
     clock_.set_lane(lane, one.clock);
-    watch_.set_lane(lane, one.plant.tip());
+    monitor_.set_lane(lane, one.plant.tip());
     tick_.set(lane, 0.0);
   }
 
@@ -333,7 +333,7 @@ class LaneRunner {
   Servo<Mechanism, object::BasicSpringWall<Scalar>, control::BasicStateSpace<Scalar>> servo_;
   MovingPlant<Mechanism, Scalar> plant_;
   actuation::TickSchedule<Scalar> clock_;
-  StabilityMonitor<Mechanism, Pack<lanes>> watch_;
+  StabilityMonitor<Mechanism, Pack<lanes>> monitor_;
   Scalar tick_ = 0.0;
   bool together_ = true;
   int running_ = 0;
@@ -355,17 +355,17 @@ namespace detail {
 template <class Mechanism>
 class SingleLoopMonitor {
  public:
-  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.judged_from) {
+  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.window_start) {
     monitor_.set_lane(0, s.mechanism.forward(s.start));
   }
 
   template <class Plant, class Servo>
-  void see(const Plant& plant, const Servo& servo, const Vector3<>& /*force*/) noexcept {
-    monitor_.see(tick_, plant, servo, clock_);
+  void observe(const Plant& plant, const Servo& servo, const Vector3<>& /*force*/) noexcept {
+    monitor_.observe(tick_, plant, servo, clock_);
     tick_ += 1.0;
     clock_.tick();
   }
-  void lost(int tick) noexcept { unstable_ = tick; }
+  void mark_diverged(int tick) noexcept { unstable_ = tick; }
   void write(double* row) const noexcept { monitor_.write(0, unstable_, row); }
 
  private:

@@ -48,7 +48,7 @@ class Loop {
     std::visit([&](auto& plant) { plant.advance(servo_.last().torque, plant::ForceSegment<>{begin, end}, schedule_); }, plant_);
     schedule_.tick();
     ++count_;
-    diverged_ = !std::visit([&](const auto& plant) { return detail::calm(plant, setup_.speed_limit); }, plant_);
+    diverged_ = !std::visit([&](const auto& plant) { return detail::is_bounded(plant, setup_.speed_limit); }, plant_);
     return !diverged_;
   }
 

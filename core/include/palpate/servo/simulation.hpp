@@ -40,7 +40,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
   Joints<dof> start_speed = Joints<dof>::Zero();  ///< rad/s
   int substeps = 2;                               ///< integration steps in one period
   int record_every = 1;                           ///< periods between recorded rows
-  int judged_from = 0;                            ///< first tick of the window that an outcome judges
+  int window_start = 0;                           ///< first tick of the window that an outcome judges
   double speed_limit = 1e3;                       ///< rad/s: above it (or not finite) the loop counts as diverged
 };
 
@@ -170,10 +170,10 @@ class Recorder {
   static constexpr int dof = Mechanism::dof;
   Recorder(const SimulationSetup<Mechanism>& s, double* rows) : every_(s.record_every), width_(row_width(s)), rows_(rows) {}
 
-  void lost(int tick) noexcept { outcome_.unstable_tick = tick; }
+  void mark_diverged(int tick) noexcept { outcome_.unstable_tick = tick; }
 
   template <class Plant, class Servo>
-  void see(const Plant& plant, const Servo& servo, const Vector3<>& force) noexcept {
+  void observe(const Plant& plant, const Servo& servo, const Vector3<>& force) noexcept {
     if (until_next_ == 0) {
       write_row(plant, servo, force, rows_ + static_cast<std::ptrdiff_t>(outcome_.rows++) * width_);
       until_next_ = every_;
@@ -193,7 +193,7 @@ class Recorder {
 
 /// Return whether all joint speeds are below `fastest` [rad/s] and all angles are finite.
 template <class Plant>
-[[gnu::always_inline]] inline auto calm(const Plant& plant, double fastest) {
+[[gnu::always_inline]] inline auto is_bounded(const Plant& plant, double fastest) {
   using std::abs;
   using Scalar = std::decay_t<decltype(plant.speeds()[0])>;
   Condition<Scalar> out = true;
@@ -237,10 +237,10 @@ void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const
   Servo<Mechanism, object::AnyObject, control::AnyController> servo(setup, setup.object, setup.controller);
   actuation::TickSchedule<double> clock(setup.period, setup.jitter, setup.seed);
   for (int k = 0;; ++k, clock.tick()) {
-    if (!calm(plant, setup.speed_limit)) return monitor.lost(k);
+    if (!is_bounded(plant, setup.speed_limit)) return monitor.mark_diverged(k);
     const auto& tick = tick_of(servo, plant, force_at(reference, k));
     const plant::ForceSegment<> force = force_during(operator_force, k, ticks, clock);
-    monitor.see(plant, servo, force.begin);
+    monitor.observe(plant, servo, force.begin);
     if (k == ticks) return;
     servo.update();
     plant.advance(tick.torque, force, clock);

@@ -56,9 +56,9 @@ class HeldTip:
         body = scenario_body(scenario)
         self.core = body.core
         self.radius, self.period = choice.radius, scenario.period
-        self.every = round(choice.options.get("slow_step", 20e-3) / scenario.period) if self.multirate else 1
+        self.every = round(choice.options.get("update_interval", 20e-3) / scenario.period) if self.multirate else 1
         self._flat = choice.tip == "flat"
-        self._rotation = Rotation.from_euler("xyz", choice.turn).as_matrix()
+        self._rotation = Rotation.from_euler("xyz", choice.rotation).as_matrix()
         positions = (path - np.array(scenario.object.position)) @ self._rotation + origin_of(choice, body)
         self.core.reset()
         self.ticks = 0
@@ -119,7 +119,7 @@ class HeldTip:
 
     def _step(self, positions: Array) -> Array:
         axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
-        rows = self.core.follow(np.ascontiguousarray(positions), axes, self.radius, self._flat)
+        rows = self.core.simulate_path(np.ascontiguousarray(positions), axes, self.radius, self._flat)
         if not np.asarray(rows)[:, _SOLVED].all():
             raise StabilityError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
         self.ticks += len(positions)

@@ -31,7 +31,7 @@ def slowest_update(
 
     def test(interval: int) -> bool | None:
         body = {**scenario.to_dict()["object"]["body"]}
-        body["options"] = {**body.get("options", {}), "slow_step": f"{interval * scenario.period!r} s"}
+        body["options"] = {**body.get("options", {}), "update_interval": f"{interval * scenario.period!r} s"}
         tables = {**scenario.to_dict(), "object": {**scenario.to_dict()["object"], "body": body}}
         try:
             return stable(Scenario.from_dict(tables), trace, row)

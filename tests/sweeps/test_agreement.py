@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from palpate.errors import ScenarioError
 from palpate.linear import LinearDevice
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
@@ -90,8 +91,20 @@ def test_forces_that_end_too_early_are_held() -> None:
 def test_a_scenario_without_excitation_is_refused() -> None:
     tables = tables_of("slider-wall-stable", "0.1 s")
     tables["operator"] = {"kind": "none"}
-    with pytest.raises(SweepError, match="the scenario has no excitation"):
+    with pytest.raises(SweepError, match="scenario: no excitation"):
         sweep(tables, {"object.stiffness": ["50 N/m"]})
+
+
+def test_an_error_names_the_line_of_the_file_or_the_varied_value(tmp_path: Path) -> None:
+    text = (SCENARIOS / "slider-wall-stable.toml").read_text("utf-8")
+    linear = tmp_path / "linear.toml"
+    linear.write_text(text.replace("[device]\n", '[device]\nmodel = "linear"\n'), "utf-8")
+    line = linear.read_text("utf-8").splitlines().index('model = "linear"') + 1
+    over = {"object.stiffness": ["-50 N/m"]}
+    with pytest.raises(SweepError, match=rf"linear\.toml, line {line}: device\.model: a sweep runs"):
+        sweep(linear, over)
+    with pytest.raises(ScenarioError, match=r"^object\.stiffness = -50.0 N/m: object\.stiffness: "):
+        sweep(SCENARIOS / "slider-wall-stable.toml", over)
 
 
 def test_a_controller_designed_once_is_that_of_the_scenario() -> None:

@@ -57,7 +57,8 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
         if displaced or not scenario.servo.gravity_compensation:
             return simulation, Excitation(0, None)
         raise SweepError(
-            "the scenario has no excitation, so no loop can be judged: give [reference] or [operator] a force"
+            f"{scenario.source or 'scenario'}: no excitation, so no loop can be judged; "
+            "give [reference] or [operator] a force"
         )
     edges = constant_stretches(forces)
     samples, first = len(forces), int(edges[-2])

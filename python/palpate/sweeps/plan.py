@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
+from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
@@ -101,25 +102,28 @@ class Plan:
         random = {path: (float(low), float(high)) for path, (low, high) in raw["random"].items()}
         return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
 
-    def check(self) -> None:
+    def check(self, scenario: Scenario | None = None) -> None:
         """Build the scenario at the ends of every axis and range, to find mistakes before the run.
 
+        Args:
+            scenario: the one of `tables` as it was read; its file and lines appear in messages.
+
         Raises:
-            ScenarioError, DesignError, PoseError: as `palpate.simulate`.
+            ScenarioError, DesignError, PoseError: as `palpate.simulate`; the message names the varied value.
             SweepError: the batch cannot run it.
         """
-        excited(_check(self.tables))
+        excited(_check(self.tables if scenario is None else scenario))
         for axis in self.axes:
             if axis.key in COLUMNS:
                 ends = {int(np.argmin(axis.values)), int(np.argmax(axis.values))}
             else:
                 ends = set(range(len(axis)))
             for index in sorted(ends):
-                _check(with_value(self.tables, axis, index))
+                _check_value(self.tables, axis, index)
         for path, limits in self.random.items():
             axis = Axis(path, COLUMNS[".".join(path.split(".")[:2])][1], limits)
             for index in (0, 1):
-                _check(with_value(self.tables, axis, index))
+                _check_value(self.tables, axis, index)
 
     def controller(self) -> Controller | None:
         """Return the controller of every cell if it is designed once; None: each cell's own."""
@@ -215,14 +219,27 @@ class Plan:
         return out
 
 
-def _check(tables: Mapping[str, Any], controller: Controller | None = None) -> Simulation:
+def _check(tables: Scenario | Mapping[str, Any], controller: Controller | None = None) -> Simulation:
     experiment = build_simulation(tables, controller)
     scenario = experiment.scenario
-    if scenario.device.model != "nonlinear":
-        raise SweepError(f'device.model: a sweep runs the "nonlinear" device, not its "{scenario.device.model}" model')
+    if (model := scenario.device.model) != "nonlinear":
+        raise SweepError(
+            scenario.mistake("device.model", f'a sweep runs the "nonlinear" device, not its "{model}" model')
+        )
     if scenario.operator.kind == "fixed":
-        raise SweepError('operator.kind: a sweep runs a device that is free to move; "fixed" keeps the tip still')
+        raise SweepError(
+            scenario.mistake("operator.kind", 'a sweep runs a device that is free to move; "fixed" keeps the tip still')
+        )
     return experiment
+
+
+def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
+    """Check the scenario with one value of an axis; an error begins with the value."""
+    try:
+        _check(with_value(tables, axis, index))
+    except PalpateError as problem:
+        value = f"{axis.path} = {axis.text(index)}"
+        raise type(problem)(f"{value}: {str(problem).removeprefix('scenario: ')}") from None
 
 
 def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:

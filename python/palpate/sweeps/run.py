@@ -152,8 +152,9 @@ def sweep(
         ScenarioError, DesignError, PoseError: as `palpate.simulate`, for any combination of ends.
         OutputError: the file cannot be written; finished chunks are kept.
     """
+    scenario = _read(scenario)
     plan = plan_of(scenario, over, random=random, draws=draws, seed=seed, design=design)
-    plan.check()
+    plan.check(scenario)
     _share([], shard)  # refused before a file is made
     store: FileStore | MemoryStore = MemoryStore(plan) if out is None else FileStore(out, plan)
     try:
@@ -188,8 +189,7 @@ def plan_of(
     design: Design = "cell",
 ) -> Plan:
     """Return the plan that `sweep` runs."""
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
+    scenario = _read(scenario)
     for name, number in (("draws", draws), ("seed", seed)):
         if not isinstance(number, Integral):
             raise SweepError(f"{name}: {number!r} is not a whole number")
@@ -234,6 +234,12 @@ def dask_executor(scheduler: str, timeout: float = 10.0) -> Iterator[tuple[Execu
             yield executor, threads
         finally:
             executor.shutdown(wait=False)
+
+
+def _read(scenario: Scenario | Mapping[str, Any] | str | Path) -> Scenario:
+    if isinstance(scenario, Scenario):
+        return scenario
+    return Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
 
 
 def _shaped(plan: Plan, values: Mapping[str, Array]) -> Outcomes:

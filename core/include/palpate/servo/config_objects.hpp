@@ -15,7 +15,7 @@
 #include "palpate/deformable/linear/free_form_deformation.hpp"
 #include "palpate/deformable/linear/mass_spring_model.hpp"
 #include "palpate/deformable/linear/modal.hpp"
-#include "palpate/deformable/linear/standard_linear_solid.hpp"
+#include "palpate/deformable/linear/viscoelastic_solid.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/object/body_instance.hpp"
 #include "palpate/object/deformable_object.hpp"

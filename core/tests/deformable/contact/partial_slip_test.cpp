@@ -6,7 +6,7 @@
 #include <numeric>
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/compliance.hpp>
-#include <palpate/deformable/linear/standard_linear_solid.hpp>
+#include <palpate/deformable/linear/viscoelastic_solid.hpp>
 #include <random>
 #include <type_traits>
 

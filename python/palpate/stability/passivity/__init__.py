@@ -1,6 +1,7 @@
 """Passivity of a sampled display: walls, virtual couplings, and observers of the generated energy."""
 
-from palpate.stability.passivity.energy import EnergyObserver, PassivityController, naive_energy, zoh_energy
+from palpate.stability.passivity.energy import naive_energy, zoh_energy
+from palpate.stability.passivity.passivity_controller import EnergyObserver, PassivityController
 from palpate.stability.passivity.sampled_wall import (
     coulomb_amplitude,
     coupling_damping,

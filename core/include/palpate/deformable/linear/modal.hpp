@@ -13,7 +13,7 @@
 #include "palpate/deformable/contact/tangential_compliance.hpp"
 #include "palpate/deformable/linear/compliance.hpp"
 #include "palpate/deformable/linear/oscillator.hpp"
-#include "palpate/deformable/linear/standard_linear_solid.hpp"
+#include "palpate/deformable/linear/viscoelastic_solid.hpp"
 #include "palpate/math/shared_buffer.hpp"
 #include "palpate/math/vector.hpp"
 

@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <palpate/deformable/contact/tip_contact.hpp>
-#include <palpate/deformable/linear/standard_linear_solid.hpp>
+#include <palpate/deformable/linear/viscoelastic_solid.hpp>
 #include <random>
 
 #include "support/modal_bodies.hpp"

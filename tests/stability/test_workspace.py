@@ -148,7 +148,9 @@ def test_nobody_holds_a_device_that_tips_over() -> None:
             "impedance_display",
         ),
         ({"device": {"name": "slider"}, "start": {"pose": ["0 m"]},
-          "object": {"kind": "spring", "stiffness": "1 N/m"}}, "one joint"),
+          "object": {"kind": "spring", "stiffness": "1 N/m"}}, "has 1 of the three joints"),
+        ({"device": {"name": "haply-2diy"}, "start": {"pose": ["120 deg", "60 deg"]},
+          "object": {"kind": "spring", "stiffness": "1 N/m"}}, "has 2 of the three joints"),
     ],
 )  # fmt: skip
 def test_what_has_no_workspace_is_refused(change: dict[str, Any], says: str) -> None:

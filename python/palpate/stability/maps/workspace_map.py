@@ -152,7 +152,8 @@ def workspace(
         progress: called with a text and the fraction done.
 
     Raises:
-        StabilityError: the device has one joint or is not nonlinear, or the wall is not damped by backward difference.
+        StabilityError: the device has fewer than three joints or is not nonlinear; or the wall is not damped by
+            backward difference.
         ScenarioError, DeviceError, DesignError, PoseError: as ``palpate.simulate``.
     """
     report = progress or (lambda _text, _fraction: None)
@@ -186,7 +187,10 @@ def workspace(
 def _require_mappable(s: Scenario, device: Device) -> None:
     """Raise StabilityError unless the scenario has walls that a workspace can map."""
     if device.dof < 3:
-        raise StabilityError(f"{device.name} has one joint: every pose renders alike; use certify instead")
+        raise StabilityError(
+            f"{device.name} has {device.dof} of the three joints that a workspace map needs; "
+            "use certify or zwidth at single poses instead"
+        )
     if s.device.model != "nonlinear" or s.device.kinematics != "nonlinear":
         raise StabilityError('device: a workspace needs the nonlinear device; leave out "model" and "kinematics"')
     if s.servo.topology != "impedance_display":

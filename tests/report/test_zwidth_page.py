@@ -15,7 +15,10 @@ SLIDER = Path(__file__).parents[2] / "scenarios" / "slider-wall-stable.toml"
 
 def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:
     """Golden: 60 g, 0.05 N·s/m, 1 ms: 100 N/m in nobody's hand, 9135 gripped rigidly, 1484 through fingertip tissue."""
-    page = zwidth_page(zwidth(Scenario.from_file(SLIDER), simulated=False)).html()
+    map_of_slider = zwidth(Scenario.from_file(SLIDER), simulated=False)
+    assert map_of_slider.stiffest_here == pytest.approx(100.01, rel=1e-3)
+    page = zwidth_page(map_of_slider).html()
+    assert "<dt>stiffest object at B = 0 N·s/m, as in the scenario</dt><dd>100 N/m</dd>" in page
     rows = page[page.index("nobody holds it</td>") :]
     found = []
     for who in ("nobody holds it", "a rigid grip", "through fingertip tissue"):

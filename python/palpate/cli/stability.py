@@ -63,7 +63,7 @@ def zwidth(
     simulate: Annotated[bool, typer.Option(help="Find the boundary by running the loop as well.")] = True,
     settings: Settings = None,
 ) -> None:
-    """Map every stiffness and damping that a scenario's loop bears: exact curve, simulated boundary, passive region.
+    """Map the stable stiffness and damping of a scenario's loop: exact curve, simulated boundary, passive region.
 
     Writes zwidth.html and zwidth.json.
 
@@ -82,7 +82,9 @@ def zwidth(
     output.print(f"[bold]{loaded.title}[/]")
     for name, curve in found.curves.items():
         b, k = curve.stiffest
-        output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False)
+        output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
+    if found.stiffest_here is not None:
+        output.print(f"  with the {found.here[0]:.4g} N·s/m of the scenario: up to {found.stiffest_here:.4g} N/m")
     for name in found.never:
         output.print(f"  {name}: no wall of any size is stable", markup=False)
     if found.passive is not None:
@@ -109,7 +111,7 @@ def workspace(
     poses: Annotated[int, typer.Option(min=50, max=100_000, help="About how many poses to judge.")] = 2000,
     settings: Settings = None,
 ) -> None:
-    """Map the stiffest stable wall over all that an arm can reach, in every direction, and tell where it is least.
+    """Map the stiffest stable wall over the reachable workspace of an arm, in every direction, and its minimum.
 
     A device by itself is held through fingertip tissue. Writes workspace.html and workspace.json.
 

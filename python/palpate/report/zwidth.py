@@ -35,32 +35,32 @@ def zwidth_page(z: ZWidth) -> Page:
         "loop; the dots come from simulations.",
     )
     page.verdict(_sentence(z), "good" if z.stable_here else "bad")
-    facts = [("stiffest object", f"{k / 1e3:.4g} N/mm"), ("its damping", f"{b:.4g} N·s/m")]
-    if z.passive is not None:
-        facts.append(("stiffest passive object", f"{z.passive[1].max() / 1e3:.4g} N/mm"))
-    if z.min_stable_stiffness > 0.0:
-        facts.append(("softest stable object", f"{z.min_stable_stiffness:.3g} N/m"))
-    if z.simulated is not None:
-        off = z.simulated.distance
-        facts.append(
-            ("distance of the dots", f"{100 * np.median(off):.1g} % of the map, at most {100 * off.max():.2g} %")
+    facts = [(f"stiffest object at B = {b:.3g} N·s/m, the peak of the curve", _written(k))]
+    if z.stiffest_here is not None:
+        facts.insert(
+            0, (f"stiffest object at B = {z.here[0]:.3g} N·s/m, as in the scenario", _written(z.stiffest_here))
         )
+    if z.min_stable_stiffness > 0.0:
+        facts.append(("softest stable object", _written(z.min_stable_stiffness)))
+    if z.passive is not None:
+        facts.append(("stiffest passive object", _written(z.passive[1].max())))
     page.facts(facts)
     page.figure(
         zwidth_figure(z),
         f"Below the filled curve: stable objects ({name}). Dashed: the same loop with other operators. "
-        + ("Dark: passive, and therefore stable with every passive operator. " if z.passive is not None else "")
+        + ("" if z.corner is not None else _dark(z))
         + _runs(z.simulated),
         label="map of stable stiffness against damping",
     )
     close = close_figure(z)
     if close is not None:
-        page.figure(
-            close,
-            "Complete curves of other operators, and the map near its origin. "
-            + (_runs(z.corner.simulated) if z.corner else ""),
-            label="complete curves of other operators, and the map near its origin",
-        )
+        shown = [
+            *(["complete curves of other operators"] if _has_larger(z) else []),
+            *(["the map near its origin"] if z.corner is not None else []),
+        ]
+        title = " and ".join(shown)
+        corner = "" if z.corner is None else _dark(z) + _runs(z.corner.simulated)
+        page.figure(close, f"{title[0].upper()}{title[1:]}. {corner}", label=title)
     if z.passive is None:
         page.paragraph(f"**No passive region**: {z.not_passive}.")
     page.section("Operators")
@@ -83,6 +83,15 @@ def _sentence(z: ZWidth) -> str:
     return f"The loop with the scenario's object, K = {k:g} N/m and B = {b:g} N·s/m, is {state}."
 
 
+def _written(stiffness: float) -> str:
+    """Return a stiffness with the unit of its size."""
+    return f"{stiffness:.4g} N/m" if stiffness < 1e3 else f"{stiffness / 1e3:.4g} N/mm"
+
+
+def _dark(z: ZWidth) -> str:
+    return "" if z.passive is None else "Dark: passive, and therefore stable with every passive operator. "
+
+
 def _runs(found: SimulatedBoundary | None) -> str:
     if found is None:
         return ""
@@ -95,12 +104,14 @@ def _method(z: ZWidth) -> str:
             "There are no simulations: by choice, or because the surface is oblique to the axes or the object is a "
             "mesh or a deformable body."
         )
+    off = z.simulated.distance
     return (
         "The loop was simulated on a coarse grid of K and B, which was refined between growing and decaying "
         f"oscillations: {z.simulated.runs:,} runs instead of {z.simulated.cells:,}, independent of the computed curve. "
         "The excitation is a force of 1 mN. Dry friction, encoder quantization and drive limits are left out, because "
         "they bound an oscillation and would hide its growth. At a corner of the curve two modes are at their limits "
-        "at once, and the dots are less accurate there."
+        "at once, and the dots are less accurate there. The dots are "
+        f"{100 * np.median(off):.1g} % of the map off the computed curve (median), at most {100 * off.max():.2g} %."
     )
 
 
@@ -136,12 +147,7 @@ def zwidth_figure(z: ZWidth) -> Figure:
 
 def close_figure(z: ZWidth) -> Figure | None:
     """Return panels of the complete curves and of the map near its origin; None if neither is needed."""
-    own = next(iter(z.curves.values()))
-    beyond = any(
-        c.damping.max() > BEYOND * MARGIN * own.damping.max()
-        or c.stiffness.max() > BEYOND * MARGIN * own.stiffness.max()
-        for c in z.curves.values()
-    )
+    beyond = _has_larger(z)
     count = beyond + (z.corner is not None)
     if count == 0:
         return None
@@ -165,6 +171,16 @@ def close_figure(z: ZWidth) -> Figure | None:
         if z.passive is not None:
             panel.annotate("passive", (z.passive[0].max() / 3, z.passive[1].max() / 3), ha="center", va="center")
     return figure
+
+
+def _has_larger(z: ZWidth) -> bool:
+    """Return True if the curve of another operator leaves the map of the scenario's own."""
+    own = next(iter(z.curves.values()))
+    return any(
+        c.damping.max() > BEYOND * MARGIN * own.damping.max()
+        or c.stiffness.max() > BEYOND * MARGIN * own.stiffness.max()
+        for c in z.curves.values()
+    )
 
 
 def _curves(panel: Axes, curves: Iterable[tuple[str, Boundary]], scale: float = 1e-3) -> None:

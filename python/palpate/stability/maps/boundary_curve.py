@@ -58,6 +58,18 @@ class Boundary:
         ends = [0, *(np.flatnonzero(jump) + 1).tolist(), len(self.damping)]
         return list(pairwise(ends))
 
+    def stiffest_at(self, damping: float | str) -> float | None:
+        """Return the largest K of the curve at B = ``damping``, N/m, by linear interpolation; None beyond the curve."""
+        b = finite(damping, "damping", "N*s/m")
+        found = []
+        for first, last in self.pieces:
+            x, y = self.damping[first:last] - b, self.stiffness[first:last]
+            tiny = 1e-6 * float(self.damping.max())
+            found += y[np.abs(x) <= tiny].tolist()
+            k = np.flatnonzero(x[:-1] * x[1:] < 0.0)
+            found += (y[k] - x[k] * (y[k + 1] - y[k]) / (x[k + 1] - x[k])).tolist()
+        return max(found, default=None)
+
     def up_to(self, damping: float | str) -> Boundary:
         """Return the part of the curve up to B = ``damping``, N s/m."""
         selected = self.damping <= finite(damping, "damping", "N*s/m")

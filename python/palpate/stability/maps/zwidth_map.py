@@ -83,6 +83,12 @@ class ZWidth:
     never: tuple[str, ...] = ()
     min_stable_stiffness: float = 0.0
 
+    @property
+    def stiffest_here(self) -> float | None:
+        """Largest stable K with the damping of the scenario's object, N/m, to four digits; None if there is none."""
+        fine = None if self.corner is None else self.corner.edge.stiffest_at(self.here[0])
+        return next(iter(self.curves.values())).stiffest_at(self.here[0]) if fine is None else fine
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the boundaries, stiffness over damping, with the scenario's object, and return the axes.
 

@@ -15,6 +15,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from scripts import run_program
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)]
@@ -22,18 +23,6 @@ PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.m
 SLOW = {"docs/tutorials/press-tissue.md", "docs/how-to/deformable-bodies.md"}
 SLOW_PROGRAMS = {"docs/how-to/run-in-cpp.md"}
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
-
-# Runs in front of a page's blocks: every attempt to reach another machine fails.
-OFFLINE = """
-import socket
-import warnings
-
-def _offline(*_):
-    raise OSError("code blocks of the documentation must not use the network")
-
-socket.socket.connect = _offline
-warnings.simplefilter("ignore")
-"""
 
 
 def blocks(page: Path, language: str) -> list[tuple[int, str]]:
@@ -56,23 +45,11 @@ def name(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=name)
-def test_python_blocks_run(page: Path, tmp_path: Path) -> None:
+def test_python_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name(page) in SLOW and not NIGHTLY:
         pytest.skip("slow page: PALPATE_NIGHTLY=1 runs it")
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
-    source = tmp_path / "page.py"
-    source.write_text(f"{OFFLINE}\nexec(compile({program(page)!r}, {str(page)!r}, 'exec'))\n", "utf-8")
-    environment = {**os.environ, "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [sys.executable, source],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    run_program(program(page), str(page), tmp_path, monkeypatch)
 
 
 PROGRAMS = [(page, line, code) for page in PAGES for line, code in blocks(page, "cpp") if "int main(" in code]

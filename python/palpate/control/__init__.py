@@ -4,6 +4,14 @@ from palpate.control.controller import Controller
 from palpate.control.controller_forms import CommandController, as_controller, as_linear_controller
 from palpate.control.coupling import virtual_coupling
 from palpate.control.feedback_loop import closed_loop, closed_loop_matrix, loop_gain, spectral_radius
+from palpate.control.h_infinity import (
+    HInfinityDesign,
+    Robustness,
+    gap_margin,
+    h_infinity,
+    optimal_gap_margin,
+    robustness,
+)
 from palpate.control.kalman_filter import KalmanFilter, kalman
 from palpate.control.lead_lag_design import Compensator, lead_lag
 from palpate.control.lqg_design import lqg
@@ -13,20 +21,26 @@ __all__ = [
     "CommandController",
     "Compensator",
     "Controller",
+    "HInfinityDesign",
     "KalmanFilter",
     "Margins",
+    "Robustness",
     "as_controller",
     "as_linear_controller",
     "closed_loop",
     "closed_loop_matrix",
     "critical_gain",
     "gain_interval",
+    "gap_margin",
+    "h_infinity",
     "kalman",
     "lead_lag",
     "loop_gain",
     "loop_margins",
     "lqg",
     "margins",
+    "optimal_gap_margin",
+    "robustness",
     "spectral_radius",
     "virtual_coupling",
 ]

@@ -4,7 +4,7 @@ from palpate.control.controller import Controller
 from palpate.control.controller_forms import CommandController, as_controller, as_linear_controller
 from palpate.control.coupling import virtual_coupling
 from palpate.control.feedback_loop import closed_loop, closed_loop_matrix, loop_gain, spectral_radius
-from palpate.control.h_infinity import (
+from palpate.control.h_infinity_design import (
     HInfinityDesign,
     Robustness,
     gap_margin,

@@ -16,7 +16,6 @@ from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
-from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, SupportsFloat, overload
 
 from palpate.errors import ScenarioError
@@ -157,7 +156,11 @@ def _parse(value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise ValueError(f"{_shown(value)} is not a quantity; {_remedy(unit)}")
     if not isinstance(value, str):
-        if not math.isfinite(value):
+        try:
+            finite = math.isfinite(value)
+        except OverflowError:
+            raise ValueError(f"the integer is too large for a number; {_remedy(unit)}") from None
+        if not finite:
             raise ValueError(f"{value} is not a finite number; {_remedy(unit)}")
         if unit not in _PLAIN:
             raise ValueError(_without_unit(str(value), str(value), unit))
@@ -224,8 +227,6 @@ def _look_up(unit: str) -> _Unit | None:
     unit = unit.replace("·", "*").replace("µ", "μ").replace("Ω", "ohm")
     if len(unit) > 60 or not _UNIT.fullmatch(unit) or _LONG_INTEGER.search(unit):
         return None
-    import pint
-
     registry = _registry()
     try:
         parsed = registry.parse_units(unit)
@@ -233,7 +234,7 @@ def _look_up(unit: str) -> _Unit | None:
             return None
         factor, base = registry.get_root_units(parsed)
         dimension = frozenset((name, Fraction(str(power))) for name, power in parsed.dimensionality.items())
-    except (pint.PintError, ValueError, TypeError, AttributeError, TokenError, ArithmeticError):
+    except Exception:  # pint raises any exception on text that is no unit, KeyError and AssertionError among them
         return None
     powers = dict(base._units)
     grams = Fraction(str(powers.get("gram", 0)))  # pint's root unit of mass is the gram, SI's the kilogram

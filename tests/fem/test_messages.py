@@ -31,6 +31,7 @@ from palpate.fem import (
     parse_selector,
     sphere,
 )
+from resealed import changed
 
 from experiments.body_validation.__main__ import app as validation
 
@@ -250,20 +251,18 @@ def test_a_mistake_is_one_sentence(body: Body, wrong: Callable[[Body], object], 
     ("name", "value", "sentence"),
     [
         ("young", None, "not a complete body"),
-        ("points", 3.0, "points has the wrong type"),
+        ("points", 3.0, "not a complete body: points has the shape"),
         ("normals", np.zeros((81, 3)), "it holds invalid numbers"),
         ("areas", np.zeros(81), "it holds invalid numbers"),
-        ("record", "{}", "record has the wrong type"),
-        ("record", "{", "not a complete body"),
+        ("record", "{}", "its record names no source"),
+        ("record", "{", "record: not JSON"),
     ],
 )
 def test_a_file_that_holds_no_body_is_refused(
     file: Path, tmp_path: Path, name: str, value: object, sentence: str
 ) -> None:
-    import h5py
-
     broken = Path(shutil.copy(file, tmp_path / "broken.h5"))
-    with h5py.File(broken, "r+") as store:
+    with changed(broken) as store:
         if name == "record":
             store.attrs[name] = value
         else:

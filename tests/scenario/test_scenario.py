@@ -233,7 +233,7 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
         Scenario.from_file(large)
     with (tmp_path / "long.toml").open("wb") as file:
         file.truncate(5_000_000)
-    with pytest.raises(ScenarioError, match="larger than 4 MB"):
+    with pytest.raises(ScenarioError, match="has at most 4 MB"):
         Scenario.from_file(tmp_path / "long.toml")
 
 

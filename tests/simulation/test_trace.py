@@ -22,6 +22,7 @@ from palpate.metrics import summarize
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace, TraceError
 from palpate.simulation.trace_export import Channel
+from resealed import changed, reseal
 from scipy.io import loadmat
 
 PRESS: dict[str, Any] = {
@@ -181,15 +182,18 @@ def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="there is no such file"):
         Trace.load(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("time,angle\n")
-    with pytest.raises(TraceError, match="not a readable trace"):
+    with pytest.raises(TraceError, match="not an HDF5 file"):
         Trace.load(tmp_path / "text.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1
+    with pytest.raises(TraceError, match="no checksum at its end"):
+        Trace.load(tmp_path / "other.h5")
+    reseal(tmp_path / "other.h5")
     with pytest.raises(TraceError, match="not a trace of palpate"):
         Trace.load(tmp_path / "other.h5")
     whole = small().save(tmp_path / "whole.h5").read_bytes()
     (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(TraceError, match="not a readable trace"):
+    with pytest.raises(TraceError, match="no checksum at its end: truncated"):
         Trace.load(tmp_path / "cut.h5")
 
 
@@ -199,7 +203,7 @@ def test_a_file_that_is_no_trace_says_so(tmp_path: Path) -> None:
 def test_a_trace_of_another_shape_says_so(damage: str, tmp_path: Path) -> None:
     """Whatever h5py meets in a file that claims to be a trace ends in one sentence."""
     path = small(metadata={"version": "1"}).save(tmp_path / "trace.h5")
-    with h5py.File(path, "a") as file:
+    with changed(path) as file:
         if damage == "no unit":
             del file["channels/deflection"].attrs["unit"]
         elif damage == "nested metadata":
@@ -211,7 +215,7 @@ def test_a_trace_of_another_shape_says_so(damage: str, tmp_path: Path) -> None:
             del file["time" if damage == "no time" else "channels"]
             if damage == "a list of channels":
                 file["channels"] = [1.0]
-    with pytest.raises(TraceError, match=r"trace\.h5: not a readable trace: "):
+    with pytest.raises(TraceError, match=r"trace\.h5: (not a complete trace|metadata version: not JSON)"):
         Trace.load(path)
 
 

@@ -7,14 +7,14 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from palpate.errors import PalpateWarning
+from palpate.errors import PalpateWarning, printable
 
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")]
 OutFolder = Annotated[
@@ -23,8 +23,18 @@ OutFolder = Annotated[
 ]
 
 COLORS = {"good": "green", "note": "yellow", "bad": "red"}  # of the tone of a verdict
-output = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+
+
+class SafeConsole(Console):
+    """Console that shows the control characters of a text escaped, so that a terminal does not obey them."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as `rich.console.Console.print`."""
+        super().print(*(printable(one) if isinstance(one, str) else one for one in objects), **options)
+
+
+output = SafeConsole(highlight=False)
+errors = SafeConsole(stderr=True, highlight=False)
 
 
 def print_paths(paths: Iterable[Path]) -> None:
@@ -64,7 +74,7 @@ def progress(text: str) -> Iterator[Callable[[str, float], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=30), TimeElapsedColumn())
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task(text, total=1.0)
-        yield lambda now, fraction: bar.update(task, description=now, completed=fraction)
+        yield lambda now, fraction: bar.update(task, description=escape(printable(now)), completed=fraction)
 
 
 @contextmanager
@@ -77,8 +87,8 @@ def stages(text: str) -> Iterator[Callable[[str, float], None]]:
         def tell(next_text: str, _fraction: float) -> None:
             nonlocal now, begin
             done, (now, begin) = (now, begin), (next_text, time.perf_counter())
-            errors.print(f"  {done[0]} [dim]{begin - done[1]:.1f} s[/]", soft_wrap=True)
-            bar.reset(task, description=next_text, total=None)
+            errors.print(f"  {escape(done[0])} [dim]{begin - done[1]:.1f} s[/]", soft_wrap=True)
+            bar.reset(task, description=escape(printable(next_text)), total=None)
 
         yield tell
         tell("", 1.0)

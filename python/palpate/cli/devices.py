@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from palpate.cli.console import output
+from palpate.errors import printable
 
 
 def devices(
@@ -25,7 +26,7 @@ def devices(
         table = Table("name", "degrees of freedom", "description", box=None, pad_edge=False)
         for known in names():
             device = load(known)
-            table.add_row(known, str(device.dof), device.description)
+            table.add_row(known, str(device.dof), escape(device.description))
         output.print(table)
         output.print("\nYour own is a TOML file of the same kind: palpate devices path/to/file.toml", style="dim")
         return
@@ -35,8 +36,8 @@ def devices(
     table = Table("number", "value", "source", "note", box=None, pad_edge=False)
     for number in numbers:
         mark = f"[{sources.index(number.source) + 1}]"
-        table.add_row(number.key, escape(number.text), escape(mark), escape(number.note))
-    output.print(f"[bold]{device.name}[/]: {device.description}\n")
+        table.add_row(*(escape(printable(text)) for text in (number.key, number.text, mark, number.note)))
+    output.print(f"[bold]{escape(device.name)}[/]: {escape(device.description)}\n")
     output.print(table)
     output.print()
     for index, source in enumerate(sources, start=1):

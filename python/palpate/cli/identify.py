@@ -47,9 +47,8 @@ def identify(
         else:
             result = identify_recording(recording, device, out, write=write, progress=lambda text: tell(text, 0.5))
     if simulate:
-        output.print(
-            f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}", soft_wrap=True
-        )
+        said = f"wrote {path}: 20 s of {device}, simulated with encoder counts and noise, seed {seed}"
+        output.print(said, markup=False, soft_wrap=True)
         return
     output.print(result["summary"], markup=False, soft_wrap=True)
     print_paths(path for path in (out and out / "identification.json", write) if path)

@@ -12,7 +12,7 @@ import typer
 
 from palpate.cli.console import output
 from palpate.errors import OutputError
-from palpate.files import atomic_write
+from palpate.files import write_text
 
 
 class Template(StrEnum):
@@ -50,5 +50,5 @@ def new(
         raise OutputError(f"{path}: a file of that name is there; choose another name, or delete it")
     text = resources.files("palpate.cli").joinpath("templates", template).read_text("utf-8")
     text = text.replace("{name}", stem).replace("{file}", str(path))
-    atomic_write(path, lambda part: part.write_text(text, "utf-8"))
+    write_text(path, text)
     output.print(f"{path}: try it with", use.format(file=path), markup=False, soft_wrap=True)

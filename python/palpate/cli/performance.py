@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from rich.markup import escape
+
 from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
 from palpate.cli.settings import Settings, load_scenario
-from palpate.files import write_folder
+from palpate.files import default_name, write_folder
 
 
 def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None) -> None:
@@ -25,9 +27,9 @@ def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Setting
         found = measure_performance(loaded, progress=tell)
         tell("drawing", 0.9)
         page = performance_page(found)
-        folder = out if out is not None else Path("results") / scenario.stem
+        folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"performance.html": page.save, "performance.json": found.save})
-    output.print(f"[bold]{loaded.title}[/]")
+    output.print(f"[bold]{escape(loaded.title)}[/]")
     for one in found.along:
         where = ", ".join(f"{part:.3g}" for part in one.direction)
         stiffness, transparent = one.static_stiffness, one.transparency_bandwidth

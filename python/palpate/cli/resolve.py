@@ -9,6 +9,7 @@ import typer
 
 from palpate.cli.console import ScenarioFile, print_paths, progress
 from palpate.cli.settings import Settings, load_scenario
+from palpate.files import default_name
 
 
 def resolve(
@@ -31,6 +32,7 @@ def resolve(
         from palpate.simulation.loop_config import resolve as write
 
         folder = write(
-            load_scenario(scenario, settings), out if out is not None else Path("results") / scenario.stem / "loop"
+            load_scenario(scenario, settings),
+            out if out is not None else Path("results") / default_name(scenario) / "loop",
         )
     print_paths(sorted(folder.iterdir()))

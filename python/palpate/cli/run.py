@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,7 @@ from rich.markup import escape
 
 from palpate.cli.console import COLORS, output, progress
 from palpate.cli.settings import Settings, load_scenario
-from palpate.files import write_folder
+from palpate.files import default_name, write_folder, write_json
 
 __all__ = ["run"]
 
@@ -47,13 +46,12 @@ def run(
         summary = summarize(trace)
         page = run_page(trace, summary)
         tell("writing", 0.9)
-        text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        folder = out if out is not None else Path("results") / scenario.stem
+        folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(
             folder,
             {
                 "trace.h5": trace.save,
-                "summary.json": lambda path: path.write_text(text, "utf-8"),
+                "summary.json": lambda path: write_json(path, summary, indent=2),
                 "report.html": page.save,
             },
         )

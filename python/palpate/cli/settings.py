@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from palpate.errors import ScenarioError
+from palpate.files import load_toml
 
 if TYPE_CHECKING:
     from palpate.scenario import Scenario
@@ -39,7 +39,7 @@ def _values(texts: Sequence[str]) -> dict[str, Any]:
         if not equals or not key.strip():
             raise ScenarioError(f'--set "{text}": write it as --set object.stiffness="2 N/mm"')
         try:
-            settings[key.strip()] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+            settings[key.strip()] = load_toml(f"value = {value}", ScenarioError, "--set")["value"]
+        except ScenarioError:
             settings[key.strip()] = value.strip()
     return settings

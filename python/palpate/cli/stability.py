@@ -12,7 +12,7 @@ from rich.markup import escape
 from palpate.cli.console import COLORS, output, progress
 from palpate.cli.settings import Settings, load_scenario
 from palpate.errors import ScenarioError
-from palpate.files import write_folder
+from palpate.files import default_name, write_folder, write_text
 
 __all__ = ["certify", "workspace", "zwidth"]
 
@@ -38,18 +38,18 @@ def certify(
         loaded = load_scenario(scenario, settings)
         tell("judging the loop", 0.1)
         certificate = judge(loaded)
-        folder = out if out is not None else Path("results") / scenario.stem
+        folder = out if out is not None else Path("results") / default_name(scenario)
         writers: dict[str, Callable[[Path], object]] = {"certificate.json": certificate.save}
         example = certificate.counter_example
         if example is not None:
             text = example.toml()
-            writers["counter-example.toml"] = lambda path: path.write_text(text, "utf-8")
+            writers["counter-example.toml"] = lambda path: write_text(path, text)
         paths = write_folder(folder, writers)
     state = certificate.verdict.state
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {COLORS[state.tone]}]{state.label}[/]")
     output.print(str(certificate), markup=False, soft_wrap=True)
     for path in paths:
-        output.print(f"  {path}", style="dim")
+        output.print(f"  {path}", style="dim", markup=False)
     if not certificate.stable:
         raise typer.Exit(1)
 
@@ -77,9 +77,9 @@ def zwidth(
         found = map_of(loaded, simulated=simulate, progress=tell)
         tell("drawing", 0.95)
         page = zwidth_page(found)
-        folder = out if out is not None else Path("results") / scenario.stem
+        folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"zwidth.html": page.save, "zwidth.json": found.save})
-    output.print(f"[bold]{loaded.title}[/]")
+    output.print(f"[bold]{escape(loaded.title)}[/]")
     for name, curve in found.curves.items():
         b, k = curve.stiffest
         output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
@@ -95,7 +95,7 @@ def zwidth(
         off = f"at most {100 * found.simulated.furthest:.2g} % of the map off the exact curve"
         output.print(f"  simulated boundary ({found.simulated.runs:,} runs): {off}", markup=False, soft_wrap=True)
     for path in paths:
-        output.print(f"  {path}", style="dim")
+        output.print(f"  {path}", style="dim", markup=False)
 
 
 def workspace(
@@ -127,9 +127,9 @@ def workspace(
         found = map_of(loaded, poses=poses, progress=tell)
         tell("drawing", 0.96)
         page = workspace_page(found)
-        folder = out if out is not None else Path("results") / Path(subject).name.removesuffix(".toml")
+        folder = out if out is not None else Path("results") / default_name(subject)
         paths = write_folder(folder, {"workspace.html": page.save, "workspace.json": found.save})
-    output.print(f"[bold]{found.title}[/]: {found.loop}", soft_wrap=True)
+    output.print(f"[bold]{escape(found.title)}[/]: {escape(found.loop)}", soft_wrap=True)
     output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:
-        output.print(f"  {path}", style="dim")
+        output.print(f"  {path}", style="dim", markup=False)

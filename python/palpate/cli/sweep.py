@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from palpate.cli.console import ScenarioFile, errors, output, print_paths, progress
 from palpate.cli.settings import Settings, load_scenario
+from palpate.files import default_name
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -53,7 +54,7 @@ def sweep(
     Example: palpate sweep scenarios/slider-wall-stable.toml --over "object.stiffness=50 N/m..150 N/m:50"
     --over "object.damping=0 N*s/m..0.2 N*s/m:20"
     """
-    path = out if out is not None else Path("results") / f"{scenario.stem}-sweep.h5"
+    path = out if out is not None else Path("results") / f"{default_name(scenario)}-sweep.h5"
     try:
         with ExitStack() as stack:
             tell = stack.enter_context(progress("reading the scenario"))
@@ -75,7 +76,7 @@ def sweep(
                 progress=tell,
             )
     except KeyboardInterrupt:
-        errors.print(f"stopped: {path} has the cells that are done; the same command continues")
+        errors.print(f"stopped: {escape(str(path))} has the cells that are done; the same command continues")
         raise typer.Exit(130) from None
     idle = part is not None and part[0] > found.plan.chunks
     page = None
@@ -123,7 +124,7 @@ def _print_result(found: Sweep, path: Path, shard: str | None, idle: bool) -> No
     if not idle:
         counts = ", ".join(f"{count:,} {state.label}" for state, count in zip(State, tally(path), strict=True) if count)
         output.print(f"  {counts}", soft_wrap=True)
-        output.print(f"  {found.excitation}", style="dim", soft_wrap=True)
+        output.print(f"  {found.excitation}", style="dim", markup=False, soft_wrap=True)
     print_paths([path])
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from palpate.devices.device import Device, Parameters
 from palpate.devices.mechanisms import MECHANISMS, Field
-from palpate.errors import DeviceError, PalpateError
-from palpate.files import find_line
+from palpate.errors import DeviceError, PalpateError, shorten
+from palpate.files import find_line, load_toml, read_utf8
 from palpate.units import parse_quantity
 
 
@@ -69,6 +68,8 @@ class IdentifiedModel:
 
 # Numbers of a device file, by mechanism. A name is "section.key", or a key at the top of the file.
 FIELDS: dict[str, dict[str, Field]] = {name: mechanism.fields for name, mechanism in MECHANISMS.items()}
+_MOST_MISTAKES = 50  # that are reported
+_LARGEST = 1e9  # SI, of any number of a device
 _TEXTS = ("name", "description", "mechanism", "based_on", "identified_model")
 
 
@@ -134,19 +135,12 @@ def identified_model(device: Device) -> IdentifiedModel:
 
 @lru_cache(maxsize=8)
 def _identified(name: str, dof: int) -> IdentifiedModel:
-    path = resources.files("palpate.devices").joinpath("identified", f"{name}.toml")
-    if path.is_file():
-        text, where = path.read_text("utf-8"), f"identified model {name}"
+    folder = resources.files("palpate.devices").joinpath("identified")
+    if name in {file.name.removesuffix(".toml") for file in folder.iterdir()}:
+        text, where = folder.joinpath(f"{name}.toml").read_text("utf-8"), f"identified model {name}"
     else:
-        try:
-            text, where = Path(name).read_text("utf-8"), name
-        except (OSError, UnicodeDecodeError) as problem:
-            reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
-            raise DeviceError(f"{name}: the file of the identified model cannot be read: {reason}") from None
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise DeviceError(f"{where}: not valid TOML: {problem}") from None
+        text, where = read_utf8(name, DeviceError, kind="the file of the identified model"), name
+    tables = load_toml(text, DeviceError, where)
     for key in ("name", "description", "source", "period", "a", "b", "c"):
         if key not in tables:
             raise DeviceError(f"{where}: {key} is missing")
@@ -173,29 +167,33 @@ def _matrix(rows: Any, shape: tuple[int, int], at: str) -> NDArray[np.float64]:
 
 def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
     """Return the location of a file and its tables, merged into those of the device on which it is based."""
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise DeviceError(f"{where}: not valid TOML: {problem}") from None
+    tables = load_toml(text, DeviceError, where)
     if "based_on" in tables:
         base = tables["based_on"]
-        if base not in names():
+        if not isinstance(base, str) or base not in names():
             known = ", ".join(names())
             raise DeviceError(f"{where}: based_on must be a device of the catalog ({known}), not {base!r}")
         _, merged = _tables(*_text(base))
         for key, value in tables.items():
             table = isinstance(value, dict) and key != "servo_period"
-            merged[key] = {**merged.get(key, {}), **value} if table else value
+            merged[key] = {**_table(merged.get(key)), **value} if table else value
         tables = merged
     absent = [key for key in ("name", "description", "mechanism") if not isinstance(tables.get(key), str)]
     if absent:
         raise DeviceError(
             "\n".join(f'{where}: {key} is missing; write {key} = "…" at the top of the file' for key in absent)
         )
+    sources = tables.get("sources", {})
+    if not isinstance(sources, dict) or not all(isinstance(text, str) for text in sources.values()):
+        raise DeviceError(f"{where}: sources must be a table of texts, written [sources]")
     if tables["mechanism"] not in MECHANISMS:
         known = " or ".join(", ".join(f'"{m}"' for m in MECHANISMS).rsplit(", ", 1))
         raise DeviceError(f"{where}: mechanism must be {known}, not {tables['mechanism']!r}")
     return where, tables
+
+
+def _table(value: object) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -215,11 +213,7 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
             f"there is no device {name!r} in the catalog ({', '.join(names())}); "
             f"{hint} your own, give the path of a .toml file"
         )
-    try:
-        return path.read_text("utf-8"), str(path)
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
-        raise DeviceError(f"{path}: the device file cannot be read: {reason}") from None
+    return read_utf8(path, DeviceError, kind="the device's file (.toml)"), str(path)
 
 
 def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
@@ -240,11 +234,11 @@ def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
         place = where if line is None else f"{where}, line {line}"
         mistakes.append((line or 0, f"{place}: {sentence}"))
 
-    for name in entries:
-        if name not in fields:
-            close = difflib.get_close_matches(name, fields, 1)
-            add(name, f"unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
-    meant = {match for name in entries if name not in fields for match in difflib.get_close_matches(name, fields, 1)}
+    unknown = [name for name in entries if name not in fields][:_MOST_MISTAKES]
+    for name in unknown:
+        close = difflib.get_close_matches(name, fields, 1)
+        add(name, f"unknown key {name}" + (f"; did you mean {close[0]}?" if close else ""))
+    meant = {match for name in unknown for match in difflib.get_close_matches(name, fields, 1)}
     for name, field in fields.items():
         if field.required and name not in entries and name not in meant:
             add(name, f"{name} is missing (a value in {field.unit})")
@@ -256,7 +250,7 @@ def _numbers(where: str, tables: Mapping[str, Any], text: str) -> list[Number]:
             except DeviceError as problem:
                 add(name, str(problem))
     if mistakes:
-        raise DeviceError("\n".join(sentence for _, sentence in sorted(mistakes)))
+        raise DeviceError("\n".join(shorten(sentence) for _, sentence in sorted(mistakes)[:_MOST_MISTAKES]))
     return numbers
 
 
@@ -273,11 +267,15 @@ def _number(name: str, entry: Any, field: Field, sources: Mapping[str, str]) -> 
         values = parse_quantity(value, field.unit, name, size=field.size, error=DeviceError)
     else:
         values = (parse_quantity(value, field.unit, name, error=DeviceError),)
+    if max(map(abs, values)) > _LARGEST:
+        raise DeviceError(f"{name} is {max(values, key=abs):g} {field.unit}, which no device has: check its unit")
     smallest = f"{min(values):g} {field.unit}".rstrip()
     if field.range == "nonnegative" and min(values) < 0.0:
         raise DeviceError(f"{name} is {smallest}; it must not be negative")
     if field.range == "positive" and min(values) <= 0.0:
         raise DeviceError(f"{name} is {smallest}; it must be positive")
-    source = str(entry["source"])
+    if not isinstance(entry["source"], str):
+        raise DeviceError(f"{name}: source must be text: a key of [sources], or the reference")
+    source = entry["source"]
     shown = ", ".join(str(v) for v in value) if isinstance(value, list) else str(value)
     return Number(name, values, field.unit, shown, sources.get(source, source), str(entry.get("note", "")))

@@ -201,7 +201,11 @@ class Device:
         inertia = inertia[np.isfinite(inertia).all(axis=(1, 2))]  # a closed loop cannot be assembled at some poses
         if not len(inertia):
             raise DeviceError("the mechanism cannot be assembled at any pose: check its lengths")
-        if np.linalg.eigvalsh(inertia).min() <= 0.0:
+        try:
+            least = np.linalg.eigvalsh(inertia).min()
+        except np.linalg.LinAlgError:  # numbers near the largest one
+            least = 0.0
+        if least <= 0.0:
             raise DeviceError("the inertia matrix is not positive definite at every pose: check masses and inertias")
 
     # kinematics

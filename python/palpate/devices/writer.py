@@ -10,7 +10,7 @@ from pathlib import Path
 from palpate.devices.catalog import parse_device
 from palpate.devices.device import Device
 from palpate.errors import OutputError
-from palpate.files import as_path, atomic_write
+from palpate.files import as_path, write_text
 
 
 def write_device(
@@ -37,7 +37,7 @@ def write_device(
     """
     text = _text(device, sources, source_of, notes or {}, comments)
     parse_device(text, str(as_path(path, OutputError)))
-    return atomic_write(path, lambda part: part.write_text(text, "utf-8"))
+    return write_text(path, text)
 
 
 def _text(

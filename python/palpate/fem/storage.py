@@ -9,16 +9,18 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
-import h5py
 import numpy as np
 
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import SURFACES, VOLUMES
-from palpate.files import HDF5_SIGNATURE, as_path, atomic_write, check_readable, check_writable
+from palpate.files import HDF5_SIGNATURE, as_path, begins_with, check_readable, check_writable
+from palpate.files.hdf5_input import open_sealed
+from palpate.files.hdf5_output import write_hdf5
+from palpate.files.json_text import load_table
 
 _FORMAT: Final = "palpate body"
-VERSION: Final = 3
+VERSION: Final = 4
 _UNITS: Final = {
     "points": "m",
     "areas": "m^2",
@@ -27,6 +29,42 @@ _UNITS: Final = {
     "frequencies": "rad/s",
     "vertices": "m",
     "young": "Pa",
+}
+# array: (kinds of its type, dimensions)
+_ARRAYS: Final = {
+    "points": ("f", 2),
+    "triangles": ("iu", 2),
+    "contact_triangles": ("b", 1),
+    "nodes": ("iu", 1),
+    "normals": ("f", 2),
+    "areas": ("f", 1),
+    "compliance": ("f", 2),
+    "frequencies": ("f", 1),
+    "shapes": ("f", 2),
+    "vertices": ("f", 2),
+    "tetrahedra": ("iu", 2),
+    "young": ("f", 1),
+    "dirichlet": ("b", 1),
+}
+_NUMBER: Final = (int, float)
+_RECORD: Final[dict[str, tuple[Any, Any]]] = {  # entry: (its type, type of its own entries)
+    **dict.fromkeys(("source", "skin", "touch", "unit"), (str, str)),
+    **dict.fromkeys(("regions", "fixed"), (list, str)),
+    **dict.fromkeys(("order", "tetrahedra", "nodes", "unknowns", "modes"), (int, int)),
+    **dict.fromkeys(("young_Pa", "poisson", "density_kg_per_m3", "volume_m3"), (_NUMBER, int)),
+    **dict.fromkeys(("memory_bytes", "operations", "scaled_stiffness"), (_NUMBER, int)),
+    "seconds": (dict, _NUMBER),
+    "versions": (dict, str),
+}
+# quantity: (smallest, largest), SI; beyond the properties of any body that is built
+_RANGES: Final = {
+    "areas": (1e-18, 1e2),
+    "young": (1e-3, 1e15),
+    "frequencies": (1e-9, 1e12),
+    "points": (-1e4, 1e4),
+    "vertices": (-1e4, 1e4),
+    "compliance": (-1e6, 1e6),
+    "shapes": (-1e12, 1e12),
 }
 
 
@@ -66,56 +104,56 @@ def check_target(path: str | Path) -> None:
 def write(contents: BodyData, path: str | Path) -> Path:
     """Write a body to `path` (.h5) atomically. Raise as `check_target`."""
     check_target(path)
+    arrays = {field.name: getattr(contents, field.name) for field in fields(contents) if field.name != "record"}
 
-    def fill(part: Path) -> None:
-        with h5py.File(part, "w") as store:
-            store.attrs["format"] = _FORMAT
-            store.attrs["version"] = VERSION
-            store.attrs["record"] = json.dumps(contents.record)
-            for field in fields(contents):
-                if field.name != "record":
-                    data = store.create_dataset(field.name, data=getattr(contents, field.name))
-                    if field.name in _UNITS:
-                        data.attrs["unit"] = _UNITS[field.name]
+    def fill(store: Any) -> None:
+        store.attrs["format"] = _FORMAT
+        store.attrs["version"] = VERSION
+        store.attrs["record"] = json.dumps(contents.record, allow_nan=False)
+        for name, array in arrays.items():
+            data = store.create_dataset(name, data=array, track_times=False)
+            if name in _UNITS:
+                data.attrs["unit"] = _UNITS[name]
 
-    return atomic_write(path, fill)
+    return write_hdf5(path, fill, reserve=sum(array.nbytes for array in arrays.values()))
 
 
 def read(path: str | Path) -> BodyData:
     """Read a body. Raise BodyError if the file is missing, incomplete, or not a body."""
     file = check_readable(path, BodyError, kind="the body's file (.h5)", otherwise="palpate body build makes one")
     _check_signature(file)
-    try:
-        with h5py.File(file, "r") as store:
-            if store.attrs.get("format") != _FORMAT:
-                raise BodyError(f"{file}: an HDF5 file, but not a body; palpate body build makes a body")
-            if store.attrs.get("version") != VERSION:
-                raise BodyError(
-                    f"{file}: written in version {store.attrs.get('version')} of the format; "
-                    f"this palpate reads version {VERSION}: build it again"
-                )
-            record = json.loads(store.attrs["record"])
-            arrays = {f.name: np.asarray(store[f.name]) for f in fields(BodyData) if f.name != "record"}
-    except (OSError, KeyError, ValueError) as problem:
-        if isinstance(problem, BodyError):
-            raise
-        missing = "" if isinstance(problem, OSError) else f" ({problem})"
-        raise BodyError(f"{file}: not a complete body, perhaps truncated{missing}; build it again") from None
+    with open_sealed(file, BodyError, "body", "build it again") as store:
+        if store.text_attribute("format", default="") != _FORMAT:
+            raise BodyError(f"{file}: an HDF5 file, but not a body; palpate body build makes a body")
+        if (version := store.number_attribute("version", default=0)) != VERSION:
+            raise BodyError(
+                f"{file}: written in version {version:g} of the format; this palpate reads version {VERSION}: "
+                "build it again"
+            )
+        record = load_table(store.text_attribute("record"), BodyError, f"{file}: record")
+        arrays = {name: store.array(name, kinds, ndim) for name, (kinds, ndim) in _ARRAYS.items()}
+    _check_record(record, file)
     contents = BodyData(**arrays, record=record)
     _check(contents, file)
     return contents
 
 
+def _check_record(record: Mapping[str, Any], file: Path) -> None:
+    """Raise BodyError if an entry of the build record has another type than a build writes."""
+    if "source" not in record:
+        raise BodyError(f"{file}: its record names no source; build the body again")
+    for name, (kind, inner) in _RECORD.items():
+        value = record.get(name)
+        entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+        if value is not None and not (isinstance(value, kind) and all(isinstance(entry, inner) for entry in entries)):
+            raise BodyError(f"{file}: the entry {name} of its record has the wrong type; build the body again")
+
+
 def _check_signature(file: Path) -> None:
     """Raise BodyError with a remedy if a file is not HDF5."""
-    try:
-        with file.open("rb") as opened:
-            signature = opened.read(len(HDF5_SIGNATURE))
-    except OSError as problem:
-        raise BodyError(f"{file}: cannot be read: {problem.strerror}") from None
-    if signature == HDF5_SIGNATURE:
+    if begins_with(file, HDF5_SIGNATURE):
         return
-    if not signature:
+    if file.stat().st_size == 0:
         raise BodyError(f"{file}: an empty file; palpate body build makes a body")
     if file.suffix.lower() in (*SURFACES, *VOLUMES):
         raise BodyError(
@@ -127,10 +165,6 @@ def _check_signature(file: Path) -> None:
 
 def _check(c: BodyData, file: Path) -> None:
     """Raise BodyError if an array has the wrong type, shape or values."""
-    arrays = {field.name: getattr(c, field.name) for field in fields(c) if field.name != "record"}
-    broken = [name for name, array in arrays.items() if array.ndim == 0 or array.dtype.kind not in "bifu"]
-    if broken or not isinstance(c.record, dict) or "source" not in c.record:
-        raise BodyError(f"{file}: {broken[0] if broken else 'record'} has the wrong type; build the body again")
     n, s = len(c.nodes), len(c.points)
     shapes = (
         c.points.shape == (s, 3)
@@ -144,18 +178,21 @@ def _check(c: BodyData, file: Path) -> None:
         and c.tetrahedra.shape == (len(c.young), 4)
         and c.vertices.shape == (len(c.dirichlet), 3)
     )
-    if not shapes or n == 0:
+    if not shapes or n == 0 or len(c.tetrahedra) == 0:
         raise BodyError(f"{file}: the shapes of its arrays do not match; build the body again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
-    numbers = (c.points, c.normals, c.areas, c.compliance, c.frequencies, c.shapes, c.vertices, c.young)
-    finite = all(np.isfinite(a).all() for a in numbers)
+    finite = all(np.isfinite(array).all() for array in (c.normals, *(getattr(c, name) for name in _RANGES)))
+    plausible = finite and all(
+        array.size == 0 or (array.min() >= low and array.max() <= high)
+        for array, (low, high) in ((getattr(c, name), limits) for name, limits in _RANGES.items())
+    )
     in_range = (
         indices.min() >= 0 and indices.max() < s and c.tetrahedra.min() >= 0 and c.tetrahedra.max() < len(c.vertices)
     )
-    positive = all((a > 0).all() for a in (np.diag(c.compliance), c.areas, c.young, c.frequencies))
+    positive = (np.diag(c.compliance) > 1e-15).all()
     outward = np.abs(np.linalg.norm(c.normals, axis=1) - 1.0).max() < 1e-6 if finite else False
-    if not (finite and in_range and positive and outward):
+    if not (plausible and in_range and positive and outward):
         raise BodyError(
-            f"{file}: it holds invalid numbers (not finite, a stiffness or area that is not positive, or an index out "
-            "of range); build the body again"
+            f"{file}: it holds invalid numbers (not finite, a stiffness or area that no body has, or an index out of "
+            "range); build the body again"
         )

@@ -5,17 +5,21 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TextIO
 
 import numpy as np
 
 from palpate.arrays import Array
-from palpate.errors import RecordingError
+from palpate.errors import RecordingError, shorten
+from palpate.files.json_text import load_table
 from palpate.identification.channel_units import CHANNELS, channel_scale
 from palpate.identification.samples import MINIMUM_SAMPLES, Columns, check_samples
 
 _HEADER = re.compile(r"^\s*([A-Za-z_]+?)\s*_?(\d*)\s*(?:\[\s*(.*?)\s*\])?\s*$")
+_LARGEST = 200_000_000  # bytes
 _NAMES = {
     "time": ("time", "t"),
     "angle": ("theta", "angle", "q", "position", "x"),
@@ -82,19 +86,16 @@ def _read_table(file: Path) -> _Table:
     rows: list[list[float]] = []
     lines: list[int] = []
     header: list[str] | None = None
-    with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+    with _open(file) as stream:
         reader = csv.reader(stream)
-        for fields in reader:
+        for fields in _rows(reader, file):
             where = f"{file}, line {reader.line_num}"
             if not any(cell.strip() for cell in fields):
                 continue
             if fields[0].startswith("#"):
                 text = ",".join(fields)[1:].strip()
                 if text.startswith("{"):
-                    try:
-                        metadata = json.loads(text)
-                    except json.JSONDecodeError as error:
-                        raise RecordingError(f"{where}: the metadata is not JSON ({error.msg})") from None
+                    metadata = load_table(text, RecordingError, f"{where}: metadata")
                 continue
             if header is None:
                 header = fields
@@ -113,13 +114,35 @@ def _read_table(file: Path) -> _Table:
     return _Table(header, rows, lines, metadata)
 
 
+@contextmanager
+def _open(file: Path) -> Iterator[TextIO]:
+    """Open a CSV file of bounded size. Raise RecordingError for errors of the system."""
+    if file.stat().st_size > _LARGEST:
+        raise RecordingError(f"{file}: larger than {_LARGEST / 1e6:g} MB; save a recording of that length as .h5")
+    try:
+        with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+            yield stream
+    except OSError as problem:
+        raise RecordingError(f"{file}: cannot be read: {problem.strerror}") from None
+
+
+def _rows(reader: Any, file: Path) -> Iterator[list[str]]:
+    """Yield the fields of each line. Raise RecordingError for a line that is no CSV."""
+    try:
+        yield from reader
+    except csv.Error as problem:  # a field of more than 131,072 characters, a null character
+        raise RecordingError(f"{file}, line {reader.line_num}: not CSV: {problem}") from None
+
+
 def _refuse_text(fields: list[str], header: list[str], where: str) -> NoReturn:
     """Raise RecordingError, naming the first field that is not a number."""
     for cell, name in zip(fields, header, strict=True):
         try:
             float(cell)
         except ValueError:
-            raise RecordingError(f"{where}: '{cell.strip()}' in column '{name.strip()}' is not a number") from None
+            raise RecordingError(
+                f"{where}: '{shorten(cell.strip(), 60)}' in column '{shorten(name.strip(), 60)}' is not a number"
+            ) from None
     raise AssertionError("every field is a number")
 
 

@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import h5py
-import numpy as np
-
 from palpate.arrays import Array
 from palpate.errors import RecordingError
+from palpate.files import hdf5_output
+from palpate.files.hdf5_input import Hdf5Reader, open_foreign
+from palpate.files.json_text import load_table
 from palpate.identification.channel_units import channel_scale
 from palpate.identification.samples import Columns
 
@@ -30,20 +30,17 @@ class _Channel(NamedTuple):
 
 def read_hdf5(file: Path) -> Columns:
     """Return the samples of a file. Raise RecordingError, naming the channel, if one is missing or has no unit."""
-    with h5py.File(file, "r") as store:
-        data = {name: _find(store, name) for name in _DESCRIPTIONS}
+    with open_foreign(file, RecordingError, "recording") as store:
+        places = {name: _place(store, name) for name in _DESCRIPTIONS}
         for name in ("time", "angle", "torque"):
-            if data[name] is None:
+            if not places[name]:
                 raise RecordingError(
                     f"{file}: there is no channel '{name}' (a palpate trace has time, angle and torque)"
                 )
-        time, angle, torque = (_channel(data[name], name, file) for name in ("time", "angle", "torque"))
-        excitation = None if data["excitation"] is None else _channel(data["excitation"], "excitation", file)
-        try:
-            metadata = json.loads(store.attrs.get("metadata", "{}"))
-        except (json.JSONDecodeError, TypeError):
-            metadata = {}
-        period = float(store.attrs.get("period", 0.0))
+        time, angle, torque = (_channel(store, name, places[name]) for name in ("time", "angle", "torque"))
+        excitation = _channel(store, "excitation", places["excitation"]) if places["excitation"] else None
+        metadata = load_table(store.text_attribute("metadata", default="{}"), RecordingError, f"{file}: metadata")
+        period = store.number_attribute("period", default=0.0)
     if angle.slides != torque.slides:
         raise RecordingError(f"{file}: rad goes with N*m and m with N, not '{angle.unit}' with '{torque.unit}'")
     return Columns(
@@ -51,17 +48,18 @@ def read_hdf5(file: Path) -> Columns:
         angle.values,
         torque.values,
         period,
-        {**(metadata if isinstance(metadata, dict) else {}), "file": file.name},
+        {**metadata, "file": file.name},
         None if excitation is None else excitation.values,
         ("m", "N") if angle.slides else ("rad", "N*m"),
     )
 
 
-def write_hdf5(recording: Columns, path: Path) -> None:
-    """Write every channel with its unit and a description."""
+def write_hdf5(recording: Columns, path: Path) -> Path:
+    """Write every channel with its unit and a description, atomically."""
     angle_unit, torque_unit = recording.units
     units = {"time": "s", "angle": angle_unit, "torque": torque_unit, "excitation": torque_unit}
-    with h5py.File(path, "w") as store:
+
+    def fill(store: Any) -> None:
         for name, unit in units.items():
             values = getattr(recording, name)
             if values is not None:
@@ -71,15 +69,15 @@ def write_hdf5(recording: Columns, path: Path) -> None:
         store.attrs["period"] = recording.period
         store.attrs["metadata"] = json.dumps(recording.metadata)
 
-
-def _find(store: Any, name: str) -> h5py.Dataset | None:
-    """Return a data set at the root or under `channels`; None if there is none."""
-    places = (store.get(place) for place in (name, f"channels/{name}"))
-    return next((data for data in places if isinstance(data, h5py.Dataset)), None)
+    return hdf5_output.write_hdf5(path, fill)
 
 
-def _channel(data: h5py.Dataset, name: str, file: Path) -> _Channel:
-    unit = data.attrs.get("unit", data.attrs.get("units", ""))
-    text = unit.decode() if isinstance(unit, bytes) else str(unit)
-    scale, slides = channel_scale(name, text, f"{file}: channel '{name}'")
-    return _Channel(np.asarray(data, dtype=float) * scale, text, slides)
+def _place(store: Hdf5Reader, name: str) -> str:
+    """Return where a channel is, at the root or under `channels`; "" if there is none."""
+    return next((place for place in (name, f"channels/{name}") if store.has(place)), "")
+
+
+def _channel(store: Hdf5Reader, name: str, place: str) -> _Channel:
+    unit = store.text_attribute("unit", place, store.text_attribute("units", place, ""))
+    scale, slides = channel_scale(name, unit, f"{store.path}: channel '{name}'")
+    return _Channel(store.array(place, "iuf").astype(float) * scale, unit, slides)

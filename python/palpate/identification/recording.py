@@ -10,13 +10,12 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 from scipy import signal
 
 from palpate.arrays import Array
 from palpate.errors import OutputError, RecordingError
-from palpate.files import as_path, atomic_write, check_readable
+from palpate.files import HDF5_SIGNATURE, as_path, atomic_write, begins_with, check_readable
 from palpate.identification.csv_file import read_csv, write_csv
 from palpate.identification.hdf5_file import read_hdf5, write_hdf5
 from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_columns, check_samples, uniform_period
@@ -93,7 +92,7 @@ class Recording(Columns):
             RecordingError: the message names the file and the line, sample or channel.
         """
         file = check_readable(path, RecordingError, kind="the recording's file")
-        if h5py.is_hdf5(file):
+        if begins_with(file, HDF5_SIGNATURE):
             columns = read_hdf5(file)
             try:
                 return cls(**vars(columns))
@@ -106,10 +105,12 @@ class Recording(Columns):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write a `.csv` or `.h5` file atomically; return the path."""
         file = as_path(path, OutputError)
-        writer = {".csv": write_csv, ".h5": write_hdf5, ".hdf5": write_hdf5}.get(file.suffix.lower())
-        if writer is None:
+        suffix = file.suffix.lower()
+        if suffix not in {".csv", ".h5", ".hdf5"}:
             raise RecordingError(f"{file}: a recording is saved as .csv or .h5, not as '{file.suffix}'")
-        return atomic_write(file, lambda part: writer(self, part))
+        if suffix == ".csv":
+            return atomic_write(file, lambda part: write_csv(self, part))
+        return write_hdf5(self, file)
 
     def split(self, fraction: float = 0.7) -> tuple[Recording, Recording]:
         """Return the first `fraction` of the samples, to estimate from, and the rest, to validate on."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from palpate.devices import Device, load
 from palpate.errors import PalpateError, RecordingError
-from palpate.files import atomic_write
+from palpate.files import write_json
 from palpate.identification.arx_models import arx
 from palpate.identification.base import true_values
 from palpate.identification.order import OrderTable, Structure, select_order
@@ -187,6 +186,4 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
 
 
 def _write(result: dict[str, Any], folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
-    atomic_write(folder / "identification.json", lambda part: part.write_text(text, encoding="utf-8"))
+    write_json(folder / "identification.json", result, indent=2)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from palpate.files import atomic_write, check_suffix
+from palpate.files import check_suffix, write_text
 from palpate.report.theme import CSS, inline_svg
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ class Page:
         """
         text = self.html()
         file = check_suffix(path, (".html",), "a page")
-        return atomic_write(file, lambda part: part.write_text(text, encoding="utf-8"))
+        return write_text(file, text)
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from palpate.errors import ScenarioError
-from palpate.files import HDF5_SIGNATURE, as_path, find_line
+from palpate.errors import ScenarioError, shorten
+from palpate.files import HDF5_SIGNATURE, as_path, begins_with, find_line, load_toml, read_utf8
 from palpate.scenario.fields import MistakesError
 
 Model = TypeVar("Model", bound=BaseModel)
-_LARGEST: Final = 4_000_000  # bytes: larger than any scenario; a table of forces may be long
+_MOST_MISTAKES: Final = 50  # that are reported
 _FIELD_FIRST: Final = re.compile(r"([A-Za-z_]+(?:\.[A-Za-z_]+)*)(?=: | is missing| has no meaning)")
 _UNKNOWN: Final = re.compile(r'unknown key "([^"]*)"')
 
@@ -36,31 +35,13 @@ def read_file(path: str | Path) -> ScenarioText:
         ScenarioError: it cannot be read, or is no text.
     """
     file = as_path(path, ScenarioError)
-    try:
-        _check_kind(file)
-        if file.stat().st_size > _LARGEST:
-            raise ScenarioError(f"{file}: larger than {_LARGEST // 1_000_000} MB; a scenario is a short TOML file")
-        text = file.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        raise ScenarioError(f"{file}: there is no such file{_similar_file(file)}") from None
-    except UnicodeDecodeError:
-        raise ScenarioError(f"{file}: not UTF-8 text; a scenario is a TOML file") from None
-    except OSError as problem:
-        raise ScenarioError(f"{file}: cannot be read: {problem.strerror}") from None
-    return ScenarioText(text, str(file), file.parent)
-
-
-def _check_kind(file: Path) -> None:
-    """Raise ScenarioError if a file is a folder, or HDF5."""
-    if file.is_dir():
-        raise ScenarioError(f"{file}: a folder; give the scenario's file (.toml) in it")
-    with file.open("rb") as opened:
-        begin = opened.read(len(HDF5_SIGNATURE))
-    if begin == HDF5_SIGNATURE:
+    if begins_with(file, HDF5_SIGNATURE):
         raise ScenarioError(
             f"{file}: HDF5 (a body, a trace or a sweep), no scenario; a scenario is a TOML file, in which a body is "
             f'named as [object.body] file = "{file.name}"'
         )
+    text = read_utf8(file, ScenarioError, kind="the scenario's file (.toml)", otherwise=_similar_file(file))
+    return ScenarioText(text, str(file), file.parent)
 
 
 def read_text(text: str, name: str) -> dict[str, Any]:
@@ -71,13 +52,7 @@ def read_text(text: str, name: str) -> dict[str, Any]:
     """
     if not isinstance(text, str):
         raise ScenarioError(f"a scenario's text is TOML, not {text!r}")
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        where = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(problem))
-        line = f", line {where[1]}" if where and where[1] else ""
-        reason = str(problem).split(" (at ")[0]
-        raise ScenarioError(f"{name}{line}: not valid TOML: {reason[0].lower()}{reason[1:]}") from None
+    return load_toml(text, ScenarioError, name)
 
 
 def lay_settings(tables: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -130,7 +105,7 @@ def validate(
         return model.model_validate(dict(tables), context=context)
     except ValidationError as problems:
         sentences: dict[tuple[int, str], None] = {}
-        errors = problems.errors()
+        errors = problems.errors()[:_MOST_MISTAKES]
         meant = {_meant(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"}
         for error in errors:
             if error["type"] == "missing" and error["loc"] in meant:
@@ -142,7 +117,7 @@ def validate(
                 own = own or (line is None and any(key.startswith(f"{dotted}.") for key in settings))
                 line = None if own else line
                 place = "settings" if own else name if line is None else f"{name}, line {line}"
-                sentences[line or 0, f"{place}: {sentence}"] = None
+                sentences[line or 0, f"{place}: {shorten(sentence)}"] = None
         raise ScenarioError("\n".join(sentence for _, sentence in sorted(sentences))) from None
 
 
@@ -232,4 +207,4 @@ def _similar_file(file: Path) -> str:
     except OSError:
         return ""
     close = difflib.get_close_matches(file.name, beside, 1)
-    return f"; did you mean {file.with_name(close[0])}?" if close else ""
+    return f"did you mean {file.with_name(close[0])}?" if close else ""

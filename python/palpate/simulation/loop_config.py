@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
-import shutil
-import tempfile
 import zlib
 from collections.abc import Mapping
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,14 +17,13 @@ from palpate.control.controller import Controller
 from palpate.errors import OutputError
 from palpate.fem.errors import BodyError
 from palpate.fem.model_data import model_data
-from palpate.files import as_path
+from palpate.files import as_path, read_utf8, write_folder, write_json
+from palpate.files.json_text import load_table
+from palpate.files.output import Writer
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import place_body
 from palpate.simulation.meshes import touched_mesh
 from palpate.simulation.simulator import Simulation, build_simulation, package_version
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 FORMAT: Final = "palpate loop"
 VERSION: Final = 1
@@ -43,8 +39,8 @@ def resolve(
 ) -> Path:
     """Write a scenario's loop as plain data that the C++ core loads and runs; return the folder.
 
-    The folder holds `loop.json` and binary blobs; docs/reference/loop-config.md describes them. It is written under a
-    temporary name and then renamed. An existing folder is replaced if it is empty or holds a resolved loop.
+    The folder holds `loop.json` and binary blobs; docs/reference/loop-config.md describes them. Its files change
+    together. An existing folder is replaced if it is empty or holds a resolved loop.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
@@ -58,28 +54,31 @@ def resolve(
     simulation = build_simulation(scenario, controller)
     target = as_path(folder, OutputError)
     _check_replaceable(target)
-    with _folder(target) as part:
-        blobs = _Blobs(part)
-        document = _document(simulation, blobs)
-        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        (part / "loop.json").write_text(text, "utf-8")
+    blobs = _Blobs()
+    document = _document(simulation, blobs)
+    writers: dict[str, Writer] = {name: partial(_write_bytes, data=data) for name, data in blobs.files.items()}
+    write_folder(target, {**writers, "loop.json": lambda path: write_json(path, document)}, only=True)
     return target
 
 
-class _Blobs:
-    """Writer of arrays into a folder."""
+def _write_bytes(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+
+class _Blobs:
+    """Arrays as the content of files, by file name."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
 
     def write(self, name: str, array: ArrayLike, dtype: str = "float64") -> dict[str, Any]:
-        """Write an array by rows; return its entry in `loop.json`."""
+        """Add an array by rows; return its entry in `loop.json`."""
         values = np.ascontiguousarray(array, dtype=_DTYPES[dtype])
         data = values.tobytes()
         if len(data) > _LARGEST:
             raise OutputError(f"{name}: {len(data)} bytes; a blob has at most {_LARGEST}")
         file = f"{name}.{dtype}"
-        (self.folder / file).write_bytes(data)
+        self.files[file] = data
         return {
             "file": file,
             "dtype": dtype,
@@ -274,32 +273,9 @@ def _check_replaceable(target: Path) -> None:
     if not target.is_dir() or not any(target.iterdir()):
         return
     try:
-        found = json.loads((target / "loop.json").read_text("utf-8"))
-        ours = isinstance(found, dict) and found.get("format") == FORMAT
-    except (OSError, ValueError):
+        text = read_utf8(target / "loop.json", OutputError, kind="a resolved loop")
+        ours = load_table(text, OutputError, "loop.json").get("format") == FORMAT
+    except OutputError:
         ours = False
     if not ours:
         raise OutputError(f"{target}: the folder holds other files; name an empty or a new one")
-
-
-@contextmanager
-def _folder(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder; rename it to the target at the end, or delete it after a failure."""
-    part: Path | None = None
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
-        part.chmod(0o755)
-        yield part
-        if target.is_dir():
-            old = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
-            target.replace(old)
-            part.replace(target)
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            part.replace(target)
-    except OSError as problem:
-        raise OutputError(f"{target}: cannot be written: {problem.strerror or problem}") from problem
-    finally:
-        if part is not None:
-            shutil.rmtree(part, ignore_errors=True)

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
+from palpate.files.hdf5_output import write_hdf5
+from palpate.files.json_text import load_json
 from palpate.simulation.judgment import judge
 from palpate.simulation.trace_export import (
     Channel,
@@ -188,7 +190,7 @@ class Trace(TraceContent):
             )
         _check_format(file)
         if suffix in _HDF5:
-            return atomic_write(file, self._write_hdf5)
+            return write_hdf5(file, self._fill_hdf5)
         return atomic_write(file, lambda part: exports[suffix](self, part))
 
     def to_pandas(self) -> DataFrame:
@@ -251,62 +253,67 @@ class Trace(TraceContent):
             f"<th>unit</th><th>least to largest</th><th>meaning</th></tr></thead><tbody>{rows}</tbody></table>"
         )
 
-    def _write_hdf5(self, path: Path) -> None:
-        import h5py
-
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = _FORMAT
-            file.attrs["completed"] = self.completed
-            if self.unstable_from is not None:
-                file.attrs["unstable_from"] = self.unstable_from
-                file.attrs["unstable_from_unit"] = "s"
-            for key, value in self.metadata.items():
-                file[f"metadata/{key}"] = json.dumps(value, allow_nan=False, ensure_ascii=False)
-            time = file.create_dataset("time", data=self.time, track_times=False)
-            time.attrs["unit"] = "s"
-            time.make_scale("time")
-            group = file.create_group("channels", track_order=True)
-            for name, channel in self.channels.items():
-                data = group.create_dataset(
-                    name, data=channel.values, compression="gzip", compression_opts=1, shuffle=True, track_times=False
-                )
-                data.attrs["unit"] = channel.unit
-                data.attrs["description"] = channel.description
-                data.dims[0].attach_scale(time)
+    def _fill_hdf5(self, file: Any) -> None:
+        file.attrs["format"] = _FORMAT
+        file.attrs["completed"] = self.completed
+        if self.unstable_from is not None:
+            file.attrs["unstable_from"] = self.unstable_from
+            file.attrs["unstable_from_unit"] = "s"
+        for key, value in self.metadata.items():
+            file[f"metadata/{key}"] = json.dumps(value, allow_nan=False, ensure_ascii=False)
+        time = file.create_dataset("time", data=self.time, track_times=False)
+        time.attrs["unit"] = "s"
+        time.make_scale("time")
+        group = file.create_group("channels", track_order=True)
+        for name, channel in self.channels.items():
+            data = group.create_dataset(
+                name, data=channel.values, compression="gzip", compression_opts=1, shuffle=True, track_times=False
+            )
+            data.attrs["unit"] = channel.unit
+            data.attrs["description"] = channel.description
+            data.dims[0].attach_scale(time)
 
     @classmethod
     def load(cls, path: str | Path) -> Trace:
         """Read a trace that `save` wrote as `.h5`.
 
         Raises:
-            TraceError: the file does not exist, has another suffix, is no HDF5, or holds no trace.
+            TraceError: the file does not exist, has another suffix, was changed since it was written, or holds no
+                trace.
         """
-        import h5py
+        from palpate.files.hdf5_input import check_hdf5, open_sealed
 
         file_path = as_path(path, TraceError)
         if file_path.suffix.lower() not in _HDF5:
             raise TraceError(
                 f"{file_path}: a trace is loaded from .h5, not from {file_path.suffix!r}; the other formats are exports"
             )
+        with open_sealed(check_hdf5(file_path, TraceError, "trace"), TraceError, "trace") as file:
+            if file.text_attribute("format", default="") != _FORMAT:
+                raise TraceError(f"{file_path}: not a trace of palpate")
+            channels = {}
+            for name in file.names("channels"):
+                place = f"channels/{name}"
+                unit, description = (file.text_attribute(key, place) for key in ("unit", "description"))
+                channels[name] = Channel(file.array(place, "f", 2).astype(float, copy=False), unit, description)
+            unstable = file.number_attribute("unstable_from", default=math.inf)
+            metadata = {
+                name: load_json(file.text(f"metadata/{name}"), TraceError, f"{file_path}: metadata {name}")
+                for name in file.names("metadata", optional=True)
+            }
+            time = file.array("time", "f", 1).astype(float, copy=False)
+        _check_metadata(metadata, file_path)
         try:
-            with h5py.File(file_path, "r") as file:
-                if file.attrs.get("format") != _FORMAT:
-                    raise TraceError(f"{file_path}: not a trace of palpate")
-                channels = {
-                    name: Channel(np.array(data, dtype=float), str(data.attrs["unit"]), str(data.attrs["description"]))
-                    for name, data in file["channels"].items()
-                }
-                unstable = file.attrs.get("unstable_from")
-                metadata = {key: json.loads(entry[()]) for key, entry in file.get("metadata", {}).items()}
-                time = np.array(file["time"], dtype=float)
-        except FileNotFoundError:
-            raise TraceError(f"{file_path}: there is no such file") from None
-        except TraceError:
-            raise
-        except (OSError, LookupError, RuntimeError, TypeError, AttributeError, ValueError) as problem:
-            # raised by h5py for a damaged file, or one with other content
-            raise TraceError(f"{file_path}: not a readable trace: {problem}") from None
-        return cls(time, channels, None if unstable is None else float(unstable), metadata)
+            return cls(time, channels, None if unstable == math.inf else unstable, metadata)
+        except TraceError as problem:
+            raise TraceError(f"{file_path}: {problem}") from None
+
+
+def _check_metadata(metadata: Mapping[str, Any], file: Path) -> None:
+    """Raise TraceError if the metadata that palpate uses have another type."""
+    for name, kind in (("scenario", dict), ("controller", dict), ("object", dict), ("version", str)):
+        if name in metadata and not isinstance(metadata[name], kind):
+            raise TraceError(f"{file}: not a complete trace: its {name} has the wrong type")
 
 
 def _extent(values: Array) -> str:
@@ -323,13 +330,7 @@ def _check_format(file: Path) -> None:
     suffix = file.suffix.lower()
     same = not begin or begin.startswith(_SIGNATURES[suffix])
     if same and begin and suffix in _HDF5:
-        import h5py
-
-        try:
-            with h5py.File(file, "r") as store:
-                same = store.attrs.get("format") == _FORMAT
-        except OSError:
-            same = True  # a trace that was cut short
+        same = _FORMAT.encode() in file.read_bytes()  # without HDF5, which the file of another program may break
     if not same:
         raise OutputError(
             f"{file}: cannot be written: a file of that name is there, and it is no trace saved as {suffix}; choose "

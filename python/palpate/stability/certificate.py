@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.files import atomic_write, check_suffix
+from palpate.files import check_suffix, write_json
 from palpate.simulation.verdict import State, Verdict
 from palpate.stability.counter_example import CounterExample
 
@@ -103,9 +102,7 @@ class Certificate:
         Raises:
             OutputError: the suffix is not `.json`, or the file cannot be written.
         """
-        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        file = check_suffix(path, (".json",), "a certificate")
-        return atomic_write(file, lambda part: part.write_text(text, encoding="utf-8"))
+        return write_json(check_suffix(path, (".json",), "a certificate"), self.to_dict(), indent=2)
 
 
 def _margin_line(name: str, value: float) -> str:

@@ -110,6 +110,25 @@ def limits_of(path: str, text: Any) -> tuple[float, float]:
     return low, high
 
 
+def stored_axis(path: Any, unit: Any, values: Any) -> Axis:
+    """Return the axis of a file. Raise ValueError unless it could be an axis of a sweep."""
+    if not isinstance(path, str) or not _PATH.fullmatch(path) or path.startswith(_MESHES):
+        raise ValueError(f"{path!r} is no key of a scenario")
+    numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
+    words = [value for value in values if isinstance(value, (str, bool))]
+    if unit not in ("", *UNITS) or len(numbers) + len(words) < len(values) or not values:
+        raise ValueError(f"{path} has values that cannot be varied")
+    if COLUMNS.get(".".join(path.split(".")[:2]), ("", unit))[1] != unit or (words and unit):
+        raise ValueError(f"{path} has values of another kind")
+    return Axis(path, unit, tuple(values))
+
+
+def stored_limits(path: Any, low: Any, high: Any) -> tuple[float, float]:
+    """Return the limits of a file. Raise ValueError unless they could be those of a random key of a sweep."""
+    unit = _unit(path)
+    return limits_of(path, f"{write(low, unit)}..{write(high, unit)}")
+
+
 def with_value(tables: Mapping[str, Any], axis: Axis, index: int) -> dict[str, Any]:
     """Return the tables of a scenario with value `index` of `axis`."""
     table, key = axis.key.split(".")

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
-from palpate.errors import PalpateError
+from palpate.errors import PalpateError, shorten
+from palpate.files.json_text import load_table
 from palpate.scenario import Scenario
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
-from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, with_value
+from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, stored_axis, stored_limits, with_value
 from palpate.sweeps.excitation import Excitation, excited
 from palpate.sweeps.judged_rows import judge_rows, linear_radii
 
@@ -96,11 +97,23 @@ class Plan:
 
     @classmethod
     def of_text(cls, text: str) -> Plan:
-        """Return the plan of the JSON `text`."""
-        raw = json.loads(text)
-        axes = tuple(Axis(path, unit, tuple(values)) for path, unit, values in raw["over"])
-        random = {path: (float(low), float(high)) for path, (low, high) in raw["random"].items()}
-        return cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
+        """Return the plan of JSON text that `text` wrote.
+
+        Raises:
+            SweepError: it is no JSON, or not that of a plan.
+        """
+        raw = load_table(text, SweepError, "the plan of the sweep")
+        try:
+            axes = tuple(stored_axis(*entry) for entry in raw["over"])
+            random = {path: stored_limits(path, *limits) for path, limits in raw["random"].items()}
+            Scenario.from_dict(raw["scenario"])
+            plan = cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
+            whole = all(type(number) is int and number >= 0 for number in (plan.draws, plan.seed))
+            if not axes or not whole or plan.design not in ("cell", "once") or not 1 <= plan.count <= LARGEST:
+                raise ValueError("a number or word of it is not that of a sweep")
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as problem:
+            raise SweepError(f"the plan of the sweep cannot be used: {shorten(str(problem), 300)}") from None
+        return plan
 
     def check(self, scenario: Scenario | None = None) -> None:
         """Build the scenario at the ends of every axis and range, to find mistakes before the run.

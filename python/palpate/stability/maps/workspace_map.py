@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate.arrays import Array
 from palpate.devices import Device, load
 from palpate.errors import DeviceError, StabilityError
-from palpate.files import as_path, check_suffix, write_json
+from palpate.files import as_path, check_suffix, load_toml, read_utf8, write_json
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
@@ -267,11 +267,9 @@ def _scenario(subject: Scenario | Device | Mapping[str, Any] | str | Path) -> tu
 
 def _is_device(path: Path) -> bool:
     """Return whether a TOML file describes a device: it names a mechanism."""
-    import tomllib
-
     try:
-        return "mechanism" in tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return "mechanism" in load_toml(read_utf8(path, DeviceError, kind="a TOML file"), DeviceError, str(path))
+    except DeviceError:
         return False  # the scenario reader raises the error
 
 

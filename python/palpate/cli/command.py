@@ -14,19 +14,21 @@ from palpate.errors import PalpateError
 
 
 def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
-    """End a command after a mistake of the user with one sentence, and after Ctrl-C with one line."""
+    """End a command after a mistake of the user with one sentence, and after Ctrl-C or SIGTERM with one line."""
 
     @wraps(command)
     def wrapped(*args: Any, **kwargs: Any) -> None:
+        done = False
         try:
             with control_c(), warnings_in_a_line():
                 command(*args, **kwargs)
+                done = True
         except PalpateError as problem:
             errors.print("[bold red]error:[/] ", end="")
             errors.print(str(problem), markup=False, soft_wrap=True)
             raise typer.Exit(2) from None
         except KeyboardInterrupt:
-            errors.print("stopped: nothing was written")
+            errors.print("stopped at the end: the results are written" if done else "stopped: nothing was written")
             raise typer.Exit(130) from None
 
     return wrapped

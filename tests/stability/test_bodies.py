@@ -123,7 +123,7 @@ def test_what_cannot_be_decided_is_said(coarse: Path) -> None:
     released["object"]["position"] = ["0 mm", "0 mm", "-1 mm"]
     found = certify(released)
     assert found.verdict.state is State.UNDECIDED
-    assert "off the body" in found.claim
+    assert "off the object" in found.claim
     far = press(coarse, "compliance", 1.0)
     far["object"]["position"] = ["0 mm", "0 mm", "-90 mm"]
     assert "does not touch the body" in certify(far).claim

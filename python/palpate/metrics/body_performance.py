@@ -65,7 +65,7 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
     if scenario.device.model == "experimental":
         raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
     run = observe(scenario)
-    if run.outcome in ("diverges", "bounces", "leaves"):
+    if not run.lasts:
         raise StabilityError(f"the performance is that of a contact that lasts. {run.sentence}")
     held = HeldTip(scenario, run.trace["tip"][: run.held + 1] - run.trace["tip"][0])
     response: BodyResponse | MultirateResponse

@@ -22,7 +22,15 @@ __all__ = ["evidence", "lossy", "resolution", "second_differences", "swing"]
 
 def lossy(scenario: Scenario, device: Device) -> bool:
     """Return whether dry friction, encoder counts or drive limits may hide what the linear loop does."""
-    return scenario.device.encoder or scenario.device.saturation or bool(np.any(device.coulomb))
+    return scenario.device.encoder or scenario.device.saturation or bool(np.any(device.coulomb)) or _rubs(scenario)
+
+
+def _rubs(scenario: Scenario) -> bool:
+    """Return whether the surface of the scenario's mesh or body has dry friction."""
+    surface, body = scenario.object.surface, scenario.object.body
+    return (surface is not None and surface.static_friction > 0.0) or (
+        body is not None and float(body.options.get("static_friction", 0.0)) > 0.0
+    )
 
 
 def resolution(scenario: Scenario, device: Device, angles: ArrayLike) -> Array:
@@ -34,8 +42,18 @@ def resolution(scenario: Scenario, device: Device, angles: ArrayLike) -> Array:
     return np.asarray(2.0 * np.linalg.norm(np.abs(jacobian) @ device.encoder_step, axis=1), dtype=float)
 
 
-def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius: float | None) -> Evidence:
-    """Return the evidence of one run in one window, as a batch measures it; `radius` is that of the linear loop."""
+def evidence(
+    trace: Recorded, scenario: Scenario | None, window: Window, radius: float | None, kept: float = np.nan
+) -> Evidence:
+    """Return the evidence of one run in one window, as a batch measures it.
+
+    Args:
+        trace: of the run.
+        scenario: None if it is not known.
+        window: the window.
+        radius: spectral radius of the linear loop; None or nan if it is not known.
+        kept: as in Evidence.
+    """
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
     tip, every = trace["tip"], 1 if scenario is None else scenario.run.record_every
@@ -80,6 +98,7 @@ def evidence(trace: Recorded, scenario: Scenario | None, window: Window, radius:
         constant=window.constant,
         linear=0 if radius is None else linear_sign(radius),
         decay=np.nan if radius is None else radius ** (fifth * every),
+        kept=kept,
         **known,
     )
 

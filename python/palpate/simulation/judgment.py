@@ -15,24 +15,28 @@ from palpate.simulation.recorded import Recorded, external_forces, recorded_scen
 from palpate.simulation.verdict import BAND, FAILED, GROWING, Evidence, State, Verdict, decide
 from palpate.simulation.windows import Window, windows
 
-__all__ = ["judge"]
+__all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
 STILL = 1e-7  # m: a tip that moves less was not excited
 WORSE = (State.UNSTABLE, State.BOUNDED_OSCILLATION)  # states that count even if the force changes later
 
 
-def judge(trace: Recorded) -> Verdict:
+def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     """Return the verdict of a recorded run.
 
     The run is judged where it ends, in the window in which the external force stays constant. An oscillation in an
     earlier stretch of constant force counts as well. The linear loop of a spring or wall is evaluated at the start pose
     and at the pose of rest, and the worse of the two counts.
+
+    Args:
+        trace: of the run.
+        radius: spectral radius of the linear loop; None: it is evaluated; nan: the run alone is judged.
     """
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
-    linear = linear_radii_of(trace, scenario)
+    linear = linear_radii_of(trace, scenario) if radius is None else _alone(radius)
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
     *earlier, final = windows(external_forces(trace, scenario))
@@ -52,6 +56,23 @@ def judge(trace: Recorded) -> Verdict:
     return _explained(trace, scenario, final, found, state, linear)
 
 
+def judge_pushed(trace: Recorded, begin: int, kept: float, radius: float | None = None) -> Verdict:
+    """Return the verdict of a run from a sample on, after a push, under forces that stay constant from there.
+
+    Args:
+        trace: of the run, every tick.
+        begin: first sample after the push.
+        kept: response to the push at the end, relative to that right after it.
+        radius: spectral radius of the linear loop; None or nan: the run alone is judged.
+    """
+    linear = _alone(radius)
+    if trace.unstable_from is not None:
+        return _diverged(trace, linear)
+    scenario, window = recorded_scenario(trace), Window(begin, len(trace.time) - 1)
+    found = evidence(trace, scenario, window, radius, kept)
+    return _explained(trace, scenario, window, found, State(int(decide(found)[0])), linear)
+
+
 def _excited(trace: Recorded) -> bool:
     """Return whether a force or an initial displacement has moved the tip."""
     forces = [trace[name] for name in ("reference_force", "operator_force") if name in trace]
@@ -60,6 +81,11 @@ def _excited(trace: Recorded) -> bool:
 
 def _text(linear: LinearRadii | None) -> str | None:
     return None if linear is None else str(linear)
+
+
+def _alone(radius: float | None) -> LinearRadii | None:
+    """Return one spectral radius as that of a run; None if it is not known."""
+    return None if radius is None or np.isnan(radius) else LinearRadii(radius, None)
 
 
 def _diverged(trace: Recorded, linear: LinearRadii | None) -> Verdict:
@@ -105,6 +131,8 @@ def _explained(
     elif state is State.BOUNDED_OSCILLATION:
         bounces = f"the tip bounces, {int(e.contacts[0])} contacts in {span}, and " if e.contacts[0] else "it "
         reason = f"{bounces}oscillates by {swing}"
+        if not np.isnan(e.kept[0]):
+            reason += f", and keeps {float(e.kept[0]):.0%} of its response to a push"
     elif state is State.SETTLED:
         still = max(BAND * float(e.deflection[0]), float(e.resolution[0]), 1e-6)
         reason = f"the tip rests within {1e3 * float(e.ripple[0]):.2g} mm"

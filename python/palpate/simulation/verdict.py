@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 
-__all__ = ["FAILED", "Evidence", "State", "Verdict", "decide", "growth"]
+__all__ = ["FAILED", "OSCILLATES", "Evidence", "State", "Verdict", "decide", "growth"]
 
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
@@ -26,6 +26,8 @@ CREEP = 0.0125  # of the deflection: a motion above it that becomes faster is no
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
+PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as persistent; the same near the limit
+SLOWER = 3.0  # factor on what the linear loop's slowest motion keeps, above which a response persists
 APART = 0.05  # fraction of the run off the object, though pressed, above which contact counts as lost
 SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the drive limits the loop
 
@@ -73,6 +75,9 @@ _LABELS = {
 FAILED = frozenset(
     (State.BOUNDED_OSCILLATION, State.UNSTABLE, State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT)
 )
+
+
+OSCILLATES = frozenset((State.UNSTABLE, State.BOUNDED_OSCILLATION))  # states in which a run shows no stable loop
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,7 @@ class Evidence:
         resolution: tip displacement of two encoder counts, m; 0 without encoders.
         linear: +1 if the linear loop is stable, -1 if it is unstable, 0 if that is not known.
         decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
+        kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
     """
 
@@ -169,12 +175,13 @@ class Evidence:
     resolution: Array
     linear: NDArray[np.int_]
     decay: Array
+    kept: Array
     lossy: NDArray[np.bool_]
 
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        unknown = dict.fromkeys(("ripple_before", "swing_before", "error", "drift", "decay"), np.nan)
+        unknown = dict.fromkeys(("ripple_before", "swing_before", "error", "drift", "decay", "kept"), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
         defaults: Mapping[str, Any] = {
             **unknown,
@@ -222,10 +229,12 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
     unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & e.constant)
     band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
-    least = np.maximum(SWING * e.deflection, np.maximum(e.resolution, FLOOR))
+    rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
+    least = np.maximum(rest, np.maximum(e.resolution, FLOOR))
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
-    swings = bounces | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
+    persists = e.kept > np.clip(SLOWER * np.where(np.isnan(e.decay), 0.0, e.decay) ** 4, PERSISTS, MOST)
+    swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)

@@ -20,6 +20,7 @@ __all__ = ["Certificate"]
 UNITS = {
     "_N_s_per_m": " N s/m",
     "_N_per_m": " N/m",
+    "_N": " N",
     "_m": " m",
     "_Hz": " Hz",
     "_deg": " deg",

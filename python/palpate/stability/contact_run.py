@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.arrays import Array
 from palpate.scenario import Scenario
+from palpate.simulation.judgment import judge, judge_pushed
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import OSCILLATES, Verdict
 
 __all__ = ["Observed", "PushedRun", "run_on", "run_pushed"]
 
@@ -18,10 +20,7 @@ SETTLE = 2.0  # s that a run goes on after its forces stop changing
 LONGER = 4.0  # s that a run goes on that seems to fail
 PUSH = 0.02  # s, duration of the push
 SHARE = 0.02  # of the contact force
-MOVING = 1e-4  # m/s: a tip that swings or slides faster does not rest
-PERSISTS = 0.3  # motion long after a push, relative to that right after it, that counts as not decaying
-BOUNCING = 0.7  # speed at the end relative to that before, above which the bounces do not die out
-BOUNCES = 3  # contacts under constant forces in the time observed, above which the tip bounces endlessly
+MOVING = 1e-4  # m/s: a tip that slides faster does not rest
 
 
 @dataclass(frozen=True)
@@ -32,13 +31,18 @@ class Observed:
         trace: the run, every tick.
         rest: index of the last sample, or of the last before the forces of a sine go on changing.
         constant: whether the forces stop changing.
-        failure: how the run fails: it diverges, bounces or oscillates; empty if it does not.
+        verdict: of the run by itself, without the linear loop.
     """
 
     trace: Trace
     rest: int
     constant: bool
-    failure: str
+    verdict: Verdict
+
+    @property
+    def fails(self) -> bool:
+        """Whether the run diverges, bounces or oscillates."""
+        return self.verdict.state in OSCILLATES
 
 
 @dataclass(frozen=True)
@@ -48,23 +52,21 @@ class PushedRun:
     Attributes:
         push: N.
         time: s that it was watched after the push.
-        decay: response to the push at the end, relative to that right after it.
-        swing: speed at the end about the smooth motion, rms, m/s.
+        kept: response to the push at the end, relative to that right after it.
         slide: speed of the proxy at the end without a push, m/s; 0 if it slides slower and slower.
-        failure: how the run fails; empty if it does not.
+        verdict: of the run after the push.
     """
 
     push: float
     time: float
-    decay: float
-    swing: float
+    kept: float
     slide: float
-    failure: str
+    verdict: Verdict
 
     @property
-    def moves(self) -> bool:
-        """Whether the pushed tip does not come to rest."""
-        return bool(self.failure) or self.decay > PERSISTS
+    def fails(self) -> bool:
+        """Whether the run diverges, bounces, oscillates or keeps its response to the push."""
+        return self.verdict.state in OSCILLATES
 
 
 def run_on(scenario: Scenario) -> Observed:
@@ -73,28 +75,25 @@ def run_on(scenario: Scenario) -> Observed:
     duration = scenario.run.duration
     if last is not None and duration < last + SETTLE / 2:
         duration = last + SETTLE
-    trace, failure = _watched(_simulation(scenario, duration), last)
-    if failure and trace.completed:  # a slow transient may yet decay
-        longer, failure = _watched(_simulation(scenario, duration + LONGER), last)
-        trace = longer if failure else trace
-    return Observed(trace, len(trace) - 1, last is not None, failure)
+    trace = _simulation(scenario, duration).simulate()
+    verdict = judge(trace, math.nan)
+    if last is not None and verdict.state in OSCILLATES and trace.completed:  # a slow transient may yet decay
+        longer = _simulation(scenario, duration + LONGER).simulate()
+        again = judge(longer, math.nan)
+        trace, verdict = (longer, again) if again.state in OSCILLATES else (trace, again)
+    return Observed(trace, len(trace) - 1, last is not None, verdict)
 
 
-def _watched(simulation: Simulation, last: float | None) -> tuple[Trace, str]:
-    """Return a run, and how it fails in its last part, up to ``SETTLE``, under forces constant from ``last`` s on."""
-    trace, period = simulation.trace(*simulation.run()), simulation.scenario.period
-    if trace.unstable_from is not None:
-        return trace, f"diverges at {trace.unstable_from:.3g} s"
-    if last is None:
-        return trace, ""
-    watched = min(round((len(trace) * period - last) / period), round(SETTLE / period), len(trace) // 2)
-    return trace, _failure(trace["tip"][-watched:], trace["touching"][-watched:, 0] > 0.0, period)
-
-
-def run_pushed(scenario: Scenario, observed: Observed, watch: float) -> PushedRun:
+def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: float) -> PushedRun:
     """Return the run again, with a short push where it rests, compared for ``watch`` s with the run without it.
 
     Both are without the limits of the drive, whose windings would warm up meanwhile.
+
+    Args:
+        scenario: of the run.
+        observed: the run.
+        watch: s.
+        radius: spectral radius of the slowest stable motion where the run rests; nan: the run alone is judged.
     """
     if scenario.device.saturation:
         unlimited = scenario.device.model_copy(update={"saturation": False})
@@ -110,21 +109,19 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float) -> PushedRu
     pushed = _trace(simulation, simulation.reference, simulation.operator + push)
     if np.array_equal(free["tip"], pushed["tip"]):  # a sampled model of the device has no operator
         pushed = _trace(simulation, simulation.reference + push, simulation.operator)
+    start = rest + 1 + ticks
     for trace in (pushed, free):
         if trace.unstable_from is not None:
-            after = trace.unstable_from - rest * period
-            return PushedRun(size, watch, np.inf, np.inf, 0.0, f"diverges {after:.3g} s after the push")
-    start = rest + 1 + ticks
+            return PushedRun(size, watch, np.inf, 0.0, judge_pushed(trace, start, np.inf))
     response = np.diff(pushed["tip"][start:] - free["tip"][start:], axis=0) / period
     speed = np.linalg.norm(response, axis=1)
     fifth = max(len(speed) // 5, 1)
     early, late = (float(np.sqrt(np.mean(part**2))) for part in (speed[:fifth], speed[-fifth:]))
-    failure = _failure(pushed["tip"][start:], pushed["touching"][start:, 0] > 0.0, period)
-    swing = _swing(pushed["tip"][-fifth:], period)
+    kept = late / early if early > 0.0 else 0.0
     earlier, slide = (_slide(free["proxy"][start:], end, fifth, period) for end in (3, 5))
     if slide < 0.5 * earlier:
         slide = 0.0
-    return PushedRun(size, watch, late / early if early > 0.0 else 0.0, swing, slide, failure)
+    return PushedRun(size, watch, kept, slide, judge_pushed(pushed, start, kept, radius))
 
 
 def _slide(proxy: Array, end: int, fifth: int, period: float) -> float:
@@ -161,28 +158,5 @@ def _direction(normal: Array) -> Array:
     """Return the direction of the push (3,): into the surface and along it."""
     side = np.eye(3)[int(np.argmin(np.abs(normal)))]
     along = np.cross(normal, side)
-    direction = -normal + 0.7 * along / np.linalg.norm(along) + 0.4 * side
+    direction = -normal + 0.7 * along / max(float(np.linalg.norm(along)), 1e-300) + 0.4 * side
     return np.asarray(direction / np.linalg.norm(direction), dtype=float)
-
-
-def _failure(tip: Array, touching: NDArray[np.bool_], period: float) -> str:
-    """Return how a tip under constant forces fails to come to rest; empty if it does."""
-    watched = tip[-len(touching) :]
-    part = len(watched) // 4
-    earlier, late = (_swing(watched[i * part : (i + 1) * part], period) for i in (1, 3))
-    bounces = int(np.count_nonzero(touching[1:] & ~touching[:-1]))
-    if bounces > BOUNCES and not touching[-len(touching) // 5 :].all() and late > BOUNCING * earlier:
-        return f"bounces on the mesh, {bounces} times in {len(touching) * period:.3g} s"
-    if late > MOVING and late > 0.9 * earlier:
-        return f"oscillates at {late * 1e3:.2g} mm/s without decay"
-    return ""
-
-
-def _swing(tip: Array, period: float) -> float:
-    """Return the rms speed of a tip (n, 3) about its slow motion, a parabola, m/s."""
-    n = len(tip)
-    if n < 8:
-        return 0.0
-    powers = np.vander(np.linspace(-1.0, 1.0, n), 3)
-    rest = tip - powers @ np.linalg.lstsq(powers, tip, rcond=None)[0]
-    return float(np.sqrt(np.mean(np.sum((np.diff(rest, axis=0) / period) ** 2, axis=1))))

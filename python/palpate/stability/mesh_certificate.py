@@ -12,10 +12,11 @@ import numpy as np
 
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
-from palpate.simulation.verdict import FAILED, State, Verdict
+from palpate.simulation.judgment import judge
+from palpate.simulation.verdict import FAILED, OSCILLATES, State, Verdict
 from palpate.stability.assumptions import assumptions
 from palpate.stability.certificate import Certificate
-from palpate.stability.contact_run import MOVING, PERSISTS, Observed, PushedRun, run_on, run_pushed
+from palpate.stability.contact_run import MOVING, Observed, PushedRun, run_on, run_pushed
 from palpate.stability.counter_example import CounterExample
 from palpate.stability.criteria import check_stability
 from palpate.stability.mesh_sites import NEAR, Site, TouchedSurface, contact_rows, faces_near
@@ -28,6 +29,7 @@ from palpate.stability.mode_stability import (
     mode_stability,
     site_switching,
 )
+from palpate.stability.sticking import largest_disturbance
 from palpate.stability.switching import has_solver
 
 __all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
@@ -35,6 +37,7 @@ __all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
 SITES = 4  # poses along the path of the proxy, besides the last
 FEW_STATES = 14  # of the loop, up to which switching is tested at three sites and not at the last alone
 NEARLY = 0.9995  # spectral radius above which the decay may not be visible in the run
+STICKS = 1e-3  # of the contact's force: a smaller disturbance under which the proxy sticks counts as none
 WATCH = (0.5, 8.0)  # s, shortest and longest time that a pushed run is watched
 
 
@@ -106,43 +109,36 @@ def certify_mesh(s: Scenario) -> Certificate:
     margin = {"spectral_radius": resting.radius, "spectral_radius_worst_mode": worst.radius}
     criteria, agree = _criteria(resting, worst)
     steps = _method(contact)
-    if contact.observed.failure and not _near_limit(contact):
+    if contact.observed.fails and not _near_limit(contact):
         return _failed(contact, margin, criteria, steps)
     if not agree:
         reason = f"a mode is so near its limit ({worst.mode.name}) that the criteria disagree."
         return _certificate(contact, criteria, State.UNDECIDED, reason, {}, steps)
-    pushed = run_pushed(s, contact.observed, _watch(contact))
+    pushed = run_pushed(s, contact.observed, _watch(contact), _judged_radius(contact))
     steps.append(_push_sentence(pushed))
     if resting.radius >= 1.0:
         return _unstable(contact, pushed, margin, criteria, steps)
-    if not worst.stable:
-        reason = (
-            f"stable where the run rests, but unstable {worst.mode.name}, at the pose at "
-            f"t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})."
-        )
-        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
+    if not worst.stable and (found := _unstable_elsewhere(contact)) is not None:
+        return _certificate(contact, criteria, *found, margin, steps)
+    modes = "every contact mode is stable" if worst.stable else "every contact mode is stable but slides away"
     if resting.drift > 0.0:
         reason = (
-            f"every contact mode is stable, but {resting.mode.name} nothing holds the tip along the "
+            f"{modes}, but {resting.mode.name} nothing holds the tip along the "
             "surface, so it may slide to another part of the mesh; give friction (object.surface.static_friction) or "
             "an arm (operator)."
         )
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     if not contact.touching:
-        reason = (
-            "every contact mode along the run is stable, but at its end the tip is off the mesh; let the "
-            "run end in contact."
-        )
+        reason = f"{modes}, but at its end the tip is off the mesh; let the run end in contact."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    if pushed.failure or pushed.decay > _expected(contact, pushed) or pushed.slide > MOVING:
-        how = pushed.failure or f"keeps {pushed.decay:.0%} of the motion for {pushed.time:.3g} s"
-        if pushed.slide > MOVING:
-            how = f"slides on at {1e3 * pushed.slide:.2g} mm/s under constant forces"
-        reason = f"every contact mode is stable, but after a push of {pushed.push:.2g} N the run {how}."
+    if pushed.fails or pushed.slide > MOVING:
+        slides = f"the run slides on at {1e3 * pushed.slide:.2g} mm/s under constant forces"
+        how = f"the verdict of the run is {pushed.verdict}" if pushed.fails else slides
+        reason = f"{modes}, but after a push of {pushed.push:.2g} N {how}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    run = contact.observed.trace.verdict
+    run = contact.observed.verdict
     if contact.observed.constant and run.state in FAILED:
-        reason = f"every contact mode is stable, but the verdict of the run is {run}."
+        reason = f"{modes}, but the verdict of the run is {run}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     return _stable(contact, margin, criteria, steps)
 
@@ -165,17 +161,17 @@ def _certificate(
 
 def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
     """Return the certificate of a scenario whose own run diverges, bounces or oscillates."""
-    s, failure = contact.scenario, contact.observed.failure
+    s, run = contact.scenario, contact.observed.verdict
     unstable = [one for one in contact.found if not one.stable]
     why = "although every contact mode by itself is stable"
     if unstable:
         why = f"and the loop is unstable {unstable[0].mode.name}" if len(unstable) == 1 else "as are its contact modes"
         why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
-    if failure.startswith("oscillates") and contact.resting.stable and contact.resting.radius > NEARLY:
-        reason = f"stable where it rests, but so near its limit that the run still {failure}."
+    if _decays_slowly(contact, contact.resting.radius):
+        reason = f"stable where it rests, but so near its limit that the verdict of the run is {run}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself {failure}.")
-    reason = f"the run {failure}, {why}."
+    example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself, {run}.")
+    reason = f"the verdict of the run is {run}, {why}."
     return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps, example)
 
 
@@ -187,27 +183,39 @@ def _unstable(
     doubling = math.log(2.0) / math.log(resting.radius) * period
     margin = {**margin, "doubling_time_s": doubling, "frequency_Hz": resting.angle / (2.0 * math.pi * period)}
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if resting.angle > 0 else "a motion"
-    reason = f"{resting.mode.name}, {motion} doubles every {doubling:.3g} s."
-    if not pushed.moves and pushed.swing < MOVING:
-        reason = (
-            f"{resting.mode.name}, {motion} should double every {doubling:.3g} s, but the run comes to "
-            "rest after a push."
-        )
+    grows = f"{resting.mode.name}, {motion} doubles every {doubling:.3g} s"
+    alone = pushed.verdict.state is State.UNSTABLE and pushed.verdict.since is None  # by the linear loop alone
+    runs = (contact.observed.verdict,) if alone else (contact.observed.verdict, pushed.verdict)
+    shown = [run for run in runs if run.state in (*OSCILLATES, State.CONTACT_LOST)]
+    if not shown:
+        reason = f"{grows}, but the run does not show it; its verdict after a push is {pushed.verdict}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
+    reason = f"{grows}; the verdict of the run is {shown[0]}."
     return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps)
 
 
+def _unstable_elsewhere(contact: MeshContact) -> tuple[State, str] | None:
+    """Return the state and the reason of a run beside which a mode is unstable in which it does not rest.
+
+    None: such modes are slides that speed up without oscillation, away from where the proxy sticks.
+    """
+    worst, run = contact.worst, contact.observed.verdict
+    where = f"{worst.mode.name}, at the pose at t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})"
+    if run.state is State.CONTACT_LOST and contact.observed.constant:
+        return State.UNSTABLE, f"{where}, and the verdict of the run is {run}."
+    if all(one.slides_away for one in contact.found if not one.stable) and _largest_disturbance(contact) > 0.0:
+        return None
+    return State.UNDECIDED, f"stable where the run rests, but unstable {where}."
+
+
 def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
-    factor, limiting = gain_margin(contact.found)
+    stable = [one for one in contact.found if one.stable]
+    factor, limiting = gain_margin(stable)
     margin["gain_margin"] = factor
     margin["gain_margin_at_rest"] = gain_margin([contact.resting])[0]
-    last = len(contact.sites) - 1
-    chosen = sorted({0, last // 2, last} if contact.sites[last].path.nstates <= FEW_STATES else {last})
-    switching = [site_switching(contact.sites[i]) for i in chosen]
-    steps.append(_switching_method(switching))
-    order = _order(contact, switching, margin)
-    kinds = Counter(one.mode.kind for one in contact.found)
-    drift = max(one.drift for one in contact.found)
+    order, decided = _switching(contact, margin, steps)
+    kinds = Counter(one.mode.kind for one in stable)
+    drift = max(one.drift for one in stable)
     if drift > 1.0 + 1e-6:
         margin["drift_doubling_time_s"] = math.log(2.0) / math.log(drift) * contact.scenario.period
     stiffer = (
@@ -215,12 +223,38 @@ def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
         if math.isinf(factor)
         else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
     )
-    decided = all(one.proof != "undecided" for one in switching)
-    reason = (
-        f"each of {len(contact.found)} contact modes "
-        f"({', '.join(sorted(kinds))}) along the run is stable, {stiffer}; {order}."
-    )
+    count = f"each of {len(stable)}" if len(stable) == len(contact.found) else f"{len(stable)} of {len(contact.found)}"
+    verb = "is" if len(stable) == len(contact.found) else "are"
+    reason = f"{count} contact modes ({', '.join(sorted(kinds))}) along the run {verb} stable, {stiffer}; {order}."
     return _certificate(contact, criteria, State.STABLE if decided else State.UNDECIDED, reason, margin, steps)
+
+
+def _switching(contact: MeshContact, margin: dict[str, float], steps: list[str]) -> tuple[str, bool]:
+    """Return what is proven about changes of the mode, as part of the claim, and whether that suffices."""
+    worst, largest = contact.worst, _largest_disturbance(contact)
+    sticks = f"disturbances of the contact's force up to {largest:.3g} N leave the proxy sticking, so no mode changes"
+    if not worst.stable:
+        margin["disturbance_that_sticks_N"] = largest
+        doubling = math.log(2.0) / math.log(worst.radius) * contact.scenario.period
+        return f"{sticks}; beyond it the tip may slide away, its speed doubles in {doubling:.3g} s", True
+    last = len(contact.sites) - 1
+    chosen = sorted({0, last // 2, last} if contact.sites[last].path.nstates <= FEW_STATES else {last})
+    switching = [site_switching(contact.sites[i]) for i in chosen]
+    steps.append(_switching_method(switching))
+    order = _order(contact, switching, margin)
+    if all(one.proof != "undecided" for one in switching):
+        return order, True
+    if largest == 0.0:
+        return order, False
+    margin["disturbance_that_sticks_N"] = largest
+    return f"{sticks}; beyond it {order}", True
+
+
+def _largest_disturbance(contact: MeshContact) -> float:
+    """Return the disturbance under which the proxy sticks where it rests, N; 0 below STICKS of the contact's force."""
+    trace = contact.observed.trace
+    largest = largest_disturbance(contact.sites[-1], trace)
+    return largest if largest >= STICKS * float(np.linalg.norm(trace["object_force"][contact.observed.rest])) else 0.0
 
 
 def _order(contact: MeshContact, switching: Sequence[Switching], margin: dict[str, float]) -> str:
@@ -253,21 +287,31 @@ def _criteria(resting: ModeStability, worst: ModeStability) -> tuple[dict[str, b
 
 def _near_limit(contact: MeshContact) -> bool:
     """Return whether the run oscillates so near the limit of stable modes that its decay is not visible in it."""
-    slow = contact.resting.stable and contact.worst.stable and contact.worst.radius > NEARLY
-    return slow and contact.observed.failure.startswith("oscillates")
+    return contact.resting.stable and _decays_slowly(contact, contact.worst.radius)
 
 
-def _expected(contact: MeshContact, pushed: PushedRun) -> float:
-    """Return the largest share of its motion that a pushed run may keep: three times what the slowest mode keeps."""
-    radius = max(one.radius for one in contact.found if one.site is contact.sites[-1])
-    kept = radius ** (0.8 * pushed.time / contact.scenario.period)
-    return float(np.clip(3.0 * kept, PERSISTS, 0.9))
+def _decays_slowly(contact: MeshContact, radius: float) -> bool:
+    """Return whether the run oscillates no longer than motions of a spectral radius below 1 do."""
+    return NEARLY < radius < 1.0 and judge(contact.observed.trace, radius).state not in OSCILLATES
+
+
+def _judged_radius(contact: MeshContact) -> float:
+    """Return the spectral radius with which a pushed run is judged: of the slowest mode where it rests.
+
+    It is nan if that mode is unstable and is not the one in which the tip rests.
+    """
+    radius = contact.resting.radius if contact.resting.radius >= 1.0 else _slowest(contact)
+    return radius if radius < 1.0 or not contact.resting.stable else math.nan
+
+
+def _slowest(contact: MeshContact) -> float:
+    """Return the spectral radius of the slowest mode where the run rests."""
+    return max(one.radius for one in contact.found if one.site is contact.sites[-1])
 
 
 def _watch(contact: MeshContact) -> float:
     """Return how long a pushed run is watched, s: six time constants of the slowest mode where it rests."""
-    radius = max(one.radius for one in contact.found if one.site is contact.sites[-1])
-    rate = abs(math.log(min(max(radius, 1e-6), 2.0))) / contact.scenario.period
+    rate = abs(math.log(min(max(_slowest(contact), 1e-6), 2.0))) / contact.scenario.period
     return float(np.clip(6.0 / max(rate, 1e-9), *WATCH))
 
 
@@ -279,9 +323,10 @@ def _lasting(s: Scenario, observed: Observed) -> dict[str, object]:
 
 
 def _push_sentence(pushed: PushedRun) -> str:
-    after = pushed.failure or f"kept {100.0 * pushed.decay:.2g} % of its motion after {pushed.time:.3g} s"
+    kept = "" if math.isinf(pushed.kept) else f" It kept {100.0 * pushed.kept:.2g} % of its response."
     return (
-        f"Where the run ends it was pushed with {pushed.push:.2g} N for 20 ms, without limits of the drive; it {after}."
+        f"Where the run ends it was pushed with {pushed.push:.2g} N for 20 ms, without limits of the drive and watched "
+        f"for {pushed.time:.3g} s; its verdict is {pushed.verdict}.{kept}"
     )
 
 
@@ -298,8 +343,8 @@ def _method(contact: MeshContact) -> list[str]:
         "The law of the mode at rest was measured on the proxy itself.",
         "Eigenvalues, Jury's table, Routh's array and a Lyapunov matrix were computed independently for the mode at "
         "rest and the worst mode.",
-        f"The scenario was run for {contact.observed.rest * contact.scenario.period:.3g} s"
-        + (f" and {contact.observed.failure}." if contact.observed.failure else " and stayed bounded."),
+        f"The scenario was run for {contact.observed.rest * contact.scenario.period:.3g} s; its verdict is "
+        f"{contact.observed.verdict}.",
     ]
 
 

@@ -50,6 +50,7 @@ class Site:
         resolution: largest angle between the normal of a face and that of its group, rad.
         modes: contact modes of the faces near the proxy.
         resting: the mode at this sample of a proxy that keeps its place, or without friction follows the tip.
+        point: surface under the proxy, with its dynamic friction.
     """
 
     row: int
@@ -59,6 +60,7 @@ class Site:
     resolution: float
     modes: tuple[ContactMode, ...]
     resting: ContactMode
+    point: SurfacePoint
 
     @property
     def path(self) -> control.StateSpace:
@@ -126,7 +128,8 @@ class TouchedSurface:
         resting = rest or self._face(here)[0]
         modes += [resting, *slips]
         loop, time = self.loop(trace, row), float(trace.time[row])
-        return Site(row, time, loop, tuple(points), resolution, tuple(modes), resting)
+        slow = self.point(here.normal, here.stiffness, damping, static=False)
+        return Site(row, time, loop, tuple(points), resolution, tuple(modes), resting, slow)
 
     def _face(self, point: SurfacePoint) -> list[ContactMode]:
         """Return the modes on a face; a proxy slides with the dynamic friction."""

@@ -49,6 +49,11 @@ class ModeStability:
         """Whether small motions decay, drift along the surface aside."""
         return self.radius < 1.0
 
+    @property
+    def slides_away(self) -> bool:
+        """Whether an unstable slide speeds up without oscillation."""
+        return not self.stable and self.mode.kind in ("sliding", "edge") and self.angle < MARGINAL
+
 
 @dataclass(frozen=True, eq=False)
 class Switching:

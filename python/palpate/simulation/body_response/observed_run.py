@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from palpate.scenario import Scenario
+from palpate.simulation.judgment import judge_pushed
 from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import OSCILLATES, State, Verdict
 
-__all__ = ["ObservedRun", "Outcome", "observe"]
+__all__ = ["ObservedRun", "observe"]
 
-Outcome = Literal["rests", "diverges", "bounces", "oscillates", "leaves"]
 HOLD = 0.5  # s for which the signals keep their last value before the push, at least
 SHORTEST, LONGEST = 1500, 20_000  # ticks after the push
 _PUSH, _ASIDE, _PUSH_TICKS = 0.05, 0.02, 5  # share of the contact force, into the body and aside
-_DECAYED = 0.3  # motion in the last fifth relative to the first, below which it decays
 _STILL = 1e-6  # motion per tick relative to the deflection that does not count
-_TOUCHES = 3  # contacts in the last two fifths from which on the tip bounces
 
 
 @dataclass(frozen=True)
@@ -31,17 +29,29 @@ class ObservedRun:
         trace: of every tick: the scenario's own run, its hold, the push, and the ticks after it.
         end: index of the last sample of the scenario's own run.
         held: index of the last sample before the push.
-        outcome: what the tip does after the push.
-        decay: motion in the last fifth after the push relative to that in the first; nan if it diverged.
+        verdict: of the run after the push.
+        kept: motion in the last fifth after the push relative to that in the first; nan if it diverged.
+        lasts: whether the contact lasts over the last two fifths after the push.
         sentence: the observation.
     """
 
     trace: Trace
     end: int
     held: int
-    outcome: Outcome
-    decay: float
+    verdict: Verdict
+    kept: float
+    lasts: bool
     sentence: str
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether the run diverges, bounces, oscillates or keeps its response to the push."""
+        return self.verdict.state in OSCILLATES
+
+    @property
+    def rests(self) -> bool:
+        """Whether the tip rests in contact."""
+        return self.verdict.settled and self.lasts
 
 
 def observe(scenario: Scenario, ticks: int = SHORTEST, hold: float = HOLD) -> ObservedRun:
@@ -72,44 +82,37 @@ def observe(scenario: Scenario, ticks: int = SHORTEST, hold: float = HOLD) -> Ob
         operator[held + 1 : held + 1 + _PUSH_TICKS] += _PUSH * force + _ASIDE * aside
         whole = replace(simulation, reference=reference, operator=operator)
         trace = whole.trace(*whole.run())
-    outcome, decay = _outcome(scenario, trace, held)
-    return ObservedRun(trace, end, held, outcome, decay, _sentence(scenario, trace, hold, held, outcome, decay))
+    pushed = trace.completed and len(trace) > held + 1 + _PUSH_TICKS
+    begin = held + 1 + _PUSH_TICKS if pushed else min(held // 2, len(trace) - 1)
+    kept = _kept(scenario, trace, begin) if trace.completed else float("nan")
+    verdict = judge_pushed(trace, begin, kept if pushed else float("nan"))
+    touching = trace["touching"][begin:, 0] > 0.0
+    lasts = trace.completed and bool(touching[-2 * len(touching) // 5 :].all())
+    sentence = _sentence(scenario, trace, hold, held, verdict)
+    return ObservedRun(trace, end, held, verdict, kept, lasts, sentence)
 
 
-def _outcome(scenario: Scenario, trace: Trace, held: int) -> tuple[Outcome, float]:
-    if not trace.completed:
-        return "diverges", float("nan")
-    pushed = len(trace) > held + 1 + _PUSH_TICKS
-    watched = slice(held + 1 + _PUSH_TICKS, None) if pushed else slice(held // 2, None)
-    touching, tip = trace["touching"][watched, 0] > 0.0, trace["tip"][watched]
-    late = touching[-2 * len(touching) // 5 :]
-    if int(np.count_nonzero(late[1:] & ~late[:-1])) > _TOUCHES:
-        return "bounces", float("nan")
+def _kept(scenario: Scenario, trace: Trace, begin: int) -> float:
+    """Return the motion per tick in the last fifth from sample `begin` on, relative to the first; 0 if it is still."""
+    tip = trace["tip"][begin:]
     motion = np.linalg.norm(np.diff(tip, axis=0), axis=1)
     fifth = max(len(motion) // 5, 1)
-    first, last = float(motion[:fifth].max()), float(motion[-fifth:].max())
-    decay = last / first if first > 0.0 else 0.0
-    still = _STILL * float(np.linalg.norm(trace["deflection"][watched], axis=1).max())
+    first, last = float(motion[:fifth].max(initial=0.0)), float(motion[-fifth:].max(initial=0.0))
+    still = _STILL * float(np.linalg.norm(trace["deflection"][begin:], axis=1).max())
     if scenario.device.encoder:
         device = scenario.load_device()
         still = max(still, float((np.abs(device.jacobian(trace["angle"][-1])) @ device.encoder_step).max()))
-    if decay > _DECAYED and last > still:
-        return "oscillates", decay
-    return ("rests" if touching[-1] else "leaves"), decay
+    return 0.0 if last <= still or first == 0.0 else last / first
 
 
-def _sentence(scenario: Scenario, trace: Trace, hold: float, held: int, outcome: Outcome, decay: float) -> str:
+def _sentence(scenario: Scenario, trace: Trace, hold: float, held: int, verdict: Verdict) -> str:
     run = f"The scenario was run for {scenario.run.duration:g} s and held for {hold:g} s"
-    after = (len(trace) - held) * scenario.period
-    if outcome == "diverges":
-        return f"{run}; it diverged at {trace.unstable_from:g} s."
-    if outcome == "leaves":
-        return f"{run}; at its end the tip is off the body."
+    if verdict.state is State.UNSTABLE and not trace.completed:
+        return f"{run}; it {verdict.reason}."
     if len(trace) == held + 1:
-        return f"{run}; at its end the tip {outcome}."
-    pushed = f"{run}, pushed by 5 % of its force for {_PUSH_TICKS} ticks, and observed for {after:.3g} s"
-    if outcome == "rests":
-        return f"{pushed}: the motion decays, to {decay:.2g} of its first fifth."
-    if outcome == "bounces":
-        return f"{pushed}: the tip bounces on the body."
-    return f"{pushed}: the motion does not decay ({decay:.3g} times that of its first fifth)."
+        return f"{run}; its verdict is {verdict}."
+    after = (len(trace) - held) * scenario.period
+    return (
+        f"{run}, pushed by 5 % of its force for {_PUSH_TICKS} ticks, and observed for {after:.3g} s; its verdict is "
+        f"{verdict}."
+    )

@@ -62,7 +62,7 @@ def certify_body(s: Scenario) -> Certificate:
             margin["slowest_update_s"] = interval
     example = None
     if verdict.state is State.UNSTABLE:
-        ratio = float("inf") if math.isnan(found.run.decay) else found.run.decay
+        ratio = float("inf") if math.isnan(found.run.kept) else found.run.kept
         example = CounterExample(s.to_dict(), ratio, f"the scenario itself. {found.run.sentence}")
     criteria = {} if found.rest is None else dict(found.rest.criteria)
     return Certificate(s.title, verdict, _assumptions(s), margin, tuple(steps), criteria, None, example, s.to_dict())
@@ -92,7 +92,7 @@ def _find(s: Scenario) -> _Findings:
     if rest is None:
         return _Findings(None, (), problem, run)
     needed = _DECAYS / max(abs(math.log(max(rest.radius, 1e-3))), 1e-9)
-    if run.outcome in ("rests", "oscillates") and needed > SHORTEST:
+    if run.lasts and needed > SHORTEST:
         run = observe(s, math.ceil(min(needed, _longest(s) / s.period)), (run.held - run.end) * s.period)
     others = _other_depths(s, run, rest.depth)
     depths, failed = [], 0
@@ -109,7 +109,7 @@ def _find_rest(s: Scenario) -> tuple[ObservedRun, ContactStability | None, int, 
     """Return a run, held until it rests, and its contact there as `_at_rest`."""
     run = observe(s)
     rest, row, problem = _at_rest(s, run)
-    if rest is not None and rest.radius >= 1.0 and run.outcome not in ("diverges", "bounces"):
+    if rest is not None and rest.radius >= 1.0 and (run.lasts or not run.oscillates):
         run = observe(s, SHORTEST, _longest(s))  # the tip may slide slowly to a place where it rests
         rest, row, problem = _at_rest(s, run)
     return run, rest, row, problem
@@ -146,7 +146,7 @@ def _at_rest(s: Scenario, run: ObservedRun) -> tuple[ContactStability | None, in
     if inside.size == 0:
         return None, 0, "the tip does not touch the body in the run"
     rows = [last]
-    if run.outcome in ("diverges", "bounces", "leaves") or not touching[last]:
+    if not run.lasts or not touching[last]:
         depth = np.linalg.norm(trace["deflection"][: last + 1], axis=1)
         late = inside[inside >= min(last // 2, inside[-1])]
         rows = [int(late[np.argmin(np.abs(depth[late] - np.quantile(depth[late], q)))]) for q in _QUANTILES]
@@ -195,12 +195,12 @@ def _verdict(found: _Findings) -> Verdict:
     if rest.state is State.UNDECIDED:
         return Verdict(State.UNDECIDED, f"{linear} {run.sentence}")
     if rest.state is State.UNSTABLE:
-        if run.outcome == "oscillates" and abs(np.angle(rest.loop.root())) < _REAL:
+        if run.lasts and run.oscillates and abs(np.angle(rest.loop.root())) < _REAL:
             return Verdict(State.UNDECIDED, f"{linear} They do not oscillate: the tip slides. {run.sentence}")
-        if run.outcome in ("diverges", "bounces", "oscillates"):
+        if run.oscillates or run.verdict.state is State.CONTACT_LOST:
             return Verdict(State.UNSTABLE, f"{linear} {run.sentence}")
         return Verdict(State.UNDECIDED, f"{linear} But the run does not show it. {run.sentence}")
-    if run.outcome != "rests":
+    if not run.rests:
         return Verdict(State.UNDECIDED, f"{linear} But the run does not rest. {run.sentence}")
     doubtful = [one for one in found.depths if not one.stable]
     if doubtful:

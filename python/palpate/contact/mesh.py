@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +13,12 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import Diagnosis, format_size
-from palpate.errors import PalpateError
+from palpate.errors import PalpateError, shorten
 from palpate.files import check_readable
 from palpate.units import parse_quantity
+
+_FORMATS: Final = ("stl", "obj", "ply", "off", "glb")
+_LARGEST: Final = 2_000_000_000  # bytes
 
 
 class MeshError(PalpateError):
@@ -62,7 +66,7 @@ class Mesh:
 
     @classmethod
     def load(cls, path: str | Path, *, unit: str, open: bool = False, repair: bool = True) -> Mesh:
-        """Read an STL, OBJ, PLY, OFF or GLB file, or another format that meshio supports.
+        """Read an STL, OBJ, PLY, OFF or GLB file.
 
         Vertices with equal coordinates are merged.
 
@@ -222,30 +226,18 @@ def _weld(points: Array, faces: Indices) -> tuple[Array, Indices]:
 
 
 def _read(name: str | Path) -> tuple[Any, Any]:
-    path = check_readable(name, MeshError, kind="the mesh's file")
+    path = check_readable(name, MeshError, kind="the mesh's file", limit=_LARGEST)
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in _FORMATS:
+        raise MeshError(f"{path}: not a known format: STL, OBJ, PLY, OFF and GLB are read")
     import trimesh
 
-    kind = path.suffix.lower().lstrip(".")
     try:
-        if kind in trimesh.available_formats():
-            mesh: Any = trimesh.load(path, force="mesh", process=False)
-            vertices, faces = mesh.vertices, mesh.faces
-        else:
-            vertices, faces = _read_with_meshio(path)
-    except MeshError:
-        raise
+        data = BytesIO(path.read_bytes())  # has no neighbors that trimesh could read as well
+        mesh: Any = trimesh.load(data, file_type=kind, force="mesh", process=False)
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as problem:  # readers raise any exception
-        raise MeshError(f"{path}: not a readable {kind or 'mesh'} file ({problem})") from problem
+        raise MeshError(f"{path}: not a readable {kind} file ({shorten(str(problem), 200)})") from problem
     if len(faces) == 0:
         raise MeshError(f"{path}: the file has no triangles that can be read: it is empty, truncated or not a mesh")
-    return np.asarray(vertices), np.asarray(faces)
-
-
-def _read_with_meshio(path: Path) -> tuple[Any, Any]:
-    import meshio
-
-    if path.suffix.lower() not in meshio.extension_to_filetypes:
-        raise MeshError(f"{path}: not a known format: STL, OBJ, PLY, OFF and GLB are read, and those of meshio")
-    mesh = meshio.read(path)
-    cells = [block.data for block in mesh.cells if block.type == "triangle"]
-    return mesh.points, np.concatenate(cells) if cells else np.empty((0, 3), dtype=int)
+    return vertices, faces

@@ -5,10 +5,6 @@ In this process it would intercept Ctrl-C, write files to the current folder, an
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
@@ -16,15 +12,16 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array, Indices
 from palpate.fem.errors import BodyError
+from palpate.files.isolated import IsolatedError, run_isolated
 
 _PROGRAM: Final = """
 import numpy as np
 from pytetwild import tetrahedralize
 
-surface = np.load("surface.npz")
-spacing = float(surface["spacing"])
-points, cells = tetrahedralize(surface["points"], surface["triangles"], edge_length_abs=spacing, quiet=True)[:2]
-np.savez("volume.npz", points=points, tetrahedra=cells)
+with np.load("inputs.npz") as surface:
+    points, triangles, spacing = (surface[name] for name in ("points", "triangles", "spacing"))
+points, cells = tetrahedralize(points, triangles, edge_length_abs=float(spacing), quiet=True)[:2]
+np.savez("result.npz", points=points, tetrahedra=cells)
 """
 
 
@@ -36,16 +33,13 @@ def tetrahedra(points: Array, triangles: NDArray[np.int32], spacing: float) -> t
     Raises:
         BodyError: fTetWild is not installed, or fails.
     """
-    with TemporaryDirectory() as folder:
-        np.savez(Path(folder) / "surface.npz", points=points, triangles=triangles, spacing=spacing)
-        done = subprocess.run([sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            message = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            if message.startswith(("ImportError", "ModuleNotFoundError")):
-                raise BodyError(
-                    "a surface is filled by fTetWild: pip install 'palpate[mesher]', or give tetrahedra (.msh, .vtk); "
-                    f"{message}"
-                )
-            raise BodyError(f"the surface cannot be filled: fTetWild ended with code {done.returncode}; {message}")
-        with np.load(Path(folder) / "volume.npz") as volume:
-            return np.asarray(volume["points"], dtype=float), np.asarray(volume["tetrahedra"], dtype=np.int64)
+    try:
+        volume = run_isolated(_PROGRAM, {"points": points, "triangles": triangles, "spacing": spacing})
+    except IsolatedError as problem:
+        if str(problem).startswith(("ImportError", "ModuleNotFoundError")):
+            raise BodyError(
+                "a surface is filled by fTetWild: pip install 'palpate[mesher]', or give tetrahedra (.msh, .vtk); "
+                f"{problem}"
+            ) from None
+        raise BodyError(f"the surface cannot be filled: fTetWild failed: {problem}") from None
+    return np.asarray(volume["points"], dtype=float), np.asarray(volume["tetrahedra"], dtype=np.int64)

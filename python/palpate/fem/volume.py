@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -22,6 +20,7 @@ from palpate.fem.checks import length, lengths, point_of, positive, unit_of_leng
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.mesher import tetrahedra
 from palpate.files import check_readable
+from palpate.files.isolated import IsolatedError, run_isolated
 
 SURFACES: Final = (".stl", ".obj", ".ply", ".off", ".glb")
 VOLUMES: Final = (
@@ -33,10 +32,19 @@ VOLUMES: Final = (
     ".inp",
     ".node",
     ".ele",
-    ".xdmf",
     ".bdf",
     ".nas",
-)  # the most common ones
+)
+
+_MESHIO: Final = """
+import numpy as np
+import meshio
+
+mesh = meshio.read(str(np.load("inputs.npz")["path"]))
+cells = [block.data[:, :4] for block in mesh.cells if block.type in ("tetra", "tetra10")]
+cells = np.concatenate(cells) if cells else np.empty((0, 4), dtype=int)
+np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.astype(np.int64))
+"""
 
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
@@ -186,7 +194,7 @@ def grid(lines: Sequence[Array], source: str = "grid") -> Volume:
 
 
 def read_volume(path: str | Path, *, unit: str) -> Volume:
-    """Read the tetrahedra of a .msh, .vtk or other file that meshio supports.
+    """Read the tetrahedra of a file of `VOLUMES`, by meshio in a process of its own.
 
     Args:
         path: file.
@@ -196,24 +204,24 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
         BodyError: the file is missing, cannot be read, or has no tetrahedra.
     """
     file, scale = check_mesh_file(path), unit_of_length(unit)
-    import meshio
-
-    if not any(file.name.lower().endswith(ending) for ending in meshio.extension_to_filetypes):
-        closed, filled = ", ".join(SURFACES), ", ".join(VOLUMES)
+    if file.suffix.lower() not in VOLUMES:
         raise BodyError(
-            f"{file}: the suffix is not that of a mesh: closed surfaces are {closed}; tetrahedra {filled} and more"
+            f"{file}: the suffix is not that of a mesh: closed surfaces are {', '.join(SURFACES)}; tetrahedra are "
+            f"{', '.join(VOLUMES)}"
         )
-    output = StringIO()
+    size = file.stat().st_size
     try:
-        with redirect_stdout(output), redirect_stderr(output):
-            mesh = meshio.read(file)
-        cells = [cells.data[:, :4] for cells in mesh.cells if cells.type in ("tetra", "tetra10")]
-    except (Exception, SystemExit) as problem:  # readers raise any exception, and meshio prints and exits
-        message = " ".join(output.getvalue().split()) if isinstance(problem, SystemExit) else str(problem)
-        raise BodyError(f"{file}: not a complete volume mesh that meshio can read ({message})") from None
-    if not cells:
+        mesh = run_isolated(
+            _MESHIO, {"path": str(file.absolute())}, seconds=60.0 + 1e-5 * size, memory=2_000_000_000 + 100 * size
+        )
+    except IsolatedError as problem:
+        raise BodyError(f"{file}: not a complete volume mesh that meshio can read ({problem})") from None
+    if mesh["points"].ndim != 2 or mesh["points"].shape[1] < 3 or not len(mesh["cells"]):
         raise BodyError(f"{file}: the file has no tetrahedra; give a volume mesh, or a closed surface (STL, OBJ, PLY)")
-    return Volume(np.asarray(mesh.points, dtype=float)[:, :3] * scale, np.concatenate(cells), file.name)
+    try:
+        return Volume(mesh["points"].astype(float)[:, :3] * scale, mesh["cells"], file.name)
+    except BodyError as problem:
+        raise BodyError(f"{file}: {problem}") from None
 
 
 def check_mesh_file(path: str | Path) -> Path:

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -27,6 +25,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import PalpateError, shorten
 from palpate.files.hdf5_output import SEAL, SEAL_LIMIT, Range, digest
+from palpate.files.isolated import IsolatedError, run_isolated
 from palpate.files.reading import HDF5_SIGNATURE, begins_with, check_readable
 
 _EXPANSION: Final = 256  # bytes of data per byte of the file; channels that are always zero compress well
@@ -264,29 +263,22 @@ def open_foreign(path: Path, error: type[PalpateError], what: str) -> Hdf5Reader
 
 
 _PROGRAM: Final = """
-import sys
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
-except (ImportError, ValueError, OSError):
-    pass
 from pathlib import Path
+import numpy as np
 from palpate.files.hdf5_input import read_everything
-read_everything(Path(sys.argv[1]))
+
+read_everything(Path(str(np.load("inputs.npz")["path"])))
+np.savez("result.npz")
 """
 
 
 def _try_in_process(path: Path, error: type[PalpateError], what: str) -> None:
     """Read everything in a process with limits. Raise `error` if the process is killed."""
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     memory = _MEMORY + 4 * path.stat().st_size
-    command = [sys.executable, "-c", _PROGRAM, str(path.absolute()), str(memory)]
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, timeout=_SECONDS, check=False)
-    except subprocess.TimeoutExpired:
-        raise error(f"{path}: not a {what}: reading it did not end within {_SECONDS:g} s") from None
-    if done.returncode < 0:
-        raise error(f"{path}: not a {what}: HDF5 cannot read it (signal {-done.returncode})")
+        run_isolated(_PROGRAM, {"path": str(path.absolute())}, seconds=_SECONDS, memory=memory)
+    except IsolatedError as problem:
+        raise error(f"{path}: not a {what} that HDF5 can read: {problem}") from None
 
 
 def read_everything(path: Path) -> None:

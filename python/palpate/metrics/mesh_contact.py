@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -36,7 +37,7 @@ class SlidingMetrics:
         energy_generated: work of the force field on the tip plus the increase of its stored energy; zero for a
             conservative field. The force is linear between samples.
         energy_dissipated: energy dissipated by friction, from the tangential force between tip and proxy.
-        ripple_power: power of the object force between 20 and 500 Hz, sum of the axes (Welch 1967).
+        ripple_power: power of the object force between 20 and 500 Hz, sum of the axes (Welch 1967); nan if unknown.
         final_force: magnitude of the object force, mean over the last 0.1 s.
         final_swing: peak-to-peak object force over the last 0.1 s, largest of the axes.
         touching_at_end: whether contact was kept over the last 0.1 s.
@@ -173,8 +174,10 @@ def _energy(
 
 
 def _ripple_power(force: Array, period: float) -> float:
-    """Return the power (N^2) of the force in `RIPPLE_BAND`, below half the sampling rate."""
+    """Return the power (N^2) of the force in `RIPPLE_BAND`, below half the sampling rate; nan if none is."""
     samples = min(len(force), round(0.25 / period))
+    if 0.5 / period < RIPPLE_BAND[0] or samples < 2:
+        return math.nan
     frequency, density = welch(force, 1.0 / period, nperseg=samples, axis=0, detrend="constant")
     band = (frequency >= RIPPLE_BAND[0]) & (frequency <= RIPPLE_BAND[1])
     return float(np.sum(density[band]) * (frequency[1] - frequency[0])) if len(frequency) > 1 else 0.0

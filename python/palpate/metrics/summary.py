@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,16 @@ def summarize(trace: Trace) -> dict[str, Any]:
         details = details[1:]
     summary["verdict"] = "; ".join([summary["verdict"], *details])
     summary["warnings"] = [*_drive(trace, scenario), *_reach(trace, scenario)]
-    return summary
+    return {key: _plain(value) for key, value in summary.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for JSON; a number that is not finite, because it overflowed or cannot be known, is None."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -> list[str]:

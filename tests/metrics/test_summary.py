@@ -1,0 +1,23 @@
+"""Summaries: every number is finite, or None where it overflowed or cannot be known."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+from palpate.metrics.mesh_contact import _ripple_power
+from palpate.metrics.summary import _plain
+
+
+def test_a_ripple_above_half_the_sampling_rate_is_unknown() -> None:
+    """Samples 1 s apart show no vibration from 20 Hz on; nor do two samples."""
+    assert math.isnan(_ripple_power(np.ones((9, 3)), 1.0))
+    assert math.isnan(_ripple_power(np.ones((1, 3)), 1e-3))
+    assert _ripple_power(np.ones((99, 3)), 1e-3) == 0.0
+
+
+def test_a_number_that_is_not_finite_is_none() -> None:
+    found = _plain({"a": math.inf, "b": [math.nan, {"c": -math.inf}], "d": 1.5, "e": None, "f": "inf", "g": True})
+    assert found == {"a": None, "b": [None, {"c": None}], "d": 1.5, "e": None, "f": "inf", "g": True}
+    json.dumps(found, allow_nan=False)

@@ -94,6 +94,12 @@ def test_the_file_reads_without_palpate(pressed: Trace, tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_a_file_that_the_caller_has_open_loads(pressed: Trace, tmp_path: Path) -> None:
+    path = pressed.save(tmp_path / "trace.h5")
+    with h5py.File(path):
+        np.testing.assert_array_equal(Trace.load(path).time, pressed.time)
+
+
 def test_the_slider_has_a_sliding_joints_units() -> None:
     """m, m/s and N where an arm has rad, rad/s and N*m."""
     trace = simulate({"device": {"name": "slider"}, "reference": {"force": "1 N"}, "object": {"stiffness": "1 N/mm"}})

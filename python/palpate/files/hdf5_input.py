@@ -60,7 +60,12 @@ class Hdf5Reader:
         self.path, self._error, self._what, self._remedy = path, error, what, remedy
         self._left = _ALWAYS + _EXPANSION * path.stat().st_size
         with self._guard():
-            self._file = h5py.File(path, "r", locking=False)
+            try:
+                self._file = h5py.File(path, "r", locking=False)
+            except OSError as problem:
+                if "locking" not in str(problem):
+                    raise
+                self._file = h5py.File(path, "r")  # the caller has it open with locks
 
     def __enter__(self) -> Self:
         return self

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from palpate.errors import PalpateError
+from palpate.errors import DesignError, PoseError
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import Simulation
 from palpate.units import write
@@ -32,7 +32,7 @@ def random_loop(rng: np.random.Generator, folder: Path, roughest: float = 0.3) -
             "mesh": {
                 **_shape(rng, folder),
                 "radius": f"{radius} m",
-                "turn": [f"{a} rad" for a in tilt.as_euler("xyz")],
+                "rotation": [f"{a} rad" for a in tilt.as_euler("xyz")],
             },
             "surface": _surface(rng, roughest),
         },
@@ -184,7 +184,7 @@ def loops(seed: int, count: int, folder: Path) -> list[dict[str, Any]]:
         tables = random_loop(rng, folder)
         try:
             simulation = Simulation.of(Scenario.from_dict(tables))
-        except PalpateError:
+        except (DesignError, PoseError):
             continue  # a pose that cannot be reached, or no controller
         rows, n, unstable = simulation.setup.run(simulation.reference, simulation.operator)
         if simulation.trace(np.asarray(rows)[:n], unstable)["touching"].any():

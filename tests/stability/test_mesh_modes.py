@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from palpate.contact import Mesh, Surface
+from palpate.simulation.contact_law import ContactLaw
 from palpate.simulation.meshes import box_mesh
+from palpate.simulation.proxy_law import ProxyProbe
 from palpate.stability.mesh_modes import (
-    ContactLaw,
     SurfacePoint,
     edge_modes,
     face_modes,
@@ -15,7 +16,6 @@ from palpate.stability.mesh_modes import (
     sliding_mode,
     vertex_mode,
 )
-from palpate.stability.proxy_jacobian import ProxyProbe
 from scipy.spatial.transform import Rotation
 
 PERIOD = 1e-3

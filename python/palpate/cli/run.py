@@ -57,6 +57,8 @@ def run(
         )
     color = COLORS[trace.verdict.state.tone]
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {color}]{escape(summary['verdict'])}[/]", soft_wrap=True)
+    if trace.verdict.linear is not None and trace.verdict.linear not in summary["verdict"]:
+        output.print(f"  {escape(trace.verdict.linear)}", soft_wrap=True)
     for warning in summary["warnings"]:
         output.print(f"  [yellow]{escape(warning)}[/]", soft_wrap=True)
     for axis, row in summary["axes"].items() if trace.verdict.settled else ():

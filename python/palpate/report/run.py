@@ -21,6 +21,8 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     for warning in found["warnings"]:
         page.verdict(f"{warning[0].upper()}{warning[1:]}.", "note")
     facts = [("duration", f"{found['duration_s']:.4g} s"), ("samples", f"{found['samples']}")]
+    if trace.verdict.linear is not None:
+        facts.append(("linear loop", trace.verdict.linear))
     for key, name, unit, scale in (
         ("peak_deflection_m", "largest deflection", "mm", 1e3),
         ("peak_reference_force_N", "largest reference", "N", 1.0),

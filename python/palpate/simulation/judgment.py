@@ -36,7 +36,7 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
-    linear = linear_radii_of(trace, scenario) if radius is None else _alone(radius)
+    linear, unknown = linear_radii_of(trace, scenario) if radius is None else (_alone(radius), "")
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
     *earlier, final = windows(external_forces(trace, scenario))
@@ -50,10 +50,17 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=_text(linear))
-    if state is State.SETTLED and linear is None and scenario is not None and scenario.run.record_every > 1:
+    contact = scenario is not None and scenario.object.kind in ("mesh", "body")  # small motions are not all there
+    if (
+        state is State.SETTLED
+        and (linear is None or contact)
+        and scenario is not None
+        and scenario.run.record_every > 1
+    ):
         reason = f"one of {scenario.run.record_every} ticks is recorded, and an oscillation between them does not show"
         return Verdict(State.UNDECIDED, reason)
-    return _explained(trace, scenario, final, found, state, linear)
+    verdict = _explained(trace, scenario, final, found, state, linear)
+    return replace(verdict, linear=f"no linear loop is known: {unknown}") if unknown else verdict
 
 
 def judge_pushed(trace: Recorded, begin: int, kept: float, radius: float | None = None) -> Verdict:

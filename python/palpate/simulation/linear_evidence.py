@@ -1,4 +1,4 @@
-"""What the linear loop of a spring or wall says about a recorded run, at its start and where it comes to rest."""
+"""What the linear loop says about a recorded run, at its start and where it comes to rest."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.recorded import Recorded
 
@@ -52,22 +53,39 @@ class LinearRadii:
         return f"the linear loop is {kind} (spectral radius {self.worst:.9g})"
 
 
-def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> LinearRadii | None:
-    """Return the spectral radii of the linear loop of a run; None if they are unknown."""
+def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearRadii | None, str]:
+    """Return the spectral radii of the linear loop of a run, or None and the reason; it is empty if it is trivial.
+
+    On a mesh or a body the loop is that of the contact mode in which the run rests, and counts as that at the start.
+    """
     own: Mapping[str, Any] = trace.metadata.get("controller", {})
-    if (
-        scenario is None
-        or own.get("given")
-        or own.get("kind") == "python"
-        or "object" in trace.metadata
-        or scenario.object.kind not in ("spring", "wall")
-    ):
-        return None
+    if scenario is None or own.get("given") or own.get("kind") == "python" or "object" in trace.metadata:
+        return None, ""
+    if scenario.object.kind in ("mesh", "body"):
+        return _contact(trace, scenario)
+    if scenario.object.kind not in ("spring", "wall"):
+        return None, ""
     try:
         start, rest = scenario_loop(scenario), loop_at_rest(trace, scenario)[0]
     except PalpateError:
-        return None
-    return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius())
+        return None, ""
+    return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius()), ""
+
+
+def _contact(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
+    """Return the spectral radius about the contact with a mesh or body where a run rests, or None and the reason."""
+    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
+        return None, ""
+    speed = _last_speed(trace)
+    if speed > AT_REST:
+        return None, f"the tip does not rest (tip speed {speed:.2g} m/s)"
+    radius, reason = contact_radius(trace, scenario)
+    return (None if radius is None else LinearRadii(radius, None)), reason
+
+
+def _last_speed(trace: Recorded) -> float:
+    steps = np.diff(trace.time[-LAST:])[:, None]
+    return float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
 
 
 def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | None, str]:
@@ -76,8 +94,7 @@ def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | No
         return None, ""
     if scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
         return None, "At its end the tip is off the wall."
-    steps = np.diff(trace.time[-LAST:])[:, None]
-    speed = float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
+    speed = _last_speed(trace)
     if speed > AT_REST:
         return None, f"It has not come to rest (tip speed {speed:.2g} m/s)."
     force, operator = trace["command_force"][-1], trace["operator_force"][-1]

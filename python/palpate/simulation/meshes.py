@@ -45,6 +45,17 @@ def touched_mesh(scenario: Scenario, origin: Array) -> tuple[Mesh, Surface]:
     return mesh, surface
 
 
+def mesh_origin(scenario: Scenario) -> Array:
+    """Return the origin of a scenario's mesh in the device frame (3,), m: at the start tip as the encoders read it."""
+    device, start = scenario.load_device(), scenario.start
+    pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
+    if scenario.device.encoder:
+        step = device.encoder_step
+        counts = np.rint(np.divide(pose, step, out=np.zeros_like(pose), where=step > 0.0))
+        pose = np.where(step > 0.0, counts * step, pose)
+    return np.asarray(device.forward(pose) + np.array(scenario.object.position), dtype=float)
+
+
 def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:
     """Return vertices (n, 3), m, and triangles (m, 3) of a cube; the origin is the middle of its top.
 

@@ -15,7 +15,8 @@ from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
-from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.meshes import mesh_origin, touched_mesh
+from palpate.simulation.proxy_law import ProxyProbe
 from palpate.simulation.trace import Trace
 from palpate.stability.mesh_modes import (
     ContactMode,
@@ -24,7 +25,6 @@ from palpate.stability.mesh_modes import (
     face_modes,
     vertex_mode,
 )
-from palpate.stability.proxy_jacobian import ProxyProbe
 
 __all__ = ["NORMAL_RESOLUTION", "Site", "TouchedSurface"]
 
@@ -83,8 +83,7 @@ class TouchedSurface:
         device = scenario.load_device()
         start = scenario.start
         pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
-        origin = device.forward(_counted(scenario, pose)) + np.array(scenario.object.position)
-        self.mesh, self.surface = touched_mesh(scenario, origin)
+        self.mesh, self.surface = touched_mesh(scenario, mesh_origin(scenario))
         assert scenario.object.mesh is not None
         self.radius = scenario.object.mesh.radius
         self.curved = self.surface.shading != 0.0 or self.surface.field == "continuous" or self.radius > 0.0
@@ -281,12 +280,3 @@ def group_normals(
     if len(groups) > GROUPS:
         return group_normals(normals, stiffness, 1.5 * resolution)
     return groups, widest
-
-
-def _counted(scenario: Scenario, pose: Array) -> Array:
-    """Return the pose as the servo sees it: with encoders, in whole counts."""
-    if not scenario.device.encoder:
-        return pose
-    step = scenario.load_device().encoder_step
-    counts = np.rint(np.divide(pose, step, out=np.zeros_like(pose), where=step > 0.0))
-    return np.where(step > 0.0, counts * step, pose)

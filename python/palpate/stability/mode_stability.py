@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 from palpate.linear.sampled_loop import reachable_space
-from palpate.stability.mesh_modes import ContactMode, SurfacePoint, closed_matrix, friction_law
+from palpate.simulation.contact_law import closed_matrix
+from palpate.stability.mesh_modes import ContactMode, SurfacePoint, friction_law
 from palpate.stability.mesh_sites import Site
 from palpate.stability.switching import Sector, common_lyapunov, dwell_time
 

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from palpate.arrays import Array
+from palpate.simulation.contact_law import closed_matrix
 from palpate.simulation.trace import Trace
-from palpate.stability.mesh_modes import closed_matrix
 from palpate.stability.mesh_sites import Site
 
 __all__ = ["largest_disturbance"]

@@ -18,6 +18,8 @@ from palpate.control.controller import Controller
 from palpate.errors import PalpateError, shorten
 from palpate.files.json_text import load_table
 from palpate.scenario import Scenario
+from palpate.simulation.judgment import judge
+from palpate.simulation.linear_evidence import linear_radii_of, linear_sign
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
@@ -185,7 +187,10 @@ class Plan:
             found = outcome_of(
                 trace, simulation.scenario.period, len(simulation.reference) - 1, simulation.setup.window_start
             )
-            return {**found, "linear": np.zeros(()), "verdict": np.array(float(trace.verdict.state))}
+            radii = linear_radii_of(trace, simulation.scenario)[0]
+            radius = np.nan if radii is None else radii.worst
+            state = judge(trace, radius).state
+            return {**found, "linear": np.array(float(linear_sign(radius))), "verdict": np.array(float(state))}
 
         with ThreadPoolExecutor(max(threads, 1)) as pool:
             found = list(pool.map(outcome, [int(cell) for cell in cells]))

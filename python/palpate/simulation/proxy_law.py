@@ -7,7 +7,7 @@ import numpy as np
 from palpate import _core
 from palpate.arrays import Array
 from palpate.contact import Mesh
-from palpate.stability.mesh_modes import ContactLaw
+from palpate.simulation.contact_law import ContactLaw
 
 __all__ = ["ProxyProbe"]
 

@@ -12,7 +12,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.judgment import judge, judge_pushed
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import OSCILLATES, Verdict
+from palpate.simulation.verdict import OSCILLATES, State, Verdict
 
 __all__ = ["Observed", "PushedRun", "run_on", "run_pushed"]
 
@@ -93,7 +93,8 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
         scenario: of the run.
         observed: the run.
         watch: s.
-        radius: spectral radius of the slowest stable motion where the run rests; nan: the run alone is judged.
+        radius: spectral radius where the run rests; nan: the run alone is judged. By itself it does not make the run
+            unstable.
     """
     if scenario.device.saturation:
         unlimited = scenario.device.model_copy(update={"saturation": False})
@@ -121,7 +122,10 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
     earlier, slide = (_slide(free["proxy"][start:], end, fifth, period) for end in (3, 5))
     if slide < 0.5 * earlier:
         slide = 0.0
-    return PushedRun(size, watch, kept, slide, judge_pushed(pushed, start, kept, radius))
+    verdict = judge_pushed(pushed, start, kept, radius)
+    if verdict.state is State.UNSTABLE and verdict.since is None:  # by the linear loop alone
+        verdict = judge_pushed(pushed, start, kept)
+    return PushedRun(size, watch, kept, slide, verdict)
 
 
 def _slide(proxy: Array, end: int, fifth: int, period: float) -> float:

@@ -118,8 +118,8 @@ def certify_mesh(s: Scenario) -> Certificate:
     steps.append(_push_sentence(pushed))
     if resting.radius >= 1.0:
         return _unstable(contact, pushed, margin, criteria, steps)
-    if not worst.stable and (found := _unstable_elsewhere(contact)) is not None:
-        return _certificate(contact, criteria, *found, margin, steps)
+    if not worst.stable and (reason := _unstable_elsewhere(contact)):
+        return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
     modes = "every contact mode is stable" if worst.stable else "every contact mode is stable but slides away"
     if resting.drift > 0.0:
         reason = (
@@ -184,28 +184,27 @@ def _unstable(
     margin = {**margin, "doubling_time_s": doubling, "frequency_Hz": resting.angle / (2.0 * math.pi * period)}
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if resting.angle > 0 else "a motion"
     grows = f"{resting.mode.name}, {motion} doubles every {doubling:.3g} s"
-    alone = pushed.verdict.state is State.UNSTABLE and pushed.verdict.since is None  # by the linear loop alone
-    runs = (contact.observed.verdict,) if alone else (contact.observed.verdict, pushed.verdict)
-    shown = [run for run in runs if run.state in (*OSCILLATES, State.CONTACT_LOST)]
+    runs = (contact.observed.verdict, pushed.verdict)
+    shown = [f"the verdict of the run is {run}" for run in runs if run.state in (*OSCILLATES, State.CONTACT_LOST)]
+    if pushed.kept > 1.0:
+        shown.append(f"the response of the run to a push grows by a factor of {pushed.kept:.3g}")
     if not shown:
         reason = f"{grows}, but the run does not show it; its verdict after a push is {pushed.verdict}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    reason = f"{grows}; the verdict of the run is {shown[0]}."
+    reason = f"{grows}; {shown[0]}."
     return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps)
 
 
-def _unstable_elsewhere(contact: MeshContact) -> tuple[State, str] | None:
-    """Return the state and the reason of a run beside which a mode is unstable in which it does not rest.
+def _unstable_elsewhere(contact: MeshContact) -> str:
+    """Return why a run is undecided beside which a mode is unstable in which it does not rest.
 
-    None: such modes are slides that speed up without oscillation, away from where the proxy sticks.
+    It is empty if such modes are slides that speed up without oscillation, away from where the proxy sticks.
     """
-    worst, run = contact.worst, contact.observed.verdict
+    worst = contact.worst
     where = f"{worst.mode.name}, at the pose at t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})"
-    if run.state is State.CONTACT_LOST and contact.observed.constant:
-        return State.UNSTABLE, f"{where}, and the verdict of the run is {run}."
     if all(one.slides_away for one in contact.found if not one.stable) and _largest_disturbance(contact) > 0.0:
-        return None
-    return State.UNDECIDED, f"stable where the run rests, but unstable {where}."
+        return ""
+    return f"stable where the run rests, but unstable {where}."
 
 
 def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:

@@ -25,8 +25,8 @@ ASKED_MODAL = 5.0
 def _measure(effort: Effort, tell: Progress) -> Rows:
     """Return times, us: "median_us", "p99.9_us" and "asked_us", the required median.
 
-    "pressed" is the median number of nodes in contact, None for MuJoCo. "ratio" is the median of a MuJoCo step over
-    that of the tick on the same mesh with about 30 nodes.
+    "pressed" is the median number of nodes in contact, None for MuJoCo. "ratio" is the median of a MuJoCo
+    step over that of the tick on the same mesh with about 30 nodes.
     """
     ticks, rows = effort.runs(TICKS), []
     tell("a body of 4,851 vertices", 0.0)

@@ -26,8 +26,8 @@ def orbit(ticks: int, bump: float = 0.0) -> Array:
 def time_steps(mesh: Mesh, path: Array, radius: float = 0.0, passes: int = 3) -> dict[str, Any]:
     """Return the time of each step on a path, the minimum over `passes` passes, with 100 N/m and friction 0.6 / 0.4.
 
-    "median", "p99.9" and "worst" are in us, and include the time of the clock, about 0.03 us. "worst_single", the
-    largest of all passes, includes interruptions by the machine. "lost" and "unfinished" are counts of ticks.
+    Times are in us. "median", "p99.9" and "worst" include the time of the clock, about 0.03 us. "worst_single" is the
+    largest of all passes and includes interruptions by the machine. "lost" and "unfinished" are counts of ticks.
     """
     surface = Surface(stiffness=100.0, static_friction=0.6, dynamic_friction=0.4)
     times = np.empty((passes, len(path)))

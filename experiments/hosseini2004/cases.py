@@ -9,7 +9,7 @@ C      identified (3.25)      linearized kinematics
 D      linearized (3.9)       linearized kinematics
 =====  =====================  ====================
 
-In cases A and B the thesis designs the LQG for the model alone: its angles (rad) stand for the measured object force
+In cases A and B the thesis designs the LQG for the model alone. Its angles (rad) stand for the measured object force
 (N), and its torques (N m) for the commanded tip force (N). The Jacobians and the object's stiffness, K J J^T, are
 missing from the loop of the design.
 """

@@ -8,9 +8,10 @@ The thesis prints the transfer functions h_ij and the matrices A_e and B_e, but 
   diverge, the poles are set to 1. This changes one coefficient of each axis by at most 0.0005. Mechanics has a pole at
   1 for the yaw only: on axes 2 and 3 of the arm gravity acts as a spring.
 
-The states are those of A_e: axis 1 in controller form (states 1 to 6), axes 2 and 3 in observer form (7 to 12 and 13 to
-18, of which 7 and 13 have no effect), scaled by powers of two. C_e is the numerator of h11 over the scaling for axis 1,
-and 0.5 for the last state of each other axis. Equation (3.37) confirms it: C_dl = K dp/dq C_e to every printed digit.
+The states are those of A_e, scaled by powers of two. Axis 1 is in controller form (states 1 to 6). Axes 2 and 3 are in
+observer form (7 to 12 and 13 to 18); states 7 and 13 have no effect. C_e is the numerator of h11 over the scaling for
+axis 1, and 0.5 for the last state of each other axis. Equation (3.37) confirms it: C_dl = K dp/dq C_e to every printed
+digit.
 """
 
 from __future__ import annotations

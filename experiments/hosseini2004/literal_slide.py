@@ -1,7 +1,7 @@
 """The slide of chapter 5 as described there: stiffness by the polygon at the tip, and a tangential spring.
 
-Section 5.3.1 gives each polygon of a cube's side a normal stiffness and sets a tangential stiffness of 1 N/mm "in any
-direction on the surface"; section 5.2 starts the tip on the surface and moves it by the applied forces alone. There is
+Section 5.3.1 gives each polygon of a cube's side a normal stiffness. It sets a tangential stiffness of 1 N/mm "in any
+direction on the surface". Section 5.2 starts the tip on the surface and moves it by the applied forces alone. There is
 no friction and no drag. The scan lacks figures 5.5 and 5.8 with the stiffnesses and the forces: these are palpate's.
 """
 

@@ -65,9 +65,9 @@ def run(out: Path, progress: Progress | None = None) -> Reproduction:
     """Compute chapters 2 to 5, write the results to `out`, and return them.
 
     Writes results.json (the checks), report.html (self-contained), headline.svg and headline.png atomically. Each check
-    has id, kind (key of `KINDS`), what, printed, computed, unit, tolerance, status ("match", "erratum", "differs" or
-    "not computed"), where, sense ("equal", "at most": one-sided, or "statement"), and, where they apply, known (of a
-    difference), right and cause (of an erratum), and note.
+    has id, kind (key of `KINDS`), what, printed, computed, unit, tolerance, status, where and sense. The status is
+    "match", "erratum", "differs" or "not computed"; the sense "equal", "at most" (one-sided) or "statement". Where they
+    apply, a check also has known (of a difference), right and cause (of an erratum), and note.
 
     Args:
         out: folder; created if missing.

@@ -162,8 +162,9 @@ class IndentableBody(CondensedBody):
         Args:
             path: centers of the tip (m, 3), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
-            outward: direction out of the body, which is also the axis of a flat end: (3,) or (m, 3). None selects
-                the mean normal of the nodes in contact or the normal of the nearest node for a sphere, and the normal
+            outward: direction out of the body, which is also the axis of a flat end: (3,) or (m, 3). None selects,
+                for a sphere, the mean normal of the nodes in contact or the normal of the nearest node. For a flat
+                end it selects the normal
                 of the nearest surface point for a flat end.
             tip: "sphere" or "flat".
 

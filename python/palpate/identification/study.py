@@ -47,9 +47,9 @@ def identify_recording(
 
     Returns:
         A dictionary for JSON. "parameters" has a row each, with its 95 % interval and the catalog's value. "free_run"
-        has the NRMSE in percent per joint on validation data, of the "device" with the fitted parameters, driven by
-        the torques, and of the "arx" model. "arx" has orders, coefficients with standard deviations, and residual
-        tests on validation data. "summary" is text. The others are "recording" and "excitation".
+        has the NRMSE in percent per joint on validation data. Its entry "device" is the device with the fitted
+        parameters, driven by the torques; its entry "arx" is the ARX model. "arx" has orders, coefficients with
+        standard deviations, and residual tests. "summary" is text. The others are "recording" and "excitation".
 
     Raises:
         RecordingError: the recording is invalid or too short, or has too little excitation.

@@ -129,8 +129,8 @@ def work_so_far(trace: Trace) -> Array:
     """Return the work of the tip on the body until each sample (n,), J.
 
     The force F is linear between samples: the work is the sum of (F_k + F_k-1) . (x_k - x_k-1) / 2. A model with states
-    (`modal`, `viscoelastic`, `mass_spring`) holds the force F_k over the tick that ends at sample k, so that the work
-    of a tick is F_k . (x_k - x_k-1). For samples n ticks apart the later force then has the weight (1 + 1/n) / 2.
+    (`modal`, `viscoelastic`, `mass_spring`) holds the force F_k over the tick that ends at sample k. The work of a tick
+    is then F_k . (x_k - x_k-1). For samples n ticks apart the later force then has the weight (1 + 1/n) / 2.
     """
     force, tip = trace["object_force"], trace["tip"]
     choice, run = trace.scenario.get("object", {}).get("body") or {}, trace.scenario.get("run", {})

@@ -31,9 +31,9 @@ def summarize(trace: Trace) -> dict[str, Any]:
 
     "state" is the verdict's label and "verdict" a sentence with details. "stable" is true if the state is "settled".
     "warnings" are sentences on the drive and on singular poses. Each driven axis has the steady tip deflection, the
-    expected deflection (reference force over stiffness) and the error against it, overshoot, 5 % settling time, and the
-    growth of an oscillation. The whole run has the peak reference, command, torque and object force, and the force that
-    the motors must deliver. The peak of a force is its magnitude over the three axes.
+    expected deflection (reference force over stiffness) and the error against it. It also has the overshoot, the 5 %
+    settling time, and the growth of an oscillation. The whole run has the peak reference, command, torque and object
+    force, and the force that the motors must deliver. The peak of a force is its magnitude over the three axes.
 
     A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
     the axes. A run that diverged has no steady state, and only the peaks are given.

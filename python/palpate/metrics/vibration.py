@@ -52,9 +52,10 @@ class Ripple:
 def vibration_threshold(frequency: ArrayLike) -> Array:
     """Return the detection threshold (m) of a vibration at the fingertip for each frequency (Hz).
 
-    The threshold is constant up to 40 Hz, falls by 12 dB per octave to 0.1 um at 250 Hz and rises equally above
-    (Verrillo 1963, contactors of at least 2.9 cm^2 on the thenar eminence; Gescheider & Verrillo 1979). Thresholds
-    for a tool grasped in the whole hand are lower, by 68 % at 40 Hz and 88 % at 300 Hz (Brisben, Hsiao & Johnson 1999).
+    The threshold is constant up to 40 Hz, falls by 12 dB per octave to 0.1 um at 250 Hz and rises equally above.
+    Source: Verrillo 1963, contactors of at least 2.9 cm^2 on the thenar eminence; Gescheider & Verrillo 1979.
+    Thresholds for a tool grasped in the whole hand are lower, by 68 % at 40 Hz and 88 % at 300 Hz (Brisben, Hsiao &
+    Johnson 1999).
     """
     f = np.maximum(np.asarray(frequency, dtype=float), FLAT_LIMIT)
     return np.asarray(MIN_THRESHOLD * np.maximum(PEAK_FREQUENCY / f, f / PEAK_FREQUENCY) ** 2, dtype=float)

@@ -1,7 +1,7 @@
 """The servo loop of a scenario, linear about a pose and sampled as it runs: hold, delay, coupling, controller, hand.
 
-Everything the servo computes from samples stays sampled, the turning of the hold's torque with the pose included; all
-that moves between samples (device, gravity, the operator's arm) is continuous behind the hold.
+Everything that the servo computes from samples stays sampled, the turning of the hold's torque with the pose included.
+Everything that moves between samples (device, gravity, the operator's arm) is continuous behind the hold.
 """
 
 from __future__ import annotations

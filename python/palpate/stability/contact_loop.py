@@ -50,7 +50,7 @@ class ContactStability:
             larger than the static stiffness.
         radius: largest modulus of the sampled loop's eigenvalues.
         criteria: verdict of each criterion on its own: "eigenvalues" of the loop with the body's states, and "Nyquist"
-            of the body's measured impulse response; with at most 26 states also "Jury", "Routh" and "Lyapunov". A
+            of the body's measured impulse response. With at most 26 states also "Jury", "Routh" and "Lyapunov". A
             hyperelastic body has no "Nyquist": its loop is the map over one update of its model.
         doubt: error of the body's response times the loop's largest gain; below 1 it changes no verdict.
         stiffness_margin: factor on the force of the body at which the loop oscillates; inf: none up to 10,000; nan: it

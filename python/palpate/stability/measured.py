@@ -90,8 +90,8 @@ class MeasuredResponse:
     ) -> MeasuredVerdict:
         """Return the stiffness at which the measured device against a wall becomes unstable, or why it is unknown.
 
-        A response cannot show two things that are assumed: the device is stable or at rest anywhere without a wall,
-        and it has no resonance narrower than the spacing of the frequencies.
+        Two assumptions cannot be seen in a response. The device is stable or at rest anywhere without a wall. It has
+        no resonance narrower than the spacing of the frequencies.
 
         Args:
             virtual_damping: B, N s/m.

@@ -5,14 +5,14 @@ l = (I - n n^T)(x - p), the tip pushes on the object with
 
     f = -k d n + k_t l.
 
-The proxy keeps its place while |l| <= mu k d / k_t (sticking), and otherwise reduces the lag along its direction s to
-(mu k d / k_t + c |l|) / (1 + c), where c = b / (T k_t) is the viscous friction. About steady sliding with a share
+The proxy keeps its place while |l| <= mu k d / k_t (sticking). Otherwise it reduces the lag along its direction s to
+(mu k d / k_t + c |l|) / (1 + c). Here c = b / (T k_t) is the viscous friction. About steady sliding with a share
 a = |l after| / |l before| of the lag kept in a tick, small motions obey
 
     l' = (g s s^T + a (I - n n^T - s s^T)) (l + dx) - (1 - g) (mu k / k_t) s n^T x,      g = c / (1 + c).
 
-A fast slide has a = g, a slow one has a near 1. Without friction the proxy is the nearest point of the surface: a face
-has the stiffness k n n^T, a valley edge k (I - t t^T), and a vertex k I.
+A fast slide has a = g, a slow one has a near 1. Without friction the proxy is the nearest point of the surface. A face
+then has the stiffness k n n^T, a valley edge k (I - t t^T), and a vertex k I.
 """
 
 from __future__ import annotations
@@ -163,8 +163,8 @@ def friction_law(point: SurfacePoint, along: Array) -> ContactLaw:
     """Return the law of a contact whose friction acts along ``along`` = u (2,), in the basis ``point.tangents()``.
 
     In every mode, and between modes, l' = g (l + dx) + (1 - g) (mu d k / k_t) u for some u with |u| <= 1. A law whose
-    proxy never slides has the spring k_t instead. The states are the same for every normal: the proxy's lag less the
-    tip (3), if the friction is viscous, and the last position of the tip (3), if the surface is damped.
+    proxy never slides has the spring k_t instead. The states are the same for every normal. With viscous friction they
+    include the proxy's lag less the tip (3); on a damped surface, the last position of the tip (3).
     """
     n, k, g = point.normal, point.stiffness, point.least_kept
     across = np.eye(3) - np.outer(n, n)

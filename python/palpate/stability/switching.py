@@ -6,7 +6,7 @@ change of mode, leaves the state bounded. Without P, each matrix's own Lyapunov 
 decays if the matrix changes no more often (Liberzon, Switching in Systems and Control, 2003).
 
 The set is a union of sectors. In each, a normal force w = kappa y answers the motion y = c x of the tip, with any
-stiffness kappa in [low, high], and a force along the surface of at most mu |w| acts in any direction.
+stiffness kappa in [low, high]. A force along the surface of at most mu |w| acts in any direction.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class Plan:
         random: key of COLUMNS to its two limits, SI, drawn uniformly for each cell.
         draws: cells for each combination of the axes.
         design: "cell": the controller is designed for each cell; "once": for the scenario as it stands.
-        seed: of the draws, whose generator is spawned from it for each cell, and of late ticks: `run.seed` of a cell
+        seed: of the draws, whose generator is spawned from it for each cell, and of late ticks. `run.seed` of a cell
             is its number plus 10^8 times this seed, unless run.seed is varied.
     """
 

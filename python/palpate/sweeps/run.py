@@ -134,7 +134,7 @@ def sweep(
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
         over: path to values: {"object.stiffness": "100 N/m..5 N/mm:100", "object.damping": [0.0, 1.0, 2.0]}. A range
-            has both ends and a count ("log" after it: equal ratios); a list has values as the file has them, or
+            has both ends and a count ("log" after it: equal ratios). A list has values as the file has them, or
             numbers in SI. "object.stiffness.z" is one spatial axis.
         random: path to a range, "0.05 kg..0.3 kg", drawn uniformly for each cell by itself.
         draws: cells for each combination.

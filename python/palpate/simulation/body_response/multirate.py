@@ -37,7 +37,7 @@ class MultirateResponse:
         local: K (3, 3), N/m, of the local model.
         correction: g (n, 3, 3), N/m, n a multiple of `every`; g[0] is zero.
         every: m, ticks of an update.
-        error: bound of the gain of what is left out, by entry (3, 3), N/m.
+        error: bound of the gain of the omitted dynamics, by entry (3, 3), N/m.
         asymmetry: difference of the answers to opposite displacements, relative.
         nodes: number of nodes in contact.
     """

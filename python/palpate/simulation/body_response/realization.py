@@ -78,8 +78,8 @@ def _hankel(markov: Array, offsets: NDArray[np.int64], first: int) -> Array:
 def _error(markov: Array, a: Array, b: Array, c: Array) -> Array:
     """Return the sum of the magnitudes of the differences over the record and after it, by entry; inf: unstable.
 
-    After the record the system's response counts as much as it differs from the record in its last quarter, and in full
-    if it is larger than four times that quarter.
+    After the record the system's response counts as much as it differs from the record in its last quarter. It counts
+    in full if it is larger than four times that quarter.
     """
     values, vectors = np.linalg.eig(a)
     if np.abs(values).max() >= 1.0:

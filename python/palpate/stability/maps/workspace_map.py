@@ -136,10 +136,10 @@ def workspace(
 ) -> Workspace:
     """Return the exact critical stiffness of an impedance display's walls over the reachable workspace.
 
-    At each pose the loop consists of the device linearized there, the gravity compensation of that pose, the operator,
-    delay and controller of the scenario, and a wall with the damping of its object. The controller is one fixed design
-    for the scenario's start. A device without a scenario runs at its usual rate, without delay and wall damping, held
-    through fingertip tissue by an arm of 0.15 kg, 4.5 N s/m and 560 N/m.
+    At each pose the loop consists of the device linearized there, with the gravity compensation of that pose, and a
+    wall with the damping of the scenario's object. Operator, delay and controller are those of the scenario. The
+    controller is one fixed design for the scenario's start. A device without a scenario runs at its usual rate, without
+    delay and wall damping. An arm of 0.15 kg, 4.5 N s/m and 560 N/m holds it through fingertip tissue.
 
     Motions that the wall does not observe must be stable too; a certificate does not require this.
 

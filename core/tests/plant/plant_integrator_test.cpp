@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "support/states.hpp"
 
 namespace {
@@ -146,6 +148,37 @@ TEST(PlantIntegrator, IsOfFourthOrder) {
   const double ratio = (end(2) - exact).norm() / (end(4) - exact).norm();
   EXPECT_GT(ratio, 14.0);
   EXPECT_LT(ratio, 19.0);
+}
+
+// Law: plants with dry friction and an arm side by side compute the same as one.
+TEST(PlantIntegrator, LanesEqualOneLoop) {
+  using palpate::math::Pack;
+  JointFriction<3> friction;
+  friction.viscous.setConstant(0.01);
+  friction.coulomb.setConstant(0.002);
+  friction.breakaway.setConstant(0.003);
+  HumanArm hand;
+  hand.mass = 0.1;
+  hand.damping = 3.0;
+  const PlantIntegrator<Premium> one(arm, friction, hand);
+  PlantIntegrator<Premium, Pack<2>> both;
+  std::array<PlantState<3>, 2> s;
+  PlantState<3, Pack<2>> lanes;
+  States states;
+  for (int lane = 0; lane < 2; ++lane) {
+    auto& state = s[static_cast<std::size_t>(lane)];
+    state.q = states.draw(4.0);
+    state.qd = states.draw(0.5);
+    both.set_lane(lane, one);
+    lanes.set_lane(lane, state);
+  }
+  const Joints<3> torque = Joints<3>::Constant(0.01);
+  for (int k = 0; k < 50; ++k) {
+    for (auto& state : s) one.advance(state, torque, ForceSegment<>{}, 1e-3, 2);
+    both.advance(lanes, Joints<3, Pack<2>>(torque.cast<Pack<2>>()), ForceSegment<Pack<2>>{}, 1e-3, 2);
+  }
+  for (int lane = 0; lane < 2; ++lane)
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(lanes.q[i][lane], s[static_cast<std::size_t>(lane)].q[i], 1e-13);
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 // Servo tick and plant do not allocate. The allocation functions of this program count every call.
 #include <gtest/gtest.h>
 
+#include <palpate/object/mesh_object.hpp>
+
 #include "support/allocations.hpp"
 #include "support/mesh_shapes.hpp"
 #include "support/states.hpp"

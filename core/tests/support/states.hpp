@@ -1,7 +1,5 @@
 #pragma once
 
-#include <palpate/deformable.hpp>
-#include <palpate/mesh.hpp>
 #include <palpate/palpate.hpp>
 #include <random>
 

@@ -1,7 +1,7 @@
 // Friction on modal, mass-spring and free-form models: closed forms, Coulomb's cone, passivity.
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <palpate/deformable/contact/tip_contact.hpp>
@@ -107,7 +107,8 @@ struct Cap {
     Eigen::MatrixXd phi(size, modes), more(size, 6);
     for (double& x : phi.reshaped()) x = 3.0 * normal(random);
     for (double& x : more.reshaped()) x = 0.01 * normal(random);
-    Eigen::MatrixXd c = 2e-4 * Eigen::MatrixXd::Identity(size, size) + more * more.transpose();
+    Eigen::MatrixXd c = more.lazyProduct(more.transpose());
+    c.diagonal().array() += 2e-4;
     for (int k = 0; k < modes; ++k) {
       frequencies.push_back(80.0 + 60.0 * k);
       c += phi.col(k) * phi.col(k).transpose() / (frequencies.back() * frequencies.back());

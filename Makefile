@@ -62,7 +62,7 @@ lint: .venv/lint-installed  ## check format, style and types
 
 tidy: .venv/lint-installed  ## analyze the C++ core with clang-tidy
 	$(BIN)/cmake -S . -B build/tidy -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DPALPATE_TESTS=ON -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python >/dev/null
-	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/servo/simulation_test.cpp  # includes and instantiates every header
+	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/servo/simulation_test.cpp core/tests/support/every_header.cpp
 
 format: .venv/lint-installed  ## format Python and C++
 	$(BIN)/ruff check --fix $(PYTHON_FOLDERS)
@@ -77,16 +77,18 @@ clean:  ## remove everything that the other targets make
 		{ echo "palpate needs Python 3.11 or newer; set PYTHON=/path/to/it" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
 
-# Install the packages of a table of pyproject.toml, without palpate itself: '.[test]' would build the core once more.
-packages = $(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']$(1), sep='\n')" \
+# Install the packages of lists in pyproject.toml, without palpate itself: '.[test]' would build the core once more.
+packages = $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*$(1), sep='\n')" \
 	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
-extra = $(call packages,['optional-dependencies']['$(1)'])
+extra = $(call packages,p['optional-dependencies']['$(1)'])
+# Goals that need the packages of the tests install them while the core compiles.
+EARLY := $(if $(filter test check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
 
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
 # The core compiles while pip downloads and installs the dependencies.
 .venv/installed: .venv/bin/python $(CORE)
 	$(BIN)/python -m pip install --quiet --no-deps --editable . & core=$$!; \
-		$(call packages,['dependencies']); packages=$$?; wait $$core && exit $$packages
+		$(call packages,p['dependencies'] $(EARLY)); packages=$$?; wait $$core && exit $$packages
 	@touch $@
 
 .venv/test-installed: .venv/installed

@@ -43,7 +43,7 @@ def program() -> Path:
     command(BIN / "cmake", "--install", build / "core")
     eigen = command(sys.executable, "-m", "cmeel", "cmake").strip()
     found = f"-DCMAKE_PREFIX_PATH={build / 'prefix'};{eigen}"
-    options = (found, "-DCMAKE_CXX_FLAGS_RELEASE=-O1")
+    options = (found, "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG")
     command(BIN / "cmake", "-S", ROOT / "examples" / "cpp", "-B", build / "run", "-G", "Ninja", ninja, *options)
     command(BIN / "ninja", "-C", build / "run", "run_loop")
     return build / "run" / "run_loop"

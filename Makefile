@@ -16,7 +16,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_NO_COMPILE := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check reproduce bench nightly docs wheel lint tidy format clean
+.PHONY: help run test check reproduce bench fuzz nightly docs wheel lint tidy format clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -37,9 +37,12 @@ reproduce: .venv/installed  ## compute the thesis, and compare its numbers and c
 bench: .venv/test-installed  ## measure the speed of this machine
 	$(BIN)/python -m benchmarks
 
-nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, reproduce, bench
+fuzz: .venv/test-installed  ## read mutated files with every reader for ten minutes; failing files are kept in build/fuzz
+	$(BIN)/python tests/support/fuzz.py --count 1000000 --seconds 600 --out build/fuzz
+
+nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, fuzz, reproduce, bench
 	PALPATE_ROUNDS=10 PALPATE_NIGHTLY=1 $(PYTEST)
-	$(MAKE) reproduce bench
+	$(MAKE) fuzz reproduce bench
 
 docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -65,3 +67,14 @@ def test_tetrahedra_are_read_in_a_process_of_their_own(tmp_path: Path) -> None:
 def test_a_program_that_fails_gives_its_reason(program: str, reason: str) -> None:
     with pytest.raises(IsolatedError, match=reason):
         run_isolated(program, {}, seconds=1.0 if "while" in program else None, memory=1 << 31)
+
+
+def test_a_broken_mesh_prints_no_traceback(tmp_path: Path) -> None:
+    """A library that logs one would print it beside the sentence."""
+    (tmp_path / "a.stl").write_bytes(b"solid" + b"\0" * 79)
+    code = (
+        "from palpate.contact.mesh import Mesh, MeshError\n"
+        "try: Mesh.load('a.stl', unit='mm')\nexcept MeshError: print('refused')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("refused\n", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
@@ -19,6 +20,7 @@ from palpate.units import parse_quantity
 
 _FORMATS: Final = ("stl", "obj", "ply", "off", "glb")
 _LARGEST: Final = 2_000_000_000  # bytes
+_QUIET: Final = logging.NullHandler()  # trimesh logs the tracebacks of a broken file, to the terminal by default
 
 
 class MeshError(PalpateError):
@@ -232,6 +234,7 @@ def _read(name: str | Path) -> tuple[Any, Any]:
         raise MeshError(f"{path}: not a known format: STL, OBJ, PLY, OFF and GLB are read")
     import trimesh
 
+    logging.getLogger("trimesh").addHandler(_QUIET)
     try:
         data = BytesIO(path.read_bytes())  # has no neighbors that trimesh could read as well
         mesh: Any = trimesh.load(data, file_type=kind, force="mesh", process=False)

@@ -3,17 +3,14 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <palpate/deformable/hyperelastic/compiled_solver.hpp>
 #include <palpate/deformable/multirate/multirate_coupling.hpp>
 #include <palpate/object/hyperelastic_object.hpp>
 #include <thread>
-#include <type_traits>
 
-#include "batch.hpp"
 #include "body_in_loop.hpp"
 #include "contact_rows.hpp"
-#include "pressed.hpp"
 #include "slow_thread.hpp"
-#include "solid.hpp"
 #include "solid_frames.hpp"
 
 namespace nb = nanobind;
@@ -21,8 +18,9 @@ using namespace nb::literals;
 
 namespace {
 
-using palpate::solid::AnyPressed;
-using palpate::solid::AnySolid;
+using palpate::deformable::AnyHyperelasticModel;
+using palpate::deformable::AnyQuasiStaticSolver;
+using palpate::deformable::HyperelasticLaw;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Cells = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
@@ -32,21 +30,10 @@ using Triangles = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig
 using Paths = nb::ndarray<const double, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double>;
 
-struct SolidCore {
+struct ModelCore {
   std::size_t points;
-  std::unique_ptr<AnySolid> solid;
+  std::unique_ptr<AnyHyperelasticModel> model;
 };
-
-template <class Make>
-auto widest(Make make) {
-#if defined(PALPATE_LANES_8)
-  if (palpate::batch::most_lanes() == 8) return make(std::integral_constant<int, 8>());
-#endif
-#if defined(PALPATE_LANES_4)
-  if (palpate::batch::most_lanes() == 4) return make(std::integral_constant<int, 4>());
-#endif
-  return make(std::integral_constant<int, 2>());
-}
 
 palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
                                      const Flags& fixed) {
@@ -70,7 +57,7 @@ palpate::deformable::TetMesh mesh_of(const Points& points, const Cells& cells, c
   return mesh;
 }
 
-void check(const SolidCore& self, const Points& vectors) {
+void check(const ModelCore& self, const Points& vectors) {
   if (vectors.shape(0) != self.points) throw nb::value_error("the array must have one row for each point");
 }
 
@@ -97,16 +84,20 @@ palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& p
   return surface;
 }
 
-std::unique_ptr<AnyPressed> pressed_of(const palpate::deformable::TetMesh& mesh, bool corotational,
-                                       const palpate::deformable::TetSurface& surface, int nodes_per_tip) {
-  palpate::deformable::SolverOptions options;
-  options.nodes_per_tip = nodes_per_tip;
-  return widest([&](auto lanes) { return palpate::solid::press<lanes()>(corotational, mesh, surface, options); });
+HyperelasticLaw law_of(bool corotational) {
+  return corotational ? HyperelasticLaw::corotational : HyperelasticLaw::neo_hookean;
 }
 
-struct PressedCore {
+std::unique_ptr<AnyQuasiStaticSolver> solver_of(const palpate::deformable::TetMesh& mesh, bool corotational,
+                                                const palpate::deformable::TetSurface& surface, int nodes_per_tip) {
+  palpate::deformable::SolverOptions options;
+  options.nodes_per_tip = nodes_per_tip;
+  return palpate::deformable::make_quasi_static_solver(law_of(corotational), mesh, surface, options);
+}
+
+struct SolverCore {
   std::size_t points;
-  palpate::deformable::MultirateCoupling<AnyPressed> pressing;
+  palpate::deformable::MultirateCoupling<AnyQuasiStaticSolver> coupling;
 };
 
 /// The tips at each tick of a path (ticks, tips, 3).
@@ -159,7 +150,7 @@ class Ways {
   palpate::deformable::TipPair tips_;
 };
 
-Out step_row(const palpate::solid::PressedStep& step) {
+Out step_row(const palpate::deformable::ModelUpdateReport& step) {
   auto [out, row] = new_array<double>({1, 4});
   row[0] = step.residual;
   row[1] = step.newton_steps;
@@ -168,31 +159,31 @@ Out step_row(const palpate::solid::PressedStep& step) {
   return out;
 }
 
-void bind_pressed(nb::module_& m) {
-  nb::class_<PressedCore>(m, "QuasiStaticSolver")
+void bind_solver(nb::module_& m) {
+  nb::class_<SolverCore>(m, "QuasiStaticSolver")
       .def(
           "__init__",
-          [](PressedCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
+          [](SolverCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
              bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
              const Numbers& weights, const Triangles& triangles, int nodes_per_tip) {
-            auto solid = pressed_of(mesh_of(points, cells, shear, lame, fixed), corotational,
-                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
-            new (self) PressedCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyPressed>(std::move(solid))};
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                   surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
+            new (self) SolverCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyQuasiStaticSolver>(std::move(solid))};
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
           "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a)
       .def(
           "simulate_path",
-          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int update_interval) {
+          [](SolverCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int update_interval) {
             Ways ways(centers, outward, radii, flat);
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns()) {
-              if (k % static_cast<std::size_t>(update_interval) == 0 && self.pressing.update_count() > 0) self.pressing.publish_model();
-              self.pressing.tick(ways.at(k));
-              if (k % static_cast<std::size_t>(update_interval) == 0) self.pressing.compute_model();
-              ways.write(self.pressing.model_switch(), row);
+              if (k % static_cast<std::size_t>(update_interval) == 0 && self.coupling.update_count() > 0) self.coupling.publish_model();
+              self.coupling.tick(ways.at(k));
+              if (k % static_cast<std::size_t>(update_interval) == 0) self.coupling.compute_model();
+              ways.write(self.coupling.model_switch(), row);
             }
             return rows;
           },
@@ -202,13 +193,13 @@ void bind_pressed(nb::module_& m) {
           "deflection (3), energy, nodes, touching, solved; then potential energy, tank level, blend, tank empty.")
       .def(
           "settle",
-          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int max_updates) {
+          [](SolverCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int max_updates) {
             Ways ways(centers, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns() + 1});
             const nb::gil_scoped_release unlocked;
             for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns() + 1) {
-              row[ways.columns()] = self.pressing.settle(ways.at(k), max_updates) ? 1.0 : 0.0;
-              ways.write(self.pressing.model_switch(), row);
+              row[ways.columns()] = self.coupling.settle(ways.at(k), max_updates) ? 1.0 : 0.0;
+              ways.write(self.coupling.model_switch(), row);
             }
             return rows;
           },
@@ -217,7 +208,7 @@ void bind_pressed(nb::module_& m) {
           "converged.")
       .def(
           "simulate_realtime",
-          [](PressedCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
+          [](SolverCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, double period, bool thread) {
             using Clock = SlowThread::Clock;
             Ways ways(centers, outward, radii, flat);
             auto [rows, row] = new_array<double>({ways.ticks(), ways.columns()});
@@ -227,8 +218,8 @@ void bind_pressed(nb::module_& m) {
               const nb::gil_scoped_release unlocked;
               std::unique_ptr<SlowThread> other;
               if (thread && ways.ticks() > 0) {
-                self.pressing.tick(ways.at(0));
-                other = std::make_unique<SlowThread>([&self] { self.pressing.update_model(); });
+                self.coupling.tick(ways.at(0));
+                other = std::make_unique<SlowThread>([&self] { self.coupling.update_model(); });
               }
               const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
@@ -237,10 +228,10 @@ void bind_pressed(nb::module_& m) {
                     begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(period * static_cast<double>(k)));
                 std::this_thread::sleep_until(due);
                 const auto woken = Clock::now();
-                self.pressing.tick(tips);
+                self.coupling.tick(tips);
                 t[1] = std::chrono::duration<double>(Clock::now() - woken).count();
                 t[0] = std::chrono::duration<double>(woken - due).count();
-                ways.write(self.pressing.model_switch(), row);
+                ways.write(self.coupling.model_switch(), row);
               }
               if (other) slow = other->join();
             }
@@ -253,20 +244,20 @@ void bind_pressed(nb::module_& m) {
           "simulate_path; "
           "lateness and duration of each tick, s; duration of each model update, s.")
       .def(
-          "last_report", [](const PressedCore& self) { return step_row(self.pressing.last_report()); },
+          "last_report", [](const SolverCore& self) { return step_row(self.coupling.last_report()); },
           "Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the "
           "compliance; error of the compliance.")
       .def("displacement",
-           [](PressedCore& self) {
+           [](SolverCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});
-             self.pressing.solver().displacement(data);
+             self.coupling.solver().displacement(data);
              return out;
            })
-      .def("energy", [](PressedCore& self) { return self.pressing.solver().energy(); })
+      .def("energy", [](SolverCore& self) { return self.coupling.solver().energy(); })
       .def(
           "local_model",
-          [](PressedCore& self) {
-            const palpate::deformable::LocalModel& s = self.pressing.current_model();
+          [](SolverCore& self) {
+            const palpate::deformable::LocalModel& s = self.coupling.current_model();
             const auto n = static_cast<std::size_t>(s.nodes.size());
             auto [names, i] = new_array<double>({n, 1});
             auto [compliance, c] = new_array<double>({n, n});
@@ -283,16 +274,17 @@ void bind_pressed(nb::module_& m) {
           "Return the local model of the servo: surface nodes, their normals, compliance along the inward normals, m/N, and a mask of "
           "inner "
           "nodes.")
-      .def("reset", [](PressedCore& self) { self.pressing.reset(); });
+      .def("reset", [](SolverCore& self) { self.coupling.reset(); });
 }
 
 /// A hyperelastic body with one tip and synchronous model updates.
-struct NonlinearCore : BodyInLoop {
+struct HyperelasticCore : BodyInLoop {
   std::size_t points;
-  palpate::object::HyperelasticObject<AnyPressed> body;
+  palpate::object::HyperelasticObject<AnyQuasiStaticSolver> body;
   bool initialized = false;
 
-  NonlinearCore(std::size_t count, std::unique_ptr<AnyPressed> solid, int update_interval, palpate::deformable::LocalModelSlip slip)
+  HyperelasticCore(std::size_t count, std::unique_ptr<AnyQuasiStaticSolver> solid, int update_interval,
+                   palpate::deformable::LocalModelSlip slip)
       : points(count), body(std::move(solid), update_interval, std::move(slip)) {}
 
   [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.clone_at_rest(); }
@@ -307,7 +299,7 @@ struct NonlinearCore : BodyInLoop {
   }
 };
 
-void bind_nonlinear(nb::module_& m) {
+void bind_hyperelastic(nb::module_& m) {
   nb::class_<SolidFrames>(m, "DeformationFrames", "Displacements of all points of a hyperelastic body after its last model update.")
       .def(nb::init<std::size_t>(), "points"_a)
       .def(
@@ -319,27 +311,27 @@ void bind_nonlinear(nb::module_& m) {
             return nb::make_tuple(moved.step, moved.tick, rows);
           },
           "Return the last frame: number of model updates, servo tick of their tip position, displacements of all points (p, 3), m.");
-  nb::class_<NonlinearCore, BodyInLoop>(m, "HyperelasticBody")
+  nb::class_<HyperelasticCore, BodyInLoop>(m, "HyperelasticBody")
       .def(
           "__init__",
-          [](NonlinearCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int nodes_per_tip, int update_interval, double tangential_ratio,
-             double common_compliance, double mu_static, double mu_dynamic) {
+          [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
+             const Flags& fixed, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
+             const Integers& shared, const Numbers& weights, const Triangles& triangles, int nodes_per_tip, int update_interval,
+             double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
-            auto solid = pressed_of(mesh_of(points, cells, shear, lame, fixed), corotational,
-                                    surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
-            new (self) NonlinearCore(points.shape(0), std::move(solid), update_interval,
-                                     mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
-                                                                                           common_compliance, point.shape(0))
-                                                     : palpate::deformable::LocalModelSlip());
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                   surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
+            new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
+                                        mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
+                                                                                              common_compliance, point.shape(0))
+                                                        : palpate::deformable::LocalModelSlip());
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
           "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a, "update_interval"_a, "tangential_ratio"_a = 1.0,
           "common_compliance"_a = 0.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "simulate_path",
-          [](NonlinearCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
+          [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
             const std::size_t n = centers.shape(0);
             const bool mean_normal = outward.shape(0) == 0 && !flat;
             if (outward.shape(0) != n && !mean_normal) throw nb::value_error("the path needs one direction for each position");
@@ -358,7 +350,7 @@ void bind_nonlinear(nb::module_& m) {
           "directions, a sphere takes the mean normal of its contact nodes, as in a loop.")
       .def(
           "settle",
-          [](NonlinearCore& self, const Points& centers, const Points& outward, double radius, bool flat, int max_updates) {
+          [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat, int max_updates) {
             const std::size_t n = centers.shape(0);
             if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
             auto [rows, row] = new_array<double>({n, result_width + 1});
@@ -376,17 +368,17 @@ void bind_nonlinear(nb::module_& m) {
           "Return the equilibrium at each position, after at most `max_updates` model updates: rows as of simulate_path, and whether it "
           "converged.")
       .def(
-          "contact_forces", [](const NonlinearCore& self) { return contact_forces(self.body); },
+          "contact_forces", [](const HyperelasticCore& self) { return contact_forces(self.body); },
           "Return the contact nodes of the last step and the forces along their inward normals, N.")
       .def(
           "displacement",
-          [](const NonlinearCore& self) {
+          [](const HyperelasticCore& self) {
             auto [out, data] = new_array<double>({self.points, 3});
             self.body.coupling().solver().displacement(data);
             return out;
           },
           "Return the displacements of all points at the last model update (p, 3), m.")
-      .def("reset", [](NonlinearCore& self) {
+      .def("reset", [](HyperelasticCore& self) {
         self.body.reset();
         self.initialized = false;
       });
@@ -395,50 +387,50 @@ void bind_nonlinear(nb::module_& m) {
 }  // namespace
 
 void bind_solid(nb::module_& m) {
-  bind_pressed(m);
-  bind_nonlinear(m);
-  nb::class_<SolidCore>(m, "HyperelasticModel")
+  bind_solver(m);
+  bind_hyperelastic(m);
+  nb::class_<ModelCore>(m, "HyperelasticModel")
       .def(
           "__init__",
-          [](SolidCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
+          [](ModelCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
              bool corotational) {
             const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, fixed);
-            auto solid = widest([&](auto lanes) { return palpate::solid::make<lanes()>(corotational, mesh); });
-            new (self) SolidCore{points.shape(0), std::move(solid)};
+            auto solid = palpate::deformable::make_hyperelastic_model(law_of(corotational), mesh);
+            new (self) ModelCore{points.shape(0), std::move(solid)};
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a)
       .def(
           "evaluate",
-          [](SolidCore& self, const Points& displacement) {
+          [](ModelCore& self, const Points& displacement) {
             check(self, displacement);
             auto [forces, f] = new_array<double>({self.points, 3});
-            return nb::make_tuple(self.solid->evaluate(displacement.data(), f), forces);
+            return nb::make_tuple(self.model->evaluate(displacement.data(), f), forces);
           },
           "displacement"_a, "Return the energy, J, and the internal forces on the free points (p, 3), N.")
       .def(
           "tangent",
-          [](SolidCore& self, const Points& direction) {
+          [](ModelCore& self, const Points& direction) {
             check(self, direction);
             auto [forces, f] = new_array<double>({self.points, 3});
-            self.solid->tangent(direction.data(), f);
+            self.model->tangent(direction.data(), f);
             return forces;
           },
           "direction"_a,
           "Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.")
       .def(
           "solve_equilibrium",
-          [](SolidCore& self, const Points& load, double tolerance, int max_steps) {
+          [](ModelCore& self, const Points& load, double tolerance, int max_steps) {
             check(self, load);
             const nb::gil_scoped_release unlocked;
-            return self.solid->solve_equilibrium(load.data(), tolerance, max_steps);
+            return self.model->solve_equilibrium(load.data(), tolerance, max_steps);
           },
           "load"_a, "tolerance"_a = 1e-8, "max_steps"_a = 60,
           "Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.")
       .def("displacement",
-           [](const SolidCore& self) {
+           [](const ModelCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});
-             self.solid->displacement(data);
+             self.model->displacement(data);
              return out;
            })
-      .def("reset", [](SolidCore& self) { self.solid->reset(); });
+      .def("reset", [](ModelCore& self) { self.model->reset(); });
 }

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <memory>
+
+#include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
+#include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
+#include "palpate/deformable/multirate/local_model.hpp"
+
+/// Hyperelastic models and solvers whose material and SIMD width are chosen at run time. The library palpate::hyperelastic defines the
+/// functions of this header: it contains a copy of the solver for each width.
+namespace palpate::deformable {
+
+enum class HyperelasticLaw { neo_hookean, corotational };
+
+/// A HyperelasticModel. Vectors are 3 x point + axis.
+class AnyHyperelasticModel {
+ public:
+  AnyHyperelasticModel() = default;
+  AnyHyperelasticModel(const AnyHyperelasticModel&) = delete;
+  AnyHyperelasticModel& operator=(const AnyHyperelasticModel&) = delete;
+  virtual ~AnyHyperelasticModel() = default;
+
+  /// Return the energy [J] at a displacement [m]. Write the internal forces [N] to `forces`.
+  virtual double evaluate(const double* displacement, double* forces) = 0;
+  /// Compute the derivative of the internal forces [N] along `motion` [m] at the last displacement, in single precision.
+  virtual void tangent(const double* motion, double* forces) = 0;
+  /// Iterate with Newton steps until the residual is below `tolerance` times the load. Return the number of steps, or -1 if `max_steps`
+  /// do not suffice.
+  virtual int solve_equilibrium(const double* load, double tolerance, int max_steps) = 0;
+  virtual void displacement(double* to) const = 0;
+  virtual void reset() = 0;
+};
+
+/// Report of one model update.
+struct ModelUpdateReport {
+  double relative_residual = 0.0;  ///< unbalanced force or change of the contact forces, over the contact forces
+  double residual = 0.0;           ///< norm of load minus internal forces before the update, N
+  int newton_steps = 0;            ///< conjugate gradient steps of the equilibrium
+  int compliance_steps = 0;        ///< conjugate gradient steps of the compliance columns
+  double compliance_error = 0.0;   ///< estimated relative error of the worst compliance column, energy norm
+};
+
+/// A QuasiStaticSolver, for MultirateCoupling and object::HyperelasticObject.
+class AnyQuasiStaticSolver {
+ public:
+  AnyQuasiStaticSolver() = default;
+  AnyQuasiStaticSolver(const AnyQuasiStaticSolver&) = delete;
+  AnyQuasiStaticSolver& operator=(const AnyQuasiStaticSolver&) = delete;
+  virtual ~AnyQuasiStaticSolver() = default;
+
+  virtual ModelUpdateReport step(const TipPair& tips, LocalModel& to) = 0;
+  /// Write the displacements of all points, 3 x point + axis, m.
+  virtual void displacement(double* to) const = 0;
+  [[nodiscard]] virtual double energy() = 0;
+  virtual void reset() = 0;
+  /// Return a copy at rest with its own state.
+  [[nodiscard]] virtual std::unique_ptr<AnyQuasiStaticSolver> clone_at_rest() const = 0;
+};
+
+/// Return the model compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
+std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh);
+
+/// Return the solver compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
+std::unique_ptr<AnyQuasiStaticSolver> make_quasi_static_solver(HyperelasticLaw law, const TetMesh& mesh, const TetSurface& surface,
+                                                               const SolverOptions& options);
+
+}  // namespace palpate::deformable

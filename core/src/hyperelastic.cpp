@@ -1,0 +1,33 @@
+// Choice of the hyperelastic solver for this machine. A build contains some of the widths: PALPATE_LANES_4 and PALPATE_LANES_8 tell which.
+#include <type_traits>
+
+#include "hyperelastic_lanes.hpp"
+
+namespace palpate::deformable {
+
+namespace {
+
+template <class Make>
+auto widest(Make make) {
+#if defined(PALPATE_LANES_8)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    return make(std::integral_constant<int, 8>());
+#endif
+#if defined(PALPATE_LANES_4)
+  if (__builtin_cpu_supports("avx2")) return make(std::integral_constant<int, 4>());
+#endif
+  return make(std::integral_constant<int, 2>());
+}
+
+}  // namespace
+
+std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh) {
+  return widest([&](auto lanes) { return detail::make_model<lanes()>(law, mesh); });
+}
+
+std::unique_ptr<AnyQuasiStaticSolver> make_quasi_static_solver(HyperelasticLaw law, const TetMesh& mesh, const TetSurface& surface,
+                                                               const SolverOptions& options) {
+  return widest([&](auto lanes) { return detail::make_solver<lanes()>(law, mesh, surface, options); });
+}
+
+}  // namespace palpate::deformable

@@ -437,6 +437,46 @@ class SpringWallParameters:
     @normal.setter
     def normal(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
+class ObjectSetup:
+    """One object of a scene."""
+
+    def __init__(self) -> None: ...
+
+    @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Use a mesh as the object."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Use a deformable body as the object."""
+
+    def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
+        """
+        Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
 class CouplingDifference(enum.Enum):
     backward = 0
 
@@ -645,6 +685,41 @@ class PremiumSetup:
     def __init__(self) -> None: ...
 
     @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Use a mesh as the object."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Use a deformable body as the object."""
+
+    def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
+        """
+        Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    @property
     def mechanism(self) -> Premium: ...
 
     @mechanism.setter
@@ -679,30 +754,6 @@ class PremiumSetup:
 
     @delay.setter
     def delay(self, arg: int, /) -> None: ...
-
-    @property
-    def wall(self) -> SpringWallParameters: ...
-
-    @wall.setter
-    def wall(self, arg: SpringWallParameters, /) -> None: ...
-
-    @property
-    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @stiffness.setter
-    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @damping.setter
-    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def difference(self) -> CouplingDifference: ...
-
-    @difference.setter
-    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -815,11 +866,10 @@ class PremiumSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """Return the lateness of ticks 0 to `ticks`, s."""
 
-    def set_mesh(self, surface: MeshModel) -> None:
-        """Use a mesh as the object."""
-
-    def set_body(self, body: PlacedBody) -> None:
-        """Use a deformable body as the object."""
+    def add_object(self, object: ObjectSetup) -> None:
+        """
+        Add an object to the scene, which then replaces the single object of the setup.
+        """
 
     def set_python_object(self, object: object) -> None:
         """
@@ -943,6 +993,41 @@ class SliderSetup:
     def __init__(self) -> None: ...
 
     @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Use a mesh as the object."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Use a deformable body as the object."""
+
+    def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
+        """
+        Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    @property
     def mechanism(self) -> Slider: ...
 
     @mechanism.setter
@@ -977,30 +1062,6 @@ class SliderSetup:
 
     @delay.setter
     def delay(self, arg: int, /) -> None: ...
-
-    @property
-    def wall(self) -> SpringWallParameters: ...
-
-    @wall.setter
-    def wall(self, arg: SpringWallParameters, /) -> None: ...
-
-    @property
-    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @stiffness.setter
-    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @damping.setter
-    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def difference(self) -> CouplingDifference: ...
-
-    @difference.setter
-    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -1113,11 +1174,10 @@ class SliderSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """Return the lateness of ticks 0 to `ticks`, s."""
 
-    def set_mesh(self, surface: MeshModel) -> None:
-        """Use a mesh as the object."""
-
-    def set_body(self, body: PlacedBody) -> None:
-        """Use a deformable body as the object."""
+    def add_object(self, object: ObjectSetup) -> None:
+        """
+        Add an object to the scene, which then replaces the single object of the setup.
+        """
 
     def set_python_object(self, object: object) -> None:
         """
@@ -1241,6 +1301,41 @@ class FiveBarSetup:
     def __init__(self) -> None: ...
 
     @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Use a mesh as the object."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Use a deformable body as the object."""
+
+    def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
+        """
+        Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    @property
     def mechanism(self) -> FiveBar: ...
 
     @mechanism.setter
@@ -1275,30 +1370,6 @@ class FiveBarSetup:
 
     @delay.setter
     def delay(self, arg: int, /) -> None: ...
-
-    @property
-    def wall(self) -> SpringWallParameters: ...
-
-    @wall.setter
-    def wall(self, arg: SpringWallParameters, /) -> None: ...
-
-    @property
-    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @stiffness.setter
-    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @damping.setter
-    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def difference(self) -> CouplingDifference: ...
-
-    @difference.setter
-    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -1411,11 +1482,10 @@ class FiveBarSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """Return the lateness of ticks 0 to `ticks`, s."""
 
-    def set_mesh(self, surface: MeshModel) -> None:
-        """Use a mesh as the object."""
-
-    def set_body(self, body: PlacedBody) -> None:
-        """Use a deformable body as the object."""
+    def add_object(self, object: ObjectSetup) -> None:
+        """
+        Add an object to the scene, which then replaces the single object of the setup.
+        """
 
     def set_python_object(self, object: object) -> None:
         """
@@ -1489,6 +1559,41 @@ class TipDeviceSetup:
     def __init__(self) -> None: ...
 
     @property
+    def wall(self) -> SpringWallParameters: ...
+
+    @wall.setter
+    def wall(self, arg: SpringWallParameters, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @damping.setter
+    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    @property
+    def difference(self) -> CouplingDifference: ...
+
+    @difference.setter
+    def difference(self, arg: CouplingDifference, /) -> None: ...
+
+    def set_mesh(self, surface: MeshModel) -> None:
+        """Use a mesh as the object."""
+
+    def set_body(self, body: PlacedBody) -> None:
+        """Use a deformable body as the object."""
+
+    def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
+        """
+        Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    @property
     def mechanism(self) -> TipDevice: ...
 
     @mechanism.setter
@@ -1523,30 +1628,6 @@ class TipDeviceSetup:
 
     @delay.setter
     def delay(self, arg: int, /) -> None: ...
-
-    @property
-    def wall(self) -> SpringWallParameters: ...
-
-    @wall.setter
-    def wall(self, arg: SpringWallParameters, /) -> None: ...
-
-    @property
-    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @stiffness.setter
-    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def damping(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
-
-    @damping.setter
-    def damping(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
-
-    @property
-    def difference(self) -> CouplingDifference: ...
-
-    @difference.setter
-    def difference(self, arg: CouplingDifference, /) -> None: ...
 
     @property
     def controller(self) -> StateSpace: ...
@@ -1659,11 +1740,10 @@ class TipDeviceSetup:
     def lateness(self, ticks: int) -> NDArray[numpy.float64]:
         """Return the lateness of ticks 0 to `ticks`, s."""
 
-    def set_mesh(self, surface: MeshModel) -> None:
-        """Use a mesh as the object."""
-
-    def set_body(self, body: PlacedBody) -> None:
-        """Use a deformable body as the object."""
+    def add_object(self, object: ObjectSetup) -> None:
+        """
+        Add an object to the scene, which then replaces the single object of the setup.
+        """
 
     def set_python_object(self, object: object) -> None:
         """

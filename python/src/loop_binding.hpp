@@ -17,6 +17,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "arrays.hpp"
 #include "body_in_loop.hpp"
@@ -82,31 +83,17 @@ void bind_joint_types(nb::module_& m, const std::string& prefix) {
       .def_rw("peak_torque", &Limits::peak_torque);
 }
 
-template <class Mechanism>
-void bind_loop(nb::module_& m, const char* name) {
-  constexpr int dof = Mechanism::dof;
-  using Setup = LoopSetup<Mechanism>;
-  const std::string prefix = name;
-
-  bind_joint_types<dof>(m, prefix);
-  nb::class_<Setup>(m, (prefix + "Setup").c_str())
-      .def(nb::init<>())
-      .def_rw("mechanism", &Setup::mechanism)
-      .def_rw("friction", &Setup::friction)
-      .def_rw("human_arm", &Setup::human_arm)
-      .def_prop_rw(
-          "encoder_step", [](const Setup& s) { return s.encoder.step; },
-          [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
-      .def_rw("limits", &Setup::limits)
-      .def_rw("delay", &Setup::delay)
-      .def_prop_rw(
-          "wall", [](Setup& s) -> palpate::object::SpringWallParameters& { return s.wall; },
-          [](Setup& s, const palpate::object::SpringWallParameters& p) {
-            s.wall.kind = p.kind;
-            s.wall.point = p.point;
-            s.wall.normal = p.normal;
-          },
-          nb::rv_policy::reference_internal)
+/// Bind the parameters of one object.
+template <class Setup>
+void bind_object(nb::class_<Setup>& cls) {
+  cls.def_prop_rw(
+         "wall", [](Setup& s) -> palpate::object::SpringWallParameters& { return s.wall; },
+         [](Setup& s, const palpate::object::SpringWallParameters& p) {
+           s.wall.kind = p.kind;
+           s.wall.point = p.point;
+           s.wall.normal = p.normal;
+         },
+         nb::rv_policy::reference_internal)
       .def_prop_rw(
           "stiffness", [](const Setup& s) { return s.wall.stiffness; },
           [](Setup& s, const palpate::math::Vector3<>& x) { s.wall.stiffness = x; })
@@ -115,6 +102,43 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_prop_rw(
           "difference", [](const Setup& s) { return s.wall.difference; },
           [](Setup& s, palpate::object::CouplingDifference x) { s.wall.difference = x; })
+      .def(
+          "set_mesh", [](Setup& s, const TouchedSurface& t) { s.other = palpate::object::MeshObject(t.model(), t.radius); }, "surface"_a,
+          "Use a mesh as the object.")
+      .def(
+          "set_body", [](Setup& s, const PlacedBody& t) { s.placement = t.placement; }, "body"_a, nb::keep_alive<1, 2>(),
+          "Use a deformable body as the object.")
+      .def(
+          "set_motion",
+          [](Setup& s, const palpate::math::Vector3<>& origin, const nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig>& rows) {
+            std::vector<palpate::object::FrameMotion::Row> motion;
+            for (const double* r = rows.data(); r != rows.data() + rows.size(); r += 7)
+              motion.push_back({r[0], {r[1], r[2], r[3]}, {r[4], r[5], r[6]}});
+            s.motion = palpate::object::FrameMotion(origin, std::move(motion));
+          },
+          "origin"_a, "rows"_a,
+          "Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, "
+          "then y, then z of the device, rad.");
+}
+
+template <class Mechanism>
+void bind_loop(nb::module_& m, const char* name) {
+  constexpr int dof = Mechanism::dof;
+  using Setup = LoopSetup<Mechanism>;
+  const std::string prefix = name;
+
+  bind_joint_types<dof>(m, prefix);
+  nb::class_<Setup> setup(m, (prefix + "Setup").c_str());
+  bind_object(setup);
+  setup.def(nb::init<>())
+      .def_rw("mechanism", &Setup::mechanism)
+      .def_rw("friction", &Setup::friction)
+      .def_rw("human_arm", &Setup::human_arm)
+      .def_prop_rw(
+          "encoder_step", [](const Setup& s) { return s.encoder.step; },
+          [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
+      .def_rw("limits", &Setup::limits)
+      .def_rw("delay", &Setup::delay)
       .def_prop_rw(
           "controller", [](const Setup& s) { return *s.controller.template get_if<palpate::control::StateSpace>(); },
           [](Setup& s, const palpate::control::StateSpace& c) { s.controller = c; })
@@ -145,19 +169,8 @@ void bind_loop(nb::module_& m, const char* name) {
           },
           "ticks"_a, "Return the lateness of ticks 0 to `ticks`, s.")
       .def(
-          "set_mesh",
-          [](Setup& s, const TouchedSurface& t) {
-            s.object = palpate::object::MeshObject(t.model(), t.radius);
-            s.is_wall = false;
-          },
-          "surface"_a, "Use a mesh as the object.")
-      .def(
-          "set_body",
-          [](Setup& s, const PlacedBody& t) {
-            s.placement = t.placement;
-            s.is_wall = false;
-          },
-          "body"_a, nb::keep_alive<1, 2>(), "Use a deformable body as the object.")
+          "add_object", [](Setup& s, const ObjectSetup& one) { s.scene.push_back(one); }, "object"_a, nb::keep_alive<1, 2>(),
+          "Add an object to the scene, which then replaces the single object of the setup.")
       .def(
           "set_python_object", [](Setup& s, nb::object part) { s.python_object(std::move(part)); }, "object"_a,
           "Use an object written in Python: a callable from TipSignals to a force, N, or an object with `step`.")
@@ -274,6 +287,10 @@ inline void bind_loop_parts(nb::module_& m) {
       .def_rw("kind", &SpringWallParameters::kind)
       .def_rw("point", &SpringWallParameters::point)
       .def_rw("normal", &SpringWallParameters::normal);
+
+  nb::class_<ObjectSetup> object(m, "ObjectSetup", "One object of a scene.");
+  object.def(nb::init<>());
+  bind_object(object);
 
   nb::enum_<palpate::object::CouplingDifference>(m, "CouplingDifference")
       .value("backward", palpate::object::CouplingDifference::backward)

@@ -199,6 +199,24 @@ TEST_P(LoopConfigKinds, ADamagedFolderIsRefusedInOneSentenceOrRuns) {
   EXPECT_LT(refused, count);
 }
 
+TEST(LoopConfig, AHyperelasticBodyNamesTheLibraryThatItNeeds) {
+  Files files = loop_folder::valid("compliance");
+  std::string& text = files["loop.json"];
+  text.replace(text.find(R"("compliance")"), 12, R"("hyperelastic")");
+  EXPECT_NE(load(files).error.find("object.model is \"hyperelastic\"; link palpate::hyperelastic"), std::string::npos) << load(files).error;
+}
+
+TEST(LoopConfig, AMotionNeedsIncreasingTimes) {
+  Files files = loop_folder::valid("moving_frame");
+  std::vector<double> motion(14, 0.0);
+  std::string& text = files["loop.json"];
+  Files other;
+  const std::string before = text.substr(text.find(R"("motion": )") + 10), blob = before.substr(0, before.find('}') + 1);
+  text.replace(text.find(blob), blob.size(), loop_folder::blob(other, "motion", motion, 7));
+  for (const auto& [name, content] : other) files[name] = content;
+  EXPECT_NE(load(files).error.find("object.motion has times that do not increase"), std::string::npos) << load(files).error;
+}
+
 TEST(LoopConfig, LongAndUnprintableTextsDoNotReachTheSentence) {
   for (const char* const place : {"\"slider\"", "\"mass.tip\"", "\"palpate loop\"", "\"nonlinear\"", "\"half_space\""}) {
     Files files = loop_folder::valid("wall");

@@ -73,7 +73,8 @@ std::string indices(Files& to, const std::string& name, const std::vector<std::a
   return blob(to, name, flat, width);
 }
 
-inline const char* const object_kinds[] = {"wall", "mesh", "compliance", "standard_linear_solid", "modal", "mass_spring", "free_form"};
+inline const char* const object_kinds[] = {"wall",      "mesh",         "compliance", "standard_linear_solid", "modal", "mass_spring",
+                                           "free_form", "moving_frame", "scene"};
 
 inline std::string wall() {
   return R"({"kind": "spring_wall", "shape": "half_space", "point": [0.0005, 0, 0], "normal": [-1, 0, 0], "stiffness": [100, 100, 100],)"
@@ -139,12 +140,25 @@ inline std::string body(Files& to, const std::string& model) {
   return out + "}";
 }
 
+inline std::string moving_frame(Files& to, const std::string& object) {
+  const std::vector<double> motion = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, -1e-3, 0.0, 0.0, 0.1, 0.0, -0.2};
+  return R"({"kind": "moving_frame", "origin": [0, 0, 0], "motion": )" + blob(to, "motion", motion, 7) + R"(, "object": )" + object + "}";
+}
+
+inline std::string scene(Files& to) {
+  return R"({"kind": "scene", "objects": {"rib": )" + wall() + R"(, "heart": )" + moving_frame(to, mesh(to)) + "}}";
+}
+
 /// A slider that pushes with 0.3 N along x against an object of the given kind for `ticks` periods.
 inline Files valid(const std::string& kind, std::size_t ticks = 100) {
   Files to;
   std::vector<double> push(3 * (ticks + 1), 0.0);
   for (std::size_t k = 0; k <= ticks; ++k) push[3 * k] = 0.3;
-  const std::string object = kind == "wall" ? wall() : kind == "mesh" ? mesh(to) : body(to, kind);
+  const std::string object = kind == "wall"           ? wall()
+                             : kind == "mesh"         ? mesh(to)
+                             : kind == "moving_frame" ? moving_frame(to, mesh(to))
+                             : kind == "scene"        ? scene(to)
+                                                      : body(to, kind);
   to["loop.json"] =
       R"({"format": "palpate loop", "version": 1, "written_by": "test", "title": "a loop", "mechanism": {"name": "slider", "parameters":)"
       R"( {"mass.tip": [0.1]}}, "servo": {"period": 0.001, "delay": 1, "start": [0.0], "gravity_compensation": [0, 0, 0],)"

@@ -36,10 +36,11 @@ def run(
         from palpate.simulation.simulator import simulate
 
         loaded = load_scenario(scenario, settings)
-        if loaded.object.kind == "body":
-            from palpate.simulation.bodies import scenario_body
+        for alone in loaded.each_object.values():
+            if alone.object.kind == "body":
+                from palpate.simulation.bodies import scenario_body
 
-            scenario_body(loaded, lambda text, share: tell(f"making the body: {text}", 0.2 * share))
+                scenario_body(alone, lambda text, share: tell(f"making the body: {text}", 0.2 * share))
         tell("running", 0.2)
         trace = simulate(loaded)
         tell("drawing", 0.6)

@@ -17,7 +17,6 @@ from palpate.fem.checks import (
     tick_period,
     whole,
 )
-from palpate.fem.condensed_body import CoreBody
 from palpate.fem.errors import BodyError
 from palpate.fem.free_form import FreeFormLaw
 from palpate.fem.indentation import IndentableBody
@@ -242,30 +241,33 @@ class Body(IndentableBody):
             raise BodyError(f"update_interval: it lasts a million ticks of {tick:g} s at most, not {update_period:g} s")
         options = {"period": tick, "law": law, "update_interval": update_period, "nodes_per_tip": node_count}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
-        body.core = self._hyperelastic_core(law, node_count, round(update_period / tick), body.kind.friction)
+        volume, surface = self._hyperelastic_arrays()
+        numbers = (node_count, round(update_period / tick), *self.tangential_compliance, *body.kind.friction)
+        arguments: list[Any] = [*volume.values(), law == "corotational", *surface.values(), *numbers]
+        body.core = _core.HyperelasticBody(*arguments)
         return body
 
-    def _hyperelastic_core(
-        self, law: Law, node_count: int, ticks_per_update: int, friction: tuple[float, float]
-    ) -> CoreBody:
+    def _hyperelastic_arrays(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the arrays of the core's hyperelastic body by name: of the tetrahedra, and of the contact surface."""
         contents, poisson = self.contents, self._recorded("poisson")
         nodes, triangles = self._volume_triangles()
-        return _core.HyperelasticBody(
-            np.ascontiguousarray(contents.vertices),
-            np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
-            np.ascontiguousarray(contents.young / (2 * (1 + poisson))),
-            np.ascontiguousarray(contents.young * poisson / ((1 + poisson) * (1 - 2 * poisson))),
-            np.ascontiguousarray(contents.dirichlet),
-            law == "corotational",
-            np.ascontiguousarray(nodes, dtype=np.int32),
-            np.ascontiguousarray(contents.areas),
-            *self._patches(),
-            np.ascontiguousarray(triangles, dtype=np.int32),
-            node_count,
-            ticks_per_update,
-            *self.tangential_compliance,
-            *friction,
-        )
+        begin, points, weights = self._patches()
+        volume = {
+            "points": np.ascontiguousarray(contents.vertices),
+            "tetrahedra": np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
+            "shear": np.ascontiguousarray(contents.young / (2 * (1 + poisson))),
+            "lame": np.ascontiguousarray(contents.young * poisson / ((1 + poisson) * (1 - 2 * poisson))),
+            "fixed": np.ascontiguousarray(contents.dirichlet),
+        }
+        surface = {
+            "node_points": np.ascontiguousarray(nodes, dtype=np.int32),
+            "areas": np.ascontiguousarray(contents.areas),
+            "patch_begin": begin,
+            "patch_points": points,
+            "patch_weights": weights,
+            "triangles": np.ascontiguousarray(triangles, dtype=np.int32),
+        }
+        return volume, surface
 
     def _rebuild(self, contents: BodyData, friction: tuple[float, float]) -> Self:
         """Return a body with the model of this one, but other contents or friction coefficients."""

@@ -8,35 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.fem.body import Body
-from palpate.fem.errors import BodyError
 
 Arrays = dict[str, NDArray[Any]]
 
 
 class ModelData(NamedTuple):
-    """Arguments of a linear body model of the core.
+    """Arguments of a body model of the core.
 
     Attributes:
-        model: "compliance", "modal", "standard_linear_solid", "mass_spring" or "free_form".
-        parameters: numbers of the model in SI, static and dynamic friction included.
+        model: "compliance", "modal", "standard_linear_solid", "mass_spring", "free_form" or "hyperelastic".
+        parameters: numbers of the model in SI, static and dynamic friction included; and the law of a hyperelastic one.
         arrays: by name; float64, float32, int32 or uint8.
     """
 
     model: str
-    parameters: dict[str, float]
+    parameters: dict[str, float | str]
     arrays: Arrays
 
 
 def model_data(body: Body) -> ModelData:
-    """Return the data of a linear body's model.
-
-    Raises:
-        BodyError: the body is hyperelastic.
-    """
+    """Return the data of a body's model."""
+    if body.kind.name == "hyperelastic":
+        return _hyperelastic_data(body)
     points, normals, areas, compliance = body._arrays()
-    options = {key: float(value) for key, value in body.kind.options.items() if not isinstance(value, str)}
+    options: dict[str, float | str] = {key: float(x) for key, x in body.kind.options.items() if not isinstance(x, str)}
     static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
-    parameters = {"static_friction": static, "dynamic_friction": dynamic}
+    parameters: dict[str, float | str] = {"static_friction": static, "dynamic_friction": dynamic}
     arrays: Arrays = {"points": points, "normals": normals, "areas": areas}
     name = body.kind.name
     if name == "free_form":
@@ -58,7 +55,24 @@ def model_data(body: Body) -> ModelData:
         return ModelData("compliance", parameters, arrays)
     if name == "viscoelastic":
         return ModelData("standard_linear_solid", parameters | options, arrays)
-    if name == "modal":
-        arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
-        return ModelData("modal", parameters | options, arrays)
-    raise BodyError(f"a body of the kind {name} has no linear model")
+    arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
+    return ModelData("modal", parameters | options, arrays)
+
+
+def _hyperelastic_data(body: Body) -> ModelData:
+    options = body.kind.options
+    volume, surface = body._hyperelastic_arrays()
+    arrays: Arrays = volume | surface
+    arrays |= {"tetrahedra": volume["tetrahedra"].astype(np.int32), "fixed": volume["fixed"].astype(np.uint8)}
+    arrays["patch_vertices"] = arrays.pop("patch_points")
+    ratio, common = body.tangential_compliance
+    parameters: dict[str, float | str] = {
+        "law": str(options["law"]),
+        "nodes_per_tip": int(options["nodes_per_tip"]),
+        "update_interval": round(float(options["update_interval"]) / float(options["period"])),
+        "tangential_ratio": float(ratio),
+        "common_compliance": float(common),
+        "static_friction": float(body.kind.friction[0]),
+        "dynamic_friction": float(body.kind.friction[1]),
+    }
+    return ModelData("hyperelastic", parameters, arrays)

@@ -13,6 +13,7 @@ from palpate.plotting.style import COLORS, FAINT, INK, new_figure
 from palpate.plotting.surface import frame, new_space
 from palpate.scenario import Scenario
 from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.moving_frame import seen_from_object
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -31,8 +32,9 @@ def trajectory(trace: Trace) -> Figure:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     contact = trace["touching"][:, 0] > 0.0
-    start = trace["tip"][0]
-    tip, proxy = (1e3 * (trace[name] - start) for name in ("tip", "proxy"))
+    tip, proxy = (seen_from_object(trace, trace[name]) for name in ("tip", "proxy"))
+    start = tip[0]
+    tip, proxy = 1e3 * (tip - start), 1e3 * (proxy - start)
     proxy = np.where(contact[:, None], proxy, np.nan)
     mesh, stiffness = _surface_of(trace)
     corners = 1e3 * (mesh.vertices[mesh.triangles] - start)
@@ -103,9 +105,10 @@ def stiffness_and_depth(trace: Trace) -> Figure:
 
 
 def _surface_of(trace: Trace) -> tuple[Mesh, Array]:
-    """Return the mesh of a trace in the device frame, and the stiffness of each triangle (m,), N/m."""
+    """Return the mesh of a trace in the device frame, in its own if it moves; and its stiffness per triangle (m,)."""
     scenario = Scenario.from_dict(trace.scenario)
-    origin = trace["tip"][0] + np.array(scenario.object.position)
+    moving = scenario.object.frame is not None
+    origin = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     mesh, surface = touched_mesh(scenario, origin)
     values = np.asarray(surface.stiffness, dtype=float)
     if len(values) == len(mesh.vertices) != len(mesh.triangles):

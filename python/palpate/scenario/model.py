@@ -6,7 +6,6 @@ after reading. `Scenario.to_dict` returns the text, so that a trace can contain 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -26,10 +25,8 @@ from pydantic import (
 from palpate.devices import Device, load
 from palpate.errors import DeviceError, PoseError, ScenarioError
 from palpate.files import find_line
-from palpate.scenario.body import BodyChoice
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
-    Damping3,
     Duration,
     Flag,
     Matrix,
@@ -40,15 +37,14 @@ from palpate.scenario.fields import (
     OneStiffness,
     Position3,
     Section,
-    Stiffness3,
     Time,
     Whole,
     between,
     must,
 )
+from palpate.scenario.objects import NamedObjects, Object
 from palpate.scenario.reader import lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
-from palpate.scenario.touched import MeshChoice, SurfaceChoice
 from palpate.units import parse_quantity, write
 
 
@@ -205,84 +201,6 @@ class Operator(Signal):
         return self.force is not None or self.table is not None
 
 
-class Object(Section):
-    """[object]: virtual object.
-
-    Attributes:
-        kind: "none", "spring" (bilateral, anchored at the start tip), "wall" (unilateral), "mesh" or "body"
-            (deformable).
-        stiffness: N/m per axis; the same for all axes of a wall. Not for a mesh or a body.
-        damping: N*s/m per axis. Not for a mesh or a body.
-        coupling: difference that samples the damper's speed, "backward" or "bilinear" (Hosseini-Zadeh 2004, 3.34).
-        position: from the start tip, m: of the spring's anchor, of a point on the wall, or of the origin of a mesh or
-            body.
-        normal: outward normal of the wall; of unit length after reading.
-        mesh: of the kind "mesh".
-        surface: of the kind "mesh".
-        body: of the kind "body".
-    """
-
-    kind: Literal["none", "spring", "wall", "mesh", "body"] = "spring"
-    stiffness: Stiffness3 | None = None
-    damping: Damping3 = (0.0, 0.0, 0.0)
-    coupling: Literal["backward", "bilinear"] = "backward"
-    position: Position3 = (0.0, 0.0, 0.0)
-    normal: Number3 | None = None
-    mesh: MeshChoice | None = None
-    surface: SurfaceChoice | None = None
-    body: BodyChoice | None = None
-
-    @field_validator("normal")
-    @classmethod
-    def _unit(cls, normal: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
-        if normal is None:
-            return None
-        length = math.hypot(*normal)
-        if length == 0.0:
-            raise ValueError("a normal must point somewhere, for example [0, 0, 1]")
-        x, y, z = (component / length for component in normal)
-        return x, y, z
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        if self.kind == "none":
-            stray = sorted(self.model_fields_set - {"kind"})
-            if stray:
-                raise ValueError(f'{stray[0]} has no meaning for kind = "none"')
-        elif self.kind in ("mesh", "body"):
-            self._check_tables()
-        elif self.stiffness is None:
-            raise ValueError('stiffness is missing; write for example stiffness = "3.5 N/mm"')
-        if self.kind == "wall" and self.normal is None:
-            raise ValueError("a wall needs its outward normal, for example normal = [0, 0, 1]")
-        if self.kind != "wall" and self.normal is not None:
-            raise ValueError('normal belongs to kind = "wall"')
-        if self.kind == "wall" and self.stiffness is not None and len({*self.stiffness}) > 1:
-            raise ValueError("a wall has one stiffness, along its normal")
-        for key, kind in (("mesh", "mesh"), ("surface", "mesh"), ("body", "body")):
-            if self.kind != kind and getattr(self, key) is not None:
-                raise ValueError(f'{key} belongs to kind = "{kind}"')
-        return self
-
-    def _check_tables(self) -> None:
-        """Raise ValueError for a mesh or body without its tables, or with keys of another kind."""
-        tables = {
-            "mesh": {"mesh": 'shape = "box"', "surface": 'stiffness = "1 N/mm"'},
-            "body": {"body": 'shape = "phantom" and radius = "8 mm"'},
-        }[self.kind]
-        for key, example in tables.items():
-            if getattr(self, key) is None:
-                raise ValueError(f"{key} is missing; write a table [object.{key}] with for example {example}")
-        stray = sorted(self.model_fields_set - {"kind", "position", *tables})
-        if stray:
-            whose = {
-                "mesh": "a mesh has its own in [object.surface]",
-                "body": "a body's follows from its material",
-            }
-            where = f" ({whose[self.kind]})" if stray[0] in ("stiffness", "damping") else ""
-            raise ValueError(f'{stray[0]} has no meaning for kind = "{self.kind}"{where}')
-
-
 class Controller(Section):
     """[controller]: controller of the loop.
 
@@ -361,7 +279,10 @@ class Run(Section):
 
 
 class Scenario(Section):
-    """Experiment: device, loop, operator or reference, object, controller and run."""
+    """Experiment: device, loop, operator or reference, object or objects, controller and run.
+
+    The forces of several objects, [objects.NAME], add.
+    """
 
     title: str = "Untitled scenario"
     description: str = ""
@@ -371,11 +292,21 @@ class Scenario(Section):
     reference: Signal | None = None
     operator: Operator = Field(default_factory=Operator)
     object: Object
+    objects: NamedObjects | None = None
     controller: Controller = Field(default_factory=Controller)
     run: Run = Field(default_factory=Run)
     _source: str = PrivateAttr("")
     _name: str = PrivateAttr("scenario")
     _text: str | None = PrivateAttr(None)
+    _place: str = PrivateAttr("object")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_or_several(cls, tables: Any) -> Any:
+        """Give a scenario with [objects] an empty [object]."""
+        if isinstance(tables, Mapping) and tables.get("objects") is not None and "object" not in tables:
+            return {**tables, "object": {"kind": "none"}}
+        return tables
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -388,8 +319,13 @@ class Scenario(Section):
             lambda: self._check_model(device),
             self._check_jitter,
             self._check_length,
+            self._check_objects,
         )
         return self
+
+    def _check_objects(self) -> None:
+        if self.objects is not None and self.object.kind != "none":
+            raise ValueError("object: with [objects.NAME] tables there is no [object]; give it a name among them")
 
     def _check_model(self, device: Device) -> None:
         if self.device.model == "experimental" and device.identified_model is None:
@@ -476,8 +412,28 @@ class Scenario(Section):
         assert self.servo.period is not None  # filled in by validation
         return self.servo.period
 
+    @property
+    def each_object(self) -> dict[str, Scenario]:
+        """The scenario with each of its objects as its [object], by name; the name of a single one is ""."""
+        if self.objects is None:
+            return {"": self}
+        alone = {}
+        for name, chosen in self.objects.items():
+            alone[name] = self.model_copy(update={"object": chosen, "objects": None})
+            alone[name]._place = f"objects.{name}"
+        return alone
+
+    @property
+    def contact_kind(self) -> str:
+        """Kind of the object; "moving" for one in a moving frame, and "scene" for several objects."""
+        if self.objects is not None:
+            return "scene"
+        return self.object.kind if self.object.frame is None else "moving"
+
     def mistake(self, field: str, sentence: str) -> ScenarioError:
         """Return the error for a mistake in `field`, such as "object.body.file", with the line where it stands."""
+        if field.startswith("object."):
+            field = f"{self._place}.{field.removeprefix('object.')}"
         line = None if self._text is None else find_line(self._text, field.split("."))
         place = "" if line is None else f"{self._name}, line {line}: "
         return ScenarioError(f"{place}{field}: {sentence}")

@@ -194,11 +194,23 @@ def _examples_of(scenario: type[BaseModel], field: Sequence[str | int]) -> list[
 def _model_at(scenario: type[BaseModel], field: Sequence[str | int]) -> type[BaseModel] | None:
     """Return the model of the table at `field`, or None if there is none."""
     model: type[BaseModel] | None = scenario
+    named = False  # whether the part is the name of one of several tables
     for part in field:
+        if named:
+            named = False
+            continue
         info = None if model is None else model.model_fields.get(str(part))
-        kinds = [] if info is None else [info.annotation, *getattr(info.annotation, "__args__", ())]
+        kinds = [] if info is None else list(_kinds_in(info.annotation))
         model = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+        named = str in kinds and model is not None
     return model
+
+
+def _kinds_in(annotation: Any) -> Iterator[Any]:
+    """Yield the types that make up an annotation."""
+    yield annotation
+    for inner in getattr(annotation, "__args__", ()):
+        yield from _kinds_in(inner)
 
 
 def _similar_file(file: Path) -> str:

@@ -14,24 +14,35 @@ from palpate.units import parse_quantity, write
 Row = tuple[float, float, float, float]
 
 
-def _table(value: object) -> tuple[Row, ...]:
-    if not isinstance(value, (list, tuple)) or len(value) < 2:
-        raise ValueError('a table needs at least two rows such as ["0.1 s", "1 N", "0 N", "0 N"]')
-    rows = []
-    for number, row in enumerate(value, start=1):
-        if not isinstance(row, (list, tuple)) or len(row) != 4:
-            raise ValueError(f'row {number} must be a time and three forces, ["0.1 s", "1 N", "0 N", "0 N"]')
-        x, y, z = parse_quantity(row[1:], "N", size=3)
-        rows.append((parse_quantity(row[0], "s"), x, y, z))
-        if number > 1 and rows[-1][0] <= rows[-2][0]:
-            raise ValueError(f"the time of row {number} ({row[0]}) is not after that of the row before")
-    return tuple(rows)
+def table_of(unit: str, name: str, shown: str) -> tuple[BeforeValidator, PlainSerializer]:
+    """Return validator and serializer of a table with rows of a time, s, and three values in the SI unit `unit`.
+
+    `name` is the plural of the values, and `shown` the unit of the example in messages.
+    """
+    example = f'["0.1 s", "1 {shown}", "0 {shown}", "0 {shown}"]'
+
+    def read(value: object) -> tuple[Row, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) < 2:
+            raise ValueError(f"a table needs at least two rows such as {example}")
+        rows = []
+        for number, row in enumerate(value, start=1):
+            if not isinstance(row, (list, tuple)) or len(row) != 4:
+                raise ValueError(f"row {number} must be a time and three {name}, {example}")
+            x, y, z = parse_quantity(row[1:], unit, size=3)
+            rows.append((parse_quantity(row[0], "s"), x, y, z))
+            if number > 1 and rows[-1][0] <= rows[-2][0]:
+                raise ValueError(f"the time of row {number} ({row[0]}) is not after that of the row before")
+        return tuple(rows)
+
+    def text(rows: tuple[Row, ...] | None) -> list[list[str]] | None:
+        if rows is None:
+            return None
+        return [[write(row[0], "s"), *(write(value, unit) for value in row[1:])] for row in rows]
+
+    return BeforeValidator(read), PlainSerializer(text)
 
 
-def _table_text(rows: tuple[Row, ...] | None) -> list[list[str]] | None:
-    if rows is None:
-        return None
-    return [[write(row[0], "s"), *(write(force, "N") for force in row[1:])] for row in rows]
+ForceTable = Annotated[tuple[Row, ...], *table_of("N", "forces", "N")]
 
 
 class Signal(Section):
@@ -53,7 +64,7 @@ class Signal(Section):
     stop: Duration | None = None
     rise: Duration | None = None
     frequency: Frequency | None = None
-    table: Annotated[tuple[Row, ...] | None, BeforeValidator(_table), PlainSerializer(_table_text)] = None
+    table: ForceTable | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -19,6 +19,7 @@ from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
+from palpate.simulation.moving_frame import seen_from_object
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -46,9 +47,11 @@ def pressed_at(trace: Trace, row: int) -> Pressed:
     choice = scenario.object.body
     assert choice is not None
     body = scenario_body(scenario)
-    anchor = trace["tip"][0] + np.array(scenario.object.position)
+    moving = scenario.object.frame is not None
+    anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    way = (trace["tip"][: row % len(trace) + 1] - anchor) @ turn + origin_of(choice, body)
+    tip = seen_from_object(trace, trace["tip"])[: row % len(trace) + 1]
+    way = (tip - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
     body.simulate_path(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
     return Pressed(body, way[-1], body.displacement(), body.pressure())

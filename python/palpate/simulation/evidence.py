@@ -72,12 +72,13 @@ def evidence(
     if scenario is not None:
         device = scenario.load_device()
         q = trace["angle"]
+        one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
         known = {
             "resolution": resolution(scenario, device, q[last : last + 1])[0],
             "beyond": bool(beyond_reach(device, q[0], q[first : last + 1]).any()),
             "error": _error(trace, scenario, window, deflection[ending]),
-            "pressed": scenario.object.kind in ("wall", "mesh", "body") and _pressed(trace, scenario, touching, last),
-            "apart": _apart(trace, touching) if scenario.object.kind in ("wall", "mesh", "body") else 0.0,
+            "pressed": one_sided and _pressed(trace, scenario, touching, last),
+            "apart": _apart(trace, touching) if one_sided else 0.0,
             "lossy": lossy(scenario, device),
         }
     return Evidence.of(
@@ -128,7 +129,7 @@ def swing(time: Array, tip: Array) -> float:
 
 def _error(trace: Recorded, scenario: Scenario, window: Window, deflection: Array) -> float:
     """Return the relative error of the steady deflection on a spring under a constant reference; nan if unknown."""
-    if scenario.object.kind != "spring" or scenario.reference is None or not window.constant:
+    if scenario.contact_kind != "spring" or scenario.reference is None or not window.constant:
         return np.nan
     dof = scenario.load_device().dof
     expected = force_over_stiffness(trace["reference_force"][window.end], scenario.object.stiffness or 0.0, dof)
@@ -154,7 +155,7 @@ def _apart(trace: Recorded, touching: Flags) -> float:
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:
     """Return whether the force at the end presses the tip against the object, as far as the run shows its normal."""
     load = trace["reference_force"][last] + trace["operator_force"][last]
-    if scenario.object.normal is not None:
+    if scenario.contact_kind == "wall" and scenario.object.normal is not None:
         return bool(presses(load, scenario.object.normal)[0])
     if touching[: last + 1].any():
         return bool(presses(load, -trace["object_force"][np.flatnonzero(touching[: last + 1])[-1]])[0])

@@ -61,9 +61,9 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
     own: Mapping[str, Any] = trace.metadata.get("controller", {})
     if scenario is None or own.get("given") or own.get("kind") == "python" or "object" in trace.metadata:
         return None, ""
-    if scenario.object.kind in ("mesh", "body"):
+    if scenario.contact_kind in ("mesh", "body"):
         return _contact(trace, scenario)
-    if scenario.object.kind not in ("spring", "wall"):
+    if scenario.contact_kind not in ("spring", "wall"):
         return None, ""
     try:
         start, rest = scenario_loop(scenario), loop_at_rest(trace, scenario)[0]

@@ -134,8 +134,20 @@ def scenario_loop(
     return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
 
 
+def require_one_object(scenario: Scenario) -> None:
+    """Raise StabilityError unless the scenario has one object, at rest: an analysis takes no scene."""
+    if scenario.contact_kind == "scene":
+        raise StabilityError(
+            "objects: an analysis takes one object, and the scenario has "
+            f"{', '.join(scenario.objects or ())}: write the one to analyze as [object]"
+        )
+    if scenario.contact_kind == "moving":
+        raise StabilityError("object.frame: an analysis takes an object at rest: remove the frame")
+
+
 def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
     """Raise StabilityError unless one linear loop describes the scenario's contact."""
+    require_one_object(scenario)
     if scenario.object.kind == "none":
         raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
     if scenario.object.kind == "mesh":

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.control.controller import Controller
 from palpate.errors import OutputError
-from palpate.fem.errors import BodyError
 from palpate.fem.model_data import model_data
 from palpate.files import as_path, read_utf8, write_folder, write_json
 from palpate.files.json_text import load_table
@@ -23,6 +22,7 @@ from palpate.files.output import Writer
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import place_body
 from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.placed_objects import PlacedObject
 from palpate.simulation.simulator import Simulation, build_simulation, package_version
 
 FORMAT: Final = "palpate loop"
@@ -48,7 +48,7 @@ def resolve(
         controller: replaces the one that [controller] describes.
 
     Raises:
-        ScenarioError: as `simulate`, or the object cannot be resolved: a hyperelastic body.
+        ScenarioError: as `simulate`.
         OutputError: the folder cannot be written, or holds other files.
     """
     simulation = build_simulation(scenario, controller)
@@ -66,10 +66,15 @@ def _write_bytes(path: Path, data: bytes) -> None:
 
 
 class _Blobs:
-    """Arrays as the content of files, by file name."""
+    """Arrays as the content of files, by file name, which begins with `prefix`."""
 
-    def __init__(self) -> None:
-        self.files: dict[str, bytes] = {}
+    def __init__(self, prefix: str = "", files: dict[str, bytes] | None = None) -> None:
+        self.prefix = prefix
+        self.files: dict[str, bytes] = {} if files is None else files
+
+    def named(self, name: str) -> _Blobs:
+        """Return the same files, for arrays of one of several objects."""
+        return _Blobs(f"{name}.", self.files)
 
     def write(self, name: str, array: ArrayLike, dtype: str = "float64") -> dict[str, Any]:
         """Add an array by rows; return its entry in `loop.json`."""
@@ -77,7 +82,7 @@ class _Blobs:
         data = values.tobytes()
         if len(data) > _LARGEST:
             raise OutputError(f"{name}: {len(data)} bytes; a blob has at most {_LARGEST}")
-        file = f"{name}.{dtype}"
+        file = f"{self.prefix}{name}.{dtype}"
         self.files[file] = data
         return {
             "file": file,
@@ -109,7 +114,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         "mechanism": {"name": device.model.name, "parameters": parameters},
         "servo": _servo(setup),
         "plant": _plant(setup),
-        "object": _object(simulation, blobs),
+        "object": _objects(simulation, blobs),
         "controller": _controller(simulation.controller),
         "run": {
             "ticks": ticks,
@@ -176,13 +181,32 @@ def _controller(controller: Controller) -> dict[str, Any]:
     }
 
 
-def _object(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
-    touched = simulation.scenario.object
+def _objects(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
+    placed = simulation.objects
+    if "" in placed:
+        return _object(placed[""], blobs)
+    parts = {name: _object(one, blobs.named(name)) for name, one in placed.items()}
+    return {"kind": "scene", "objects": parts}
+
+
+def _object(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
+    frame = placed.scenario.object.frame
+    if frame is None:
+        return _single(placed, blobs)
+    return {
+        "kind": "moving_frame",
+        "origin": _list(placed.origin),
+        "motion": blobs.write("motion", frame.rows()),
+        "object": _single(placed, blobs),
+    }
+
+
+def _single(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
+    touched, setup = placed.scenario.object, placed.setup
     if touched.mesh is not None:
-        return _mesh(simulation, blobs)
+        return _mesh(placed, blobs)
     if touched.body is not None:
-        return _body(simulation, blobs)
-    setup = simulation.setup
+        return _body(placed, blobs)
     kinds = _core.SpringWallParameters.Kind
     shapes = {kinds.none: "none", kinds.point: "point", kinds.half_space: "half_space"}
     backward = setup.difference == _core.CouplingDifference.backward
@@ -197,10 +221,10 @@ def _object(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     }
 
 
-def _mesh(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
-    choice = simulation.scenario.object.mesh
+def _mesh(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
+    choice = placed.scenario.object.mesh
     assert choice is not None
-    mesh, surface = touched_mesh(simulation.scenario, np.array(simulation.setup.wall.point))
+    mesh, surface = touched_mesh(placed.scenario, placed.place)
     core = surface.core_for(mesh)
     return {
         "kind": "mesh",
@@ -222,19 +246,12 @@ def _mesh(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     }
 
 
-def _body(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
-    scenario = simulation.scenario
+def _body(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
+    scenario = placed.scenario
     choice = scenario.object.body
     assert choice is not None
-    body, origin, rotation = place_body(scenario, np.array(simulation.setup.wall.point))
-    try:
-        data = model_data(body)
-    except BodyError:
-        raise scenario.mistake(
-            "object.body.kind",
-            f'a body of the kind "{choice.kind}" cannot be resolved to plain data; choose a linear kind, such as '
-            '"compliance"',
-        ) from None
+    body, origin, rotation = place_body(scenario, placed.place)
+    data = model_data(body)
     dtypes = {name: array.dtype.name for name, array in data.arrays.items()}
     return {
         "kind": "body",

@@ -18,16 +18,12 @@ from palpate.devices import Device
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
-from palpate.simulation.bodies import touched_body
 from palpate.simulation.controllers import build_controller, read_scenario
-from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
-# Channels that the core adds to a row, with their numbers of columns.
-MESH = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
-BODY = {"deflection": 3, "stored_energy": 1, "contact_nodes": 1, "solved": 1, "tank_energy": 1}
 MOST_TICKS = 2_000_000  # up to which every tick is judged if fewer are recorded: half a gigabyte
 BEYOND = 1e100  # bound of every signal, in any unit; its square is finite
 
@@ -71,7 +67,8 @@ def build_simulation(
 class Simulation:
     """Scenario with the core's setup and the forces at every sample (ticks + 1, 3), N.
 
-    `given` says whether the controller is the caller's own instead of the scenario's.
+    `objects` are those of the scenario by name; `given` says whether the controller is the caller's own instead of the
+    scenario's.
     """
 
     scenario: Scenario
@@ -80,6 +77,7 @@ class Simulation:
     hold: Array
     controller: Controller | PythonController
     setup: Any
+    objects: Mapping[str, PlacedObject]
     reference: Array
     operator: Array
     user_object: PythonObject | None = None
@@ -97,17 +95,19 @@ class Simulation:
         chosen = build_controller(scenario, device, start) if controller is None else _chosen(controller, scenario)
         touched = None if object is None else as_object(object)
         if touched is not None:
-            scenario = scenario.model_copy(update={"object": Object(kind="none")})
+            scenario = scenario.model_copy(update={"object": Object(kind="none"), "objects": None})
         ticks = round(scenario.run.duration / scenario.period)
         time = scenario.period * np.arange(ticks + 1)
         silent = np.zeros((ticks + 1, 3))
         reference = silent if scenario.reference is None else scenario.reference.values(time)
         operator = scenario.operator.values(time) if scenario.operator.moves else silent
         setup = _setup(scenario, device, start, hold, chosen)
+        objects = place_objects(setup, scenario, device, start)
         if touched is not None:
             setup.set_python_object(touched)
         reference = np.ascontiguousarray(reference)
-        return cls(scenario, device, start, hold, chosen, setup, reference, operator, touched, controller is not None)
+        given = controller is not None
+        return cls(scenario, device, start, hold, chosen, setup, objects, reference, operator, touched, given)
 
     def simulate(self) -> Trace:
         """Run the scenario and return its trace.
@@ -134,7 +134,7 @@ class Simulation:
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
-        A row has 3 dof + 11 numbers, on a mesh 9 and on a body 7 more.
+        A row has 3 dof + 11 numbers, then those of the objects (`palpate.simulation.placed_objects`).
         """
         self.restart()
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
@@ -170,6 +170,7 @@ class Simulation:
             reference = self.reference[::every]
         reference = reference[: len(rows)]
         tip = self.tip(q)
+        contact = object_channels(self.objects, met, tip)
         if self.scenario.operator.kind == "fixed":
             # The operator balances gravity and motors: J^T f = N - tau, with the smallest f.
             needed = device.gravity(q) - torque
@@ -178,7 +179,7 @@ class Simulation:
             "angle": q,
             "velocity": qd,
             "tip": tip,
-            "deflection": self._deflection(tip),
+            "deflection": contact.pop("deflection"),
             "object_force": object_force,
             "command_force": command,
             "motor_force": command - reference,
@@ -189,12 +190,7 @@ class Simulation:
             "touching": touching,
             "saturated": saturated,
         }
-        if met.shape[1]:
-            added = BODY if self.scenario.object.kind == "body" else MESH
-            contact = np.split(met, np.cumsum([*added.values()])[:-1], axis=1)
-            values |= dict(zip(added, contact, strict=True))
-        if "proxy" in values:
-            values["deflection"] = -values["depth"] * values["normal"]
+        values |= contact
         if self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
         sliding = {"angle": "m", "velocity": "m/s", "torque": "N", "motor_torque": "N"}
@@ -239,14 +235,6 @@ class Simulation:
             return np.asarray(self.device.forward(self.start) + shift, dtype=float)
         return self.device.forward(q)
 
-    def _deflection(self, tip: Array) -> Array:
-        """Return the deflection of the object (n, 3), m; without an object, the displacement of the tip."""
-        away = tip - np.array(self.setup.wall.point)
-        if self.scenario.object.kind != "wall":
-            return np.asarray(away, dtype=float)
-        normal = np.array(self.scenario.object.normal)
-        return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
-
 
 def _check_limits(device: Device, start: Array) -> None:
     """Raise ScenarioError if a joint starts beyond its limits."""
@@ -281,7 +269,6 @@ def _setup(
         limits.thermal_time = device.parameters.one("drive.thermal_time", 1.0)
         limits.peak_torque = device.peak_torque
         setup.limits = limits
-    _touch(setup, scenario, device, start)
     _hold(setup, scenario, device, start)
     if isinstance(controller, PythonController):
         setup.set_python_controller(controller)
@@ -314,30 +301,6 @@ def _state_space(controller: Controller) -> _core.StateSpace:
         np.asarray(system.D, float),
         antiwindup,
     )
-
-
-def _touch(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
-    touched = scenario.object
-    anchor = _core.SpringWallParameters()
-    kinds = {"spring": _core.SpringWallParameters.Kind.point, "wall": _core.SpringWallParameters.Kind.half_space}
-    anchor.kind = kinds.get(touched.kind, _core.SpringWallParameters.Kind.none)
-    # The object is placed at the tip as the encoders read it; otherwise a stiff object would push at rest.
-    step = device.encoder_step
-    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
-    counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
-    anchor.point = device.forward(counted) + np.array(touched.position)
-    if touched.normal is not None:
-        anchor.normal = np.array(touched.normal)
-    setup.wall = anchor
-    if touched.mesh is not None:
-        mesh, surface = touched_mesh(scenario, np.array(anchor.point))
-        setup.set_mesh(_core.MeshModel(mesh.core, surface.core_for(mesh), touched.mesh.radius))
-    if touched.body is not None:
-        setup.set_body(touched_body(scenario, np.array(anchor.point)))
-    if touched.stiffness is not None:
-        setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
-    difference = _core.CouplingDifference
-    setup.difference = difference.bilinear if touched.coupling == "bilinear" else difference.backward
 
 
 def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:

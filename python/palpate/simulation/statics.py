@@ -26,7 +26,7 @@ def force_over_stiffness(force: ArrayLike, stiffness: ArrayLike, dof: int) -> Ar
 
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:
     """Return force over stiffness per axis, m, for a constant reference force; None for other axes."""
-    if scenario is None or scenario.reference is None or scenario.object.kind != "spring":
+    if scenario is None or scenario.reference is None or scenario.contact_kind != "spring":
         return [None, None, None]
     reference, stiffness = scenario.reference, scenario.object.stiffness
     if reference.shape not in ("step", "ramp") or reference.stop is not None or reference.force is None:

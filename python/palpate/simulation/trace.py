@@ -62,7 +62,10 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "contact_nodes": ("", "number of nodes of the body in contact"),
     "solved": ("", "1; 0 if more nodes lie under the tip than the solver holds"),
     "triangle": ("", "index of the triangle in contact, -1 without contact"),
+    "frame_position": ("m", "origin of the frame of a moving object"),
+    "frame_rotation": ("rad", "rotation of the frame of a moving object, as a rotation vector"),
 }
+_OF_OBJECTS: Final = {"force": CHANNELS["object_force"], "touching": ("", "1 while the tip touches it"), **CHANNELS}
 _FORMAT: Final = "palpate-trace-1"
 _JOINTS: Final = ("angle", "velocity", "torque", "motor_torque")
 _HDF5: Final = (".h5", ".hdf5")
@@ -79,6 +82,15 @@ _SIGNATURES: Final = {
 
 class TraceError(PalpateError):
     """A trace has wrong shapes or values that are not finite, or a file is not a trace."""
+
+
+def describe_channel(name: str) -> tuple[str, str]:
+    """Return unit and description of a channel; that of one object of a scene begins with the object's name."""
+    if name in CHANNELS:
+        return CHANNELS[name]
+    own = max((key for key in _OF_OBJECTS if name.endswith(f"_{key}")), key=len, default="")
+    unit, description = _OF_OBJECTS.get(own, ("", ""))
+    return unit, f"{name.removesuffix(f'_{own}')}: {description}" if description else ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -124,7 +136,7 @@ class Trace(TraceContent):
         channels = {}
         for name, entry in values.items():
             array = np.array(entry, dtype=float)
-            unit, description = CHANNELS.get(name, ("", ""))
+            unit, description = describe_channel(name)
             rows = array[:, None] if array.ndim == 1 else array
             channels[name] = Channel(rows, (units or {}).get(name, unit), description)
         return cls(np.array(time, dtype=float), channels, unstable_from, dict(metadata or {}))

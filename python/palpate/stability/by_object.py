@@ -8,6 +8,7 @@ from typing import Any
 
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
+from palpate.simulation.linear_loop import require_one_object
 from palpate.stability.body.certificate import certify_body
 from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
@@ -48,9 +49,10 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
 
     Raises:
         ScenarioError, DesignError, PoseError: the scenario has a mistake, or the controller is not linear.
-        StabilityError: the scenario has no loop (no contact, or a fixed tip).
+        StabilityError: the scenario has no loop (no contact, or a fixed tip), several objects or a moving one.
     """
     s = read_scenario(scenario, controller)
+    require_one_object(s)
     return CERTIFICATES.get(s.object.kind, certify_spring)(s)
 
 
@@ -77,9 +79,11 @@ def zwidth(
         progress: called with a text and the fraction done.
 
     Raises:
-        StabilityError: no object of any stiffness is stable, or the scenario has no loop.
+        StabilityError: no object of any stiffness is stable, or the scenario has no loop, several objects or a moving
+            one.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     s = read_scenario(scenario, controller)
+    require_one_object(s)
     report = progress or (lambda _text, _fraction: None)
     return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)

@@ -53,7 +53,8 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
     forces = np.hstack([reference, operator])
     scenario = simulation.scenario
     if not forces.any():
-        displaced = any(scenario.object.position) or any(scenario.operator.rest)
+        displaced = any(any(one.object.position) for one in scenario.each_object.values())
+        displaced = displaced or any(scenario.operator.rest)
         if displaced or not scenario.servo.gravity_compensation:
             return simulation, Excitation(0, None)
         raise SweepError(

@@ -37,11 +37,11 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     steady, known = out["steady_tip"] - np.array(scenario.object.position), ~np.isnan(out["steady_tip"][:, 0])
     error, pressed = np.full(count, np.nan), False
     deflection = np.linalg.norm(steady, axis=1)
-    if scenario.object.kind == "wall":
+    if scenario.contact_kind == "wall":
         normal = np.array(scenario.object.normal)
         deflection = np.maximum(-steady @ normal, 0.0)
         pressed = bool(presses(reference + operator, normal)[0])
-    elif scenario.object.kind == "spring":
+    elif scenario.contact_kind == "spring":
         error = steady_error(steady, force_over_stiffness(reference, stiffness, device.dof))
     beyond = np.zeros(count, dtype=bool)
     beyond[known] = beyond_reach(device, simulation.start, end_angles(rows)[known])
@@ -76,7 +76,7 @@ def linear_radii(simulation: Simulation, columns: Mapping[str, Array], count: in
     scenario, unknown = simulation.scenario, np.full(count, np.nan)
     varied = columns.keys() - {"seed"}
     if (
-        scenario.object.kind not in ("spring", "wall")
+        scenario.contact_kind not in ("spring", "wall")
         or scenario.object.coupling != "backward"
         or scenario.servo.jitter > 0.0
         or not varied <= {"stiffness", "damping"}

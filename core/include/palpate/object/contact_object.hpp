@@ -13,6 +13,7 @@ template <class Scalar = double>
 struct BasicTipState {
   Vector3<Scalar> position = Vector3<Scalar>::Constant(0.0);  ///< m
   double rate = 0.0;                                          ///< samples per second since the last one, 1/s; 0: first sample
+  double time = 0.0;                                          ///< since the first sample, a multiple of the period, s
 };
 using TipState = BasicTipState<double>;
 

@@ -20,8 +20,14 @@
 #include "palpate/object/body_instance.hpp"
 #include "palpate/object/deformable_object.hpp"
 #include "palpate/object/mesh_object.hpp"
+#include "palpate/object/moving_frame.hpp"
+#include "palpate/object/scene.hpp"
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/servo/config_reader.hpp"
+#if defined(PALPATE_HYPERELASTIC)
+#include "palpate/deformable/hyperelastic/compiled_solver.hpp"
+#include "palpate/object/hyperelastic_object.hpp"
+#endif
 
 namespace palpate::servo::detail {
 
@@ -132,11 +138,76 @@ template <class Model>
   return out;
 }
 
+#if defined(PALPATE_HYPERELASTIC)
+/// Return positive elastic constants of each tetrahedron, and fail if a tetrahedron has no volume.
+[[nodiscard]] inline deformable::TetMesh read_tetrahedra(ConfigReader& reader, const Section& from) {
+  deformable::TetMesh out;
+  out.points = from.points("points");
+  out.tetrahedra = read_indices<4>(from, "tetrahedra", out.points.size());
+  const auto count = static_cast<std::int64_t>(out.tetrahedra.size());
+  out.shear = from.blob<double>("shear", count, 1);
+  out.lame = from.blob<double>("lame", count, 1);
+  for (const std::uint8_t fixed : from.blob<std::uint8_t>("fixed", static_cast<std::int64_t>(out.points.size()), 1))
+    out.fixed.push_back(fixed != 0);
+  if (!reader.ok()) return out;
+  if (std::find(out.fixed.begin(), out.fixed.end(), false) == out.fixed.end()) from.fail("fixed", "leaves no free point");
+  for (const auto& t : out.tetrahedra) {
+    const auto edge = [&](std::size_t corner) {
+      return Vector3<>(out.points[static_cast<std::size_t>(t[corner])] - out.points[static_cast<std::size_t>(t[0])]);
+    };
+    if (!(edge(1).cross(edge(2)).dot(edge(3)) > 0.0)) from.fail("tetrahedra", "holds one without volume, or turned inside out");
+  }
+  const auto positive = [](double modulus) { return modulus > 0.0 && modulus < 1e15; };
+  if (out.tetrahedra.empty() || !std::all_of(out.shear.begin(), out.shear.end(), positive)) from.fail("shear", "must be positive");
+  if (!std::all_of(out.lame.begin(), out.lame.end(), [](double modulus) { return modulus >= 0.0 && modulus < 1e15; }))
+    from.fail("lame", "must not be negative");
+  return out;
+}
+
+[[nodiscard]] inline deformable::TetSurface read_tet_surface(ConfigReader& reader, const Section& from, std::size_t points) {
+  deformable::TetSurface out;
+  for (const auto& row : read_indices<1>(from, "node_points", points)) out.point.push_back(row[0]);
+  const auto nodes = static_cast<std::int64_t>(out.point.size());
+  out.area = from.blob<double>("areas", nodes, 1);
+  deformable::PatchWeights patches = read_patches(reader, from, nodes, points);
+  out.patch_begin = std::move(patches.begin);
+  out.patch_point = std::move(patches.vertices);
+  out.patch_weight = std::move(patches.weights);
+  out.triangles = read_indices<3>(from, "triangles", points);
+  if (reader.ok() && nodes == 0) from.fail("node_points", "is empty");
+  return out;
+}
+
+[[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_hyperelastic(ConfigReader& reader, const Section& from,
+                                                                                       deformable::DryFriction friction) {
+  using Body = object::HyperelasticObject<deformable::AnyQuasiStaticSolver>;
+  const auto law = from.choice("law", {"neo-hookean", "corotational"}) == 0 ? deformable::HyperelasticLaw::neo_hookean
+                                                                            : deformable::HyperelasticLaw::corotational;
+  deformable::SolverOptions options;
+  options.nodes_per_tip = static_cast<int>(from.integer("nodes_per_tip", 4, 64));
+  const auto interval = static_cast<int>(from.integer("update_interval", 1, 1'000'000));
+  const double ratio = from.number("tangential_ratio", 0.0, 1e9), common = from.number("common_compliance", 0.0, 1e9);
+  const deformable::TetMesh mesh = read_tetrahedra(reader, from);
+  const deformable::TetSurface surface = read_tet_surface(reader, from, mesh.points.size());
+  if (!reader.ok()) return nullptr;
+  deformable::LocalModelSlip slip;
+  if (friction.mu_static > 0.0) slip = deformable::LocalModelSlip(friction, ratio, common, surface.point.size());
+  return std::make_shared<const Body>(deformable::make_quasi_static_solver(law, mesh, surface, options), interval, std::move(slip));
+}
+#else
+[[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_hyperelastic(ConfigReader& /*reader*/, const Section& from,
+                                                                                       deformable::DryFriction /*friction*/) {
+  from.fail("model", "is \"hyperelastic\"; link palpate::hyperelastic (configure palpate with -DPALPATE_HYPERELASTIC=ON)");
+  return nullptr;
+}
+#endif
+
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_body(ConfigReader& reader, const Section& from) {
   using deformable::SurfaceNodes;
-  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "free_form"};
+  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "free_form", "hyperelastic"};
   const std::string model = models[from.choice("model", models)];
   const deformable::DryFriction friction = {from.number("static_friction", 0.0, 1e6), from.number("dynamic_friction", 0.0, 1e6)};
+  if (model == "hyperelastic") return read_hyperelastic(reader, from, friction);
   const std::vector<Vector3<>> points = from.points("points");
   const auto count = static_cast<std::int64_t>(points.size());
   const std::vector<Vector3<>> normals = from.points("normals", count);
@@ -216,9 +287,9 @@ template <class Model>
   return object::BodyInstance(std::move(placement));
 }
 
-/// Build the object that the tip touches. It owns everything that it refers to.
-[[nodiscard]] inline object::AnyObject read_object(ConfigReader& reader, const Section& from) {
-  switch (from.choice("kind", {"spring_wall", "mesh", "body"})) {
+/// Build an object that rests.
+[[nodiscard]] inline object::AnyObject read_single_object(ConfigReader& reader, const Section& from, std::size_t kind) {
+  switch (kind) {
     case 1:
       return read_mesh(reader, from);
     case 2:
@@ -226,6 +297,40 @@ template <class Model>
     default:
       return read_spring_wall(from);
   }
+}
+
+[[nodiscard]] inline object::AnyObject read_moving_frame(ConfigReader& reader, const Section& from) {
+  const Section inner = from.section("object");
+  const Vector3<> origin = from.vector("origin");
+  const std::vector<double> flat = from.blob<double>("motion", -1, 7);
+  std::vector<object::FrameMotion::Row> rows;
+  for (std::size_t i = 0; i + 7 <= flat.size(); i += 7)
+    rows.push_back({flat[i], {flat[i + 1], flat[i + 2], flat[i + 3]}, {flat[i + 4], flat[i + 5], flat[i + 6]}});
+  const auto later = [](const object::FrameMotion::Row& a, const object::FrameMotion::Row& b) { return a.time >= b.time; };
+  if (reader.ok() && rows.empty()) from.fail("motion", "has no rows");
+  if (std::adjacent_find(rows.begin(), rows.end(), later) != rows.end()) from.fail("motion", "has times that do not increase");
+  object::AnyObject moved = read_single_object(reader, inner, inner.choice("kind", {"spring_wall", "mesh", "body"}));
+  return object::MovingFrame<object::AnyObject>(std::move(moved), object::FrameMotion(origin, std::move(rows)));
+}
+
+[[nodiscard]] inline object::AnyObject read_scene(ConfigReader& reader, const Section& from) {
+  const Section parts = from.section("objects");
+  object::Scene scene;
+  for (const std::string& name : parts.keys()) {
+    const Section part = parts.section(name.c_str());
+    const std::size_t kind = part.choice("kind", {"spring_wall", "mesh", "body", "moving_frame"});
+    scene.add(kind == 3 ? read_moving_frame(reader, part) : read_single_object(reader, part, kind));
+    if (!reader.ok()) return {};
+  }
+  return scene;
+}
+
+/// Build the object or objects that the tip touches. They own everything that they refer to.
+[[nodiscard]] inline object::AnyObject read_object(ConfigReader& reader, const Section& from) {
+  const std::size_t kind = from.choice("kind", {"spring_wall", "mesh", "body", "moving_frame", "scene"});
+  if (kind == 3) return read_moving_frame(reader, from);
+  if (kind == 4) return read_scene(reader, from);
+  return read_single_object(reader, from, kind);
 }
 
 }  // namespace palpate::servo::detail

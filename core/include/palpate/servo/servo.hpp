@@ -155,10 +155,10 @@ class Servo {
   [[gnu::always_inline]] const Tick& finish_tick(const Vector& reference, double rate) noexcept {
     const Vector previous = tick_.tip;
     tick_.tip = kinematics_.tip();
-    const object::BasicContactResult<Scalar>& contact = object_.step({tick_.tip, rate});
+    const double time = static_cast<double>(count_++) * period_;
+    const object::BasicContactResult<Scalar>& contact = object_.step({tick_.tip, rate, time});
     tick_.object_force = contact.force;
     tick_.touching = contact.touching;
-    const double time = static_cast<double>(count_++) * period_;
     const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time});
     if constexpr (is_scalar) {
       tick_.fault = false;

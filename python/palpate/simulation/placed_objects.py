@@ -1,0 +1,154 @@
+"""Objects of a scenario: their place in the core's setup, and their channels in a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from palpate import _core
+from palpate.arrays import Array
+from palpate.devices import Device
+from palpate.scenario import Scenario
+from palpate.simulation.bodies import touched_body
+from palpate.simulation.meshes import touched_mesh
+
+# Channels that the core adds to a row, with their numbers of columns.
+MESH: Final = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
+BODY: Final = {"deflection": 3, "stored_energy": 1, "contact_nodes": 1, "solved": 1, "tank_energy": 1}
+CONTACT: Final = {"force": 3, "touching": 1}  # of each object of a scene
+POSE: Final = 12  # columns of a moving frame: origin (3), rotation matrix by rows (9)
+
+
+@dataclass(frozen=True)
+class PlacedObject:
+    """One object of a scenario.
+
+    Attributes:
+        scenario: with the object as its [object].
+        setup: of the object in the core.
+        origin: position of the object at the start, of its frame if that moves (3,), m.
+    """
+
+    scenario: Scenario
+    setup: Any
+    origin: Array
+
+    @property
+    def place(self) -> Array:
+        """Position of the object in the frame in which its setup describes it (3,), m."""
+        return np.zeros(3) if self.scenario.object.frame is not None else self.origin
+
+    @property
+    def width(self) -> int:
+        """Number of columns of the object in a row of the core."""
+        own = {"mesh": MESH, "body": BODY}.get(self.scenario.object.kind, {})
+        return sum(own.values()) + (POSE if self.scenario.object.frame is not None else 0)
+
+    def channels(self, columns: Array, tip: Array) -> dict[str, Array]:
+        """Return the channels of the object: its deflection first, then those of its kind, then those of its frame.
+
+        Args:
+            columns: of the object in the rows of the core (n, width).
+            tip: positions (n, 3), m.
+        """
+        frame = self.scenario.object.frame is not None
+        pose, own = (columns[:, :POSE], columns[:, POSE:]) if frame else (columns[:, :0], columns)
+        matrix = pose[:, 3:].reshape(-1, 3, 3)
+        local = np.einsum("nji,nj->ni", matrix, tip - pose[:, :3]) if frame else tip
+        kinds = {"mesh": MESH, "body": BODY}.get(self.scenario.object.kind, {})
+        ends = np.cumsum([*kinds.values()])
+        values = {name: own[:, end - width : end] for (name, width), end in zip(kinds.items(), ends, strict=True)}
+        if "proxy" in values:
+            values = {"deflection": -values["depth"] * values["normal"], **values}
+        elif "deflection" not in values:
+            values = {"deflection": self._deflection(local)}
+        if not frame:
+            return values
+        for name in ("deflection", "normal", "proxy"):
+            if name in values:
+                values[name] = np.einsum("nij,nj->ni", matrix, values[name])
+        if "proxy" in values:
+            values["proxy"] = values["proxy"] + pose[:, :3]
+        turned = Rotation.from_matrix(matrix).as_rotvec() if len(matrix) else np.zeros((0, 3))
+        return {**values, "frame_position": pose[:, :3], "frame_rotation": turned}
+
+    def _deflection(self, tip: Array) -> Array:
+        """Return the deflection of a spring or a wall (n, 3), m; without an object, the displacement of the tip."""
+        away = tip - np.array(self.setup.wall.point)
+        if self.scenario.object.kind != "wall":
+            return np.asarray(away, dtype=float)
+        normal = np.array(self.scenario.object.normal)
+        return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+
+
+def place_objects(setup: Any, scenario: Scenario, device: Device, start: Array) -> dict[str, PlacedObject]:
+    """Put the objects of a scenario into the core's setup; return them by name, a single one as "".
+
+    Raises:
+        ScenarioError: a mesh or body cannot be read or built.
+    """
+    # An object is placed at the tip as the encoders read it; otherwise a stiff object would push at rest.
+    step = device.encoder_step
+    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
+    counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
+    tip = device.forward(counted)
+    placed = {}
+    for name, alone in scenario.each_object.items():
+        own = _core.ObjectSetup() if name else setup
+        placed[name] = PlacedObject(alone, own, tip + np.array(alone.object.position))
+        _describe(placed[name])
+        if name:
+            setup.add_object(own)
+    return placed
+
+
+def _describe(placed: PlacedObject) -> None:
+    """Write an object into its setup."""
+    scenario, setup, touched = placed.scenario, placed.setup, placed.scenario.object
+    wall = _core.SpringWallParameters()
+    kinds = {"spring": _core.SpringWallParameters.Kind.point, "wall": _core.SpringWallParameters.Kind.half_space}
+    wall.kind = kinds.get(touched.kind, _core.SpringWallParameters.Kind.none)
+    wall.point = placed.place
+    if touched.normal is not None:
+        wall.normal = np.array(touched.normal)
+    setup.wall = wall
+    if touched.mesh is not None:
+        mesh, surface = touched_mesh(scenario, placed.place)
+        setup.set_mesh(_core.MeshModel(mesh.core, surface.core_for(mesh), touched.mesh.radius))
+    if touched.body is not None:
+        setup.set_body(touched_body(scenario, placed.place))
+    if touched.stiffness is not None:
+        setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
+    difference = _core.CouplingDifference
+    setup.difference = difference.bilinear if touched.coupling == "bilinear" else difference.backward
+    if touched.frame is not None:
+        setup.set_motion(placed.origin, touched.frame.rows())
+
+
+def object_channels(objects: Mapping[str, PlacedObject], columns: Array, tip: Array) -> dict[str, Array]:
+    """Return the channels of the objects: first the deflection, then those of each object.
+
+    The channels of a scene begin with the name of their object. Its deflection is that of the object with the largest
+    force, as the controller sees it.
+
+    Args:
+        objects: by name.
+        columns: of the objects in the rows of the core (n, k).
+        tip: positions (n, 3), m.
+    """
+    if "" in objects:
+        return objects[""].channels(columns, tip)
+    found: dict[str, Array] = {"deflection": np.zeros((len(tip), 3))}
+    largest = np.zeros(len(tip))
+    for name, placed in objects.items():
+        contact, own, columns = np.split(columns, [4, 4 + placed.width], axis=1)
+        values = {"force": contact[:, :3], "touching": contact[:, 3:], **placed.channels(own, tip)}
+        force = np.where(contact[:, 3] > 0.0, np.linalg.norm(contact[:, :3], axis=1), 0.0)
+        found["deflection"] = np.where((force > largest)[:, None], values["deflection"], found["deflection"])
+        largest = np.maximum(largest, force)
+        found |= {f"{name}_{channel}": value for channel, value in values.items()}
+    return found

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from palpate.scenario import Scenario
 from palpate.simulation.outcome_rows import name_rows
 from palpate.simulation.simulator import build_simulation
 from palpate.sweeps import sweep
@@ -56,3 +58,36 @@ def test_a_controller_designed_once_holds_for_cells_on_a_mesh() -> None:
             assert found["peak_command_force"][cell] == pytest.approx(largest, rel=1e-9)
         peaks[design] = found["peak_command_force"][1]
     assert peaks["once"] != pytest.approx(peaks["cell"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "values", "numbers", "read"),
+    [
+        (
+            "slide-organ.toml", "object.surface.stiffness", ["0.5 N/mm", "1 N/mm"], [500.0, 1000.0],
+            lambda s: s.object.surface.stiffness[0],
+        ),
+        ("slide-organ.toml", "object.mesh.size.z", "40 mm..50 mm:2", [0.04, 0.05], lambda s: s.object.mesh.size[2]),
+        (
+            "palpate-phantom.toml", "object.body.stiffness_scale", [1.0, 2.0], [1.0, 2.0],
+            lambda s: s.object.body.stiffness_scale,
+        ),
+        (
+            "moving-surface.toml", "objects.rib.stiffness", ["0.2 N/mm", "2 N/mm"], [200.0, 2000.0],
+            lambda s: s.objects["rib"].stiffness[0],
+        ),
+        (
+            "moving-surface.toml", "objects.heart.mesh.radius", ["0 mm", "3 mm"], [0.0, 0.003],
+            lambda s: s.objects["heart"].mesh.radius,
+        ),
+    ],
+)  # fmt: skip
+def test_a_key_of_a_mesh_a_body_or_one_of_several_objects_is_an_axis(
+    name: str, path: str, values: Any, numbers: list[float], read: Callable[[Scenario], float]
+) -> None:
+    """Each cell is the run of the scenario with that value, and the value matters."""
+    found = sweep(short(name), {path: values})
+    for cell, number in enumerate(numbers):
+        assert read(found.plan.scenario(cell)) == number
+        assert found.verdict(cell) is found.simulate(cell).verdict.state
+    assert found["peak_object_force"][0] != pytest.approx(found["peak_object_force"][1], rel=1e-6)

@@ -211,7 +211,7 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
             sweep(SLIDER, {"object.stiffness": text})
     with pytest.raises(SweepError, match="the most is"):
         sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:99999999999"})
-    with pytest.raises(SweepError, match="no meshes and bodies"):
+    with pytest.raises(ScenarioError, match='surface belongs to kind = "mesh"'):
         sweep(SLIDER, {"object.surface.stiffness": ["1 N/mm"]})
     with pytest.raises(SweepError, match="no range to draw from"):
         sweep(SLIDER, OVER, random={"operator.mass": "0.1 kg..0.2 kg:5"})

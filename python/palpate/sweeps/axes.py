@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import PalpateError
+from palpate.scenario.reader import lay_settings
 from palpate.units import UNITS, parse_quantity, write
 
-__all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "limits_of", "with_value"]
+__all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "key_of", "limits_of", "with_value"]
 
 
 # Keys with a separate value in every lane of the batch: column of the core, SI unit.
@@ -29,8 +30,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "run.seed": ("seed", ""),
 }
 _RANGE = re.compile(r"\s*(.+?)\s*(?<!\.)\.\.(?!\.)\s*([^:]+?)\s*:\s*(\d+)\s*(log)?\s*")
-_PATH = re.compile(r"[a-z]+\.[A-Za-z_]+(\.[xyz])?")
-_MESHES = ("object.mesh", "object.surface", "object.body")
+_PATH = re.compile(r"[a-z]+(\.[A-Za-z][A-Za-z0-9_]*)+")
 LARGEST = 100_000_000  # cells
 
 
@@ -43,7 +43,7 @@ class Axis:
     """One key of the scenario and its values.
 
     Attributes:
-        path: table and key, and x, y or z for one spatial axis: "object.stiffness", "operator.force.z".
+        path: tables and key, and x, y or z for one spatial axis: "object.body.radius", "operator.force.z".
         unit: SI unit of `values`; "" for plain numbers and for words.
         values: floats in SI, or words and flags.
     """
@@ -58,17 +58,21 @@ class Axis:
     @property
     def key(self) -> str:
         """The path without its spatial axis."""
-        return ".".join(self.path.split(".")[:2])
+        return key_of(self.path)
 
     @property
     def component(self) -> int | None:
         """0, 1 or 2 for one spatial axis; None for all."""
-        parts = self.path.split(".")
-        return "xyz".index(parts[2]) if len(parts) == 3 else None
+        return None if self.key == self.path else "xyz".index(self.path[-1])
 
     def text(self, index: int) -> Any:
         """Return value `index` in the form of a scenario file."""
         return _written(self.values[index], self.unit)
+
+
+def key_of(path: str) -> str:
+    """Return a path without its spatial axis, if it has one."""
+    return path[:-2] if path.count(".") > 1 and path.endswith((".x", ".y", ".z")) else path
 
 
 def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
@@ -112,13 +116,13 @@ def limits_of(path: str, text: Any) -> tuple[float, float]:
 
 def stored_axis(path: Any, unit: Any, values: Any) -> Axis:
     """Return the axis of a file. Raise ValueError unless it could be an axis of a sweep."""
-    if not isinstance(path, str) or not _PATH.fullmatch(path) or path.startswith(_MESHES):
+    if not isinstance(path, str) or not _PATH.fullmatch(path):
         raise ValueError(f"{path!r} is no key of a scenario")
     numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
     words = [value for value in values if isinstance(value, (str, bool))]
     if unit not in ("", *UNITS) or len(numbers) + len(words) < len(values) or not values:
         raise ValueError(f"{path} has values that cannot be varied")
-    if COLUMNS.get(".".join(path.split(".")[:2]), ("", unit))[1] != unit or (words and unit):
+    if COLUMNS.get(key_of(path), ("", unit))[1] != unit or (words and unit):
         raise ValueError(f"{path} has values of another kind")
     return Axis(path, unit, tuple(values))
 
@@ -131,35 +135,32 @@ def stored_limits(path: Any, low: Any, high: Any) -> tuple[float, float]:
 
 def with_value(tables: Mapping[str, Any], axis: Axis, index: int) -> dict[str, Any]:
     """Return the tables of a scenario with value `index` of `axis`."""
-    table, key = axis.key.split(".")
-    inside = dict(tables.get(table, {}))
     value = axis.text(index)
     if axis.component is not None:
-        before = inside.get(key)
+        before: Any = tables
+        for part in axis.key.split("."):
+            before = before.get(part) if isinstance(before, Mapping) else None
         if before is None:
             raise SweepError(f"{axis.path}: the scenario has no {axis.key} whose axis could be varied")
         three = list(before) if isinstance(before, (list, tuple)) else [before] * 3
         three[axis.component] = value
         value = three
-    inside[key] = value
-    return {**tables, table: inside}
+    return lay_settings(tables, {axis.key: value})
 
 
 def _unit(path: str) -> str:
-    key = ".".join(path.split(".")[:2])
+    key = key_of(path)
     if not _PATH.fullmatch(path) or key not in COLUMNS:
         raise SweepError(f"{path} cannot be drawn at random; those that can are {', '.join(COLUMNS)}")
     return COLUMNS[key][1]
 
 
 def _axis(path: str, values: Any) -> Axis:
-    if path.startswith(_MESHES):
-        raise SweepError(f"{path}: a sweep varies no meshes and bodies; vary another key, or sweep each scenario")
     if not _PATH.fullmatch(path):
         raise SweepError(
             f'"{path}" is no key of a scenario; write table.key, as in object.stiffness, and .x, .y or .z for one axis'
         )
-    unit = COLUMNS.get(".".join(path.split(".")[:2]), (None, None))[1]
+    unit = COLUMNS.get(key_of(path), (None, None))[1]
     try:
         if isinstance(values, str) and (match := _RANGE.fullmatch(values)):
             low, unit = _quantity(match[1], unit)

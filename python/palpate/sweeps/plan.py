@@ -23,7 +23,7 @@ from palpate.simulation.linear_evidence import linear_radii_of, linear_sign
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
-from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, stored_axis, stored_limits, with_value
+from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, key_of, stored_axis, stored_limits, with_value
 from palpate.sweeps.excitation import Excitation, excited
 from palpate.sweeps.judged_rows import judge_rows, linear_radii
 
@@ -136,7 +136,7 @@ class Plan:
             for index in sorted(ends):
                 _check_value(self.tables, axis, index)
         for path, limits in self.random.items():
-            axis = Axis(path, COLUMNS[".".join(path.split(".")[:2])][1], limits)
+            axis = Axis(path, COLUMNS[key_of(path)][1], limits)
             for index in (0, 1):
                 _check_value(self.tables, axis, index)
 
@@ -206,7 +206,7 @@ class Plan:
         if "run.seed" not in {axis.path for axis in self.axes} | set(own):
             own["run.seed"] = float(self._seeds(one)[0])
         for path, value in own.items():
-            unit = COLUMNS[".".join(path.split(".")[:2])][1]
+            unit = COLUMNS[key_of(path)][1]
             tables = with_value(tables, Axis(path, unit, (value,)), 0)
         return Scenario.from_dict(tables)
 
@@ -262,7 +262,7 @@ def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
 
 def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:
     """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls."""
-    return Scenario.from_dict(tables).object.kind in ("none", "spring", "wall")
+    return Scenario.from_dict(tables).contact_kind in ("none", "spring", "wall")
 
 
 @lru_cache(maxsize=8)
@@ -316,14 +316,13 @@ def _prepared(plan_text: str, chosen: tuple[int, ...]) -> Simulation:
 
 def _put(columns: dict[str, Array], experiment: Simulation, path: str, values: Array) -> None:
     """Set one key of every cell: values (n,), SI."""
-    parts = path.split(".")
-    name = COLUMNS[".".join(parts[:2])][0]
+    name, axis = COLUMNS[key_of(path)][0], path.removeprefix(key_of(path))
     if name not in ("stiffness", "damping"):
         columns[name] = np.ascontiguousarray(values[:, None])
         return
-    if len(parts) == 2:
+    if not axis:
         columns[name] = np.ascontiguousarray(np.repeat(values[:, None], 3, axis=1))
         return
     base = np.asarray(getattr(experiment.setup, name), dtype=float)
     whole = columns.setdefault(name, np.tile(base, (len(values), 1)))
-    whole[:, "xyz".index(parts[2])] = values
+    whole[:, "xyz".index(axis[-1])] = values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.arrays import Array
-from palpate.errors import PalpateError
+from palpate.errors import PalpateError, shorten
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
@@ -224,6 +225,8 @@ def dask_executor(scheduler: str, timeout: float = 10.0) -> Iterator[tuple[Execu
             f"no Dask scheduler answers at {scheduler} ({str(problem).splitlines()[0]}); "
             "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
         ) from None
+    for name in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # they print tracebacks when the scheduler dies
     with client:
         workers = client.scheduler_info(n_workers=-1)["workers"]
         threads = sum(int(worker["nthreads"]) for worker in workers.values())
@@ -309,4 +312,16 @@ def _result(future: Future[dict[str, Array]]) -> dict[str, Array]:
     except PalpateError:
         raise
     except Exception as problem:
-        raise SweepError(f"a worker failed: {type(problem).__name__}: {problem}; what is done is kept") from problem
+        raise SweepError(f"{_reason(problem)}; what is done is kept, and the same command continues") from None
+
+
+def _reason(problem: Exception) -> str:
+    """Return why an executor has no result for a chunk."""
+    kind = type(problem).__name__
+    if kind == "KilledWorker":
+        return "several workers died while they ran the same cells (killed, or out of memory)"
+    if kind.endswith("CancelledError") or kind == "CommClosedError":
+        return "the Dask scheduler no longer answers, or it cancelled the work"
+    if kind.startswith("Broken"):
+        return "a worker process died (killed, or out of memory)"
+    return f"a worker failed: {kind}: {shorten(' '.join(str(problem).split()), 300)}"

@@ -1,0 +1,233 @@
+"""Commands under faults: disks that refuse, signals, terminals that obey control characters."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+import weakref
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Future
+from errno import EIO, ENOSPC
+from pathlib import Path
+from typing import Any
+
+import pytest
+from palpate.cli.interrupt import control_c
+from palpate.cli.main import app
+from palpate.files import hdf5_output, output
+from palpate.sweeps import SweepError, store
+from palpate.sweeps.run import _result
+from typer.testing import CliRunner
+
+SCENARIO = """
+title = "{title}"
+[device]
+name = "slider"
+[servo]
+topology = "impedance_display"
+[operator]
+kind = "force"
+force = ["1 N", "0 N", "0 N"]
+[object]
+stiffness = "100 N/m"
+damping = "0.5 N*s/m"
+[run]
+duration = "0.1 s"
+"""
+
+
+def palpate(*words: object) -> tuple[int, str]:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
+    return done.exit_code, done.output
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in" / "slider.toml"
+    path.write_text(SCENARIO.format(title="plain"), "utf-8")
+    return path
+
+
+class _FaultySystem:
+    """The module `os`, in which the n-th call that changes the disk and all later ones fail."""
+
+    changing = ("pwrite", "fsync", "ftruncate", "posix_fallocate", "replace", "rename", "mkdir")
+
+    def __init__(self, failing: int, number: int) -> None:
+        self.made, self.failing, self.number = 0, failing, number
+
+    def __getattr__(self, name: str) -> Any:
+        real = getattr(os, name)
+        return self.counted(real) if name in self.changing else real
+
+    def counted(self, real: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **options: Any) -> Any:
+            self.made += 1
+            if self.failing and self.made >= self.failing:
+                raise OSError(self.number, os.strerror(self.number))
+            return real(*args, **options)
+
+        return call
+
+    def install(self, patch: pytest.MonkeyPatch) -> None:
+        for module in (output, hdf5_output, store):
+            patch.setattr(module, "os", self)
+        for name in ("replace", "rename"):
+            patch.setattr(Path, name, self.counted(getattr(Path, name)))
+
+
+COMMANDS: dict[str, list[str]] = {
+    "run": ["run", "{scenario}", "-o", "{out}/r"],
+    "resolve": ["resolve", "{scenario}", "-o", "{out}/l"],
+    "sweep": ["sweep", "{scenario}", "--over", "object.stiffness=50 N/m,100 N/m", "-o", "{out}/s.h5"],
+    "body phantom": ["body", "phantom", "--contrast", "1", "--spacing", "25 mm", "-o", "{out}/b.h5"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_nth_call_that_fails_ends_a_command_in_one_sentence(
+    command: str, scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With exit code 2; the next run succeeds, and no temporary file remains. Nightly each call fails once."""
+    words = [word.format(scenario=scenario, out=tmp_path / "out") for word in COMMANDS[command]]
+    every = "PALPATE_NIGHTLY" in os.environ
+    with monkeypatch.context() as patch:
+        system = _FaultySystem(0, ENOSPC)
+        system.install(patch)
+        assert palpate(*words)[0] == 0
+    whole = {path.relative_to(tmp_path) for path in (tmp_path / "out").rglob("*")}
+    assert system.made > 4
+    for failing in range(1, system.made + 1) if every else (1, system.made // 2, system.made - 1):
+        number = ENOSPC if failing % 2 else EIO
+        with monkeypatch.context() as patch:
+            _FaultySystem(failing, number).install(patch)
+            for file in (tmp_path / "out").glob("s.*"):
+                file.unlink()
+            code, said = palpate(*words)
+        last = [line for line in said.splitlines() if line.strip()][-1]
+        synced_folder = code == 0  # a file system may refuse to flush a folder; the files are on the disk
+        assert synced_folder or (code == 2 and last.startswith("error: ") and os.strerror(number) in last), said
+        assert "Traceback" not in said
+    assert palpate(*words)[0] == 0
+    assert {path.relative_to(tmp_path) for path in (tmp_path / "out").rglob("*")} == whole
+
+
+@pytest.mark.parametrize("name", ["...toml", ".. .toml"])
+def test_a_scenario_without_a_name_writes_nowhere(
+    name: str, scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`results/..` is the folder above."""
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    scenario.rename(tmp_path / "work" / name)
+    for command in ("run", "certify", "resolve"):
+        code, said = palpate(command, name)
+        assert code == 2
+        assert "name them with --out" in " ".join(said.split())
+    assert [file.name for file in (tmp_path / "work").iterdir()] == [name]
+
+
+def test_control_characters_reach_no_terminal(scenario: Path, tmp_path: Path) -> None:
+    """Neither of titles nor of messages; and square brackets are text, not markup."""
+    scenario.write_text(SCENARIO.format(title="[/x] a\\u001b]0;PWN\\u0007\\u202e"), "utf-8")
+    for command in ("run", "certify"):
+        code, said = palpate(command, scenario, "-o", tmp_path / command)
+        assert code in (0, 1)
+        assert "[/x] a\\x1b]0;PWN\\x07\\u202e" in said
+        assert not set("\x1b\x07\u202e") & set(said)
+    code, said = palpate("run", scenario, "--set", "object.\x1b[2Jkind=x")
+    assert code == 2
+    assert "\x1b" not in said
+    device = tmp_path / "device.toml"
+    device.write_text('based_on = "slider"\nname = "[/x]\\u001b"\ndescription = "[bold\\u0007"\n', "utf-8")
+    code, said = palpate("devices", device)
+    assert code == 0
+    assert "[/x]\\x1b" in said
+    assert not set("\x1b\x07") & set(said)
+
+
+@pytest.fixture
+def restored() -> Iterator[None]:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+class _Thing:
+    pass
+
+
+@pytest.mark.usefixtures("restored")
+def test_an_interrupt_in_a_callback_is_neither_printed_nor_lost(capfd: pytest.CaptureFixture[str]) -> None:
+    """Python prints "Exception ignored" with a traceback for one in a weak reference's callback, and goes on."""
+
+    def command() -> None:
+        with control_c():
+            thing = _Thing()
+            reference = weakref.ref(thing, lambda _: (os.kill(os.getpid(), signal.SIGINT), time.sleep(0.01)))
+            del thing
+            assert reference() is None
+            time.sleep(10.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        command()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("restored")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_library_swallows_is_raised_at_the_end(number: int) -> None:
+    done = []
+
+    def command() -> None:
+        with control_c():
+            try:
+                os.kill(os.getpid(), number)
+                time.sleep(1.0)
+            except BaseException:
+                logging.getLogger(__name__).debug("swallowed")
+            done.append("the rest")
+
+    with pytest.raises(KeyboardInterrupt):
+        command()
+    assert done == ["the rest"]
+
+
+def test_sigterm_ends_a_command_as_control_c_does(scenario: Path) -> None:
+    """A job scheduler sends it: one line, exit code 130, nothing written."""
+    text = scenario.read_text("utf-8").replace("0.1 s", "20 s")
+    scenario.write_text(text, "utf-8")
+    words = [sys.executable, "-m", "palpate", "sweep", scenario.name, "--over=object.stiffness=50 N/m..99 N/m:9999"]
+    running = subprocess.Popen(words, cwd=scenario.parent, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    file = scenario.parent / "results" / "slider-sweep.h5"
+    end = time.monotonic() + 60.0
+    while not file.exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    time.sleep(0.1)
+    running.send_signal(signal.SIGTERM)
+    said = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert said[1].splitlines()[-1].startswith("stopped: ")
+    assert "Traceback" not in said[0] + said[1]
+
+
+@pytest.mark.parametrize(
+    ("problem", "reason"),
+    [
+        (type("KilledWorker", (Exception,), {})("x"), "several workers died"),
+        (CancelledError("x"), "the Dask scheduler no longer answers"),
+        (BrokenExecutor("x"), "a worker process died"),
+        (ZeroDivisionError("a\nb"), "a worker failed: ZeroDivisionError: a b"),
+    ],
+)
+def test_a_worker_that_dies_is_named(problem: Exception, reason: str) -> None:
+    future: Future[dict[str, Any]] = Future()
+    future.set_exception(problem)
+    with pytest.raises(SweepError, match=f"^{reason}[^\n]*; what is done is kept, and the same command continues$"):
+        _result(future)

@@ -21,10 +21,11 @@ struct BodyInLoop {
 struct PlacedBody {
   palpate::object::BodyPlacement placement;
 
-  PlacedBody(const BodyInLoop& kind, const palpate::math::Vector3<>& origin, const Eigen::Matrix3d& rotation, double radius, bool flat)
-      : placement{.body = kind.in_loop(),
-                  .origin = origin,
-                  .rotation = rotation,
-                  .tip = flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere,
-                  .radius = radius} {}
+  PlacedBody(const BodyInLoop& kind, const palpate::math::Vector3<>& origin, const Eigen::Matrix3d& rotation, double radius, bool flat) {
+    placement.body = kind.in_loop();
+    placement.origin = origin;
+    placement.rotation = rotation;
+    placement.tip = flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere;
+    placement.radius = radius;
+  }
 };

@@ -131,15 +131,18 @@ def measured_rate(tables: dict[str, Any], radius: float, angle: float) -> float:
         radius, angle: predicted, of its largest eigenvalue; they choose the duration and the sampling alone.
     """
     period = period_of(tables)
-    ticks = int(np.clip(np.log(GROWTH) / np.log(radius), 80, LONGEST / period))
-    every = int(np.clip(min(0.4 / max(angle, 1e-9), ticks / 2000), 1, 100))
+    cycle = 2.0 * np.pi / angle if angle > 1e-6 else 10.0
+    ticks = int(max(min(np.log(GROWTH) / np.log(radius), LONGEST / period), 3.0 * cycle))
+    every = int(np.clip(min(cycle / 16.0, ticks / 2000), 1, 100))
     small, options = about_the_equilibrium(tables)
     trace = simulate({**small, "run": {"duration": f"{ticks * period} s", "record_every": every}}, **options)
     step = np.linalg.norm(np.diff(trace["tip"], axis=0), axis=1)
-    count = 20 if len(step) > 800 else 5
-    windows = np.array_split(step[-(len(step) // 4) :], count)
-    times = (np.arange(count) + 0.5) * len(windows[0]) * every * period
-    return float(np.polyfit(times, [0.5 * np.log(np.mean(part**2)) for part in windows], 1)[0])
+    whole = cycle / every  # a window has whole cycles, so that a slow oscillation does not look like growth
+    count = int(np.clip(len(step) / 4.0 / whole, 2, 20))
+    length = round(max(np.floor(len(step) / 4.0 / count / whole), 1.0) * whole)
+    windows = step[len(step) - count * length :].reshape(count, length)
+    times = np.arange(count) * length * every * period
+    return float(np.polyfit(times, 0.5 * np.log(np.mean(windows**2, axis=1)), 1)[0])
 
 
 def period_of(tables: dict[str, Any]) -> float:

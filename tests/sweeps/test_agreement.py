@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,17 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from agreement import CLASSES, expected_classes, far, right_states
+from numpy.typing import NDArray
+from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.linear import LinearDevice
-from palpate.scenario import Scenario
-from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import critical_stiffness
-from palpate.stability.maps.zwidth_map import loop_radii
 from palpate.sweeps import State, SweepError, sweep
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-SIZE = 24
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "0") == "1"
+SIZE = 100 if NIGHTLY else 24
 # scenario: largest stiffness (N/m) and damping (N s/m) of the map, duration
 MAPS = {
     "slider-wall-stable": (200.0, 0.2, "20 s"),
@@ -26,6 +28,12 @@ MAPS = {
     "press-stiff-cube-lqg": (15000.0, 20.0, "1 s"),
     "press-soft-cube-lead-lag": (60000.0, 20.0, "1 s"),
 }
+MORE = {  # slower maps; a sweep refuses the identified model, so its cells are run one by one
+    "slider-wall-unstable": (200.0, 0.2, "20 s"),
+    "drive-limits-and-encoder": (15000.0, 20.0, "4 s"),
+    "identified-model": (5000.0, 1.5, "4 s"),
+}
+NOT_RECORDED = {"overshoots the reach"}  # the row of a cell has the pose at the end of its run, not on the way
 
 
 def tables_of(name: str, duration: str | None = None) -> dict[str, Any]:
@@ -35,35 +43,75 @@ def tables_of(name: str, duration: str | None = None) -> dict[str, Any]:
     return tables
 
 
-@pytest.mark.parametrize("linear", [True, False], ids=["with-the-linear-loop", "runs-alone"])
-@pytest.mark.parametrize("name", MAPS)
-def test_no_cell_away_from_the_exact_curve_is_wrong(name: str, linear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two cells from the curve: no unstable loop is settled, no stable one unstable; with both, 99.5 % are right."""
-    if not linear:
-        monkeypatch.setattr(
-            "palpate.sweeps.plan.linear_radii", lambda _simulation, _columns, count: np.full(count, np.nan)
-        )
-    most_k, most_b, duration = MAPS[name]
+def map_of(name: str) -> tuple[Array, Array, NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_]]:
+    """Return K, B, the states, the expected classes and the stability of the cells of a map (n, n)."""
+    most_k, most_b, duration = (MAPS | MORE)[name]
     tables = tables_of(name, duration)
     over = {
         "object.stiffness": f"{most_k / SIZE} N/m..{most_k} N/m:{SIZE}",
         "object.damping": f"0 N*s/m..{most_b} N*s/m:{SIZE}",
     }
-    found = sweep(tables, over, design="once")
-    k, b = np.meshgrid(*(found.values(path) for path in over), indexing="ij")
-    radii = loop_radii(scenario_loop(Scenario.from_dict(tables)), k.ravel(), b.ravel())
-    exact = (radii < 1.0).reshape(k.shape)
-    padded = np.pad(exact, 2, mode="edge")
-    window = np.lib.stride_tricks.sliding_window_view(padded, (5, 5))
-    far = np.all(window == exact[..., None, None], axis=(2, 3))
-    assert exact.any()
-    assert (~exact).any()
-    assert not (far & exact & found.unstable).any()
-    assert not (far & ~exact & found.settled).any()
+    k, b = np.meshgrid(np.linspace(most_k / SIZE, most_k, SIZE), np.linspace(0.0, most_b, SIZE), indexing="ij")
+    if name == "identified-model":
+        spring = [
+            {"kind": "spring", "stiffness": f"{x} N/m", "damping": f"{y} N*s/m"}
+            for x, y in zip(k.flat, b.flat, strict=True)
+        ]
+        runs = (palpate.simulate({**tables, "object": one}).verdict.state for one in spring)
+        states = np.fromiter(runs, dtype=int, count=k.size).reshape(k.shape)
+    else:
+        states = sweep(tables, over, design="once").outcomes["verdict"].astype(int)
+    return k, b, states, *expected_classes(tables, k, b)
+
+
+def assert_agreement(name: str, linear: bool) -> None:
+    """Assert that no cell away from the exact curve is wrong; with the linear loop, most right."""
+    k, b, states, classes, stable = map_of(name)
+    away, right = far(stable), right_states(classes, states, stable)
+    unseen = np.isin(classes, [CLASSES.index(kind) for kind in NOT_RECORDED])
+    claimed = np.isin(states, (State.SETTLED, State.UNSTABLE)) & ~right & ~unseen
+    rows = [
+        (k[i], b[i], CLASSES[classes[i]], State(states[i]).label) for i in zip(*np.nonzero(claimed & away), strict=True)
+    ]
+    report = f"{name}: {right[away].mean():.2%} of {away.sum()} right, {len(rows)} wrong, {unseen.sum()} not recorded"
+    print(report)
+    assert not rows, f"{report}: {rows[:9]}"
     if linear:
-        oscillates = found.outcomes.where(State.UNSTABLE, State.BOUNDED_OSCILLATION)
-        right = np.where(exact, found.settled, oscillates)
-        assert right[far].mean() >= 0.995
+        assert right[away].mean() >= 0.995, report
+        assert len(np.unique(classes)) > 1 or name == "drive-limits-and-encoder"
+
+
+@pytest.mark.parametrize("linear", [True, False], ids=["with-the-linear-loop", "runs-alone"])
+@pytest.mark.parametrize("name", MAPS)
+def test_no_cell_away_from_the_exact_curve_is_wrong(name: str, linear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two cells from the curve: none settled that must not be, no stable one unstable; with both, 99.5 % right."""
+    if not linear:
+        monkeypatch.setattr(
+            "palpate.sweeps.plan.linear_radii", lambda _simulation, _columns, count: np.full(count, np.nan)
+        )
+    assert_agreement(name, linear)
+
+
+@pytest.mark.skipif(not NIGHTLY, reason="long: PALPATE_NIGHTLY=1 runs it")
+@pytest.mark.parametrize("name", MORE)
+def test_the_other_scenarios_agree_with_the_exact_curve(name: str) -> None:
+    assert_agreement(name, linear=True)
+
+
+def test_a_rest_beyond_the_reach_is_out_of_reach_in_a_run_and_in_a_cell() -> None:
+    """At 300 N/m, F/K is 3.9 mm beyond the stretched arm; with damping the run ends near there, not singular."""
+    tables = tables_of("press-stiff-cube-lqg")
+    tables["object"] = {"kind": "spring", "stiffness": "300 N/m", "damping": "4 N*s/m"}
+    found = sweep(tables, {"object.stiffness": ["300 N/m", "600 N/m"]}, design="once")
+    assert [found.verdict(i) for i in range(2)] == [State.OUT_OF_REACH, State.SETTLED]
+    assert found.simulate(0).verdict.state is State.OUT_OF_REACH
+
+
+@pytest.mark.xfail(strict=True, reason="the row of a cell does not have the poses on the way to its end")
+def test_a_cell_that_overshoots_the_reach_is_out_of_reach() -> None:
+    found = sweep(tables_of("press-stiff-cube-lqg"), {"object.stiffness": ["420 N/m"]}, design="once")
+    assert found.simulate(0).verdict.state is State.OUT_OF_REACH
+    assert found.verdict(0) is State.OUT_OF_REACH
 
 
 def test_a_cell_has_the_verdict_of_its_run() -> None:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Flags
+from palpate.errors import PoseError
 
 if TYPE_CHECKING:
     from palpate.devices.device import Device
 
-__all__ = ["NEAR_SINGULAR", "SINGULAR", "beyond_reach", "conditioning"]
+__all__ = ["NEAR_SINGULAR", "SINGULAR", "beyond_reach", "conditioning", "unreachable"]
 
 NEAR_SINGULAR = 0.05  # ratio of the smallest to the largest singular value of the Jacobian near a singular pose
 SINGULAR = 0.005  # ratio of the smallest to the largest singular value of the Jacobian of a singular pose
@@ -39,3 +40,25 @@ def conditioning(device: Device, angles: Array) -> Array:
     jacobian = np.reshape(device.jacobian(angles), (len(angles), 3, device.dof))
     values = np.linalg.svd(jacobian, compute_uv=False)
     return np.asarray(values[:, -1] / np.maximum(values[:, 0], 1e-300), dtype=float)
+
+
+def unreachable(device: Device, start: ArrayLike, displacement: ArrayLike) -> Flags:
+    """Return whether the tip cannot be displaced from `start` (dof,) by each `displacement` (n, 3), m: (n,).
+
+    It cannot if no pose has the tip there, or if that pose is beyond reach. An unknown displacement (nan on every axis)
+    can; on single axes nan counts as zero.
+    """
+    q = np.asarray(start, dtype=float)
+    moves = np.atleast_2d(displacement).astype(float)
+    tip = np.asarray(device.forward(q), dtype=float)
+    known = ~np.isnan(moves).all(axis=1)
+    moves, index = np.unique(np.nan_to_num(moves), axis=0, return_inverse=True)
+
+    def missed(move: Array) -> bool:
+        try:
+            return bool(beyond_reach(device, q, device.inverse(tip + move, q))[0])
+        except PoseError:
+            return True
+
+    found = np.array([missed(move) for move in moves], dtype=bool)
+    return np.asarray(found[index.ravel()] & known, dtype=bool)

@@ -174,16 +174,17 @@ def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:
     """Return how often the drive is at its limit, or by how much the motors would exceed limits that are off."""
     if "saturated" in trace and (share := float(np.mean(trace["saturated"])) if len(trace) else 0.0):
         return [f"the drive is at its limit {share * 100.0:.3g} % of the time"]
-    if scenario is None or scenario.device.saturation or "motor_force" not in trace or not len(trace):
+    if scenario is None or "motor_force" not in trace or not len(trace):
         return []
     device, force = scenario.load_device(), np.linalg.norm(trace["motor_force"], axis=1)
     last = float(np.mean(force[-max(len(force) // 20, 1) :]))
-    if force.max() > device.peak_force:
+    free = "" if scenario.device.saturation else "without drive limits: "
+    if force.max() > device.peak_force and free:
         limit = device.peak_force
-        return [f"without drive limits: the motors deliver {force.max():.3g} N, of which the drive gives {limit:.3g} N"]
+        return [f"{free}the motors deliver {force.max():.3g} N, of which the drive gives {limit:.3g} N"]
     if last > device.continuous_force and trace.verdict.state is not State.UNSTABLE:
         limit = device.continuous_force
-        return [f"without drive limits: the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
+        return [f"{free}the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
     return []
 
 

@@ -191,11 +191,14 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
     return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
 
 
-def _reach(trace: Recorded, scenario: Scenario | None, window: Window) -> tuple[float, str]:
+def _reach(trace: Recorded, scenario: Scenario | None, window: Window) -> tuple[float | None, str]:
     """Return when the device left its reach, and how."""
     assert scenario is not None
     device, q = scenario.load_device(), trace["angle"]
-    row = window.begin + int(np.flatnonzero(beyond_reach(device, q[0], q[window.begin :]))[0])
+    rows = np.flatnonzero(beyond_reach(device, q[0], q[window.begin :]))
+    if not len(rows):
+        return None, "the device cannot reach the rest, the deflection of force over stiffness"
+    row = window.begin + int(rows[0])
     low, high = device.joint_limits
     if np.any(outside := (q[row] < low) | (q[row] > high)):
         how = f"joint {int(np.flatnonzero(outside)[0]) + 1} is beyond its limit"

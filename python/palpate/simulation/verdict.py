@@ -145,7 +145,8 @@ class Evidence:
         apart: fraction of the run since the first contact in which the tip is off the object though it is pressed on.
         saturated: fraction of the last fifth at the drive's limits.
         pressed: whether the external force presses the tip against a one-sided object.
-        beyond: whether a joint is beyond its limits, has turned round, or the pose is singular.
+        beyond: whether a joint is beyond its limits, has turned round, the pose is singular, or force over stiffness is
+            beyond reach.
         constant: whether there is a window, i.e. the external force is constant at the end.
         resolution: tip displacement of two encoder counts, m; 0 without encoders.
         linear: +1 if the linear loop is stable, -1 if it is unstable, 0 if that is not known.
@@ -227,7 +228,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     grows = ~travels & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
     lost = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
     lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
-    unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & e.constant)
+    limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
+    unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & ~limited & e.constant)
     band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
     rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
     least = np.maximum(rest, np.maximum(e.resolution, FLOOR))

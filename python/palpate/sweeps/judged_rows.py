@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from palpate.arrays import Array
-from palpate.devices.reach import beyond_reach
+from palpate.arrays import Array, Flags
+from palpate.devices.reach import NEAR_SINGULAR, beyond_reach, conditioning, unreachable
 from palpate.errors import PalpateError
 from palpate.simulation.evidence import lossy, resolution
 from palpate.simulation.linear_evidence import linear_sign
@@ -19,6 +19,8 @@ from palpate.simulation.verdict import Evidence, decide
 from palpate.stability.maps.zwidth_map import loop_radii
 
 __all__ = ["judge_rows", "linear_radii"]
+
+EXACT = 1e-3  # relative error of the deflection below which force over stiffness is reached
 
 
 def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array], radii: Array) -> dict[str, Array]:
@@ -34,17 +36,17 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     out = name_rows(rows, scenario.period)
     reference, operator = simulation.reference[-1], simulation.operator[-1]
     stiffness = columns.get("stiffness", np.broadcast_to(np.asarray(simulation.setup.stiffness), (count, 3)))
-    steady, known = out["steady_tip"] - np.array(scenario.object.position), ~np.isnan(out["steady_tip"][:, 0])
-    error, pressed = np.full(count, np.nan), False
+    steady = out["steady_tip"] - np.array(scenario.object.position)
+    error, pressed, expected = np.full(count, np.nan), False, np.full((count, 3), np.nan)
     deflection = np.linalg.norm(steady, axis=1)
     if scenario.contact_kind == "wall":
         normal = np.array(scenario.object.normal)
         deflection = np.maximum(-steady @ normal, 0.0)
         pressed = bool(presses(reference + operator, normal)[0])
     elif scenario.contact_kind == "spring":
-        error = steady_error(steady, force_over_stiffness(reference, stiffness, device.dof))
-    beyond = np.zeros(count, dtype=bool)
-    beyond[known] = beyond_reach(device, simulation.start, end_angles(rows)[known])
+        expected = np.broadcast_to(force_over_stiffness(reference, stiffness, device.dof), (count, 3))
+        error = steady_error(steady, expected)
+    beyond = _beyond(simulation, end_angles(rows), expected, error)
     linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
     evidence = Evidence.of(
         count,
@@ -66,6 +68,25 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         lossy=lossy(scenario, device),
     )
     return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}
+
+
+def _beyond(simulation: Simulation, angles: Array, expected: Array, error: Array) -> Flags:
+    """Return whether cells end beyond reach, or near a singular pose because force over stiffness is beyond it: (n,).
+
+    Args:
+        simulation: of all cells.
+        angles: at the end (n, dof); nan in cells that diverged.
+        expected: force over stiffness (n, 3), m; nan if unknown.
+        error: of the deflection at the end from it (n,).
+    """
+    device, beyond = simulation.device, np.zeros(len(angles), dtype=bool)
+    ended = np.flatnonzero(~np.isnan(angles[:, 0]))
+    beyond[ended] = beyond_reach(device, simulation.start, angles[ended])
+    away = ended[np.abs(error[ended]) > EXACT]
+    near = away[conditioning(device, angles[away]) < NEAR_SINGULAR]
+    if simulation.scenario.device.kinematics == "nonlinear":
+        beyond[near] |= unreachable(device, simulation.start, expected[near] + simulation.scenario.object.position)
+    return beyond
 
 
 def linear_radii(simulation: Simulation, columns: Mapping[str, Array], count: int) -> Array:

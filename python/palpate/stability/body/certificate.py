@@ -13,7 +13,7 @@ from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
 from palpate.simulation.body_response.observed_run import LONGEST, SHORTEST, ObservedRun, observe
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import State, Verdict
+from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions
 from palpate.stability.body.body_loop import BodyLoop
 from palpate.stability.body.multirate_loop import MultirateLoop
@@ -197,7 +197,7 @@ def _verdict(found: _Findings) -> Verdict:
     if rest.state is State.UNSTABLE:
         if run.lasts and run.oscillates and abs(np.angle(rest.loop.root())) < _REAL:
             return Verdict(State.UNDECIDED, f"{linear} They do not oscillate: the tip slides. {run.sentence}")
-        if run.oscillates or run.verdict.state is State.CONTACT_LOST:
+        if run.oscillates or (run.verdict.state in FAILED and not run.lasts):
             return Verdict(State.UNSTABLE, f"{linear} {run.sentence}")
         return Verdict(State.UNDECIDED, f"{linear} But the run does not show it. {run.sentence}")
     if not run.rests:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
+
 import control
 import numpy as np
 import pytest
 from loops import axes, press
 from palpate import devices
 from palpate.control import Controller, closed_loop, kalman, loop_gain, lqg, margins, spectral_radius
-from palpate.errors import DesignError
+from palpate.devices.reach import conditioning
+from palpate.errors import DesignError, PalpateWarning, PoseError
 from palpate.linear import rendering_plant
 from scipy.linalg import solve_discrete_lyapunov
 
@@ -18,6 +21,19 @@ ARM = devices.load("phantom-premium-1.5a")
 SOFT = rendering_plant(ARM, POSE, stiffness=1000.0, period=T)
 ONE_DESIGN = lqg(SOFT)  # serves every row below
 STIFFNESSES = (1000.0, 1050.0, 2000.0, 2500.0, 3000.0, 3500.0)  # N/m
+
+
+def test_a_design_warns_near_a_singular_pose_and_is_refused_at_it() -> None:
+    """By the thresholds of a run: the arm is stretched where the forearm is a right angle beyond the upper arm."""
+    for away, ratio in ((0.3, 0.15), (0.03, 0.015)):
+        pose = np.array([0.0, 2.2305, 2.2305 + np.pi / 2 - away])
+        assert conditioning(ARM, pose[None])[0] == pytest.approx(ratio, rel=0.3)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", PalpateWarning)
+            rendering_plant(ARM, pose, stiffness=1000.0, period=T)
+        assert ["comes near a singular one" in str(one.message) for one in caught] == [True] * (away == 0.03)
+    with pytest.raises(PoseError, match="the Jacobian is singular at this pose"):
+        rendering_plant(ARM, [0.0, 2.2305, 2.2305 + np.pi / 2 - 1e-3], stiffness=1000.0, period=T)
 
 
 def test_kalman_of_a_random_walk_is_the_textbook_one() -> None:

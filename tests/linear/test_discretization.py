@@ -82,3 +82,19 @@ def test_bad_input_gets_one_sentence(arguments, says: str) -> None:  # type: ign
         discretize(*arguments)
     with pytest.raises(DesignError, match="at least 2"):
         discretize(MODEL, T, "series", order=1)
+
+
+def test_the_transfer_matrix_of_the_sampled_arm_has_one_sample_of_delay() -> None:
+    """Yaw is apart from the other two axes; H(z) begins with C B = T^2/2 M^-1; yaw needs 2 states, the others 4."""
+    device, pose, period = devices.load("phantom-premium-1.5a"), np.array([0.0, 2.2305, 3.2776]), 5e-4
+    system = discretize(linearize(device, pose, inputs="torque", outputs="angle"), period, "series", order=4)
+    first = np.asarray(system.C @ system.B)
+    assert not np.any(system.D)
+    assert not np.any(first[0, 1:])
+    assert not np.any(first[1:, 0])
+    np.testing.assert_allclose(first, 0.5 * period**2 * np.linalg.inv(device.mass_matrix(pose)), rtol=1e-2)
+    responses = [system.C @ np.linalg.matrix_power(system.A, k) @ system.B for k in range(12)]
+    for part, order in ((slice(0, 1), 2), (slice(1, 3), 4)):
+        blocks = [np.hstack([responses[i + j][part, part] for j in range(6)]) for i in range(6)]
+        values = np.linalg.svd(np.vstack(blocks) / np.abs(first).max(), compute_uv=False)
+        assert int(np.count_nonzero(values > 1e-9 * values[0])) == order

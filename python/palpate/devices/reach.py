@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Flags
-from palpate.errors import PoseError
+from palpate.errors import PalpateWarning, PoseError
 
 if TYPE_CHECKING:
     from palpate.devices.device import Device
 
-__all__ = ["NEAR_SINGULAR", "SINGULAR", "beyond_reach", "conditioning", "unreachable"]
+__all__ = ["NEAR_SINGULAR", "SINGULAR", "beyond_reach", "check_reach", "conditioning", "near_limits", "unreachable"]
 
 NEAR_SINGULAR = 0.05  # ratio of the smallest to the largest singular value of the Jacobian near a singular pose
+NEAR_LIMIT = 0.02  # of a joint's range, distance from its limits that is near
 SINGULAR = 0.005  # ratio of the smallest to the largest singular value of the Jacobian of a singular pose
 
 
@@ -40,6 +42,38 @@ def conditioning(device: Device, angles: Array) -> Array:
     jacobian = np.reshape(device.jacobian(angles), (len(angles), 3, device.dof))
     values = np.linalg.svd(jacobian, compute_uv=False)
     return np.asarray(values[:, -1] / np.maximum(values[:, 0], 1e-300), dtype=float)
+
+
+def near_limits(device: Device, angles: Array) -> list[str]:
+    """Return remarks if poses (n, dof) within reach come near a singular pose or a joint limit; empty if not."""
+    if device.dof > 1 and (least := float(conditioning(device, angles).min())) < NEAR_SINGULAR:
+        factor = f"{1.0 / max(least, 1e-300):.3g}"
+        return [f"the pose comes near a singular one: the Jacobian's singular values differ by a factor of {factor}"]
+    low, high = device.joint_limits
+    margin = np.minimum(angles - low, high - angles).min(axis=0)
+    if np.any(near := margin < NEAR_LIMIT * (high - low)) and np.all(margin >= 0.0):
+        return [f"joint {int(np.flatnonzero(near)[0]) + 1} comes near its limit"]
+    return []
+
+
+def check_reach(device: Device, pose: ArrayLike, task: str) -> None:
+    """Warn if `pose` (dof,) is near a singular pose or a joint limit.
+
+    Raises:
+        PoseError: the pose is singular to SINGULAR, or a joint is beyond its limits.
+    """
+    q = np.atleast_2d(np.asarray(pose, dtype=float))
+    low, high = device.joint_limits
+    if np.any(outside := (q[0] < low) | (q[0] > high)):
+        joint = int(np.flatnonzero(outside)[0]) + 1
+        raise PoseError(f"{task}: joint {joint} of {device.name} is beyond its limits; choose another pose")
+    if device.dof > 1 and (ratio := float(conditioning(device, q)[0])) < SINGULAR:
+        raise PoseError(
+            f"{task}: the Jacobian is singular at this pose (ratio of its singular values {ratio:.2g}, below "
+            f"{SINGULAR:g}): choose a pose off the singularity"
+        )
+    for remark in near_limits(device, q):
+        warnings.warn(f"{task}: {remark}", PalpateWarning, stacklevel=3)
 
 
 def unreachable(device: Device, start: ArrayLike, displacement: ArrayLike) -> Flags:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from palpate.devices import Device
-from palpate.errors import DesignError
+from palpate.devices import Device, load
+from palpate.devices.reach import check_reach
+from palpate.errors import DesignError, PoseError
 from palpate.linear.linearization import linearize
-from palpate.units import bounded_to_si
+from palpate.units import array_to_si, bounded_to_si
 
 
 def discretize(
@@ -92,7 +93,12 @@ def rendering_plant(
         method: as in ``discretize``; "zoh" corresponds to the servo loop.
 
     Raises:
-        PoseError, DesignError: from ``linearize`` and ``discretize``.
+        PoseError, DesignError: from ``linearize`` and ``discretize``; the pose is singular, or beyond joint limits.
+
+    Warns:
+        PalpateWarning: the pose is near a singular one, or near a joint limit.
     """
+    device = load(device)
     continuous = linearize(device, q, inputs="force", outputs="object_force", stiffness=stiffness)
+    check_reach(device, array_to_si(q, device.joint_unit, "q", error=PoseError), "rendering_plant")
     return discretize(continuous, period, method)

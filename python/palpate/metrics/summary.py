@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.devices.reach import NEAR_SINGULAR, conditioning
+from palpate.devices.reach import near_limits
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
@@ -22,7 +22,6 @@ __all__ = ["summarize"]
 
 AXES = ("x", "y", "z")
 MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the summary mentions it
-NEAR_LIMIT = 0.02  # of a joint's range below which the summary warns
 LEAST_DEFLECTION = 1e-6  # m, steady deflection of an axis below which its transient is of no interest
 
 
@@ -192,17 +191,7 @@ def _reach(trace: Trace, scenario: Scenario | None) -> list[str]:
     """Return a warning if the run comes near a singular pose or a joint limit."""
     if scenario is None or "angle" not in trace or not len(trace) or trace.verdict.state is State.OUT_OF_REACH:
         return []
-    device, angles = scenario.load_device(), trace["angle"]
-    least = float(conditioning(device, angles).min())
-    if device.dof > 1 and least < NEAR_SINGULAR:
-        return [
-            f"the pose comes near a singular one: the Jacobian's singular values differ by a factor of {1 / least:.3g}"
-        ]
-    low, high = device.joint_limits
-    margin = np.minimum(angles - low, high - angles).min(axis=0)
-    if np.any(near := margin < NEAR_LIMIT * (high - low)) and np.all(margin >= 0.0):
-        return [f"joint {int(np.flatnonzero(near)[0]) + 1} comes near its limit"]
-    return []
+    return near_limits(scenario.load_device(), trace["angle"])
 
 
 def _peak(trace: Trace, name: str) -> float | None:

@@ -11,15 +11,9 @@ from palpate.arrays import Array, Complex
 from palpate.errors import StabilityError
 from palpate.metrics.loop_response import LoopResponse
 from palpate.scenario import Scenario
-from palpate.simulation.body_response import (
-    BodyResponse,
-    HeldTip,
-    MultirateResponse,
-    body_response,
-    multirate_response,
-    observe,
-)
+from palpate.simulation.body_response import BodyResponse, HeldTip, MultirateResponse, body_response, multirate_response
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.observed_run import observe
 
 __all__ = ["BodyLoopResponse", "body_loop_response"]
 

@@ -20,7 +20,7 @@ from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import seen_from_object
-from palpate.simulation.trace import Trace
+from palpate.simulation.recorded import Recorded
 
 if TYPE_CHECKING:
     from palpate.fem import Body
@@ -38,19 +38,19 @@ class Pressed(NamedTuple):
     pressure: Array  # of the tip on each node's patch (n,), Pa
 
 
-def pressed_at(trace: Trace, row: int) -> Pressed:
+def pressed_at(trace: Recorded, row: int) -> Pressed:
     """Return the body of a trace's scenario at sample `row`, by repeating the path of the tip up to it.
 
     A body with a state needs a record of every tick, other bodies only the sample itself.
     """
-    scenario = Scenario.from_dict(trace.scenario)
+    scenario = Scenario.from_dict(trace.metadata["scenario"])
     choice = scenario.object.body
     assert choice is not None
     body = scenario_body(scenario)
     moving = scenario.object.frame is not None
     anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    tip = seen_from_object(trace, trace["tip"])[: row % len(trace) + 1]
+    tip = seen_from_object(trace, trace["tip"])[: row % len(trace.time) + 1]
     way = (tip - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
     body.simulate_path(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)

@@ -2,15 +2,12 @@
 
 from palpate.simulation.body_response.held_tip import HeldTip
 from palpate.simulation.body_response.multirate import MultirateResponse, multirate_response
-from palpate.simulation.body_response.observed_run import ObservedRun, observe
 from palpate.simulation.body_response.response import BodyResponse, body_response
 
 __all__ = [
     "BodyResponse",
     "HeldTip",
     "MultirateResponse",
-    "ObservedRun",
     "body_response",
     "multirate_response",
-    "observe",
 ]

@@ -11,7 +11,7 @@ from palpate.control.stability_margins import loop_margins
 from palpate.errors import StabilityError
 from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
-from palpate.simulation.body_response.observed_run import LONGEST, SHORTEST, ObservedRun, observe
+from palpate.simulation.observed_run import LONGEST, SHORTEST, ObservedRun, observe
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions

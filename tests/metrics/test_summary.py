@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
+import pytest
+from palpate import simulate
+from palpate.metrics import summarize
 from palpate.metrics.mesh_contact import _ripple_power
 from palpate.metrics.summary import _plain
+from palpate.simulation.trace import TraceError
+from readers import SLIDER
 
 
 def test_a_ripple_above_half_the_sampling_rate_is_unknown() -> None:
@@ -21,3 +28,18 @@ def test_a_number_that_is_not_finite_is_none() -> None:
     found = _plain({"a": math.inf, "b": [math.nan, {"c": -math.inf}], "d": 1.5, "e": None, "f": "inf", "g": True})
     assert found == {"a": None, "b": [None, {"c": None}], "d": 1.5, "e": None, "f": "inf", "g": True}
     json.dumps(found, allow_nan=False)
+
+
+def test_a_trace_without_a_channel_of_every_run_is_refused() -> None:
+    """A file may lack one although it was sealed."""
+    whole = simulate(SLIDER)
+    for name in whole.channels:
+        lacking = replace(
+            whole,
+            channels={key: one for key, one in whole.channels.items() if key != name},
+            metadata={key: value for key, value in whole.metadata.items() if key != "verdict"},
+        )
+        with suppress(TraceError):
+            json.dumps(summarize(lacking), allow_nan=False)
+    with pytest.raises(TraceError, match="not complete, so it cannot be judged: "):
+        summarize(replace(whole, channels={"tip": whole.channels["tip"], "touching": whole.channels["touching"]}))

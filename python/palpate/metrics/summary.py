@@ -14,7 +14,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
-from palpate.simulation.trace import Trace
+from palpate.simulation.trace import Trace, complete
 from palpate.simulation.verdict import BAND, State
 from palpate.simulation.windows import windows
 
@@ -36,7 +36,15 @@ def summarize(trace: Trace) -> dict[str, Any]:
 
     A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
     the axes. A run that diverged has no steady state, and only the peaks are given.
+
+    Raises:
+        TraceError: the trace lacks a channel that every run records.
     """
+    with complete():
+        return _summarize(trace)
+
+
+def _summarize(trace: Trace) -> dict[str, Any]:
     scenario = recorded_scenario(trace)
     summary: dict[str, Any] = {
         "title": "" if scenario is None else scenario.title,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -164,7 +165,8 @@ class Trace(TraceContent):
 
         A run that records fewer ticks than it judges has it in its metadata.
         """
-        return Verdict.from_dict(self.metadata.get("verdict")) or judge(self)
+        with complete():
+            return Verdict.from_dict(self.metadata.get("verdict")) or judge(self)
 
     @property
     def stable(self) -> bool:
@@ -326,6 +328,17 @@ def _check_metadata(metadata: Mapping[str, Any], file: Path) -> None:
     for name, kind in (("scenario", dict), ("controller", dict), ("object", dict), ("version", str)):
         if name in metadata and not isinstance(metadata[name], kind):
             raise TraceError(f"{file}: not a complete trace: its {name} has the wrong type")
+
+
+@contextmanager
+def complete() -> Iterator[None]:
+    """Raise TraceError where code meets a trace without a channel or column that every run records."""
+    try:
+        yield
+    except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError) as problem:
+        if isinstance(problem, PalpateError):
+            raise
+        raise TraceError(f"the trace is not complete, so it cannot be judged: {problem}") from problem
 
 
 def _extent(values: Array) -> str:

@@ -17,6 +17,7 @@ struct ContactResult {
   double tank_energy = 0.0;                  ///< level of the energy tank (PassiveModelSwitch), J
   int nodes = 0;                             ///< number of contact nodes
   bool sliding = false;                      ///< full sliding: dynamic friction
+  bool lost = false;                         ///< tip inside the body without contact: it began there or was pushed through
   bool solved = true;                        ///< false: LCP iteration limit reached, or more nodes under the tip than its capacity
 };
 

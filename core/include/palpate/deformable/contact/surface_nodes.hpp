@@ -164,6 +164,14 @@ class SurfaceNodes {
     }
   }
 
+  /// Call `visit(node)` for each node in the grid cells within `reach` [m] of the box spanned by two points [m].
+  template <class Visit>
+  void query_box(const Vector3<>& one, const Vector3<>& other, double reach, Visit visit) const noexcept {
+    for_each_group(one, other, reach, [&](std::size_t number) {
+      for (std::int32_t k = groups_[number].begin; k < groups_[number].end; ++k) visit(records_[static_cast<std::size_t>(k)].node);
+    });
+  }
+
   /// Return the node nearest to `place` [m] within about `reach` [m], or -1.
   [[nodiscard]] std::int32_t nearest(const Vector3<>& place, double reach) const noexcept {
     std::int32_t found = -1;

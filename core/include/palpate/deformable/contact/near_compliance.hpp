@@ -1,0 +1,174 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "palpate/deformable/contact/float_pack.hpp"
+#include "palpate/deformable/linear/full_compliance.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::deformable {
+
+/// Forces of up to `capacity` places, one per node: x of all places, then y, then z, single precision.
+class PlaceForces {
+ public:
+  static constexpr int capacity = 256;  // a multiple of 16
+
+  [[nodiscard]] const float* axis(int a) const noexcept { return value_.data() + a * capacity; }
+  [[nodiscard]] Vector3<> get(int k) const noexcept { return {value_[at(k, 0)], value_[at(k, 1)], value_[at(k, 2)]}; }
+  void set(int k, const Vector3<>& force) noexcept {
+    for (int a = 0; a < 3; ++a) value_[at(k, a)] = static_cast<float>(force[a]);
+  }
+
+ private:
+  [[nodiscard]] static std::size_t at(int k, int a) noexcept { return static_cast<std::size_t>(a * capacity + k); }
+  alignas(64) std::array<float, static_cast<std::size_t>(3 * capacity)> value_{};
+};
+
+/// Copy of the compliance of the nodes near a tip, in the order of their places and laid out for products with PlaceForces.
+class NearCompliance {
+ public:
+  static constexpr int capacity = PlaceForces::capacity;
+
+  NearCompliance() : rows_(static_cast<std::size_t>(9 * capacity * capacity / 16)) {}
+
+  /// Copy the blocks of the place k = `count` - 1, whose node is node[k], with all places.
+  void enter(const FullCompliance& compliance, const std::int32_t* node, int count) noexcept {
+    const int k = count - 1;
+    for (int j = 0; j < count; ++j) {
+      const float* block = compliance.block(node[k], node[j]);
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) row(k, a)[b * capacity + j] = row(j, b)[a * capacity + k] = block[3 * a + b];
+    }
+  }
+
+  /// Exchange two of `count` places.
+  void swap(int k, int l, int count) noexcept {
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) std::swap_ranges(row(k, a) + b * capacity, row(k, a) + b * capacity + count, row(l, a) + b * capacity);
+    for (int j = 0; j < count; ++j)
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) std::swap(row(j, a)[b * capacity + k], row(j, a)[b * capacity + l]);
+  }
+
+  /// Displacement of place k under the forces of the first `count` places; further forces up to a multiple of 8 must be zero.
+  [[nodiscard]] Vector3<> displacement(int k, const PlaceForces& forces, int count) const noexcept {
+    detail::Floats x{}, y{}, z{};
+    const int n = detail::in_registers(count);
+    for (int b = 0; b < 3; ++b) {
+      const detail::Floats *f = detail::as_floats(forces.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * capacity),
+                           *c1 = detail::as_floats(row(k, 1) + b * capacity), *c2 = detail::as_floats(row(k, 2) + b * capacity);
+      for (int j = 0; j < n; ++j) {
+        x += c0[j] * f[j];
+        y += c1[j] * f[j];
+        z += c2[j] * f[j];
+      }
+    }
+    return {detail::sum_of(x), detail::sum_of(y), detail::sum_of(z)};
+  }
+
+  /// Compute d . C_kj s_j for the places j < `count` into `out`: displacement of place k along `direction` by unit forces along s_j.
+  void along(int k, const Vector3<>& direction, const PlaceForces& unit, int count, float* out) const noexcept {
+    const int n = detail::in_registers(count);
+    for (int j = 0; j < n; ++j) detail::as_floats(out)[j] = detail::Floats{};
+    const auto d0 = static_cast<float>(direction[0]), d1 = static_cast<float>(direction[1]), d2 = static_cast<float>(direction[2]);
+    for (int b = 0; b < 3; ++b) {
+      const detail::Floats *s = detail::as_floats(unit.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * capacity),
+                           *c1 = detail::as_floats(row(k, 1) + b * capacity), *c2 = detail::as_floats(row(k, 2) + b * capacity);
+      for (int j = 0; j < n; ++j) detail::as_floats(out)[j] += s[j] * (d0 * c0[j] + d1 * c1[j] + d2 * c2[j]);
+    }
+  }
+
+  /// Block of places k and j, m/N.
+  [[nodiscard]] Matrix3<> block(int k, int j) const noexcept {
+    Matrix3<> m;
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) m(a, b) = static_cast<double>(row(k, a)[b * capacity + j]);
+    return m;
+  }
+
+ private:
+  [[nodiscard]] float* row(int k, int a) noexcept { return rows_.data()->value.data() + offset(k, a); }
+  [[nodiscard]] const float* row(int k, int a) const noexcept { return rows_.data()->value.data() + offset(k, a); }
+  [[nodiscard]] static std::ptrdiff_t offset(int k, int a) noexcept { return static_cast<std::ptrdiff_t>(3 * k + a) * (3 * capacity); }
+
+  std::vector<detail::FloatLine> rows_;  // 3 capacity rows (place, axis) of 3 capacity columns (axis, place), m/N
+};
+
+/// Dense symmetric positive definite system A + diag(D), single precision, factored by columns.
+class LayeredSystem {
+ public:
+  static constexpr int capacity = PlaceForces::capacity;
+
+  LayeredSystem() : matrix_(static_cast<std::size_t>(capacity * capacity / 16)), factor_(matrix_.size()) {}
+
+  [[nodiscard]] int size() const noexcept { return size_; }
+  void resize(int size) noexcept { size_ = size; }
+  /// Row and column `c` of A; entries from c on, up to a multiple of 8, are read.
+  [[nodiscard]] float* column(int c) noexcept { return matrix_.data()->value.data() + c * capacity; }
+
+  /// Factor A + diag(`diagonal`). Return false if it is not positive definite to round-off.
+  bool factor(const double* diagonal) noexcept {
+    const int n = detail::in_registers(size_);
+    for (int c = 0; c < size_; ++c) {
+      const int from = c / detail::float_lanes;  // the entries above the diagonal in its register are never read
+      float* v = factor_column(c);
+      for (int i = from; i < n; ++i) detail::as_floats(v)[i] = detail::as_floats(column(c))[i];
+      v[c] += static_cast<float>(diagonal[c]);
+      int j = 0;
+      for (; j + 3 < c; j += 4) {
+        const float *p = factor_column(j), *q = factor_column(j + 1), *r = factor_column(j + 2), *s = factor_column(j + 3);
+        const float a = p[c], b = q[c], d = r[c], e = s[c];
+        for (int i = from; i < n; ++i)
+          detail::as_floats(v)[i] -=
+              (a * detail::as_floats(p)[i] + b * detail::as_floats(q)[i]) + (d * detail::as_floats(r)[i] + e * detail::as_floats(s)[i]);
+      }
+      for (; j < c; ++j) {
+        const float* p = factor_column(j);
+        const float a = p[c];
+        for (int i = from; i < n; ++i) detail::as_floats(v)[i] -= a * detail::as_floats(p)[i];
+      }
+      if (!(v[c] > 0.0F)) return false;
+      const float scale = 1.0F / std::sqrt(v[c]);
+      inverse_[static_cast<std::size_t>(c)] = scale;
+      for (int i = from; i < n; ++i) detail::as_floats(v)[i] *= scale;
+    }
+    return true;
+  }
+
+  /// Replace the right-hand side `x` by the solution.
+  void solve(double* x) noexcept {
+    const int n = detail::in_registers(size_);
+    float* y = work_.data();
+    for (int i = 0; i < n * detail::float_lanes; ++i) y[i] = i < size_ ? static_cast<float>(x[i]) : 0.0F;
+    for (int c = 0; c < size_; ++c) {
+      const float *p = factor_column(c), scaled = y[c] * inverse_[static_cast<std::size_t>(c)];
+      for (int i = c / detail::float_lanes; i < n; ++i) detail::as_floats(y)[i] -= scaled * detail::as_floats(p)[i];
+      y[c] = scaled;
+      done_[static_cast<std::size_t>(c)] = scaled;
+    }
+    for (int i = 0; i < n * detail::float_lanes; ++i) y[i] = 0.0F;
+    for (int c = size_ - 1; c >= 0; --c) {
+      const float* p = factor_column(c);
+      detail::Floats sum{};
+      for (int i = c / detail::float_lanes; i < n; ++i) sum += detail::as_floats(p)[i] * detail::as_floats(y)[i];
+      y[c] = (done_[static_cast<std::size_t>(c)] - detail::sum_of(sum)) * inverse_[static_cast<std::size_t>(c)];
+      x[c] = static_cast<double>(y[c]);
+    }
+  }
+
+ private:
+  [[nodiscard]] float* factor_column(int c) noexcept { return factor_.data()->value.data() + c * capacity; }
+
+  int size_ = 0;
+  std::vector<detail::FloatLine> matrix_, factor_;
+  std::array<float, static_cast<std::size_t>(capacity)> inverse_{}, done_{};  // 1 / diagonal of the factor; forward solution
+  alignas(64) std::array<float, static_cast<std::size_t>(capacity)> work_{};
+};
+
+}  // namespace palpate::deformable

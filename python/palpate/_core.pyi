@@ -489,12 +489,91 @@ class StateSpace:
     @overload
     def __init__(self, a: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], b: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], c: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], d: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], antiwindup: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]) -> None: ...
 
+    def normalize(self, design_stiffness: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> None:
+        """
+        Scale reference and object force of each tick to an object of this stiffness per axis, N/m.
+        """
+
     @property
     def order(self) -> int: ...
 
     def output(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], arg1: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
 
     def advance(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+class WorkspaceParameters:
+    def __init__(self) -> None: ...
+
+    @property
+    def bandwidth(self) -> float: ...
+
+    @bandwidth.setter
+    def bandwidth(self, arg: float, /) -> None: ...
+
+    @property
+    def damping(self) -> float: ...
+
+    @damping.setter
+    def damping(self, arg: float, /) -> None: ...
+
+    @property
+    def observer(self) -> float: ...
+
+    @observer.setter
+    def observer(self, arg: float, /) -> None: ...
+
+    @property
+    def disturbance(self) -> float: ...
+
+    @disturbance.setter
+    def disturbance(self, arg: float, /) -> None: ...
+
+    @property
+    def reference(self) -> float: ...
+
+    @reference.setter
+    def reference(self, arg: float, /) -> None: ...
+
+    @property
+    def reference_damping(self) -> float: ...
+
+    @reference_damping.setter
+    def reference_damping(self, arg: float, /) -> None: ...
+
+    @property
+    def share(self) -> float: ...
+
+    @share.setter
+    def share(self, arg: float, /) -> None: ...
+
+    @property
+    def stiffness(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @stiffness.setter
+    def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
+
+    def fault(self) -> str:
+        """Return the first thing that is wrong; None if nothing is."""
+
+class WorkspaceGains:
+    """Gains of a workspace controller for one axis."""
+
+    def __init__(self, parameters: WorkspaceParameters, period: float) -> None: ...
+
+    @property
+    def position(self) -> float: ...
+
+    @property
+    def velocity(self) -> float: ...
+
+    @property
+    def observer(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
+
+    @property
+    def reference_position(self) -> float: ...
+
+    @property
+    def reference_velocity(self) -> float: ...
 
 class TickSignals:
     """Signals of one servo tick: SI units, device frame."""
@@ -514,6 +593,20 @@ class TickSignals:
     @property
     def deflection(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
         """Displacement of the touched surface (3,), m."""
+
+    @property
+    def normal(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
+        """
+        Outward normal of the touched surface (3,); zero: no contact, or no surface.
+        """
+
+    @property
+    def depth(self) -> float:
+        """Penetration along the normal, m; negative: outside."""
+
+    @property
+    def stiffness(self) -> float:
+        """Of the object along the normal, N/m; zero: not known."""
 
     @property
     def tip(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]:
@@ -683,6 +776,11 @@ class PremiumLimits:
 
 class PremiumSetup:
     def __init__(self) -> None: ...
+
+    def set_workspace_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
+        """
 
     @property
     def wall(self) -> SpringWallParameters: ...
@@ -1557,6 +1655,11 @@ TipDeviceLimits: TypeAlias = PremiumLimits
 
 class TipDeviceSetup:
     def __init__(self) -> None: ...
+
+    def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
+        """
 
     @property
     def wall(self) -> SpringWallParameters: ...

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <palpate/control/workspace_controller.hpp>
 #include <palpate/object/body_instance.hpp>
 #include <palpate/object/mesh_object.hpp>
 #include <palpate/servo/batch.hpp>
@@ -130,6 +131,17 @@ void bind_loop(nb::module_& m, const char* name) {
   bind_joint_types<dof>(m, prefix);
   nb::class_<Setup> setup(m, (prefix + "Setup").c_str());
   bind_object(setup);
+  if constexpr (dof == 3) {
+    setup.def(
+        "set_workspace_controller",
+        [](Setup& s, const Mechanism& mechanism, const palpate::math::Joints<dof>& friction,
+           const palpate::control::WorkspaceParameters& parameters) {
+          if (const char* fault = parameters.fault()) throw nb::value_error(fault);
+          s.controller = palpate::control::WorkspaceController<Mechanism>(mechanism, friction, parameters, s.period);
+        },
+        "mechanism"_a, "friction"_a, "parameters"_a,
+        "Use a workspace controller that knows this mechanism and viscous friction; set the period before.");
+  }
   setup.def(nb::init<>())
       .def_rw("mechanism", &Setup::mechanism)
       .def_rw("friction", &Setup::friction)
@@ -301,15 +313,40 @@ inline void bind_loop_parts(nb::module_& m) {
       .def(nb::init<const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&, const Eigen::MatrixXd&,
                     const Eigen::MatrixXd&>(),
            "a"_a, "b"_a, "c"_a, "d"_a, "antiwindup"_a)
+      .def("normalize", &StateSpace::normalize, "design_stiffness"_a,
+           "Scale reference and object force of each tick to an object of this stiffness per axis, N/m.")
       .def_prop_ro("order", &StateSpace::order)
       .def("output", &StateSpace::output)
       .def("advance", &StateSpace::applied);
+
+  using palpate::control::WorkspaceGains, palpate::control::WorkspaceParameters;
+  nb::class_<WorkspaceParameters>(m, "WorkspaceParameters")
+      .def(nb::init<>())
+      .def_rw("bandwidth", &WorkspaceParameters::bandwidth)
+      .def_rw("damping", &WorkspaceParameters::damping)
+      .def_rw("observer", &WorkspaceParameters::observer)
+      .def_rw("disturbance", &WorkspaceParameters::disturbance)
+      .def_rw("reference", &WorkspaceParameters::reference)
+      .def_rw("reference_damping", &WorkspaceParameters::reference_damping)
+      .def_rw("share", &WorkspaceParameters::share)
+      .def_rw("stiffness", &WorkspaceParameters::stiffness)
+      .def("fault", &WorkspaceParameters::fault, "Return the first thing that is wrong; None if nothing is.");
+  nb::class_<WorkspaceGains>(m, "WorkspaceGains", "Gains of a workspace controller for one axis.")
+      .def(nb::init<const WorkspaceParameters&, double>(), "parameters"_a, "period"_a)
+      .def_ro("position", &WorkspaceGains::position)
+      .def_ro("velocity", &WorkspaceGains::velocity)
+      .def_ro("observer", &WorkspaceGains::observer)
+      .def_ro("reference_position", &WorkspaceGains::reference_position)
+      .def_ro("reference_velocity", &WorkspaceGains::reference_velocity);
 
   nb::class_<TickSignals>(m, "TickSignals", "Signals of one servo tick: SI units, device frame.")
       .def_ro("time", &TickSignals::time, "Since the first tick, s.")
       .def_ro("reference", &TickSignals::reference, "Force that the object should feel (3,), N.")
       .def_ro("object_force", &TickSignals::object_force, "Force of the tip on the object (3,), N.")
       .def_ro("deflection", &TickSignals::deflection, "Displacement of the touched surface (3,), m.")
+      .def_ro("normal", &TickSignals::normal, "Outward normal of the touched surface (3,); zero: no contact, or no surface.")
+      .def_ro("depth", &TickSignals::depth, "Penetration along the normal, m; negative: outside.")
+      .def_ro("stiffness", &TickSignals::stiffness, "Of the object along the normal, N/m; zero: not known.")
       .def_ro("tip", &TickSignals::tip, "Measured tip position (3,), m.")
       .def_ro("velocity", &TickSignals::velocity, "Tip velocity by backward difference (3,), m/s.");
   nb::class_<TipSignals>(m, "TipSignals", "The tip at one sample: SI units, device frame.")

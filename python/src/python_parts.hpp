@@ -14,7 +14,8 @@
 /// Signals of one tick as a Python controller sees them. SI units, device frame.
 struct TickSignals {
   double time = 0.0;
-  palpate::math::Vector3<> reference, object_force, deflection, tip, velocity;
+  palpate::math::Vector3<> reference, object_force, deflection, tip, velocity, normal;
+  double depth = 0.0, stiffness = 0.0;
 };
 
 /// The first exception that Python code raised in a run. After it the part returns no force.
@@ -85,7 +86,8 @@ class PythonController {
     palpate::math::Vector3<> force = palpate::math::Vector3<>::Zero();
     part_.run([&](const nanobind::object&, const nanobind::object& call) {
       force = nanobind::cast<palpate::math::Vector3<>>(
-          call(TickSignals{in.time, in.reference, in.object_force, in.deflection, in.tip, in.velocity()}));
+          call(TickSignals{in.time, in.reference, in.object_force, in.deflection, in.tip, in.velocity(), in.contact.normal,
+                           in.contact.depth, in.contact.stiffness}));
     });
     return force;
   }

@@ -55,6 +55,22 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "object": {"kind": "spring", "stiffness": "1 N/mm"},
         "controller": {"kind": "lqg", "stiffness": "1 N/mm"},
     },
+    "normalized, spring": {
+        "device": {"name": "phantom-premium-1.5a", "encoder": True},
+        "start": {"pose": POSE},
+        "servo": {"topology": "force_tracking", "period": "0.5 ms"},
+        "reference": {"shape": "step", "force": "0.3 N"},
+        "object": {"kind": "spring", "stiffness": "1 N/mm", "damping": "0.5 N*s/m"},
+        "controller": {"kind": "lqg", "normalize": True},
+    },
+    "normalized, outside a wall": {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"topology": "force_tracking", "period": "0.5 ms"},
+        "reference": {"shape": "step", "force": ["0.1 N", "0 N", "-0.5 N"]},
+        "object": {"kind": "wall", "normal": [0, 0, 1], "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-2 mm"]},
+        "controller": {"kind": "lqg", "normalize": "0.8 N/mm"},
+    },
     "late ticks": {
         "device": {"name": "phantom-premium-1.5a-rotors", "delay": 1},
         "start": {"pose": POSE},

@@ -8,6 +8,8 @@
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
+#include "palpate/control/stiffness_normalization.hpp"
+#include "palpate/control/workspace_controller.hpp"
 #include "palpate/math/dual.hpp"
 #include "palpate/math/latest_value.hpp"
 #include "palpate/math/sincos.hpp"

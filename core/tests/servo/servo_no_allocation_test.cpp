@@ -56,6 +56,32 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   EXPECT_TRUE(state.q.allFinite());
 }
 
+TEST(NoAllocation, InATickOfAWorkspaceControllerAndOfANormalizedOne) {
+  const Premium arm(palpate::plant::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
+  setup.limits.peak_force = 8.5;
+  setup.limits.continuous_force = 1.4;
+  setup.start = pose;
+  const palpate::object::SpringWall wall(
+      {.kind = palpate::object::SpringWall::Kind::half_space, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(500.0)});
+  palpate::control::StateSpace normalized;
+  normalized.normalize(Vector3<>::Constant(1000.0));
+  const palpate::control::WorkspaceController<Premium> workspace(arm, Joints<3>::Constant(1e-4), palpate::control::WorkspaceParameters{},
+                                                                 1e-3);
+  for (const palpate::control::AnyController& controller : {palpate::control::AnyController(normalized), {workspace}}) {
+    palpate::servo::Servo<Premium, palpate::object::AnyObject, palpate::control::AnyController> servo(setup, wall, controller);
+    double commanded = 0.0;
+    const long before = allocations;
+    for (int k = 0; k < 1000; ++k) {
+      const Joints<3> q = pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+      commanded += servo.tick(q, Vector3<>(0.0, 0.0, -1.0)).command.norm();
+    }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(commanded, 1.0);
+  }
+}
+
 TEST(NoAllocation, InATickOnAMesh) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);

@@ -16,6 +16,7 @@ from palpate.control.kalman_filter import KalmanFilter, kalman
 from palpate.control.lead_lag_design import Compensator, lead_lag
 from palpate.control.lqg_design import lqg
 from palpate.control.stability_margins import Margins, critical_gain, gain_interval, loop_margins, margins
+from palpate.control.workspace_controller import WorkspaceController, workspace
 
 __all__ = [
     "CommandController",
@@ -25,6 +26,7 @@ __all__ = [
     "KalmanFilter",
     "Margins",
     "Robustness",
+    "WorkspaceController",
     "as_controller",
     "as_linear_controller",
     "closed_loop",
@@ -43,4 +45,5 @@ __all__ = [
     "robustness",
     "spectral_radius",
     "virtual_coupling",
+    "workspace",
 ]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.errors import DesignError
-from palpate.units import to_si
+from palpate.units import bounded_to_si, to_si
 
 
 @dataclass(frozen=True)
@@ -20,11 +21,16 @@ class Controller:
     Each servo period, with v = [F_ref; F_object]:
     u = C x + D v;  x <- A x + B v + antiwindup (u_applied - u).
 
+    With ``design_stiffness`` K0, v is scaled to an object of that stiffness: the forces along the normal (per axis
+    without a normal) are divided by the object's stiffness K of the same tick and multiplied by K0. In force tracking
+    the loop is then the same for every K, and K may change at any tick.
+
     Attributes:
         system: python-control StateSpace, 6 inputs, 3 outputs, dt = servo period in s.
         antiwindup: (n states, 3), feedback of the saturation error to the state; None: no anti-windup.
         kind: "gain", "lead_lag", "lqg" or "state_space".
         notes: specification and result of the design, for reports.
+        design_stiffness: K0 per axis, N/m; None: the forces are not scaled.
 
     Raises:
         DesignError: wrong shapes, a continuous system, or a value that is not finite.
@@ -34,6 +40,7 @@ class Controller:
     antiwindup: Array | None = None
     kind: str = "state_space"
     notes: dict[str, Any] = field(default_factory=dict)
+    design_stiffness: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         s = self.system
@@ -47,6 +54,26 @@ class Controller:
             raise DesignError("a controller's matrices must be finite")
         if self.antiwindup is not None and self.antiwindup.shape != (s.nstates, 3):
             raise DesignError(f"antiwindup must be {s.nstates} x 3 (states x forces), not {self.antiwindup.shape}")
+
+    def normalized(self, stiffness: ArrayLike | str) -> Controller:
+        """Return the controller with its inputs scaled to an object of the given stiffness, for which it is designed.
+
+        Args:
+            stiffness: K0, N/m, one number for all axes or three; or text with a unit.
+
+        Raises:
+            DesignError: a stiffness that is not positive and finite.
+        """
+        k = (
+            to_si(stiffness, "N/m", "normalized: stiffness", error=DesignError)
+            if isinstance(stiffness, str)
+            else stiffness
+        )
+        x, y, z = (
+            bounded_to_si(float(one), "N/m", "normalized: stiffness", error=DesignError)
+            for one in np.broadcast_to(np.asarray(k, dtype=float), (3,))
+        )
+        return replace(self, design_stiffness=(x, y, z))
 
     @property
     def period(self) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.control.controller import Controller
+from palpate.control.workspace_controller import WorkspaceController
 from palpate.errors import DesignError, PalpateError
 
 _FORMS: Final = (
@@ -82,19 +83,23 @@ class PythonController(PythonCode):
             raise
 
 
-def as_controller(value: Any, period: float) -> Controller | PythonController:
+def as_controller(value: Any, period: float) -> Controller | PythonController | WorkspaceController:
     """Return a controller with the given period, s, from any form.
 
     Args:
-        value: a Controller; a linear system (see `as_linear_controller`); a function f(tick) -> force (3,), N; or an
-            object with `command(tick)`, and if needed `applied(force)` and `reset()`. A tick has `time`, `reference`,
-            `object_force`, `deflection`, `tip` and `velocity`, in SI units and the device's frame.
+        value: a Controller; a WorkspaceController; a linear system (see `as_linear_controller`); a function f(tick) ->
+            force (3,), N; or an object with `command(tick)`, and if needed `applied(force)` and `reset()`. A tick has
+            `time`, `reference`, `object_force`, `deflection`, `normal`, `depth`, `stiffness`, `tip` and `velocity`, in
+            SI units and the device's frame.
         period: s.
 
     Raises:
         DesignError: another form, or a linear system of the wrong shape or period.
     """
     if isinstance(value, PythonController):
+        return value
+    if isinstance(value, WorkspaceController):
+        _check_period(value.period, period)
         return value
     if _is_linear(value):
         return as_linear_controller(value, period)
@@ -127,6 +132,11 @@ def as_linear_controller(value: Any, period: float) -> Controller:
         if any((s.ninputs, s.noutputs) != (1, 1) for s in systems):
             raise DesignError("controller: each of the three systems for x, y and z has one input and one output")
         return _per_axis(systems, period)
+    if isinstance(value, WorkspaceController):
+        raise DesignError(
+            "controller: a workspace controller is not linear; its linear model about a pose is linearized(pose), and "
+            'a scenario with kind = "workspace" is linearized where it is judged'
+        )
     if isinstance(value, PythonController):
         value = value.user
     if (callable(value) and not isinstance(value, control.InputOutputSystem)) or hasattr(value, "command"):

@@ -58,6 +58,11 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
     """
     if scenario.device.model == "experimental":
         raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
+    if scenario.controller.normalizes:
+        raise StabilityError(
+            "controller: it divides by the stiffness, and the law from a body's motion to the scaled forces is not "
+            "linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
+        )
     run = observe(scenario)
     if not run.lasts:
         raise StabilityError(f"the performance is that of a contact that lasts. {run.sentence}")

@@ -26,6 +26,7 @@ from palpate.linear.linearization import static_tip_force
 from palpate.linear.sampled_loop import sampled_plants
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.linear_loop import controlled_object
 from palpate.simulation.trace import Trace
 from palpate.units import write
 
@@ -90,15 +91,18 @@ class LoopResponse:
         device = scenario.load_device()
         start = scenario.start
         pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
+        law = build_controller(scenario, device, pose) if controller is None else controller
+        values = controlled_object(scenario, law)
         if o.kind == "wall":
             normal = np.array(o.normal)
-            k, b = (float(values[0]) * np.outer(normal, normal) for values in (o.stiffness, o.damping))
+            along = (float(one[0]) if np.ptp(one) == 0.0 else float(normal**2 @ one) for one in values)
+            k, b = (one * np.outer(normal, normal) for one in along)
         else:
-            k, b = np.diag(o.stiffness), np.diag(o.damping)
+            k, b = (np.diag(one) for one in values)
         return cls(
             device,
             pose,
-            build_controller(scenario, device, pose) if controller is None else controller,
+            law,
             scenario.period,
             scenario.device.delay,
             k,

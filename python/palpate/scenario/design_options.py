@@ -30,6 +30,16 @@ OPTIONS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
         "noise": ("N", True),
         "windup_time": ("s", False),
     },
+    "workspace": {
+        "bandwidth": ("rad/s", False),
+        "damping": ("", False),
+        "observer": ("", False),
+        "disturbance": ("", False),
+        "reference": ("rad/s", False),
+        "reference_damping": ("", False),
+        "share": ("", False),
+        "stiffness": ("N/m", True),
+    },
 }
 
 

@@ -73,6 +73,7 @@ def between(low: int, high: int, name: str = "") -> AfterValidator:
 
 NOT_NEGATIVE: Final = must(lambda value: value >= 0, "must not be negative")
 POSITIVE: Final = must(lambda value: value > 0, "must be positive")
+POSITIVE_OR_FLAG: Final = must(lambda value: isinstance(value, bool) or value > 0, "must be positive")
 
 
 def _whole(value: object) -> int:
@@ -125,6 +126,13 @@ Force3 = Annotated[_Axes, *_axes("N")]
 Position3 = Annotated[_Axes, *_axes("m")]
 Stiffness3 = Annotated[_Axes, *_axes("N/m"), NOT_NEGATIVE]
 Damping3 = Annotated[_Axes, *_axes("N*s/m"), NOT_NEGATIVE]
+
+Normalization = Annotated[
+    bool | _Axes,
+    BeforeValidator(lambda value: value if isinstance(value, bool) else parse_quantity(value, "N/m", size=3)),
+    POSITIVE_OR_FLAG,
+    PlainSerializer(lambda value: value if isinstance(value, bool) else [write(one, "N/m") for one in value]),
+]
 
 Number3 = Annotated[_Axes, BeforeValidator(_numbers)]
 Matrix = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_matrix)]

@@ -31,6 +31,7 @@ from palpate.scenario.fields import (
     Flag,
     Matrix,
     MistakesError,
+    Normalization,
     Number3,
     OneDamping,
     OneMass,
@@ -205,21 +206,25 @@ class Controller(Section):
     """[controller]: controller of the loop.
 
     Attributes:
-        kind: "none" (u = F_ref - F_object, or the object force in an impedance display), "gain", "lead_lag", "lqg" or
-            "state_space".
+        kind: "none" (u = F_ref - F_object, or the object force in an impedance display), "gain", "lead_lag", "lqg",
+            "state_space" or "workspace" (alike at every pose and stiffness; only with force_tracking).
         gain: N/N per axis.
         A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled with the servo period.
         antiwindup: (n, 3), see palpate.control.Controller.
-        options: of palpate.control.lead_lag or palpate.control.lqg, any other key of the table, in SI.
+        normalize: whether the forces of each tick are scaled to the design stiffness, see palpate.control.Controller;
+            only with force_tracking. True: that of the design, its `stiffness`, by default 1 N/mm. A stiffness, N/m per
+            axis: that one, for every kind.
+        options: of palpate.control.lead_lag, lqg or workspace, any other key of the table, in SI.
     """
 
-    kind: Literal["none", "gain", "lead_lag", "lqg", "state_space"] = "none"
+    kind: Literal["none", "gain", "lead_lag", "lqg", "state_space", "workspace"] = "none"
     gain: Number3 | None = None
     A: Matrix | None = None
     B: Matrix | None = None
     C: Matrix | None = None
     D: Matrix | None = None
     antiwindup: Matrix | None = None
+    normalize: Normalization = False
     options: Annotated[dict[str, Any], PlainSerializer(options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -235,6 +240,12 @@ class Controller(Section):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         matrices = {name: getattr(self, name) for name in ("A", "B", "C", "D")}
+        if self.normalize and self.kind == "workspace":
+            raise ValueError("normalize: a workspace controller divides by the stiffness in any case; leave it out")
+        if self.normalize is True and self.kind not in ("lead_lag", "lqg"):
+            raise ValueError(
+                f'normalize: kind = "{self.kind}" has no design stiffness; write it, for example normalize = "1 N/mm"'
+            )
         if self.kind == "gain" and self.gain is None:
             raise ValueError("gain is missing; write for example gain = 2.0")
         if self.kind != "gain" and self.gain is not None:
@@ -244,6 +255,11 @@ class Controller(Section):
         elif self.antiwindup is not None or any(matrix is not None for matrix in matrices.values()):
             raise ValueError('A, B, C, D and antiwindup belong to kind = "state_space"')
         return self
+
+    @property
+    def normalizes(self) -> bool:
+        """Whether the controller divides the forces by the object's stiffness of their tick."""
+        return bool(self.normalize) or self.kind == "workspace"
 
     def _check_shapes(self, matrices: Mapping[str, tuple[tuple[float, ...], ...] | None]) -> None:
         for name, matrix in matrices.items():
@@ -316,6 +332,7 @@ class Scenario(Section):
         MistakesError.collect(
             lambda: self._check_start(device),
             self._check_topology,
+            lambda: self._check_workspace(device),
             lambda: self._check_model(device),
             self._check_jitter,
             self._check_length,
@@ -332,6 +349,20 @@ class Scenario(Section):
             raise ValueError(
                 f'device.model: "experimental" is the identified model of a device, and {device.name} has none; '
                 'use "nonlinear" or "linear"'
+            )
+
+    def _check_workspace(self, device: Device) -> None:
+        if self.controller.kind != "workspace":
+            return
+        if device.dof != 3:
+            raise ValueError(f'controller.kind: "workspace" needs three joints, and {device.name} has {device.dof}')
+        if self.device.model != "nonlinear" or self.device.kinematics != "nonlinear":
+            raise ValueError(
+                'controller.kind: "workspace" knows the mechanism itself; leave out device.model and device.kinematics'
+            )
+        if self.servo.topology == "impedance_display":
+            raise ValueError(
+                'controller.kind: "workspace" tracks a force; write servo.topology = "force_tracking", or take another'
             )
 
     def _check_jitter(self) -> None:
@@ -378,6 +409,11 @@ class Scenario(Section):
             raise ValueError(f"start.pose: the joints of {device.name} take {wanted}")
 
     def _check_topology(self) -> None:
+        if self.servo.topology == "impedance_display" and self.controller.normalize:
+            raise ValueError(
+                "controller.normalize: in an impedance_display the operator feels the object's stiffness, so it cannot "
+                'be divided out; remove normalize, or write servo.topology = "force_tracking"'
+            )
         if self.servo.topology == "force_tracking":
             if self.operator.kind not in ("none", "arm"):
                 raise ValueError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,12 @@ class ContactLaw:
     def stiffness(cls, matrix: Array) -> ContactLaw:
         """Return the law of a stiffness matrix (3, 3), N/m."""
         return cls(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), np.asarray(matrix, dtype=float))
+
+    def scaled(self, ratio: float, normal: Array | None = None) -> ContactLaw:
+        """Return the law with its force, or only the part along ``normal`` (3,), multiplied by ``ratio``."""
+        eye = np.eye(3)
+        scale = ratio * eye if normal is None else eye + (ratio - 1.0) * np.outer(normal, normal)
+        return replace(self, C=scale @ self.C, D=scale @ self.D)
 
     def damped(self, damping: float, normal: Array, period: float) -> ContactLaw:
         """Return the law with a damper along the normal, N s/m, by backward difference."""

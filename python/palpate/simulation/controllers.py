@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from palpate.control.controller import Controller
 from palpate.control.controller_forms import as_linear_controller
 from palpate.control.lead_lag_design import lead_lag
 from palpate.control.lqg_design import lqg
+from palpate.control.workspace_controller import WorkspaceController, workspace
 from palpate.devices import Device
 from palpate.errors import DesignError
 from palpate.linear.discretization import rendering_plant
@@ -30,6 +32,7 @@ def design_for(
     start: Array,
     stiffness: ArrayLike | None,
     period: float,
+    normalize: bool = False,
 ) -> Controller:
     """Return the "lead_lag" or "lqg" controller for ``device`` at rest in ``start``.
 
@@ -40,13 +43,16 @@ def design_for(
         start: pose (dof,), rad.
         stiffness: of the object in the loop, N/m, the default of "stiffness"; None for 1 N/mm.
         period: servo period, s.
+        normalize: scale the forces of each tick to the design stiffness, see ``Controller``. Its default is then
+            1 N/mm, whatever the object.
 
     Raises:
         DesignError: unknown kind or option, or no controller meets it.
         PoseError: the tip force cannot reach every joint at ``start``.
     """
     keywords = dict(options)
-    designed_for = keywords.pop("stiffness", DESIGN_STIFFNESS if stiffness is None else stiffness)
+    default = DESIGN_STIFFNESS if stiffness is None or normalize else stiffness
+    designed_for = keywords.pop("stiffness", default)
     plant = rendering_plant(device, start, stiffness=designed_for, period=period)
     if kind == "lead_lag":
         if "phase_margin" in keywords:
@@ -61,11 +67,21 @@ def design_for(
     except TypeError as error:
         raise DesignError(f"{kind}: an option is not known: {error}") from error
     notes = {"design_stiffness": np.asarray(designed_for, dtype=float).tolist(), **controller.notes}
-    return Controller(controller.system, controller.antiwindup, controller.kind, notes)
+    controller = replace(controller, notes=notes)
+    return controller.normalized(designed_for) if normalize else controller
+
+
+def build_law(scenario: Scenario, device: Device, start: Array) -> Controller | WorkspaceController:
+    """Return the scenario's controller as it runs; arguments and errors as `build_controller`."""
+    if scenario.controller.kind == "workspace":
+        return workspace(device, scenario.period, **scenario.controller.options)
+    return build_controller(scenario, device, start)
 
 
 def build_controller(scenario: Scenario, device: Device, start: Array) -> Controller:
     """Return the scenario's controller, designed for the device linearized at `start` (dof,), rad, if necessary.
+
+    A workspace controller is linearized about rest there.
 
     Raises:
         DesignError: no controller meets the options.
@@ -74,14 +90,24 @@ def build_controller(scenario: Scenario, device: Device, start: Array) -> Contro
     table = scenario.controller
     period = scenario.period
     if table.kind in ("none", "gain"):
-        return Controller.gain(np.array(table.gain if table.gain is not None else (1.0, 1.0, 1.0)), period)
+        gain = Controller.gain(np.array(table.gain if table.gain is not None else (1.0, 1.0, 1.0)), period)
+        return _normalized(gain, table)
     if table.kind == "state_space":
         n = len(table.A or ())
         a, b = np.array(table.A, float).reshape(n, n), np.array(table.B, float).reshape(n, 6)
         c, d = np.array(table.C, float).reshape(3, n), np.array(table.D, float)
         antiwindup = None if table.antiwindup is None else np.array(table.antiwindup, float)
-        return Controller(control.StateSpace(a, b, c, d, period), antiwindup, "state_space")
-    return design_for(table.kind, table.options, device, start, scenario.object.stiffness, period)
+        return _normalized(Controller(control.StateSpace(a, b, c, d, period), antiwindup, "state_space"), table)
+    if table.kind == "workspace":
+        return workspace(device, period, **table.options).linearized(start)
+    normalize = table.normalize is True
+    law = design_for(table.kind, table.options, device, start, scenario.object.stiffness, period, normalize)
+    return law if normalize else _normalized(law, table)
+
+
+def _normalized(law: Controller, table: ControllerChoice) -> Controller:
+    """Return the controller, normalized if the table says for which stiffness."""
+    return law.normalized(table.normalize) if isinstance(table.normalize, tuple) else law
 
 
 def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any = None) -> Scenario:
@@ -113,4 +139,6 @@ def with_controller(scenario: Scenario, controller: Any) -> Scenario:
         if law.antiwindup is not None and system.nstates:
             matrices["antiwindup"] = np.asarray(law.antiwindup, dtype=float).tolist()
         choice = ControllerChoice(kind="state_space", **matrices)
+    if law.design_stiffness is not None:
+        choice = choice.model_copy(update={"normalize": law.design_stiffness})
     return scenario.model_copy(update={"controller": choice})

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.control.controller import Controller
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.contact_law import ContactLaw, closed_matrix
@@ -53,6 +54,11 @@ def _mesh_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
     if law is None:
         return None, "the contact with the mesh is not smooth where the tip rests"
     law = law.damped(float(np.max(np.asarray(surface.damping))), normal, scenario.period)
+    controller = _controller(trace, scenario)
+    if controller.design_stiffness is not None:  # along the normal the controller sees its design stiffness
+        ratio = float(normal**2 @ np.asarray(controller.design_stiffness)) / float(trace["surface_stiffness"][-1, 0])
+        rubs = surface.tangential != 0.0 and (float(surface.static_friction) > 0.0 or float(surface.viscous) > 0.0)
+        law = law.scaled(ratio, normal if rubs else None)
     loop = _loop(trace, scenario, {"kind": "spring", "stiffness": "1 N/m"})
     values = np.linalg.eigvals(closed_matrix(loop.path, law, loop.directions))
     rates = np.abs(np.log(np.maximum(np.abs(values), 1e-300)) + 1j * np.angle(values)) / scenario.period
@@ -66,6 +72,8 @@ def _mesh_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
 def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str]:
     from palpate.simulation.body_response import HeldTip, body_response
 
+    if scenario.controller.normalizes:
+        return None, "the controller divides by the stiffness of the body, which is not linear in its motion"
     held = HeldTip(scenario, trace["tip"] - trace["tip"][0])
     if held.multirate:
         return None, "the model of the body is updated outside the tick; use palpate certify"
@@ -90,12 +98,19 @@ def _radius(loop: ScenarioLoop, law: ContactLaw, scale: float) -> float:
 
 def _loop(trace: Recorded, scenario: Scenario, placeholder: dict[str, Any]) -> ScenarioLoop:
     """Return the loop around a unit spring or wall where the run rests, with the scenario's own controller."""
-    device = scenario.load_device()
-    start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     return scenario_loop(
         Scenario.from_dict({**scenario.to_dict(), "object": placeholder}),
         pose=trace["angle"][-1],
         tip_force=trace["command_force"][-1],
         operator_force=trace["operator_force"][-1],
-        controller=build_controller(scenario, device, start),
+        controller=None if scenario.controller.kind == "workspace" else _controller(trace, scenario),
     )
+
+
+def _controller(trace: Recorded, scenario: Scenario) -> Controller:
+    """Return the linear controller of a run; a workspace controller is linearized where it rests."""
+    device = scenario.load_device()
+    if scenario.controller.kind == "workspace":
+        return build_controller(scenario, device, trace["angle"][-1])
+    start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+    return build_controller(scenario, device, start)

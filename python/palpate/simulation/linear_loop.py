@@ -40,6 +40,8 @@ class ScenarioLoop:
         device_damping: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
         hidden: number of modes that the object does not feel or the controller does not move.
         rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
+        normalized: whether the controller divides by the object's stiffness; K is then its design stiffness, and B is
+            the object's damping times K over the object's stiffness.
     """
 
     path: control.StateSpace
@@ -50,6 +52,7 @@ class ScenarioLoop:
     device_damping: float
     hidden: int
     rests: bool = True
+    normalized: bool = False
 
     @property
     def period(self) -> float:
@@ -110,19 +113,22 @@ def scenario_loop(
     _require_loop(scenario, arm)
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
-    law = build_controller(scenario, device, start) if controller is None else controller
     frozen = scenario.device.kinematics == "linear"
     at = start if pose is None or scenario.device.model != "nonlinear" else np.asarray(pose, dtype=float)
+    adapts = scenario.controller.kind == "workspace"  # to the pose
+    law = build_controller(scenario, device, at if adapts else start) if controller is None else controller
+    stiffness, damping = controlled_object(scenario, law)
     hand = arm if arm is not None else scenario_arm(scenario)
     jacobian = device.jacobian(start if frozen else at)
     hold = _hold(scenario, device, start)
     motors = hold if frozen else hold + np.asarray(tip_force, dtype=float)
+    if adapts and controller is None:
+        motors = static_tip_force(jacobian, device.gravity(at))
     geometric_stiffness = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
     plant = _plant(scenario, device, at, start, hand, operator_force)
     directions = _directions(scenario, jacobian)
     r = directions.shape[1]
-    k = directions.T @ np.diag(np.asarray(scenario.object.stiffness, float)) @ directions
-    b = directions.T @ np.diag(np.asarray(scenario.object.damping, float)) @ directions
+    k, b = (directions.T @ np.diag(per_axis) @ directions for per_axis in (stiffness, damping))
 
     a, entry, out = assemble_loop(
         (plant.A, plant.B, plant.C), jacobian, geometric_stiffness, law, scenario.device.delay
@@ -131,7 +137,21 @@ def scenario_loop(
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
     rests = _rests(device, at, geometric_stiffness)
     own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
-    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, len(a) - path.nstates, rests)
+    normalized = law.design_stiffness is not None
+    hidden = len(a) - path.nstates
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, hidden, rests, normalized)
+
+
+def controlled_object(scenario: Scenario, law: Controller) -> tuple[Array, Array]:
+    """Return the object's stiffness and damping per axis, N/m and N s/m, as the controller sees them.
+
+    A normalized controller sees its design stiffness in place of K, and the damping B K0/K.
+    """
+    k, b = (np.asarray(one, dtype=float) for one in (scenario.object.stiffness, scenario.object.damping))
+    if law.design_stiffness is None:
+        return k, b
+    ratio = np.divide(law.design_stiffness, k, out=np.ones(3), where=k > 0.0)
+    return k * ratio, b * ratio
 
 
 def require_one_object(scenario: Scenario) -> None:

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.control.controller import Controller
+from palpate.control.workspace_controller import OPTIONS, WorkspaceController
+from palpate.devices import Device
 from palpate.errors import OutputError
 from palpate.fem.model_data import model_data
 from palpate.files import as_path, read_utf8, write_folder, write_json
@@ -99,7 +101,7 @@ class _Blobs:
 
 def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
     scenario, device, setup = simulation.scenario, simulation.device, simulation.setup
-    if not isinstance(simulation.controller, Controller):
+    if not isinstance(simulation.controller, Controller | WorkspaceController):
         raise OutputError("controller: a controller written in Python cannot be resolved; write it in C++")
     ticks = len(simulation.reference) - 1
     if ticks > _TICKS:
@@ -115,7 +117,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         "servo": _servo(setup),
         "plant": _plant(setup),
         "object": _objects(simulation, blobs),
-        "controller": _controller(simulation.controller),
+        "controller": _controller(simulation.controller, device),
         "run": {
             "ticks": ticks,
             "record_every": setup.record_every,
@@ -169,12 +171,24 @@ def _plant(setup: Any) -> dict[str, Any]:
     return table
 
 
-def _controller(controller: Controller) -> dict[str, Any]:
+def _controller(controller: Controller | WorkspaceController, device: Device) -> dict[str, Any]:
+    if isinstance(controller, WorkspaceController):
+        if controller.device != device:
+            raise OutputError("controller: it knows another device than that of the scenario, so it cannot be resolved")
+        numbers = {name: getattr(controller, name) for name in OPTIONS if name != "stiffness"}
+        return {
+            "kind": "workspace",
+            **numbers,
+            "stiffness": list(controller.stiffness),
+            "friction": _list(device.viscous),
+        }
     system = controller.system
     order = _order(system.nstates, "the controller")
     none = np.zeros((order, 3))
+    normalized = controller.design_stiffness is not None
     return {
-        "kind": "state_space",
+        "kind": "normalized_state_space" if normalized else "state_space",
+        **({"design_stiffness": _list(np.array(controller.design_stiffness))} if normalized else {}),
         "order": order,
         **{name.lower(): _list(getattr(system, name)) for name in "ABCD"},
         "antiwindup": _list(none if controller.antiwindup is None else controller.antiwindup),

@@ -14,11 +14,12 @@ from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import PythonController, as_controller
+from palpate.control.workspace_controller import WorkspaceController
 from palpate.devices import Device
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
-from palpate.simulation.controllers import build_controller, read_scenario
+from palpate.simulation.controllers import build_law, read_scenario
 from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
@@ -75,7 +76,7 @@ class Simulation:
     device: Device
     start: Array
     hold: Array
-    controller: Controller | PythonController
+    controller: Controller | PythonController | WorkspaceController
     setup: Any
     objects: Mapping[str, PlacedObject]
     reference: Array
@@ -92,7 +93,7 @@ class Simulation:
         hold = np.zeros(3)
         if scenario.servo.gravity_compensation:
             hold = static_tip_force(device.jacobian(start), device.gravity(start))
-        chosen = build_controller(scenario, device, start) if controller is None else _chosen(controller, scenario)
+        chosen = build_law(scenario, device, start) if controller is None else _chosen(controller, scenario)
         touched = None if object is None else as_object(object)
         if touched is not None:
             scenario = scenario.model_copy(update={"object": Object(kind="none"), "objects": None})
@@ -248,7 +249,11 @@ def _check_limits(device: Device, start: Array) -> None:
 
 
 def _setup(
-    scenario: Scenario, device: Device, start: Array, hold: Array, controller: Controller | PythonController
+    scenario: Scenario,
+    device: Device,
+    start: Array,
+    hold: Array,
+    controller: Controller | PythonController | WorkspaceController,
 ) -> Any:
     setup = device.setup()
     setup.start = start
@@ -272,6 +277,8 @@ def _setup(
     _hold(setup, scenario, device, start)
     if isinstance(controller, PythonController):
         setup.set_python_controller(controller)
+    elif isinstance(controller, WorkspaceController):
+        _set_workspace(setup, controller, device)
     else:
         setup.controller = _state_space(controller)
     if scenario.device.model != "nonlinear":
@@ -282,7 +289,14 @@ def _setup(
     return setup
 
 
-def _chosen(controller: Any, scenario: Scenario) -> Controller | PythonController:
+def _set_workspace(setup: Any, controller: WorkspaceController, device: Device) -> None:
+    known = controller.device
+    if known.model is not device.model:
+        raise ScenarioError(f"controller: it is of {known.name}, another mechanism than {device.name}")
+    setup.set_workspace_controller(known.setup().mechanism, known.viscous, controller.parameters)
+
+
+def _chosen(controller: Any, scenario: Scenario) -> Controller | PythonController | WorkspaceController:
     """Return the caller's controller."""
     try:
         return as_controller(controller, scenario.period)
@@ -294,13 +308,16 @@ def _state_space(controller: Controller) -> _core.StateSpace:
     system = controller.system
     none = np.zeros((system.nstates, 3))
     antiwindup = none if controller.antiwindup is None else controller.antiwindup
-    return _core.StateSpace(
+    out = _core.StateSpace(
         np.asarray(system.A, float).reshape(system.nstates, system.nstates),
         np.asarray(system.B, float).reshape(system.nstates, 6),
         np.asarray(system.C, float).reshape(3, system.nstates),
         np.asarray(system.D, float),
         antiwindup,
     )
+    if controller.design_stiffness is not None:
+        out.normalize(np.array(controller.design_stiffness))
+    return out
 
 
 def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:

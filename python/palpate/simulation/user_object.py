@@ -52,6 +52,10 @@ class PythonObject(PythonCode):
         numbers = [*deflection.ravel(), *normal.ravel(), depth, stiffness]
         if len(numbers) != 8 or not np.isfinite(numbers).all():
             raise ScenarioError(f"{who}, t = {tip.time:.9g} s: it returned a contact that is not finite, or no vectors")
+        if stiffness > 0.0 and answer.touching is not False and force.any() and not normal.any():
+            raise ScenarioError(
+                f"{who}, t = {tip.time:.9g} s: it returned a stiffness without the normal along which it acts"
+            )
         return _core.ContactResult(force, deflection, normal, depth, stiffness, answer.touching)
 
 

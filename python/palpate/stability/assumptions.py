@@ -33,6 +33,11 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
         sentences.append("Small motions about the pose: the device is linearized exactly there.")
     if s.object.kind == "wall":
         sentences.append("The tip stays in the wall; the operator controls motions along the surface.")
+    if s.controller.normalizes:
+        sentences.append(
+            "The controller divides reference and object force by the object's stiffness of the same tick: in the loop "
+            "the object is a constant spring of the design stiffness."
+        )
     neglected = _neglected(s, device)
     if neglected:
         sentences.append(f"Neglected: {'; '.join(neglected)}.")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import require_one_object
@@ -79,11 +80,16 @@ def zwidth(
         progress: called with a text and the fraction done.
 
     Raises:
-        StabilityError: no object of any stiffness is stable, or the scenario has no loop, several objects or a moving
-            one.
+        StabilityError: no object of any stiffness is stable, the scenario has no loop, several objects or a moving one,
+            or its controller divides by the stiffness.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     s = read_scenario(scenario, controller)
     require_one_object(s)
+    if s.controller.normalizes:
+        raise StabilityError(
+            "controller: it divides by the object's stiffness, so the loop is the same for every stiffness and has no "
+            "Z-width; palpate.stability.certify judges it"
+        )
     report = progress or (lambda _text, _fraction: None)
     return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)

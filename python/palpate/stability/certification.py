@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import brentq
 
-from palpate.control.stability_margins import loop_margins
+from palpate.control.stability_margins import Margins, loop_margins
 from palpate.devices.reach import NEAR_SINGULAR, conditioning
 from palpate.errors import PalpateError, StabilityError
 from palpate.scenario import Scenario
@@ -67,7 +67,8 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     try:
         gain = _stable_factor(loop)
         margin["critical_gain"] = gain
-        limit = f"; the loop is stable below {gain:.4g} times the object's stiffness and damping"
+        whose = "its design stiffness" if loop.normalized else "the object's stiffness and damping"
+        limit = f"; the loop is stable below {gain:.4g} times {whose}"
     except PalpateError:
         pass
     angle = _dominant_angle(loop)
@@ -140,7 +141,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[st
         reason = f"small motions about the start decay, but the verdict of the run is {run}."
         return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))
     passive, destabilizing, addition = _passivity(s, loop, margin, steps)
-    reason = f"the object may be {_stiffness_factor(m.gain_up, loop)} before the loop oscillates{addition}."
+    reason = f"{_range(m, loop)}{addition}."
     return _certificate(s, criteria, State.STABLE, reason, margin, tuple(steps), passive, destabilizing)
 
 
@@ -177,6 +178,16 @@ def _passivity(
     if remark:
         steps.append(remark)
     return passive, example, addition
+
+
+def _range(m: Margins, loop: ScenarioLoop) -> str:
+    if not loop.normalized:
+        return f"the object may be {_stiffness_factor(m.gain_up, loop)} before the loop oscillates"
+    up = "any factor" if math.isinf(m.gain_up) else f"{m.gain_up:.4g} times"
+    return (
+        "the loop is the same for every stiffness of the object, and the object may be "
+        f"{m.gain_down:.4g} to {up} as stiff as the servo takes it to be"
+    )
 
 
 def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:

@@ -179,6 +179,12 @@ def device_loop(
     """
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+    law = build_controller(scenario, device, start) if controller is None else controller
+    if law.design_stiffness is not None:
+        raise StabilityError(
+            "controller: it divides by the stiffness, and the law from a body's motion to the scaled forces is not "
+            "linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
+        )
     placeholder: dict[str, Any] = {"kind": "spring", "stiffness": ["1 N/m"] * 3}
     if not across:
         placeholder = {"kind": "wall", "stiffness": "1 N/m", "normal": normal.tolist()}
@@ -188,7 +194,7 @@ def device_loop(
         tip_force=trace["command_force"][row],
         operator_force=trace["operator_force"][row] if arm is None else np.zeros(3),
         arm=arm,
-        controller=build_controller(scenario, device, start) if controller is None else controller,
+        controller=law,
     )
 
 

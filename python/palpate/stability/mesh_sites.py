@@ -13,6 +13,7 @@ from palpate.contact import Mesh, Surface
 from palpate.control.controller import Controller
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
+from palpate.simulation.contact_law import ContactLaw
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.meshes import mesh_origin, touched_mesh
@@ -102,16 +103,25 @@ class TouchedSurface:
             pose=trace["angle"][row],
             tip_force=trace["command_force"][row],
             operator_force=trace["operator_force"][row],
-            controller=self.controller,
+            controller=None if self.scenario.controller.kind == "workspace" else self.controller,
         )
 
     def point(self, normal: Array, stiffness: float, damping: float, *, static: bool = True) -> SurfacePoint:
-        """Return the surface with a normal and a stiffness (N/m); with static or with dynamic friction."""
+        """Return the surface with a normal and a stiffness (N/m); with static or with dynamic friction.
+
+        A normalized controller sees the design stiffness along the normal. The friction's limit, a force, remains.
+        """
         s, period = self.surface, self.scenario.period
         tangential = stiffness if s.tangential is None else float(s.tangential)
         friction = s.static_friction if static or s.dynamic_friction is None else s.dynamic_friction
         drag = float(s.viscous) / (period * tangential) if tangential > 0.0 else 0.0
-        return SurfacePoint(normal, stiffness, tangential, friction, drag, damping, period)
+        seen = self._ratio(normal, stiffness)
+        return SurfacePoint(normal, seen * stiffness, tangential, friction / seen, drag, seen * damping, period)
+
+    def _ratio(self, normal: Array, stiffness: float) -> float:
+        """Return the factor on the normal force by which the controller scales it, 1 unless it is normalized."""
+        design = self.controller.design_stiffness
+        return 1.0 if design is None or not stiffness > 0.0 else float(normal**2 @ np.asarray(design)) / stiffness
 
     def site(self, trace: Trace, row: int, faces: Faces) -> Site:
         """Return the site at a sample, with the modes of ``faces`` (indices)."""
@@ -187,16 +197,22 @@ class TouchedSurface:
         normal, depth = trace["normal"][row], float(trace["depth"][row, 0])
         own = replace(self.surface, damping=0.0)
         here = self.point(normal, float(trace["surface_stiffness"][row, 0]), damping, static=False)
+        ratio = self._ratio(normal, float(trace["surface_stiffness"][row, 0]))
         tip, period, when = place - depth * normal, self.scenario.period, f"at t = {trace.time[row]:.3g} s"
         law = ProxyProbe(self.mesh, own.core_for(self.mesh), self.radius).law(triangle, normal, place, tip)
         rest = None
+
+        def seen(law: ContactLaw) -> ContactLaw:
+            damped = law.damped(damping, normal, period)
+            return damped if ratio == 1.0 else damped.scaled(ratio, normal if here.rubs else None)
+
         if law is not None:
             kind = "sticking" if here.rubs else "face"
-            rest = ContactMode(kind, f"at rest {when}", law.damped(damping, normal, period), normal)
+            rest = ContactMode(kind, f"at rest {when}", seen(law), normal)
         slips: list[ContactMode] = []
         if not self.curved or self.radius > 0.0 or not here.rubs or np.isinf(here.friction) or here.friction == 0.0:
             return rest, slips
-        sliding = replace(own, static_friction=here.friction, dynamic_friction=here.friction)
+        sliding = replace(own, static_friction=here.friction * ratio, dynamic_friction=here.friction * ratio)
         probe = ProxyProbe(self.mesh, sliding.core_for(self.mesh), self.radius)
         kept = max(KEPT, 0.5 * (1.0 + here.least_kept))
         lag = here.friction * here.stiffness / here.tangential * depth / ((1 + here.drag) * kept - here.drag)
@@ -205,7 +221,7 @@ class TouchedSurface:
             law = probe.law(triangle, normal, place, tip + lag * s)
             if law is not None:
                 name = f"sliding {when} along ({s[0]:.2f}, {s[1]:.2f}, {s[2]:.2f})"
-                slips.append(ContactMode("sliding", name, law.damped(damping, normal, period), normal))
+                slips.append(ContactMode("sliding", name, seen(law), normal))
         return rest, slips
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from palpate.arrays import Array, Flags
+from palpate.control.controller import Controller
 from palpate.devices.reach import NEAR_SINGULAR, beyond_reach, conditioning, unreachable
 from palpate.errors import PalpateError
 from palpate.simulation.evidence import lossy, resolution
@@ -109,7 +110,12 @@ def linear_radii(simulation: Simulation, columns: Mapping[str, Array], count: in
     if any(np.any(value != value[:, :1]) for value in values):
         return unknown  # one stiffness and damping for all directions
     try:
-        loop = scenario_loop(scenario, controller=simulation.controller)  # type: ignore[arg-type]
+        law = simulation.controller
+        loop = scenario_loop(scenario, controller=law if isinstance(law, Controller) else None)
     except PalpateError:
         return unknown
-    return loop_radii(loop, values[0][:, 0], values[1][:, 0])
+    stiffness, damping = values[0][:, 0], values[1][:, 0]
+    if loop.normalized:  # the controller sees its design stiffness in every cell
+        design = np.full(count, float(loop.stiffness.max()))
+        stiffness, damping = design, damping * np.divide(design, stiffness, out=np.ones(count), where=stiffness > 0.0)
+    return loop_radii(loop, stiffness, damping)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
+from palpate.control.controller_forms import PythonController
+from palpate.control.workspace_controller import WorkspaceController
 from palpate.errors import PalpateError, shorten
 from palpate.files.json_text import load_table
 from palpate.scenario import Scenario
@@ -140,7 +142,7 @@ class Plan:
             for index in (0, 1):
                 _check_value(self.tables, axis, index)
 
-    def controller(self) -> Controller | None:
+    def controller(self) -> Controller | WorkspaceController | None:
         """Return the controller of every cell if it is designed once; None: each cell's own."""
         return None if self.design == "cell" else _own_controller(self.text())
 
@@ -237,7 +239,9 @@ class Plan:
         return out
 
 
-def _check(tables: Scenario | Mapping[str, Any], controller: Controller | None = None) -> Simulation:
+def _check(
+    tables: Scenario | Mapping[str, Any], controller: Controller | WorkspaceController | None = None
+) -> Simulation:
     experiment = build_simulation(tables, controller)
     scenario = experiment.scenario
     if (model := scenario.device.model) != "nonlinear":
@@ -261,15 +265,16 @@ def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
 
 
 def _runs_in_lanes(tables: Mapping[str, Any]) -> bool:
-    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls."""
-    return Scenario.from_dict(tables).contact_kind in ("none", "spring", "wall")
+    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls, linear controllers."""
+    s = Scenario.from_dict(tables)
+    return s.contact_kind in ("none", "spring", "wall") and s.controller.kind != "workspace"
 
 
 @lru_cache(maxsize=8)
-def _own_controller(plan_text: str) -> Controller:
+def _own_controller(plan_text: str) -> Controller | WorkspaceController:
     """Return the controller that is designed for the scenario as it stands."""
     own = build_simulation(Plan.of_text(plan_text).tables).controller
-    assert isinstance(own, Controller)  # a scenario's own is linear
+    assert not isinstance(own, PythonController)  # a scenario has none
     return own
 
 
@@ -294,6 +299,7 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
         "none",
         "gain",
         "state_space",
+        "workspace",
     ):
         return True
     ends = (int(np.argmin(axis.values)), int(np.argmax(axis.values)))
@@ -301,7 +307,8 @@ def _same_controller(plan: Plan, axis: Axis) -> bool:
     assert isinstance(one, Controller)  # a scenario's own is linear
     assert isinstance(other, Controller)
     a, b = one.system, other.system
-    return all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
+    same = all(np.array_equal(x, y) for x, y in zip((a.A, a.B, a.C, a.D), (b.A, b.B, b.C, b.D), strict=True))
+    return same and one.design_stiffness == other.design_stiffness
 
 
 @lru_cache(maxsize=256)

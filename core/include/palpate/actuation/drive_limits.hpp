@@ -49,6 +49,16 @@ class Drive {
   /// Whether any limit is finite.
   [[nodiscard]] bool limits() const noexcept { return has_force_limit_ || has_torque_limit_; }
 
+  /// Returns the largest tip force [N] of the next command: the peak force, reduced when the windings are hot.
+  [[nodiscard]] Scalar force_limit() const noexcept {
+    const Scalar limit = limits_.peak_force;
+    if (!any_thermal_) return limit;
+    const Scalar& rating = limits_.continuous_force;
+    const Scalar margin = min_of(max_of((1.0 - temperature_) / 0.1, Scalar(0.0)), Scalar(1.0));
+    const Scalar faded = rating + margin * max_of(Scalar(0.0), min_of(limit, Scalar(1e300)) - rating);
+    return select(thermal_, min_of(limit, faded), limit);
+  }
+
   /// Returns the tip force [N] that the motors apply for the force `commanded` [N]. Updates the winding temperature.
   Vector3<Scalar> limit_force(const Vector3<Scalar>& commanded) noexcept {
     if (!has_force_limit_) return commanded;
@@ -56,9 +66,7 @@ class Drive {
     Scalar limit = limits_.peak_force;
     if (any_thermal_) {
       const Scalar& rating = limits_.continuous_force;
-      const Scalar margin = min_of(max_of((1.0 - temperature_) / 0.1, Scalar(0.0)), Scalar(1.0));
-      const Scalar faded = rating + margin * max_of(Scalar(0.0), min_of(limit, Scalar(1e300)) - rating);
-      limit = select(thermal_, min_of(limit, faded), limit);
+      limit = force_limit();
       const Scalar load = min_of(magnitude, limit) / rating;
       temperature_ = select(thermal_, temperature_ + temperature_gain_ * (load * load - temperature_), temperature_);
     }

@@ -3,19 +3,24 @@
 #include <concepts>
 
 #include "palpate/math/vector.hpp"
+#include "palpate/object/contact_object.hpp"
 
 namespace palpate::control {
 
 /// Signals of one servo tick that a controller may use. Device frame; SI units.
 template <class Scalar = double>
 struct BasicTickInput {
-  const Vector3<Scalar>& reference;     ///< force the object should feel, N; zero for an impedance display
-  const Vector3<Scalar>& object_force;  ///< of the tip on the object, N
-  const Vector3<Scalar>& deflection;    ///< of the touched surface, m
-  const Vector3<Scalar>& tip;           ///< measured position, m
-  const Vector3<Scalar>& previous_tip;  ///< at the last tick, m
-  double rate;                          ///< 1 / time since the last tick, 1/s
-  double time;                          ///< since the first tick, s
+  const Vector3<Scalar>& reference;                   ///< force the object should feel, N; zero for an impedance display
+  const Vector3<Scalar>& object_force;                ///< of the tip on the object, N
+  const Vector3<Scalar>& deflection;                  ///< of the touched surface, m
+  const Vector3<Scalar>& tip;                         ///< measured position, m
+  const Vector3<Scalar>& previous_tip;                ///< at the last tick, m
+  double rate;                                        ///< 1 / time since the last tick, 1/s
+  double time;                                        ///< since the first tick, s
+  const object::BasicContactResult<Scalar>& contact;  ///< of this tick: normal, signed depth, local stiffness
+  const Scalar* angles;                               ///< measured joint angles, rad; as many as the mechanism has joints
+  const Vector3<Scalar>& gravity_compensation;        ///< constant tip force that the servo adds to the command, N
+  Scalar force_limit;                                 ///< of the motors at the tip at this tick, N; infinity: none
 
   /// Return the tip's velocity by backward difference [m/s].
   [[nodiscard]] Vector3<Scalar> velocity() const noexcept { return (tip - previous_tip) * rate; }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/control/controller.hpp"
+#include "palpate/control/stiffness_normalization.hpp"
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -13,7 +14,7 @@ namespace palpate::control {
 /// Sampled linear controller from reference and object force to tip force:
 ///   u_k = C x_k + D [reference; object],   x_{k+1} = A x_k + B [reference; object] + L (applied - u)
 /// `applied` is the force that the drive gave. L = 0 is a plain state space. L is nonzero for an observer of the true input and for
-/// anti-windup of an integrator.
+/// anti-windup of an integrator. With normalize(), reference and object force are those that an object of the design stiffness would have.
 template <class Number>
 class BasicStateSpace {
  public:
@@ -45,6 +46,8 @@ class BasicStateSpace {
     out.ab_ = ab_;
     out.cd_ = cd_;
     out.plain_ = plain_;
+    out.normalized_ = normalized_;
+    out.normalization_ = BasicStiffnessNormalization<Other>(normalization_.design_stiffness());
     out.allocate();
     return out;
   }
@@ -52,13 +55,23 @@ class BasicStateSpace {
   /// Set the state of one lane; all lanes share the controller.
   void set_lane(int lane, const BasicStateSpace<double>& one) {
     for (std::size_t i = 0; i < xv_.size(); ++i) xv_[i].set(lane, one.xv_[i]);
+    normalization_.set_lane(lane, one.normalization_);
+  }
+
+  /// Divide reference and object force by the stiffness of their tick, and multiply them by `design_stiffness` [N/m], per axis: the loop
+  /// is then the same for every stiffness. See StiffnessNormalization.
+  void normalize(const Vector3<>& design_stiffness) {
+    normalized_ = true;
+    normalization_ = BasicStiffnessNormalization<Scalar>(design_stiffness);
   }
 
   [[nodiscard]] int order() const { return order_; }
 
   /// Return the tip force [N] for the signals of a tick.
   [[gnu::always_inline]] Vector3<Scalar> command(const BasicTickInput<Scalar>& input) noexcept {
-    return output(input.reference, input.object_force);
+    if (!normalized_) return output(input.reference, input.object_force);
+    const auto [reference, object] = normalization_.apply(input);
+    return output(reference, object);
   }
 
   /// Return the tip force [N] from reference force and object force [N].
@@ -98,6 +111,7 @@ class BasicStateSpace {
 
   void reset() noexcept {
     for (Scalar& x : xv_) x = 0.0;
+    normalization_.reset();
   }
 
   [[nodiscard]] Eigen::Map<const Eigen::Matrix<Scalar, Eigen::Dynamic, 1>> state() const { return {xv_.data(), order_}; }
@@ -121,6 +135,8 @@ class BasicStateSpace {
 
   int order_ = 0;
   bool plain_ = true;
+  bool normalized_ = false;
+  BasicStiffnessNormalization<Scalar> normalization_;
   std::vector<double> ab_;    // [A B L], n x (n + 9), column by column
   std::vector<double> cd_;    // [C D], 3 x (n + 6), column by column
   std::vector<Scalar> xv_;    // state, reference, object, applied - output

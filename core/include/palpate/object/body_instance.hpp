@@ -30,7 +30,9 @@ struct BodyPlacement {
 class BodyInstance {
  public:
   using Scalar = double;
-  static constexpr int columns = 7;  ///< deflection (3), stored energy, contact nodes, solved, energy of the tank
+  static constexpr double shallow = 50e-6;  ///< depth up to which the local stiffness is taken as at least the last one, m
+  static constexpr double unknown = 1e3;    ///< stiffness before the first deeper contact, N/m
+  static constexpr int columns = 7;         ///< deflection (3), stored energy, contact nodes, solved, energy of the tank
 
   /// @param placement  its body must not be null
   explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->clone_at_rest()) {
@@ -60,6 +62,7 @@ class BodyInstance {
     result_.touching = contact.touching;
     result_.normal = contact.touching ? Vector3<>(placement_.rotation * tip_.outward) : Vector3<>(Vector3<>::Zero());
     result_.depth = -result_.normal.dot(result_.deflection);
+    update_stiffness();
     return result_;
   }
 
@@ -70,6 +73,7 @@ class BodyInstance {
     body_ = placement_.body->clone_at_rest();
     body_->set_observer(placement_.deformation_frames.get());
     result_ = {};
+    last_stiffness_ = unknown;
     tick_ = 0;
   }
 
@@ -96,6 +100,13 @@ class BodyInstance {
     if (tip_.kind == deformable::Tip::Kind::sphere) tip_.outward = body_->outward(tip_);
   }
 
+  /// Set the secant stiffness along the normal. At first touch a body is softer than a little deeper, where it will rest.
+  void update_stiffness() noexcept {
+    const double secant = result_.depth > 0.0 ? -result_.normal.dot(result_.force) / result_.depth : 0.0;
+    result_.stiffness = result_.depth > shallow ? secant : result_.touching ? std::max(secant, last_stiffness_) : 0.0;
+    if (result_.depth > shallow) last_stiffness_ = secant;
+  }
+
   void publish(int count) noexcept {
     ContactFrame& next = placement_.contact_frames->write_slot();
     next.tick = tick_++;
@@ -109,6 +120,7 @@ class BodyInstance {
   std::unique_ptr<DeformableObject> body_;
   deformable::Tip tip_;
   ContactResult result_;
+  double last_stiffness_ = unknown;  // at the last depth beyond shallow, N/m
   std::int64_t tick_ = 0;
 };
 

@@ -24,8 +24,9 @@ struct BasicContactResult {
   Vector3<Scalar> deflection = Vector3<Scalar>::Constant(0.0);  ///< displacement of the touched surface, m
   Vector3<Scalar> normal = Vector3<Scalar>::Constant(0.0);      ///< unit, out of the object; zero: no contact, or no surface
   Scalar depth = 0.0;                                           ///< penetration along the normal, m; negative: outside
-  Scalar stiffness = 0.0;                                       ///< along the normal, N/m
+  Scalar stiffness = 0.0;                                       ///< along the normal, N/m; zero: not known
   Condition<Scalar> touching = false;
+  Vector3<Scalar> axis_stiffness = Vector3<Scalar>::Constant(0.0);  ///< of an object without a normal, per axis, N/m; zero: not known
 };
 using ContactResult = BasicContactResult<double>;
 

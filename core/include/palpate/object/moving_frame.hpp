@@ -92,6 +92,7 @@ class MovingFrame {
     result_.force = pose_.rotation * local.force;
     result_.deflection = pose_.rotation * local.deflection;
     result_.normal = pose_.rotation * local.normal;
+    result_.axis_stiffness = pose_.rotation.cwiseAbs2() * local.axis_stiffness;  // diagonal of the rotated stiffness
     torque_ = (tip.position - pose_.origin).cross(result_.force);
     return result_;
   }

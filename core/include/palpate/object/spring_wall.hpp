@@ -37,6 +37,7 @@ class BasicSpringWall {
   explicit BasicSpringWall(const SpringWallParameters& p)
       : kind_(p.kind), point_(p.point), normal_(p.normal), coupling_(p.stiffness, p.damping, p.difference) {
     result_.stiffness = p.normal.dot(p.stiffness.cwiseProduct(p.normal));
+    if (kind_ == Kind::point) result_.axis_stiffness = p.stiffness;
   }
 
   /// Return contact and force for one sample of the tip.
@@ -70,9 +71,10 @@ class BasicSpringWall {
 
   void reset() noexcept {
     coupling_.reset();
-    const Scalar stiffness = result_.stiffness;
+    const Result last = result_;
     result_ = {};
-    result_.stiffness = stiffness;
+    result_.stiffness = last.stiffness;
+    result_.axis_stiffness = last.axis_stiffness;
   }
 
   /// Set one lane from a scalar object of the same kind.
@@ -83,6 +85,7 @@ class BasicSpringWall {
     set_lane(normal_, lane, one.normal_);
     coupling_.set_lane(lane, one.coupling_);
     set_lane(result_.stiffness, lane, one.result_.stiffness);
+    set_lane(result_.axis_stiffness, lane, one.result_.axis_stiffness);
   }
 
  private:

@@ -13,6 +13,7 @@
 
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
+#include "palpate/control/workspace_controller.hpp"
 #include "palpate/mechanism/registry.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/servo/blob.hpp"
@@ -63,6 +64,10 @@ class LoopConfig {
     out.period = period_;
     out.object = object_;
     out.controller = controller_;
+    if constexpr (Mechanism::dof == 3) {
+      if (workspace_)
+        out.controller = control::WorkspaceController<Mechanism>(out.mechanism, joints(known_friction_), *workspace_, period_);
+    }
     out.friction.viscous = joints(viscous_);
     out.friction.coulomb = joints(coulomb_);
     out.friction.breakaway = joints(breakaway_);
@@ -103,6 +108,8 @@ class LoopConfig {
   Eigen::MatrixXd plant_a_, plant_b_, plant_c_;
   object::AnyObject object_;
   control::AnyController controller_;
+  std::optional<control::WorkspaceParameters> workspace_;
+  std::vector<double> known_friction_;
 };
 
 /// A loaded config, or the reason why there is none.
@@ -250,11 +257,34 @@ class LoopConfigLoader {
   }
 
   void read_controller(const Section& from) {
-    static_cast<void>(from.choice("kind", {"state_space"}));
+    const std::size_t kind = from.choice("kind", {"state_space", "normalized_state_space", "workspace"});
+    if (kind == 2) return read_workspace(from);
+    const bool normalized = kind == 1;
+    const Vector3<> design_stiffness = normalized ? from.vector("design_stiffness") : Vector3<>(Vector3<>::Ones());
+    if (!(design_stiffness.minCoeff() > 0.0)) from.fail("design_stiffness", "must be positive");
     const std::int64_t order = from.integer("order", 0, 1000);
     const Eigen::MatrixXd a = from.matrix("a", order, order), b = from.matrix("b", order, 6), c = from.matrix("c", 3, order),
                           d = from.matrix("d", 3, 6), antiwindup = from.matrix("antiwindup", order, 3);
-    if (reader_.ok()) config_.controller_ = control::StateSpace(a, b, c, d, antiwindup);
+    if (!reader_.ok()) return;
+    control::StateSpace law(a, b, c, d, antiwindup);
+    if (normalized) law.normalize(design_stiffness);
+    config_.controller_ = std::move(law);
+  }
+
+  void read_workspace(const Section& from) {
+    if (config_.dof != 3) return from.fail("kind", "is \"workspace\", which needs a mechanism with three joints");
+    control::WorkspaceParameters p;
+    p.bandwidth = from.positive("bandwidth");
+    p.damping = from.positive("damping");
+    p.observer = from.positive("observer");
+    p.disturbance = from.positive("disturbance");
+    p.reference = from.positive("reference");
+    p.reference_damping = from.positive("reference_damping");
+    p.share = from.positive("share");
+    p.stiffness = from.vector("stiffness");
+    config_.known_friction_ = nonnegative_joints(from, "friction");
+    if (const char* fault = p.fault(); fault != nullptr && reader_.ok()) from.fail("kind", fault);
+    config_.workspace_ = p;
   }
 
   const BlobSource& source_;

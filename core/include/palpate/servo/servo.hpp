@@ -152,14 +152,15 @@ class Servo {
   static constexpr bool is_scalar = std::same_as<Scalar, double>;
 
   /// Run the tick once the tip position is known.
-  [[gnu::always_inline]] const Tick& finish_tick(const Vector& reference, double rate) noexcept {
+  [[gnu::always_inline]] const Tick& finish_tick(const Angles& angles, const Vector& reference, double rate) noexcept {
     const Vector previous = tick_.tip;
     tick_.tip = kinematics_.tip();
     const double time = static_cast<double>(count_++) * period_;
     const object::BasicContactResult<Scalar>& contact = object_.step({tick_.tip, rate, time});
     tick_.object_force = contact.force;
     tick_.touching = contact.touching;
-    const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time});
+    const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time, contact,
+                                               angles.data(), gravity_compensation_, drive_.force_limit()});
     if constexpr (is_scalar) {
       tick_.fault = false;
       if (!FaultGuard<dof>::usable(contact.force) || !FaultGuard<dof>::usable(wanted)) [[unlikely]]
@@ -269,8 +270,9 @@ PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& ang
   if constexpr (is_scalar)
     if (!guard_.accept(angles, reference, elapsed)) [[unlikely]]
       return hold();
-  kinematics_.update(encoder_.read(angles));
-  return finish_tick(reference, rate());
+  const Angles measured = encoder_.read(angles);
+  kinematics_.update(measured);
+  return finish_tick(measured, reference, rate());
 }
 
 template <class Mechanism, class Object, class Controller>
@@ -282,7 +284,7 @@ PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& ang
     if (!guard_.accept(angles, reference, period_)) [[unlikely]]
       return hold();
   kinematics_.update(at);
-  return finish_tick(reference, rate());
+  return finish_tick(angles, reference, rate());
 }
 
 template <class Mechanism, class Object, class Controller>

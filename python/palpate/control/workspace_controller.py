@@ -1,0 +1,176 @@
+"""Workspace controller: force tracking that responds alike at every pose and for every stiffness of the object.
+
+The forces are divided by the object's stiffness of their tick, the inertia of the tip is decoupled (Khatib 1987), a
+reference model moves to the target within the drive's limit (Workman 1987), and an observer driven by the applied force
+estimates a constant disturbance in place of an integrator. The law itself is in the core, `WorkspaceController`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate import _core
+from palpate.arrays import Array
+from palpate.control.controller import Controller
+from palpate.devices import Device
+from palpate.errors import DesignError, PoseError
+from palpate.units import to_si
+
+_STIFFNESS: Final = 1000.0  # N/m
+OPTIONS: Final = {
+    "bandwidth": "rad/s",
+    "damping": "",
+    "observer": "",
+    "disturbance": "",
+    "reference": "rad/s",
+    "reference_damping": "",
+    "share": "",
+    "stiffness": "N/m",
+}  # option: unit
+
+
+@dataclass(frozen=True)
+class WorkspaceController:
+    """Workspace controller of a device with three joints.
+
+    Attributes:
+        device: as the controller knows it: kinematics, inertia, gravity and viscous friction.
+        period: servo period, s.
+        bandwidth: of the feedback, rad/s.
+        damping: ratio of the feedback, at most 1.
+        observer: rate of the observer of position and velocity over the bandwidth.
+        disturbance: rate of the observer of the disturbance over the bandwidth.
+        reference: bandwidth of the reference model, rad/s.
+        reference_damping: ratio of the reference model, at most 1.
+        share: of the drive's limit that the reference model uses, at most 1.
+        stiffness: by which forces without a known stiffness are divided, per axis, N/m.
+    """
+
+    device: Device
+    period: float
+    bandwidth: float = 200.0
+    damping: float = 0.9
+    observer: float = 6.0
+    disturbance: float = 0.05
+    reference: float = 250.0
+    reference_damping: float = 1.0
+    share: float = 0.85
+    stiffness: tuple[float, float, float] = (_STIFFNESS, _STIFFNESS, _STIFFNESS)
+
+    kind: Final = "workspace"
+
+    def __post_init__(self) -> None:
+        if self.device.dof != 3:
+            raise DesignError(
+                f"workspace: {self.device.name} has {self.device.dof} joint(s); a workspace controller needs three, "
+                'take "lqg" instead'
+            )
+        if not (self.period > 0 and np.isfinite(self.period)):
+            raise DesignError(f"workspace: the servo period must be positive, not {self.period:g} s")
+        if fault := self.parameters.fault():
+            raise DesignError(f"workspace: {fault}")
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters of the core's controller."""
+        out = _core.WorkspaceParameters()
+        for name in OPTIONS:
+            setattr(out, name, np.asarray(self.stiffness, float) if name == "stiffness" else float(getattr(self, name)))
+        return out
+
+    @property
+    def gains(self) -> Any:
+        """Gains of one axis: `position` (1/s^2), `velocity` (1/s), `observer` (3,), and of the reference model."""
+        return _core.WorkspaceGains(self.parameters, self.period)
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """Specification and gains, for reports."""
+        gains = self.gains
+        return {
+            **{name: getattr(self, name) for name in OPTIONS},
+            "position_gain": gains.position,
+            "velocity_gain": gains.velocity,
+            "observer_gain": np.asarray(gains.observer).tolist(),
+        }
+
+    def linearized(self, pose: ArrayLike) -> Controller:
+        """Return the law for small motions about rest at a pose (dof,), rad, without limits, exact to first order.
+
+        Its states are, per axis, the estimate of deflection, velocity and disturbance, and the position and velocity
+        of the reference model. It is normalized.
+
+        Raises:
+            PoseError: the pose is singular.
+        """
+        q: Array = np.array(pose, dtype=float)
+        jacobian = self.device.jacobian(q)
+        if np.linalg.cond(jacobian) > 1e9:
+            raise PoseError("workspace: the pose is singular, so the tip's inertia is not defined")
+        inverse: Array = np.asarray(np.linalg.inv(jacobian), dtype=float)
+        inertia = inverse.T @ self.device.mass_matrix(q) @ inverse
+        friction = inverse.T @ np.diag(self.device.viscous) @ inverse
+        scale = np.diag(1.0 / np.asarray(self.stiffness))
+        g, t = self.gains, self.period
+        correct = np.eye(5)
+        correct[:3, 0] -= g.observer
+        entry = np.zeros((5, 2))  # from reference and deflection
+        entry[:3, 1] = g.observer
+        model = np.array([0.0, 0.0, 0.0, -g.reference_position, -g.reference_velocity])
+        law = model + np.array([-g.position, -g.velocity, -1.0, g.position, g.velocity])
+        step = np.eye(5)
+        step[0, 1] = step[3, 4] = t
+        step[0, 2], step[1, 2] = 0.5 * t * t, t
+        push = np.array([0.5 * t * t, t, 0.0, 0.0, 0.0])  # of the acceleration on the estimate
+        follow = np.array([0.0, 0.0, 0.0, 0.5 * t * t, t])  # of the model's acceleration on the model
+        ahead = np.array([g.reference_position, 0.0])  # of the reference on both accelerations
+        a = (step + np.outer(push, law) + np.outer(follow, model)) @ correct
+        b = (step + np.outer(push, law) + np.outer(follow, model)) @ entry + np.outer(push + follow, ahead)
+        c, d = law @ correct, law @ entry + ahead
+        weight = self._gravity_slope(q, inverse)
+        eye = np.eye(3)
+        big_c = np.kron(c, inertia) + np.kron(np.eye(5)[4], friction)
+        big_b = np.hstack([np.kron(b[:, :1], eye) @ scale, np.kron(b[:, 1:], eye) @ scale])
+        big_d = np.hstack([d[0] * inertia @ scale, (d[1] * inertia + weight) @ scale])
+        system = control.StateSpace(np.kron(a, eye), big_b, big_c, big_d, t)
+        back = np.kron(push[:, None], np.linalg.inv(inertia))
+        return Controller(system, back, self.kind, self.notes).normalized(self.stiffness)
+
+    def _gravity_slope(self, pose: Array, inverse: Array) -> Array:
+        """Return the derivative of the tip force that balances gravity by the tip position, (3, 3), N/m."""
+
+        def force(q: Array) -> Array:
+            return np.asarray(np.linalg.solve(self.device.jacobian(q).T, self.device.gravity(q)), dtype=float)
+
+        h = 1e-5
+        slope = np.array([(force(pose + h * e) - force(pose - h * e)) / (2 * h) for e in np.eye(3)]).T
+        return np.asarray(slope @ inverse, dtype=float)
+
+
+def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceController:
+    """Return the workspace controller of a device.
+
+    Args:
+        device: as the controller knows it.
+        period: servo period, s, or text with a unit.
+        **options: attributes of `WorkspaceController`, numbers in SI or text with a unit.
+
+    Raises:
+        DesignError: an unknown option, a value out of range, or a device without three joints.
+    """
+    unknown = sorted(set(options) - set(OPTIONS))
+    if unknown:
+        raise DesignError(f'workspace: "{unknown[0]}" is no option; known are {", ".join(OPTIONS)}')
+    values: dict[str, Any] = {}
+    for name, value in options.items():
+        unit = OPTIONS[name]
+        text = isinstance(value, str)
+        values[name] = to_si(value, unit, f"workspace: {name}", error=DesignError) if text else value
+    if "stiffness" in values:
+        values["stiffness"] = tuple(np.broadcast_to(np.asarray(values["stiffness"], dtype=float), (3,)).tolist())
+    return WorkspaceController(device, to_si(period, "s", "workspace: period", error=DesignError), **values)

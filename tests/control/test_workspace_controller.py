@@ -1,0 +1,188 @@
+"""Workspace controller: closed-form gains, exact linear model, and the response that it promises at every pose."""
+
+from __future__ import annotations
+
+import os
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import palpate
+import pytest
+from palpate.arrays import Array
+from palpate.control import WorkspaceController, closed_loop, gain_interval, loop_gain, loop_margins, workspace
+from palpate.devices import Device, load
+from palpate.devices.device import Parameters
+from palpate.errors import DesignError, PalpateError, ScenarioError
+from palpate.linear.discretization import rendering_plant
+from palpate.linear.linear_device import HumanArm
+from palpate.scenario import Scenario
+from palpate.simulation import scenario_loop
+from palpate.simulation.loop_config import resolve
+from palpate.simulation.verdict import State
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
+ARM = load("phantom-premium-1.5a")
+POSE = np.array([0.0, 2.2305, 3.2776])
+OTHER = np.array([0.0, 0.5, -0.3])
+PERIOD = 5e-4
+
+
+def tables(pose: Array, stiffness: float, force: float, **device: Any) -> dict[str, Any]:
+    return {
+        "device": {"name": "phantom-premium-1.5a", **device},
+        "start": {"pose": [f"{float(q)!r} rad" for q in pose]},
+        "servo": {"period": "0.5 ms"},
+        "reference": {"shape": "step", "force": f"{force} N"},
+        "object": {"kind": "spring", "stiffness": f"{stiffness!r} N/m"},
+        "controller": {"kind": "workspace"},
+        "run": {"duration": "0.3 s"},
+    }
+
+
+def mass(kilograms: float = 0.1) -> Device:
+    return Device(
+        "mass", "", "tip_device", Parameters({"mass.apparent": (kilograms,) * 3, "friction.viscous": (0.0,) * 3})
+    )
+
+
+def axis_loop(controller: WorkspaceController) -> control.StateSpace:
+    """Return the loop gain of one axis of a mass."""
+    t, m, k = controller.period, 0.1, controller.stiffness[0]
+    eye = np.eye(3)
+    a = np.kron([[1.0, t], [0.0, 1.0]], eye)
+    b = np.kron([[t * t / 2 / m], [t / m]], eye)
+    plant = control.StateSpace(a, b, np.kron([[k, 0.0]], eye), np.zeros((3, 3)), t)
+    return loop_gain(controller.linearized(np.zeros(3)), plant)
+
+
+@pytest.mark.parametrize(
+    ("period", "bandwidth", "gains", "interval", "radius"),
+    [
+        (
+            5e-4,
+            200.0,
+            (36576.1408, 338.603612, 0.700308, 413.097182, 4061.25719, 55227.9116, 456.205412),
+            (0.038495, 8.041557),
+            0.995012479,
+        ),
+        (
+            1e-3,
+            150.0,
+            (19681.476, 246.461244, 0.835936216, 357.080751, 2631.31699, 48929.43, 415.4),
+            (0.039074, 7.096654),
+            0.992528055,
+        ),
+    ],
+)
+def test_gains_and_margins_of_one_axis_are_those_of_the_theory(
+    period: float, bandwidth: float, gains: tuple[float, ...], interval: tuple[float, float], radius: float
+) -> None:
+    controller = workspace(mass(), period, bandwidth=bandwidth)
+    found = controller.gains
+    numbers = [found.position, found.velocity, *found.observer, found.reference_position, found.reference_velocity]
+    assert numbers[: 5 if period > 5e-4 else 7] == pytest.approx(gains[: 5 if period > 5e-4 else 7], rel=1e-8, abs=1e-6)
+    loop = axis_loop(controller)
+    assert gain_interval(loop) == pytest.approx(interval, rel=2e-5)
+    assert loop_margins(loop).spectral_radius == pytest.approx(radius, rel=1e-6)
+    assert radius == pytest.approx(np.exp(-0.05 * bandwidth * period))
+
+
+def test_any_varying_gain_within_the_disk_factor_is_admissible() -> None:
+    """The circle criterion: (2 + alpha)/(2 - alpha) of the symmetric disk margin is 2.81 for one axis."""
+    assert loop_margins(axis_loop(workspace(mass(), PERIOD))).disk_gain == pytest.approx(2.81, abs=0.02)
+
+
+@pytest.mark.parametrize("pose", [POSE, OTHER])
+def test_the_linear_model_is_the_small_motion_of_the_core(pose: Array) -> None:
+    law = workspace(ARM, PERIOD).linearized(pose)
+    plant = rendering_plant(ARM, pose, stiffness=1000.0, period=PERIOD)
+    ticks = np.arange(120)
+    linear = control.forced_response(closed_loop(law, plant), ticks * PERIOD, 1e-4 * np.ones((3, len(ticks)))).y[:3]
+    trace = palpate.simulate(tables(pose, 1000.0, 1e-4) | {"run": {"duration": "0.06 s"}})
+    assert np.abs(trace["object_force"][: len(ticks)] - linear.T).max() < 1e-3 * 1e-4
+
+
+def measured(pose: Array, stiffness: float, force: float, **device: Any) -> tuple[float, float, float, float]:
+    """Return settling and the drive's bound, s, overshoot and steady error of a step on all axes."""
+    known = None if "name" not in device else workspace(ARM, PERIOD)
+    share = palpate.simulate(tables(pose, stiffness, force, saturation=True, **device), known)["deflection"]
+    share = share * stiffness / force
+    settled = PERIOD * (int(np.flatnonzero(np.any(np.abs(share - 1.0) > 0.05, axis=1))[-1]) + 1)
+    inverse = np.linalg.inv(ARM.jacobian(pose))
+    inertia = inverse.T @ ARM.mass_matrix(pose) @ inverse
+    way = np.full(3, force / stiffness)
+    bound = 1.6022 * np.sqrt(np.linalg.norm(inertia @ way) / ARM.peak_force)
+    return settled, float(bound), float(share.max() - 1.0), float(np.abs(share[-1] - 1.0).max())
+
+
+def poses(count: int, way: float) -> list[Array]:
+    """Return poses from which a way of this length (m) on every axis stays well conditioned."""
+    generator, found = np.random.default_rng(1), []
+    while len(found) < count:
+        q = generator.uniform([-0.8, -0.3, -0.3], [0.8, 2.4, 3.3])
+        try:
+            path = [ARM.inverse(ARM.forward(q) + share * way, q) for share in np.linspace(0.0, 1.1, 6)]
+        except PalpateError:
+            continue
+        if all(np.linalg.norm(one - q) < 1.5 and np.linalg.cond(ARM.jacobian(one)) <= 4.0 for one in path):
+            found.append(q)
+    return found
+
+
+@pytest.mark.parametrize("stiffness", [100.0, 500.0, 3500.0])
+def test_a_step_settles_near_the_bound_of_the_drive_at_every_pose(stiffness: float) -> None:
+    for pose in poses(40 if NIGHTLY else 4, 1.0 / stiffness):
+        settled, bound, overshoot, steady = measured(pose, stiffness, 1.0)
+        assert settled <= 1.35 * bound + 17e-3
+        assert stiffness < 500.0 or settled <= 26.5e-3
+        assert overshoot <= 0.01
+        assert steady <= 1e-4
+
+
+def test_unmodeled_rotors_overshoot_little() -> None:
+    for pose in poses(40 if NIGHTLY else 3, 1e-3):
+        assert measured(pose, 1000.0, 1.0, name="phantom-premium-1.5a-rotors")[2] <= 0.05
+
+
+def test_all_operators_are_stable_at_both_poses_with_and_without_rotors() -> None:
+    hands = [
+        None,
+        *(HumanArm(m, b, k) for m, b, k in product((0.05, 0.15, 0.3, 0.5), (0, 1, 4.5, 20), (0, 100, 560, 2000))),
+    ]
+    chosen = hands if NIGHTLY else [None, hands[1], hands[20], hands[49], hands[-1]]
+    for pose in (POSE, OTHER):
+        for name in ("phantom-premium-1.5a", "phantom-premium-1.5a-rotors"):
+            scenario = Scenario.from_dict(tables(pose, 3500.0, 1.0, name=name))
+            law = workspace(ARM, PERIOD).linearized(pose)
+            for hand in chosen:
+                loop = scenario_loop(scenario, arm=hand, operator_force=(0.0, 0.0, 0.0), controller=law)
+                assert loop.spectral_radius() < 1.0
+
+
+def test_a_certificate_is_made_where_the_run_rests() -> None:
+    certificate = palpate.stability.certify(tables(OTHER, 3500.0, 1.0))
+    assert certificate.verdict.state is State.STABLE
+    assert certificate.margin["spectral_radius_at_rest"] < 1.0
+
+
+def test_options_are_read_resolved_and_checked(tmp_path: Path) -> None:
+    own = tables(POSE, 1000.0, 0.5)
+    own["controller"] |= {"bandwidth": "150 rad/s", "stiffness": "2 N/mm"}
+    scenario = Scenario.from_dict(own)
+    assert Scenario.from_dict(scenario.to_dict()) == scenario
+    assert scenario.controller.options == {"bandwidth": 150.0, "stiffness": 2000.0}
+    assert '"workspace"' in (resolve(own, tmp_path / "loop") / "loop.json").read_text("utf-8")
+    assert palpate.simulate(own).metadata["controller"]["kind"] == "workspace"
+    with pytest.raises(DesignError, match="share must be above 0"):
+        workspace(ARM, PERIOD, share=1.5)
+    with pytest.raises(DesignError, match="needs three"):
+        workspace(load("slider"), PERIOD)
+    with pytest.raises(DesignError, match="is no option"):
+        workspace(ARM, PERIOD, speed=1.0)
+    with pytest.raises(ScenarioError, match="needs three joints"):
+        Scenario.from_dict(own | {"device": {"name": "slider"}, "start": {}})
+    with pytest.raises(ScenarioError, match="divides by the stiffness in any case"):
+        Scenario.from_dict(own | {"controller": {"kind": "workspace", "normalize": "1 N/mm"}})

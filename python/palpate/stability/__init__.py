@@ -48,6 +48,7 @@ from palpate.stability.passivity import (
     zoh_energy,
 )
 from palpate.stability.wall_verdict import WallVerdict, wall_limit
+from palpate.stability.workspace_certificate import WorkspaceCertificate, certify_workspace, workspace_loops
 
 __all__ = [
     "Boundary",
@@ -66,9 +67,11 @@ __all__ = [
     "StabilityInterval",
     "WallVerdict",
     "Workspace",
+    "WorkspaceCertificate",
     "ZWidth",
     "certify",
     "certify_coupling",
+    "certify_workspace",
     "characteristic_polynomial",
     "contact_stability",
     "coulomb_amplitude",
@@ -95,6 +98,7 @@ __all__ = [
     "wall_polynomial",
     "wall_spectral_radius",
     "workspace",
+    "workspace_loops",
     "zoh_energy",
     "zwidth",
 ]

@@ -20,7 +20,16 @@ from scipy.linalg import cholesky, solve_discrete_lyapunov, solve_triangular
 
 from palpate.arrays import Array
 
-__all__ = ["CommonLyapunov", "DwellTime", "Sector", "common_lyapunov", "decrease", "dwell_time", "has_solver"]
+__all__ = [
+    "CommonLyapunov",
+    "DwellTime",
+    "Sector",
+    "common_lyapunov",
+    "decrease",
+    "dwell_time",
+    "has_solver",
+    "strongest_lyapunov",
+]
 
 MARGIN = 1e-7  # least decrease of x^T P x in a step, relative to x^T P x, that counts as verified
 ROUNDS = 3  # of the solver, each with the sectors that the last P violates
@@ -145,6 +154,17 @@ def common_lyapunov(sectors: Sequence[Sector], corners: int) -> CommonLyapunov |
     return None if found is None else CommonLyapunov(found, float(decrease(every, found).min()), True)
 
 
+def strongest_lyapunov(matrices: ArrayLike) -> Array | None:
+    """Return P whose x^T P x decreases most, relative to |x|^2, under each of the matrices (m, n, n); None: not found.
+
+    It needs Clarabel, and is to be verified with `decrease`.
+    """
+    a = np.asarray(matrices, dtype=float)
+    n = a.shape[-1]
+    none = np.zeros(n)
+    return _inequalities([Sector("", one, none, np.zeros((n, 0)), none, 0.0, 0.0, 0.0) for one in a], 4, 1e-4)
+
+
 def dwell_time(matrices: ArrayLike) -> DwellTime | None:
     """Return the dwell time of the matrices (m, n, n) from their own Lyapunov matrices; None if one is unstable.
 
@@ -229,14 +249,14 @@ def _solve(sectors: Sequence[Sector], groups: Sequence[Array], start: Array, cor
     return None
 
 
-def _inequalities(sectors: Sequence[Sector], corners: int) -> Array | None:
+def _inequalities(sectors: Sequence[Sector], corners: int, gap: float = 1e-2) -> Array | None:
     """Return P <= I that maximizes t, with x^T P x decreasing by t |x|^2 in every sector; None if t is not positive.
 
     With the forces w (normal) and v (tangential) of a sector, the S-procedure requires for some a, b >= 0
 
         V(A x + B [w, v]) - V(x) + a (w - low y)(high y - w) + b (mu^2 w^2 - |v|^2) <= -t |x|^2.
 
-    The disk of friction is that about the polygon of ``corners`` corners.
+    The disk of friction is that about the polygon of ``corners`` corners. ``gap`` is the solver's tolerance.
     """
     import clarabel
     from scipy import sparse
@@ -272,7 +292,7 @@ def _inequalities(sectors: Sequence[Sector], corners: int) -> Array | None:
     cost[count] = -1.0
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = 1e-2  # P is verified without the solver
+    settings.tol_gap_abs = settings.tol_gap_rel = gap  # P is verified without the solver
     solver = clarabel.DefaultSolver(
         sparse.csc_matrix((width, width)), cost, sparse.csc_matrix(np.vstack(blocks)), np.concatenate(right), cones,
         settings,

@@ -1,0 +1,105 @@
+"""One Lyapunov matrix for a workspace controller at many poses: x^T P x decays in whatever order the poses follow.
+
+The state is the tip's deflection and velocity and the observer's estimate, the same at every pose. The matrix
+is found by linear matrix inequalities at some vertices (poses, inertias, operators) and verified at any others from P
+alone, without the solver. Limits of the drive and the reference model are inputs of this loop and are not covered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.arrays import Array
+from palpate.control.workspace_controller import WorkspaceController
+from palpate.devices import Device
+from palpate.errors import StabilityError
+from palpate.linear.linear_device import HumanArm
+from palpate.linear.linearization import static_tip_force
+from palpate.linear.sampled_loop import assemble_loop, sampled_plants
+from palpate.stability.switching import decrease, has_solver, strongest_lyapunov
+
+__all__ = ["WorkspaceCertificate", "certify_workspace", "workspace_loops"]
+
+ESTIMATE = 9  # states of the observer
+SHARES = (0.7, 0.4, 0.0)  # of the slowest decay that P is asked to show, tried in turn
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceCertificate:
+    """Common Lyapunov matrix of a workspace controller.
+
+    Attributes:
+        matrix: P (15, 15), for the scaled state of `workspace_loops`.
+        contraction: largest factor on the norm sqrt(x^T P x) in one tick at the vertices; below 1.
+        vertices: number of vertices.
+    """
+
+    matrix: Array
+    contraction: float
+    vertices: int
+
+    def verify(self, loops: Array) -> float:
+        """Return the largest factor on the norm in one tick under other loops (n, 15, 15), from P alone."""
+        return float(np.sqrt(1.0 - decrease(loops, self.matrix).min()))
+
+
+def workspace_loops(
+    controller: WorkspaceController, poses: Array, device: Device | None = None, arm: HumanArm | None = None
+) -> Array:
+    """Return the loops about rest at poses (n, 3), rad, as matrices of one tick (n, 15, 15), in contact.
+
+    The state per axis is deflection times bandwidth, velocity, and the estimate in the same units.
+
+    Args:
+        controller: knows its own device.
+        poses: (n, 3), rad.
+        device: the real one; None: the one that the controller knows.
+        arm: held at the tip; a rigid grip.
+
+    Raises:
+        StabilityError: the arm has states of its own.
+        PoseError: a pose is singular.
+    """
+    if arm is not None and arm.tissue_stiffness is not None:
+        raise StabilityError("workspace_loops: the arm must grip rigidly; fingertip tissue adds states")
+    real = controller.device if device is None else device
+    stiffness = np.diag(controller.stiffness)
+    unit = np.kron(
+        np.diag([controller.bandwidth, 1.0, controller.bandwidth, 1.0, 1.0 / controller.bandwidth]), np.eye(3)
+    )
+    loops = []
+    for q in np.atleast_2d(np.asarray(poses, dtype=float)):
+        jacobian = real.jacobian(q)
+        plant = sampled_plants(real, q[None], arm, np.zeros(3), controller.period)
+        hold = np.einsum("k,kij->ij", static_tip_force(jacobian, controller.device.gravity(q)), real.tip_hessian(q))
+        law = controller.linearized(q)
+        a, entry, out = assemble_loop((plant[0][0], plant[1][0], plant[2][0]), jacobian, hold, law, 0)
+        closed = a + entry @ stiffness @ out
+        size = 6 + ESTIMATE  # the reference model follows and does not feed back
+        to_tip = np.kron(np.eye(2), jacobian)
+        into = unit @ np.block([[to_tip, np.zeros((6, ESTIMATE))], [np.zeros((ESTIMATE, 6)), np.eye(ESTIMATE)]])
+        loops.append(into @ closed[:size, :size] @ np.linalg.inv(into))
+    return np.array(loops)
+
+
+def certify_workspace(loops: Array | Sequence[Array]) -> WorkspaceCertificate:
+    """Return a common Lyapunov matrix of loops of `workspace_loops`.
+
+    Raises:
+        StabilityError: a loop is unstable, Clarabel is not installed, or no common matrix was found.
+    """
+    a = np.asarray(loops, dtype=float)
+    radius = np.abs(np.linalg.eigvals(a)).max(axis=1)
+    worst = int(np.argmax(radius))
+    if radius[worst] >= 1.0:
+        raise StabilityError(f"loop {worst} is unstable by itself (spectral radius {radius[worst]:.6f})")
+    if not has_solver():
+        raise StabilityError("certify_workspace needs the solver Clarabel: install palpate[lmi]")
+    for share in SHARES:
+        p = strongest_lyapunov(a / (1.0 - share * (1.0 - radius[worst])))
+        if p is not None and (found := float(decrease(a, p).min())) > 0.0:
+            return WorkspaceCertificate(p, float(np.sqrt(1.0 - found)), len(a))
+    raise StabilityError("no common Lyapunov matrix of these loops was found; test fewer, or a smaller range")

@@ -777,11 +777,6 @@ class PremiumLimits:
 class PremiumSetup:
     def __init__(self) -> None: ...
 
-    def set_workspace_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
-        """
-        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
-        """
-
     @property
     def wall(self) -> SpringWallParameters: ...
 
@@ -815,6 +810,11 @@ class PremiumSetup:
     def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
         """
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    def set_workspace_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
         """
 
     @property
@@ -1656,11 +1656,6 @@ TipDeviceLimits: TypeAlias = PremiumLimits
 class TipDeviceSetup:
     def __init__(self) -> None: ...
 
-    def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
-        """
-        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
-        """
-
     @property
     def wall(self) -> SpringWallParameters: ...
 
@@ -1694,6 +1689,11 @@ class TipDeviceSetup:
     def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
         """
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
         """
 
     @property

@@ -58,10 +58,10 @@ def check_samples(time: Array, channels: dict[str, Array | None], place: Callabl
     period = float(np.median(steps))
     if np.any(steps > 1.5 * period):
         row = int(np.argmax(steps > 1.5 * period)) + 1
-        missing = round(steps[row - 1] / period) - 1
+        missing = float(steps[row - 1]) / max(period, 1e-300) - 1.0
         raise RecordingError(
             f"{place(row)}: a gap of {steps[row - 1]:.6g} s after {time[row - 1]:.9g} s"
-            f", about {missing} samples missing; the period is {period:.6g} s"
+            f", about {missing:.0f} samples missing; the period is {period:.6g} s"
         )
     mean = (time[-1] - time[0]) / (len(time) - 1)
     off = np.abs(time - time[0] - mean * np.arange(len(time)))

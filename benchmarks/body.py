@@ -19,6 +19,7 @@ FINE = (2.5e-3, 2.5e-3, 10e-3)
 TICKS = 20_000
 PERIOD = 1e-3
 ASKED = {10: 2.5, 30: 20.0}  # µs
+ASKED_DISTANCE = {10: 2.8, 30: 10.0}  # µs
 ASKED_MODAL = 5.0
 
 
@@ -39,6 +40,8 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     same = rows[1]["median_us"]
     rough = body.with_friction(0.5, 0.4)
     rows += [_row("compliance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
+    exact = body.signed_distance()
+    rows += [_row("signed_distance", exact, CELLS, pressed, ticks, ASKED_DISTANCE[pressed]) for pressed in ASKED]
     creeping = body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time="0.1 s")
     rows.append(_row("viscoelastic", creeping, CELLS, 10, ticks, None))
     tell("300 modes", 0.6)

@@ -92,7 +92,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                     "loop": name,
                     "drawn": drawn,
                     "nodes": len(points),
-                    "pressed": int(np.median(pressed[:, -3])),
+                    "pressed": int(np.median(pressed[:, -4])),
                     "ticks": len(seconds),
                     "median_us": 1e6 * float(np.median(seconds)),
                     "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),

@@ -16,14 +16,23 @@ from palpate.fem.builder import build
 from palpate.fem.checks import whole
 from palpate.fem.free_form import weights
 from palpate.fem.selectors import box, half_space
-from palpate.fem.volume import block, grid
+from palpate.fem.volume import Volume, block, grid
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.passivity import energy_out, small_body
 
-__all__ = ["Deviations", "dense_free_form", "flat_end", "hertz", "linearized_mass_spring", "other_models", "validate"]
+__all__ = [
+    "Deviations",
+    "dense_free_form",
+    "flat_end",
+    "hertz",
+    "linearized_mass_spring",
+    "on_cylinder",
+    "other_models",
+    "validate",
+]
 
 Progress = Callable[[str, float], None]
 Row = dict[str, Any]
@@ -62,6 +71,41 @@ def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> floa
     return float(indentation.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
+_CYLINDER: Final = {0.8e-3: 0.0380, 2e-3: 0.1533, 4e-3: 0.4060}  # m: N, sphere of 8 mm, see `on_cylinder`
+_CYLINDER_PUNCH: Final = 164.4  # N/m, flat punch of 5 mm
+
+
+def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3) -> Volume:
+    """Return a cylinder about the z axis: a block whose square sections are mapped to circles."""
+    count = round(2.0 * radius / spacing)
+    square = block((2.0 * radius, 2.0 * radius, height), (2.0 * radius / count, 2.0 * radius / count, spacing))
+    x, y, z = (square.points - [radius, radius, 0.0]).T
+    return Volume(
+        np.stack([x * np.sqrt(1.0 - 0.5 * (y / radius) ** 2), y * np.sqrt(1.0 - 0.5 * (x / radius) ** 2), z], axis=1),
+        square.tetrahedra,
+        "cylinder",
+    )
+
+
+def on_cylinder(spacing: float, positions: int = 10) -> list[Row]:
+    """Return rows, as `validate`, of contact by signed distance, mean over positions near the middle.
+
+    The references are converged axisymmetric quadratic elements, with contact along the sphere's own normals. The body
+    is a cylinder of 30 mm radius and 20 mm height, bonded below, 10 kPa, nu 0.45.
+    """
+    top = half_space("z", ">", 20e-3 - 1e-9)
+    body = build(cylinder(spacing), young=10e3, poisson=0.45, fixed=_BOTTOM, touch=top).signed_distance()
+    at = np.column_stack([np.random.default_rng(1).uniform(-3e-3, 3e-3, (positions, 2)), np.full(positions, 20e-3)])
+    rows = []
+    for depth, force in _CYLINDER.items():
+        mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / force
+        name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, sphere {1e3 * depth:g} mm deep"
+        rows.append(_row(name, float(mean) - 1.0, 0.08))
+    stiffness = np.mean([body.indent(x, 5e-3, 5e-4, tip="flat").force[2] for x in at]) / 5e-4
+    name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, flat punch"
+    return [*rows, _row(name, float(stiffness) / _CYLINDER_PUNCH - 1.0, 0.04)]
+
+
 def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[Row]:
     """Return one row per comparison: "name", "deviation" (a fraction) and "tolerance". Takes minutes.
 
@@ -77,6 +121,9 @@ def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[R
     report("sphere on a deep block", 0.0)
     rows = [_row("sphere on a deep block, over Hertz", hertz(5e-3 / 3) - 1.0, 0.05)]
     rows += _flat_ends(report)
+    report("cylinders, contact by signed distance", 0.55)
+    for spacing in (5e-3, 4e-3, 3e-3):
+        rows += on_cylinder(spacing)
     rows += other_models(progress=report)
     return rows + _closed_paths(report, paths)
 

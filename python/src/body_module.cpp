@@ -14,6 +14,7 @@
 #include <palpate/deformable/linear/modal.hpp>
 #include <palpate/deformable/linear/viscoelastic_solid.hpp>
 #include <palpate/object/deformable_object.hpp>
+#include <palpate/object/signed_distance_body.hpp>
 #include <vector>
 
 #include "body_in_loop.hpp"
@@ -71,6 +72,46 @@ struct BodyCore : BodyInLoop {
   }
 };
 
+/// Step a contact along a path; see "simulate_path".
+template <class Contact>
+auto step_path(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat) {
+  const std::size_t n = centers.shape(0);
+  const bool faces = outward.shape(0) == 0 && !flat;
+  if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
+  auto [rows, row] = new_array<double>({n, result_width});
+  const nb::gil_scoped_release unlocked;
+  palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
+  for (std::size_t i = 0; i < n; ++i, row += result_width) {
+    tip.center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i);
+    tip.outward =
+        faces ? contact.outward(tip) : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+    write_result(contact.step(tip), row);
+  }
+  return rows;
+}
+
+/// Return the duration of each step of a contact along a path, s.
+template <class Contact>
+auto path_durations(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat) {
+  const std::size_t n = centers.shape(0);
+  if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
+  auto [seconds, s] = new_array<double>({n});
+  const nb::gil_scoped_release unlocked;
+  for (std::size_t i = 0; i < n; ++i) {
+    const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i),
+                                                Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+    const auto begin = std::chrono::steady_clock::now();
+    contact.step(tip);
+    s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  return seconds;
+}
+
+constexpr const char* path_text =
+    "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without "
+    "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.";
+constexpr const char* durations_text = "Return the duration of each step, s, including the clock's own.";
+
 /// Bind the functions that all models share.
 template <class Kind>
 nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* name) {
@@ -78,40 +119,15 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
       .def(
           "simulate_path",
           [](BodyCore<Kind>& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            const std::size_t n = centers.shape(0);
-            const bool mean_normal = outward.shape(0) == 0 && !flat;
-            if (outward.shape(0) != n && !mean_normal) throw nb::value_error("the path needs one direction for each position");
-            auto [rows, row] = new_array<double>({n, result_width});
-            const nb::gil_scoped_release unlocked;
-            palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
-            for (std::size_t i = 0; i < n; ++i, row += result_width) {
-              tip.center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i);
-              tip.outward = mean_normal ? self.contact.outward(tip)
-                                        : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              write_result(self.contact.step(tip), row);
-            }
-            return rows;
+            return step_path(self.contact, centers, outward, radius, flat);
           },
-          "centers"_a, "outward"_a, "radius"_a, "flat"_a,
-          "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding. Without "
-          "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.")
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, path_text)
       .def(
           "step_durations",
           [](BodyCore<Kind>& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            const std::size_t n = centers.shape(0);
-            if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
-            auto [seconds, s] = new_array<double>({n});
-            const nb::gil_scoped_release unlocked;
-            for (std::size_t i = 0; i < n; ++i) {
-              const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i),
-                                                          Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-              const auto begin = std::chrono::steady_clock::now();
-              self.contact.step(tip);
-              s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-            }
-            return seconds;
+            return path_durations(self.contact, centers, outward, radius, flat);
           },
-          "centers"_a, "outward"_a, "radius"_a, "flat"_a, "Return the duration of each step, s, including the clock's own.")
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, durations_text)
       .def(
           "contact_forces", [](const BodyCore<Kind>& self) { return contact_forces(self.contact); },
           "Return the contact nodes of the last step and the forces along their inward normals, N.")
@@ -263,6 +279,78 @@ void bind_free_form(nb::module_& m) {
           "Return the displacements of the nodes (n, 3), m.");
 }
 
+struct SignedDistanceCore : BodyInLoop {
+  palpate::object::SignedDistanceBody body;
+
+  explicit SignedDistanceCore(std::shared_ptr<const palpate::object::SignedDistanceBody::Data> data) : body(std::move(data)) {}
+  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.clone_at_rest(); }
+
+  /// Force on a contact node along its inward normal, N.
+  [[nodiscard]] double inward_force(std::size_t k) const {
+    return -body.node_force(static_cast<int>(k)).dot(body.nodes().normal(body.contact_nodes()[k]));
+  }
+};
+
+/// Return the contact surface of a body. `node` is the contact node of each vertex, or -1.
+palpate::deformable::ContactSurface contact_surface(const Points& vertices, const IndexRows<3>& triangles, const Indices& node,
+                                                    const Numbers& modulus) {
+  bool fit = node.shape(0) == vertices.shape(0);
+  for (std::size_t i = 0; i < node.shape(0); ++i)
+    fit = fit && node.data()[i] >= -1 && node.data()[i] < static_cast<std::int32_t>(modulus.shape(0));
+  if (!fit) throw nb::value_error("the contact surface does not match the body's nodes");
+  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, numbers(modulus)};
+}
+
+void bind_signed_distance(nb::module_& m) {
+  nb::class_<SignedDistanceCore, BodyInLoop>(m, "SignedDistanceBody")
+      .def(
+          "__init__",
+          [](SignedDistanceCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
+             const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double sideways) {
+            using palpate::deformable::Compliance;
+            auto nodes = BodyCore<Compliance>::fitting(at, normals, areas, compliance);
+            if (modulus.shape(0) != at.shape(0)) throw nb::value_error("the sizes of the body's arrays do not match");
+            const auto surface = contact_surface(vertices, triangles, node, modulus);
+            new (self) SignedDistanceCore(
+                std::make_shared<const palpate::object::SignedDistanceBody::Data>(std::move(nodes), compliance.data(), surface, sideways));
+          },
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a, "sideways"_a = 1.0)
+      .def(
+          "simulate_path",
+          [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
+            return step_path(self.body, centers, outward, radius, flat);
+          },
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, path_text)
+      .def(
+          "step_durations",
+          [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
+            return path_durations(self.body, centers, outward, radius, flat);
+          },
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, durations_text)
+      .def(
+          "contact_forces",
+          [](const SignedDistanceCore& self) {
+            const auto n = static_cast<std::size_t>(self.body.last().nodes);
+            auto [nodes, i] = new_array<std::int64_t>({n});
+            auto [forces, f] = new_array<double>({n});
+            std::copy_n(self.body.contact_nodes(), n, i);
+            for (std::size_t k = 0; k < n; ++k) f[k] = self.inward_force(k);
+            return nb::make_tuple(nodes, forces);
+          },
+          "Return the contact nodes of the last step and the forces along their inward normals, N.")
+      .def(
+          "friction_forces",
+          [](const SignedDistanceCore& self) {
+            return new_points(static_cast<std::size_t>(self.body.last().nodes), [&](std::size_t k) {
+              const palpate::math::Vector3<>& n = self.body.nodes().normal(self.body.contact_nodes()[k]);
+              return palpate::math::Vector3<>(self.body.sideways() *
+                                              (self.body.node_force(static_cast<int>(k)) + self.inward_force(k) * n));
+            });
+          },
+          "Return the parts of the forces across the normals that load the body, at the contact nodes of the last step (n, 3), N.")
+      .def("reset", [](SignedDistanceCore& self) { self.body.reset(); });
+}
+
 }  // namespace
 
 void bind_body(nb::module_& m) {
@@ -330,6 +418,7 @@ void bind_body(nb::module_& m) {
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "instantaneous_ratio"_a, "retardation_time"_a, "period"_a,
           "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
+  bind_signed_distance(m);
   bind_mass_spring(m);
   bind_free_form(m);
 }

@@ -17,8 +17,8 @@ inline palpate::deformable::Tip tip_of(double radius, bool flat, const palpate::
   return {flat ? palpate::deformable::Tip::Kind::flat : palpate::deformable::Tip::Kind::sphere, radius, center, outward};
 }
 
-/// Columns of a contact result: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding.
-constexpr std::size_t result_width = 14;
+/// Columns of a contact result: force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost.
+constexpr std::size_t result_width = 15;
 
 inline void write_result(const palpate::deformable::ContactResult& a, double* row) {
   Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;
@@ -29,6 +29,7 @@ inline void write_result(const palpate::deformable::ContactResult& a, double* ro
   row[9] = a.solved ? 1.0 : 0.0;
   Eigen::Map<palpate::math::Vector3<>>(row + 10) = a.friction;
   row[13] = a.sliding ? 1.0 : 0.0;
+  row[14] = a.lost ? 1.0 : 0.0;
 }
 
 /// Return the contact nodes of the last step and the forces along their inward normals, N.

@@ -30,6 +30,7 @@ CoreBody = (
     | _core.MassSpringBody
     | _core.FreeFormBody
     | _core.HyperelasticBody
+    | _core.SignedDistanceBody
 )
 _SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
 
@@ -195,6 +196,19 @@ class CondensedBody:
         """Return the contact nodes (n,) and the contact triangles (k, 3) as vertices of `volume`."""
         on_surface = np.unique(self.volume.surface)
         return on_surface[self.contents.nodes], on_surface[self.triangles[self.contents.contact_triangles]]
+
+    def _contact_patches(self) -> tuple[Array, NDArray[np.int32], NDArray[np.int32], Array]:
+        """Return vertices (v, 3), triangles (k, 3), nodes of the vertices (v,), moduli of the nodes (n,)."""
+        used, faces = self._contact_surface
+        node_of = np.full(len(self.points), -1, dtype=np.int32)
+        node_of[self.contents.nodes] = np.arange(len(self.nodes), dtype=np.int32)
+        tetrahedra, count = self.contents.tetrahedra, len(self.contents.vertices)
+        weights = np.bincount(tetrahedra.ravel(), minlength=count)
+        young = np.bincount(tetrahedra.ravel(), np.repeat(self.contents.young, 4), minlength=count)
+        at = self._volume_triangles()[0]
+        modulus = young[at] / weights[at] / (1.0 - self._recorded("poisson") ** 2)
+        triangles = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.int32)
+        return np.ascontiguousarray(self.points[used]), triangles, node_of[used], modulus
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate import _core
-from palpate.arrays import Array, Indices
+from palpate.arrays import Array, Flags, Indices
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -27,7 +27,8 @@ from palpate.fem.errors import BodyError, BodyWarning
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
-_NODES, _SOLVED = 7, 9  # columns of a row of the core: number of nodes in contact, whether the forces were found
+_NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
+_STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
 
 class Indentation(NamedTuple):
@@ -45,6 +46,7 @@ class ContactHistory(NamedTuple):
     energy: Array  # stored in the body (m,), J
     nodes: Indices  # number of nodes in contact (m,)
     friction: Array  # tangential part of the force (m, 3), N
+    lost: Flags  # whether the tip was inside the body without contact: it began there or was pushed through (m,)
 
 
 class IndentableBody(CondensedBody):
@@ -110,6 +112,8 @@ class IndentableBody(CondensedBody):
 
     def _ramp(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
         """Press the tip in along a line that ends at `center` (3,), m; let a mass-spring model come to rest."""
+        if isinstance(self.core, _core.SignedDistanceBody):
+            return self._ramp_slowly(center, normal, deep, size, tip)
         radii = deep / size
         if self.settling_period is None:  # less than one radius per step
             steps = int(np.ceil(2.0 * radii)) if radii > 1.0 else 1
@@ -125,6 +129,21 @@ class IndentableBody(CondensedBody):
                     f"depth: at {1e3 * deep:.3g} mm the tip loses contact with the body; the last contact was at "
                     f"{in_contact[-1]:.3g} mm: use a smaller depth or a larger tip"
                 )
+        return history
+
+    def _ramp_slowly(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
+        """Press the tip in by a fiftieth of its radius per step; raise BodyError if it is pushed through the body."""
+        steps = int(np.ceil(_STEPS_PER_RADIUS * deep / size)) + 1
+        left = np.append(np.linspace(deep, 0.0, steps + 1), np.zeros(_STILL_STEPS))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", BodyWarning)  # the last steps decide
+            history = self.simulate_path(center + np.outer(left, normal), size, outward=normal, tip=tip)
+        if history.lost[-1]:
+            until = 1e3 * (deep - left[np.argmax(history.lost)])
+            raise BodyError(
+                f"depth: the tip is pushed through the body at {until:.3g} mm: use a smaller depth or a larger tip, or "
+                "the body without signed_distance"
+            )
         return history
 
     def _settle_hyperelastic(
@@ -149,8 +168,8 @@ class IndentableBody(CondensedBody):
                 break
         else:
             warnings.warn("the body did not settle in 5 s: add damping", BodyWarning, stacklevel=4)
-        force, deflection, energy, nodes, friction = history
-        return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:])
+        force, deflection, energy, nodes, friction, lost = history
+        return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:], lost[-1:])
 
     def simulate_path(
         self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: TipShape = "sphere"
@@ -182,7 +201,10 @@ class IndentableBody(CondensedBody):
             corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centers)[1]]]
             outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
-        return _history(self.core.simulate_path(centers, axes, size, tip == "flat"))
+        rows = self.core.simulate_path(centers, axes, size, tip == "flat")
+        if isinstance(self.core, _core.SignedDistanceBody):
+            _warn_of_unsolved(rows)
+        return _history(rows)
 
     def pressure(self) -> Array:
         """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
@@ -261,8 +283,22 @@ def _warn_of_few_nodes(deep: float, count: int) -> None:
         )
 
 
+def _warn_of_unsolved(rows: Array) -> None:
+    """Warn of steps of a signed-distance body whose forces are not converged, and mark them as solved."""
+    unsolved = int(np.count_nonzero((rows[:, _SOLVED] == 0.0) & (rows[:, _LOST] == 0.0)))
+    rows[:, _SOLVED] = 1.0
+    if unsolved:
+        warnings.warn(
+            f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 %: use shorter steps, a smaller "
+            "depth, or a coarser mesh",
+            BodyWarning,
+            stacklevel=4,
+        )
+
+
 def _history(rows: Array) -> ContactHistory:
-    """Return the rows (m, 13) of the core as a history; raise BodyError if the forces of one were not found."""
+    """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
     if not rows[:, _SOLVED].all():
         raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
-    return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, _NODES].astype(np.int64), rows[:, 10:13])
+    nodes, lost = rows[:, _NODES].astype(np.int64), rows[:, _LOST] > 0.0
+    return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)

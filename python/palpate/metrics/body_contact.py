@@ -46,6 +46,7 @@ class PalpationMetrics:
         final_swing: peak-to-peak object force over the last 0.1 s, largest of the axes.
         touching_at_end: whether contact was kept over the last 0.1 s.
         unsolved: number of samples with more nodes under the tip than the solver considers.
+        contact_lost: number of samples without contact inside the body, after the tip was pushed through.
     """
 
     touches: int
@@ -67,6 +68,7 @@ class PalpationMetrics:
     final_swing: float
     touching_at_end: bool
     unsolved: int
+    contact_lost: int
 
     @property
     def settled(self) -> bool:
@@ -122,6 +124,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         final_swing=float(np.max(np.ptp(force[last], axis=0))),
         touching_at_end=bool(contact[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
+        contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
     )
 
 

@@ -45,6 +45,7 @@ _SLOW: Final = {"update_interval": Option("s", POSITIVE), "nodes_per_tip": Optio
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
+    "signed_distance": {"sideways_fraction": Option("")},
     "modal": {**_DAMPING, **_CREEP, **_FRICTION},
     "mass_spring": {**_DAMPING, **_FRICTION},
     "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},

@@ -32,7 +32,7 @@ class BodyInstance {
   using Scalar = double;
   static constexpr double shallow = 50e-6;  ///< depth up to which the local stiffness is taken as at least the last one, m
   static constexpr double unknown = 1e3;    ///< stiffness before the first deeper contact, N/m
-  static constexpr int columns = 7;         ///< deflection (3), stored energy, contact nodes, solved, energy of the tank
+  static constexpr int columns = 8;  ///< deflection (3), stored energy, contact nodes, solved, energy of the tank, contact lost
 
   /// @param placement  its body must not be null
   explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->clone_at_rest()) {
@@ -88,6 +88,7 @@ class BodyInstance {
     row[4] = contact.nodes;
     row[5] = contact.solved ? 1.0 : 0.0;
     row[6] = contact.tank_energy;
+    row[7] = contact.lost ? 1.0 : 0.0;
   }
 
   [[nodiscard]] const DeformableObject& body() const noexcept { return *body_; }

@@ -63,7 +63,8 @@ class HeldTip:
         self.core.reset()
         self.ticks = 0
         self.friction = body.kind.friction[0] > 0.0
-        self._step(positions if self.friction or self.multirate else _thin(positions, choice.radius))
+        every_tick = self.friction or self.multirate or isinstance(self.core, _core.SignedDistanceBody)
+        self._step(positions if every_tick else _thin(positions, choice.radius))
         self._position = positions[-1]
         if equilibrium and isinstance(self.core, _core.HyperelasticBody):
             self._equilibrate(self.core)
@@ -77,13 +78,13 @@ class HeldTip:
 
     @property
     def rounds(self) -> bool:
-        """Whether the model rounds the force: modes in single precision, or friction by iterations."""
-        return self.friction or isinstance(self.core, _core.ModalBody)
+        """Whether the model rounds the force: modes in single precision, or contact or friction by iterations."""
+        return self.friction or isinstance(self.core, _core.ModalBody | _core.SignedDistanceBody)
 
     @property
     def memoryless(self) -> bool:
         """Whether the force depends on the position of the tip alone."""
-        return isinstance(self.core, _core.ComplianceBody | _core.FreeFormBody)
+        return isinstance(self.core, _core.ComplianceBody | _core.FreeFormBody | _core.SignedDistanceBody)
 
     def move(self, displacements: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the force on the body (m, 3), N, and the number of nodes, as the tip moves about where it is held.

@@ -1,0 +1,151 @@
+"""Contact by the tip's signed distance on bodies of finite elements: accuracy, energy, invariance, and its refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from palpate import _core
+from palpate import fem as bodies
+from palpate.fem import Body, BodyError, block
+from palpate.fem.checks import TipShape
+from palpate.scenario import Scenario
+
+TOP = 0.02
+AT = [0.0203, 0.0196, TOP]
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    """40 x 40 x 20 mm of 10 kPa, bonded below, cells of 4 mm, the whole surface touched."""
+    volume = block((0.04, 0.04, TOP), (4e-3, 4e-3, 5e-3))
+    made = bodies.build(volume, young=10e3, fixed="z < 0.001 mm")
+    return made.signed_distance()
+
+
+def path_work(felt: bodies.ContactHistory, path: np.ndarray) -> np.ndarray:
+    """Return the work of the tip on the body in each step, J."""
+    return -(0.5 * (felt.force[1:] + felt.force[:-1]) * np.diff(path, axis=0)).sum(axis=1)
+
+
+def test_a_small_contact_is_softer_than_with_nodes_alone_and_a_large_one_alike(body: Body) -> None:
+    """Nodes alone are too stiff: by over 15 % at a contact radius below one cell, by about 10 % at two cells."""
+    nodal = Body(body.contents)
+    small, large = ((AT, 8e-3, 1.5e-3), ([0.02, 0.02, TOP], 40e-3, 2e-3))
+    assert nodal.indent(*small).force[2] > 1.15 * body.indent(*small).force[2]
+    assert 0.8 < body.indent(*large).force[2] / nodal.indent(*large).force[2] < 1.0
+
+
+def test_the_displacement_is_the_compliance_times_the_forces(body: Body) -> None:
+    felt = body.indent(AT, 8e-3, 3e-3)
+    nodes, inward = body.core.contact_forces()
+    load = np.zeros((len(body.nodes), 3))
+    load[nodes] = body.core.friction_forces() - inward[:, None] * body.normals[nodes]
+    assert load.sum(axis=0) == pytest.approx(-felt.force, abs=1e-9)
+    expected = (body.compliance.astype(float) @ load.ravel()).reshape(-1, 3)
+    assert felt.displacement == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+    gap = np.linalg.norm(body.nodes + felt.displacement - (AT + np.array([0, 0, 5e-3])), axis=1) - 8e-3
+    assert -1.5e-3 < gap.min() < 0.0  # the elastic layer is compressed
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_no_closed_path_gives_work(body: Body, tip: TipShape) -> None:
+    """Over the top and beyond its edges, there and back by another way."""
+    rng = np.random.default_rng(5)
+    s = np.linspace(0.0, 2 * np.pi, 8001)
+    outward = [0.0, 0.0, 1.0] if tip == "flat" else None
+    for _ in range(2):
+        a, b = rng.uniform(0, 6.28, 2)
+        side = 22e-3 if tip == "sphere" else 12e-3
+        path = np.stack([0.02 + side * np.cos(s + a), 0.02 + side * np.sin(2 * s + b), np.full(len(s), TOP)], axis=1)
+        path[:, 2] += (5e-3 if tip == "sphere" else 0.0) + 1e-3 - 3e-3 * np.sin(s / 2) ** 2
+        felt = body.simulate_path(path, 5e-3, outward=outward, tip=tip)
+        work = path_work(felt, path)
+        assert not felt.force[[0, -1]].any()
+        assert np.abs(work).sum() > 1e-4
+        assert work.sum() > -2e-5 * np.abs(work).sum()
+        if tip == "sphere":
+            assert np.abs(np.cumsum(work) - felt.energy[1:]).max() < 1e-3 * felt.energy.max()
+
+
+def test_the_force_does_not_step_as_the_tip_slides_over_an_edge(body: Body) -> None:
+    x = np.linspace(0.02, 0.05, 12001)  # 2.5 um per step
+    path = np.stack([x, np.full(len(x), 0.0213), np.full(len(x), TOP + 3.5e-3)], axis=1)
+    path = np.vstack([path[:1] + np.linspace([0, 0, 2e-3], [0, 0, 0], 200), path])
+    force = body.simulate_path(path, 5e-3).force[200:]
+    assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() < 5e-3 * np.linalg.norm(force, axis=1).max()
+
+
+def test_the_outward_direction_has_no_influence(body: Body) -> None:
+    path = np.stack([np.linspace(0.01, 0.03, 200), np.full(200, 0.02), np.full(200, TOP + 4e-3)], axis=1)
+    body.core.reset()
+    one = body.simulate_path(path, 5e-3, outward=[0, 0, 1]).force
+    body.core.reset()
+    assert np.array_equal(body.simulate_path(path, 5e-3, outward=[1, 0, 0]).force, one)
+
+
+def test_a_scaled_body_has_the_scaled_force(body: Body) -> None:
+    assert body.scaled_stiffness(3.0).indent(AT, 6e-3, 2e-3).force == pytest.approx(
+        3.0 * body.indent(AT, 6e-3, 2e-3).force, rel=1e-3
+    )
+
+
+def test_a_tip_that_is_pushed_through_loses_contact_and_gains_no_energy(body: Body) -> None:
+    depth = np.concatenate([np.linspace(-1e-3, 9e-3, 2000), np.linspace(9e-3, -1e-3, 2000)])
+    path = np.stack([np.full(4000, 0.0203), np.full(4000, 0.0196), TOP + 4e-3 - depth], axis=1)
+    body.core.reset()
+    felt = body.simulate_path(path, 4e-3)
+    first = int(np.argmax(felt.lost))
+    assert felt.lost.any()
+    assert 4e-3 < depth[first] < 9e-3
+    assert not felt.force[felt.lost].any()
+    assert not felt.lost[-1]
+    assert path_work(felt, path).sum() > 0.0
+    with pytest.raises(BodyError, match="pushed through the body at"):
+        body.indent(AT, 4e-3, 9e-3)
+
+
+def test_sideways_displacement_counts_by_its_fraction(body: Body) -> None:
+    """A smaller fraction is stiffer under an oblique sphere; the record of the model names it."""
+    part = body.signed_distance(sideways_fraction=0.5)
+    assert part.indent(AT, 6e-3, 5e-3).force[2] > 1.02 * body.indent(AT, 6e-3, 5e-3).force[2]
+    assert "sideways_fraction 0.5" in str(part)
+    for bad in (-0.1, 1.5):
+        with pytest.raises(BodyError, match="sideways_fraction"):
+            body.signed_distance(sideways_fraction=bad)
+
+
+def test_friction_is_refused(body: Body) -> None:
+    with pytest.raises(BodyError, match="signed_distance has no friction"):
+        body.with_friction(0.3)
+
+
+def test_a_contact_surface_that_does_not_match_is_refused(body: Body) -> None:
+    vertices, triangles, node, modulus = body._contact_patches()
+    arrays = body._arrays()
+    for wrong in ((vertices, triangles, node[1:], modulus), (vertices, triangles, node, modulus[1:])):
+        with pytest.raises(ValueError, match="match"):
+            _core.SignedDistanceBody(*arrays, *wrong, 1.0)
+
+
+def test_a_scenario_takes_the_kind() -> None:
+    text = """
+        device.name = "phantom-premium-1.5a"
+        start.pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+        servo.period = "1 ms"
+        reference.force = ["0 N", "0 N", "-0.1 N"]
+        [object]
+        kind = "body"
+        [object.body]
+        shape = "block"
+        size = ["40 mm", "40 mm", "20 mm"]
+        young = "10 kPa"
+        spacing = "5 mm"
+        radius = "8 mm"
+        kind = "signed_distance"
+        sideways_fraction = 0.65
+        [run]
+        duration = "0.1 s"
+    """
+    choice = Scenario.from_text(text, "press.toml", None).object.body
+    assert choice is not None
+    assert (choice.kind, choice.options) == ("signed_distance", {"sideways_fraction": 0.65})

@@ -11,6 +11,7 @@
 /// functions of this header: it contains a copy of the solver for each width.
 namespace palpate::deformable {
 
+/// Material law of a hyperelastic body.
 enum class HyperelasticLaw { neo_hookean, corotational };
 
 /// A HyperelasticModel. Vectors are 3 x point + axis.

@@ -18,7 +18,14 @@ from palpate.simulation.meshes import touched_mesh
 
 # Channels that the core adds to a row, with their numbers of columns.
 MESH: Final = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
-BODY: Final = {"deflection": 3, "stored_energy": 1, "contact_nodes": 1, "solved": 1, "tank_energy": 1, "contact_lost": 1}
+BODY: Final = {
+    "deflection": 3,
+    "stored_energy": 1,
+    "contact_nodes": 1,
+    "solved": 1,
+    "tank_energy": 1,
+    "contact_lost": 1,
+}
 CONTACT: Final = {"force": 3, "touching": 1}  # of each object of a scene
 POSE: Final = 12  # columns of a moving frame: origin (3), rotation matrix by rows (9)
 

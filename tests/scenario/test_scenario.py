@@ -278,7 +278,7 @@ def test_every_mistake_is_told_those_between_tables_too() -> None:
         ({"object.stiffness": 1000}, 'write it as "1000 N/m"'),
         ({"title.size": 3}, "setting title.size: title is no table"),
         ({"object.": 3}, "setting 'object.': a key has the form"),
-        ({"objects.stiffness": "1 N/mm"}, 'settings: unknown key "objects" in the scenario; did you mean object?'),
+        ({"obect.stiffness": "1 N/mm"}, 'settings: unknown key "obect" in the scenario; did you mean object?'),
     ],
 )
 def test_a_wrong_setting_is_told_as_one(settings: dict[str, Any], says: str) -> None:

@@ -37,6 +37,7 @@ class Loop {
   /// @param reference  force that the object should feel, N
   const Tick& tick(const Vector3<>& reference) noexcept {
     std::visit([&](const auto& plant) { detail::tick_of(servo_, plant, reference); }, plant_);
+    diverged_ = diverged_ || servo_.last().fault;
     return servo_.last();
   }
 

@@ -239,6 +239,7 @@ void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const
   for (int k = 0;; ++k, clock.tick()) {
     if (!is_bounded(plant, setup.speed_limit)) return monitor.mark_diverged(k);
     const auto& tick = tick_of(servo, plant, force_at(reference, k));
+    if (tick.fault) return monitor.mark_diverged(k);  // a simulated loop has no faulty sensor: its numbers have overflowed
     const plant::ForceSegment<> force = force_during(operator_force, k, ticks, clock);
     monitor.observe(plant, servo, force.begin);
     if (k == ticks) return;

@@ -125,7 +125,7 @@ class WorkspaceController {
       const double braking = available(inertia(-direction), constant, limit), linear = 0.5 * braking * kd * kd / (kp * kp);
       if (distance > linear) speed = (std::sqrt(2.0 * braking * distance) - (kp / kd) * linear) * direction;
     }
-    const Vector3<> wanted = kd * (speed - model_velocity_);
+    Vector3<> wanted = kd * (speed - model_velocity_);
     const double size = wanted.norm();
     if (!(size > 0.0) || !std::isfinite(limit)) return wanted;
     const Vector3<> along = wanted / size;

@@ -32,7 +32,7 @@ class BodyInstance {
   using Scalar = double;
   static constexpr double shallow = 50e-6;  ///< depth up to which the local stiffness is taken as at least the last one, m
   static constexpr double unknown = 1e3;    ///< stiffness before the first deeper contact, N/m
-  static constexpr int columns = 8;  ///< deflection (3), stored energy, contact nodes, solved, energy of the tank, contact lost
+  static constexpr int columns = 8;         ///< deflection (3), stored energy, contact nodes, solved, energy of the tank, contact lost
 
   /// @param placement  its body must not be null
   explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->clone_at_rest()) {

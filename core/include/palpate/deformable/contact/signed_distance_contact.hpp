@@ -34,6 +34,7 @@ namespace palpate::deformable {
 ///
 /// Beyond about one radius of depth a thick body is pushed through: the energy has no minimum near the last one. The result is then
 /// `lost`, without force, until the tip is outside again. Stored energy is lost, none is gained.
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): 64 bytes of alignment in one object per tip
 class SignedDistanceContact {
  public:
   static constexpr int capacity = PlaceForces::capacity;  ///< nodes near the tip; further ones are ignored and `solved` is false
@@ -344,24 +345,25 @@ class SignedDistanceContact {
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
 
+  template <class T>
+  using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
+
+  alignas(64) Rows<float> line_{};
+  LayeredSystem system_;
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
   const PatchPoints* points_ = nullptr;
   NearNodes near_;
+  double last_energy_ = 0.0;
+  Vector3<> center_ = Vector3<>::Zero(), last_move_ = Vector3<>::Zero(), deflection_ = Vector3<>::Zero(), force_ = Vector3<>::Zero();
   TipGeometry tip_;
   ContactResult result_;
-  Vector3<> center_ = Vector3<>::Zero(), last_move_ = Vector3<>::Zero(), deflection_ = Vector3<>::Zero(), force_ = Vector3<>::Zero();
-  double last_energy_ = 0.0;
-  bool started_ = false, lost_ = false;
+  Rows<double> row_value_{};
+  Rows<Vector3<>> row_direction_{};
   int iterations_ = 0, matrix_size_ = -1;
-  LayeredSystem system_;
-  template <class T>
-  using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
   Rows<int> row_place_{};
   Rows<std::int32_t> row_node_{};
-  Rows<Vector3<>> row_direction_{};
-  Rows<double> row_value_{};
-  alignas(64) Rows<float> line_{};
+  bool started_ = false, lost_ = false;
 };
 
 }  // namespace palpate::deformable

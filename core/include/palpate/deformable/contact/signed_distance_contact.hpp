@@ -34,8 +34,7 @@ namespace palpate::deformable {
 ///
 /// Beyond about one radius of depth a thick body is pushed through: the energy has no minimum near the last one. The result is then
 /// `lost`, without force, until the tip is outside again. Stored energy is lost, none is gained.
-// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): 64 bytes of alignment in one object per tip
-class SignedDistanceContact {
+class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Padding): one object per tip
  public:
   static constexpr int capacity = PlaceForces::capacity;  ///< nodes near the tip; further ones are ignored and `solved` is false
   static constexpr int max_iterations = 8;

@@ -75,13 +75,14 @@ def evidence(
         one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
         known = {
             "resolution": resolution(scenario, device, q[last : last + 1])[0],
-            "beyond": bool(beyond_reach(device, q[0], q[first : last + 1]).any())
-            or rest_beyond(trace, scenario, window),
-            "error": _error(trace, scenario, window, deflection[ending]),
+            "beyond": bool(beyond_reach(device, q[0], q[first : last + 1]).any()),
             "pressed": one_sided and _pressed(trace, scenario, touching, last),
             "apart": _apart(trace, touching) if one_sided else 0.0,
             "lossy": lossy(scenario, device),
         }
+        if (expected := _expected(trace, scenario, window)) is not None:
+            known["beyond"] |= _rest_beyond(trace, scenario, expected)
+            known["error"] = float(steady_error(deflection[ending].mean(axis=0), expected)[0])
     return Evidence.of(
         1,
         unstable_from=np.nan,
@@ -128,10 +129,9 @@ def swing(time: Array, tip: Array) -> float:
     return float(np.ptp(tip - basis @ (basis.T @ tip), axis=0).max()) / 2.0
 
 
-def rest_beyond(trace: Recorded, scenario: Scenario, window: Window) -> bool:
+def _rest_beyond(trace: Recorded, scenario: Scenario, expected: Array) -> bool:
     """Return whether the device cannot reach the rest of a tip on a spring: force over stiffness from its anchor."""
-    expected = _expected(trace, scenario, window)
-    if expected is None or scenario.device.kinematics == "linear" or np.isnan(expected).all():
+    if scenario.device.kinematics == "linear" or np.isnan(expected).all():
         return False
     device, anchor = scenario.load_device(), np.array(scenario.object.position)
     return bool(unreachable(device, trace["angle"][0], np.nan_to_num(expected) + anchor)[0])
@@ -144,12 +144,6 @@ def _expected(trace: Recorded, scenario: Scenario, window: Window) -> Array | No
     dof = scenario.load_device().dof
     expected = force_over_stiffness(trace["reference_force"][window.end], scenario.object.stiffness or 0.0, dof)
     return np.asarray(expected[0], dtype=float)
-
-
-def _error(trace: Recorded, scenario: Scenario, window: Window, deflection: Array) -> float:
-    """Return the relative error of the steady deflection on a spring under a constant reference; nan if unknown."""
-    expected = _expected(trace, scenario, window)
-    return np.nan if expected is None else float(steady_error(deflection.mean(axis=0), expected)[0])
 
 
 def _apart(trace: Recorded, touching: Flags) -> float:

@@ -12,14 +12,13 @@ from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
-from palpate.simulation.verdict import BAND, FAILED, GROWING, Evidence, State, Verdict, decide
+from palpate.simulation.verdict import BAND, FAILED, GROWING, OSCILLATES, Evidence, State, Verdict, decide
 from palpate.simulation.windows import Window, windows
 
 __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
 STILL = 1e-7  # m: a tip that moves less was not excited
-WORSE = (State.UNSTABLE, State.BOUNDED_OSCILLATION)  # states that count even if the force changes later
 
 
 def judge(trace: Recorded, radius: float | None = None) -> Verdict:
@@ -43,7 +42,7 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     for window in earlier:
         found = evidence(trace, scenario, window, None)
         state = State(int(decide(found)[0]))
-        if state in WORSE:
+        if state in OSCILLATES:  # it counts even if the force changes later
             return _explained(trace, scenario, window, found, state, linear)
     found = evidence(trace, scenario, final, None if linear is None else linear.worst)
     state = State(int(decide(found)[0]))
@@ -147,7 +146,7 @@ def _explained(
             reason = f"its oscillation of {swing} decays by a factor of {ratio:.3g} in {span}; {linear}"
     else:
         reason = _undecided(time, e, swing)
-    swings = state in WORSE
+    swings = state in OSCILLATES
     if linear is not None and (swings or state is State.UNDECIDED):
         reason += f"; {linear}"
     if not swings:

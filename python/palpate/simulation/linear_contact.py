@@ -11,6 +11,7 @@ import numpy as np
 from palpate.control.controller import Controller
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.body_response import HeldTip, body_response
 from palpate.simulation.contact_law import ContactLaw, closed_matrix
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
@@ -70,8 +71,6 @@ def _mesh_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
 
 
 def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str]:
-    from palpate.simulation.body_response import HeldTip, body_response
-
     if scenario.controller.normalizes:
         return None, "the controller divides by the stiffness of the body, which is not linear in its motion"
     held = HeldTip(scenario, trace["tip"] - trace["tip"][0])

@@ -74,28 +74,28 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
 
 def _contact(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
     """Return the spectral radius about the contact with a mesh or body where a run rests, or None and the reason."""
-    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
-        return None, ""
-    speed = _last_speed(trace)
-    if speed > AT_REST:
-        return None, f"the tip does not rest (tip speed {speed:.2g} m/s)"
+    rests, reason = _rests(trace, scenario)
+    if not rests:
+        return None, reason
     radius, reason = contact_radius(trace, scenario)
     return (None if radius is None else LinearRadii(radius, None)), reason
 
 
-def _last_speed(trace: Recorded) -> float:
-    steps = np.diff(trace.time[-LAST:])[:, None]
-    return float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
-
-
 def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | None, str]:
-    """Return the linear loop where a run came to rest, or None and the reason as a sentence, empty if it is trivial."""
-    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
-        return None, ""
-    if scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
-        return None, "At its end the tip is off the wall."
-    speed = _last_speed(trace)
-    if speed > AT_REST:
-        return None, f"It has not come to rest (tip speed {speed:.2g} m/s)."
+    """Return the linear loop where a run came to rest, or None and the reason, empty if it is trivial."""
+    rests, reason = _rests(trace, scenario)
+    if rests and scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
+        rests, reason = False, "the tip is off the wall"
+    if not rests:
+        return None, reason
     force, operator = trace["command_force"][-1], trace["operator_force"][-1]
     return scenario_loop(scenario, pose=trace["angle"][-1], tip_force=force, operator_force=operator), ""
+
+
+def _rests(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:
+    """Return whether the nonlinear device of a run has come to rest, and the reason if not, empty if it is trivial."""
+    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
+        return False, ""
+    steps = np.diff(trace.time[-LAST:])[:, None]
+    speed = float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
+    return speed <= AT_REST, "" if speed <= AT_REST else f"the tip does not rest (tip speed {speed:.2g} m/s)"

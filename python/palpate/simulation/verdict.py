@@ -75,8 +75,6 @@ _LABELS = {
 FAILED = frozenset(
     (State.BOUNDED_OSCILLATION, State.UNSTABLE, State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT)
 )
-
-
 OSCILLATES = frozenset((State.UNSTABLE, State.BOUNDED_OSCILLATION))  # states in which a run shows no stable loop
 
 
@@ -235,7 +233,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     least = np.maximum(rest, np.maximum(e.resolution, FLOOR))
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
-    persists = e.kept > np.clip(SLOWER * np.where(np.isnan(e.decay), 0.0, e.decay) ** 4, PERSISTS, MOST)
+    lasting = np.where(np.isnan(e.decay), 0.0, np.minimum(e.decay, 1.0)) ** 4
+    persists = e.kept > np.clip(SLOWER * lasting, PERSISTS, MOST)
     swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from palpate.control.stability_margins import Margins, loop_margins
-from palpate.devices.reach import NEAR_SINGULAR, conditioning
+from palpate.devices.reach import near_limits
 from palpate.errors import PalpateError, StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.linear_evidence import loop_at_rest
@@ -205,11 +205,10 @@ def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, Verdict, str]:
     if not trace.completed:
         return None, verdict, f"{run} and diverged at {trace.unstable_from:g} s."
     run = f"{run}; its verdict is {verdict.state.label}"
-    if len(trace["angle"][0]) > 1 and conditioning(s.load_device(), trace["angle"]).min() < NEAR_SINGULAR:
-        run += " and it comes near a singular pose"
+    run = "; ".join([run, *near_limits(s.load_device(), trace["angle"])])
     rest, reason = loop_at_rest(trace, s)
-    told = "The loop was tested again where it came to rest." if rest is not None else reason
-    return rest, verdict, f"{run}. {told}".rstrip()
+    told = "; the loop was tested again where it came to rest" if rest is not None else f"; {reason}" if reason else ""
+    return rest, verdict, f"{run}{told}."
 
 
 def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, float, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,10 +106,10 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
     shape = np.sin(np.pi * np.arange(1, ticks + 1) / (ticks + 1))
     push = np.zeros_like(simulation.operator)
     push[rest + 1 : rest + 1 + ticks] = size * shape[:, None] * _direction(observed.trace["normal"][rest])
-    free = _trace(simulation, simulation.reference, simulation.operator)
-    pushed = _trace(simulation, simulation.reference, simulation.operator + push)
+    free = simulation.simulate()
+    pushed = replace(simulation, operator=simulation.operator + push).simulate()
     if np.array_equal(free["tip"], pushed["tip"]):  # a sampled model of the device has no operator
-        pushed = _trace(simulation, simulation.reference + push, simulation.operator)
+        pushed = replace(simulation, reference=simulation.reference + push).simulate()
     start = rest + 1 + ticks
     for trace in (pushed, free):
         if trace.unstable_from is not None:
@@ -132,12 +132,6 @@ def _slide(proxy: Array, end: int, fifth: int, period: float) -> float:
     """Return the mean speed of the proxy (n, 3) in one fifth of a run, 1 to 5, m/s."""
     part = proxy[(end - 1) * fifth : end * fifth]
     return float(np.linalg.norm(part[-1] - part[0]) / (fifth * period))
-
-
-def _trace(simulation: Simulation, reference: Array, operator: Array) -> Trace:
-    simulation.restart()
-    rows, count, unstable = simulation.setup.run(np.ascontiguousarray(reference), np.ascontiguousarray(operator))
-    return simulation.trace(np.asarray(rows)[:count], unstable, reference)
 
 
 def _simulation(scenario: Scenario, duration: float) -> Simulation:

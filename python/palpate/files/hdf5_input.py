@@ -1,7 +1,8 @@
 """Reading of HDF5 files from unknown sources.
 
 The files of palpate end with a seal (see `hdf5_output`), which is checked before HDF5 parses a byte, so a damaged file
-never reaches HDF5. A file of another program is read once by a process with limits of time and memory first.
+never reaches HDF5. A seal can be forged, and other programs write none. Every file that this process did not write is
+therefore read once by a process with limits of time and memory first.
 
 A file is an untrusted description of data. Each object is reached by hard links within the file; it is a data set of
 numbers of an expected type, its size is bounded by that of the file, and neither external storage nor virtual data
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -24,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PalpateError, shorten
-from palpate.files.hdf5_output import SEAL, SEAL_LIMIT, Range, digest
-from palpate.files.isolated import IsolatedError, run_isolated
+from palpate.files.hdf5_output import SEAL, SEAL_LIMIT, Range, digest, known_digests
+from palpate.files.isolated import IsolatedError, try_isolated
 from palpate.files.reading import HDF5_SIGNATURE, begins_with, check_readable
 
 _EXPANSION: Final = 256  # bytes of data per byte of the file; channels that are always zero compress well
@@ -34,21 +35,24 @@ _MOST_NAMES: Final = 1000  # of a group
 _TEXT_LIMIT: Final = 16_000_000  # bytes
 _FILTERS: Final = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _SEAL: Final = re.compile(re.escape(SEAL) + rb"([0-9a-f]{64}) (-|\d{1,18}\+\d{1,18}(?:,\d{1,18}\+\d{1,18})*)\n\Z")
-_SECONDS: Final = 20.0  # of the process that reads a file without a seal
-_MEMORY: Final = 2_000_000_000  # bytes of that process
+_SECONDS: Final = 4  # of computing by the process that reads a file first
+_SPEED: Final = 50_000_000  # bytes of the file for which that process has a second more
+_MEMORY: Final = 1_000_000_000  # bytes of that process
 
 
 class Sealed(NamedTuple):
     """Sealed content of a file."""
 
-    size: int  # bytes, without the seal
+    digest: str  # "" for a file without a seal
     later: tuple[Range, ...]  # ranges that the digest leaves out
 
 
 class Hdf5Reader:
     """Open HDF5 file; a context manager that closes it. Every failure raises `error` with the name of the file."""
 
-    def __init__(self, path: Path, error: type[PalpateError], what: str, remedy: str = "") -> None:
+    def __init__(
+        self, path: Path, error: type[PalpateError], what: str, remedy: str = "", later: tuple[Range, ...] = ()
+    ) -> None:
         """Open a file.
 
         Args:
@@ -56,8 +60,11 @@ class Hdf5Reader:
             error: exception to raise.
             what: the kind of file, for messages: "trace".
             remedy: end of the messages, such as "build it again".
+            later: ranges that the digest of the file leaves out.
         """
-        self.path, self._error, self._what, self._remedy = path, error, what, remedy
+        self.path, self.later = path, later
+        self.broken = ""  # last failure of HDF5
+        self._error, self._what, self._remedy = error, what, remedy
         self._left = _ALWAYS + _EXPANSION * path.stat().st_size
         with self._guard():
             try:
@@ -201,7 +208,10 @@ class Hdf5Reader:
         except PalpateError:
             raise
         except Exception as problem:
-            raise self.fail(" ".join(str(problem).split()) or type(problem).__name__) from None
+            reason = " ".join(str(problem).split()) or type(problem).__name__
+            if isinstance(problem, MemoryError | OSError | RuntimeError | KeyError):
+                self.broken = reason
+            raise self.fail(reason) from None
 
 
 def check_hdf5(path: object, error: type[PalpateError], what: str, otherwise: str = "") -> Path:
@@ -243,55 +253,87 @@ def _find_seal(path: Path) -> Sealed | str:
         pairs = [] if match[2] == b"-" else [pair.partition(b"+") for pair in match[2].split(b",")]
         later = tuple((int(offset), int(length)) for offset, _, length in pairs)
         same = digest(handle, content, later) == match[1].decode()
-        return Sealed(content, later) if same else "it is damaged: its content differs from its checksum"
+        return Sealed(match[1].decode(), later) if same else "it is damaged: its content differs from its checksum"
     finally:
         os.close(handle)
 
 
 def open_sealed(path: Path, error: type[PalpateError], what: str, remedy: str = "") -> Hdf5Reader:
     """Return the reader of a file of palpate. Raise as `read_seal`, and if HDF5 cannot read it."""
-    read_seal(path, error, what, remedy)
-    return Hdf5Reader(path, error, what, remedy)
+    return _open(path, error, what, remedy, read_seal(path, error, what, remedy))
 
 
 def open_foreign(path: Path, error: type[PalpateError], what: str) -> Hdf5Reader:
-    """Return the reader of a file of any program.
-
-    A file without a seal is read by a process of its own first, so that one that makes HDF5 crash, hang or exhaust the
-    memory raises `error`.
-    """
+    """Return the reader of a file of any program. Raise `error` if HDF5 cannot read it."""
     try:
-        read_seal(path, error, what)
+        sealed = read_seal(path, error, what)
     except error:
+        sealed = Sealed("", ())
+    return _open(path, error, what, "", sealed)
+
+
+def _open(path: Path, error: type[PalpateError], what: str, remedy: str, sealed: Sealed) -> Hdf5Reader:
+    if sealed.digest not in known_digests:
         _try_in_process(path, error, what)
-    return Hdf5Reader(path, error, what)
+        if sealed.digest and not sealed.later:
+            known_digests.add(sealed.digest)
+    return Hdf5Reader(path, error, what, remedy, sealed.later)
 
 
 _PROGRAM: Final = """
+import sys
 from pathlib import Path
-import numpy as np
 from palpate.files.hdf5_input import read_everything
 
-read_everything(Path(str(np.load("inputs.npz")["path"])))
-np.savez("result.npz")
+sys.exit(read_everything(Path(sys.argv[1])) or 0)
 """
 
 
 def _try_in_process(path: Path, error: type[PalpateError], what: str) -> None:
-    """Read everything in a process with limits. Raise `error` if the process is killed."""
-    memory = _MEMORY + 4 * path.stat().st_size
+    """Read everything in a process with limits. Raise `error` if it crashes, takes too long or too much memory."""
+    size = path.stat().st_size
     try:
-        run_isolated(_PROGRAM, {"path": str(path.absolute())}, seconds=_SECONDS, memory=memory)
+        try_isolated(_PROGRAM, str(path.absolute()), seconds=_SECONDS + size // _SPEED, memory=_MEMORY + 8 * size)
     except IsolatedError as problem:
         raise error(f"{path}: not a {what} that HDF5 can read: {problem}") from None
 
 
-def read_everything(path: Path) -> None:
-    """Read all that `Hdf5Reader` may read of a file; errors are not reported."""
-    with suppress(PalpateError), Hdf5Reader(path, PalpateError, "file") as reader:
-        for group in ("/", "/channels"):
-            for name in reader.names(group):
-                place = f"{group}/{name}"
-                for read in (reader.array, reader.text, partial(reader.text_attribute, "unit")):
+def read_everything(path: Path) -> str:
+    """Read all that `Hdf5Reader` may read of a file; return a failure of HDF5, or ""."""
+    try:
+        opened = Hdf5Reader(path, PalpateError, "file")
+    except PalpateError as problem:
+        return str(problem).removeprefix(f"{path}: not a complete file: ")
+    with opened as reader:
+        limit = reader._left
+        for key in ("format", "version", "record", "sweep", "metadata", "period", "unstable_from"):
+            with suppress(PalpateError):
+                reader.text_attribute(key)
+        groups = ["/"]
+        for group in groups:
+            for name in _names(reader, group):
+                place = f"{group}{name}"
+                groups += [f"{place}/"] if group == "/" else []
+                for read in _READS:
+                    reader._left = limit
                     with suppress(PalpateError):
-                        read(place)
+                        read(reader, place)
+        return reader.broken
+
+
+_READS: Final[tuple[Callable[[Hdf5Reader, str], object], ...]] = (
+    Hdf5Reader.array,
+    Hdf5Reader.text,
+    lambda reader, place: reader.place(place, "<f8"),
+    *(
+        partial(lambda reader, place, key: reader.text_attribute(key, place), key=key)
+        for key in ("unit", "units", "description")
+    ),
+)
+
+
+def _names(reader: Hdf5Reader, group: str) -> list[str]:
+    try:
+        return reader.names(group)
+    except PalpateError:
+        return []

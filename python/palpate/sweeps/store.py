@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError, PalpateWarning
 from palpate.files import as_path, atomic_write
-from palpate.files.hdf5_input import Hdf5Reader, check_hdf5, read_seal
+from palpate.files.hdf5_input import check_hdf5, open_sealed
 from palpate.files.hdf5_output import Range, write_at, write_hdf5
 from palpate.simulation.verdict import State
 from palpate.sweeps.axes import SweepError
@@ -277,8 +277,7 @@ def merge(parts: Sequence[str | Path], out: str | Path) -> Path:
 def _structure(path: Path) -> tuple[Plan, dict[str, Range]]:
     """Return the plan of a file, and where each dataset lies. Raise SweepError if it is no sweep or was changed."""
     check_hdf5(path, SweepError, "sweep")
-    sealed = read_seal(path, SweepError, "sweep")
-    with Hdf5Reader(path, SweepError, "sweep") as file:
+    with open_sealed(path, SweepError, "sweep") as file:
         text = file.text_attribute("sweep", default="")
         if not text:
             raise SweepError(f"{path} is not the file of a sweep")
@@ -291,7 +290,7 @@ def _structure(path: Path) -> tuple[Plan, dict[str, Range]]:
         if missing := [name for name in sizes if not file.has(name)]:
             raise SweepError(f"{path} has no {', '.join(missing)}: another version wrote it; run its sweep anew")
         places = {name: file.place(name, "<u8" if name == "done" else "<f8") for name in sizes}
-    if any(places[name][1] != size for name, size in sizes.items()) or sorted(places.values()) != sorted(sealed.later):
+    if any(places[name][1] != size for name, size in sizes.items()) or sorted(places.values()) != sorted(file.later):
         raise SweepError(f"{path}: its datasets have other sizes or places than those of its sweep")
     return plan, places
 

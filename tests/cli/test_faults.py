@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import builtins
+import hashlib
+import io
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,17 +15,31 @@ import time
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
+from contextlib import suppress
 from errno import EIO, ENOSPC
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
-from palpate.files import hdf5_output, output
+from palpate.devices import load
+from palpate.errors import PalpateError
+from palpate.files import check_readable, hdf5_output, output
+from palpate.identification import simulate_experiment
+from palpate.report import Page
 from palpate.sweeps import SweepError, store
 from palpate.sweeps.run import _result
+from typer import Typer
 from typer.testing import CliRunner
+
+from experiments.hosseini2004 import reproduce
+from experiments.hosseini2004.__main__ import app as thesis
+from experiments.hosseini2004.checks import tally
+
+_OPEN = open
+_TIMES = re.compile(rb"<dc:date>.*?</dc:date>")
 
 SCENARIO = """
 title = "{title}"
@@ -40,8 +58,8 @@ duration = "0.1 s"
 """
 
 
-def palpate(*words: object) -> tuple[int, str]:
-    done = CliRunner().invoke(app, [str(word) for word in words])
+def palpate(*words: object, program: Typer = app) -> tuple[int, str]:
+    done = CliRunner().invoke(program, [str(word) for word in words])
     assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
     return done.exit_code, done.output
 
@@ -54,8 +72,17 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
+class _FaultyFile(io.FileIO):
+    """File that counts its writes among the calls of a `_FaultySystem`."""
+
+    system: _FaultySystem
+
+    def write(self, data: Any) -> int:
+        return int(self.system.counted(super().write)(data))
+
+
 class _FaultySystem:
-    """The module `os`, in which the n-th call that changes the disk and all later ones fail."""
+    """The module `os` and `open`, in which the n-th call that changes the disk and all later ones fail."""
 
     changing = ("pwrite", "fsync", "ftruncate", "posix_fallocate", "replace", "rename", "mkdir")
 
@@ -80,6 +107,17 @@ class _FaultySystem:
             patch.setattr(module, "os", self)
         for name in ("replace", "rename"):
             patch.setattr(Path, name, self.counted(getattr(Path, name)))
+        for module in (io, builtins):
+            patch.setattr(module, "open", self.open_file)
+
+    def open_file(self, file: Any, mode: str = "r", buffering: int = -1, *args: Any, **options: Any) -> Any:
+        """Open a file as `io.open`; its writes are counted if it is one of a result."""
+        if not {"w", "x", "a"} & set(mode) or ".part" not in str(file):
+            return _OPEN(file, mode, buffering, *args, **options)
+        raw = _FaultyFile(os.fspath(file), mode.replace("b", "").replace("t", ""))
+        raw.system = self
+        buffered = io.BufferedRandom(raw) if "+" in mode else io.BufferedWriter(raw)
+        return buffered if "b" in mode else io.TextIOWrapper(buffered, *args, **options)
 
 
 COMMANDS: dict[str, list[str]] = {
@@ -87,35 +125,74 @@ COMMANDS: dict[str, list[str]] = {
     "resolve": ["resolve", "{scenario}", "-o", "{out}/l"],
     "sweep": ["sweep", "{scenario}", "--over", "object.stiffness=50 N/m,100 N/m", "-o", "{out}/s.h5"],
     "body phantom": ["body", "phantom", "--contrast", "1", "--spacing", "25 mm", "-o", "{out}/b.h5"],
+    "identify": ["identify", "{recording}", "-d", "slider", "-o", "{out}/i", "--write", "{out}/device.toml"],
+    "reproduce": ["-o", "{out}/t"],
 }
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    whole = simulate_experiment(load("slider"), duration=4.0)
+    return whole.save(tmp_path_factory.mktemp("recording") / "slider.csv")
+
+
+def _write_reproduction(out: Path, _progress: object) -> reproduce.Reproduction:
+    """Write the files of a reproduction without computing it."""
+    page = Page("The thesis")
+    picture = Figure()
+    page.figure(picture, "an empty figure")
+    reproduce._write(out, page, picture, [{"id": "a"}])
+    return reproduce.Reproduction([], tally([]), [])
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_nth_call_that_fails_ends_a_command_in_one_sentence(
-    command: str, scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: str, scenario: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With exit code 2; the next run succeeds, and no temporary file remains. Nightly each call fails once."""
-    words = [word.format(scenario=scenario, out=tmp_path / "out") for word in COMMANDS[command]]
+    """With exit code 2; every file is the former or the new one; the next run succeeds, and no other file remains.
+
+    Nightly each call fails once.
+    """
+    out = tmp_path / "out"
+    words = [word.format(scenario=scenario, recording=recording, out=out) for word in COMMANDS[command]]
+    program = thesis if command == "reproduce" else app
+    monkeypatch.setattr(reproduce, "run", _write_reproduction)
     every = "PALPATE_NIGHTLY" in os.environ
     with monkeypatch.context() as patch:
         system = _FaultySystem(0, ENOSPC)
         system.install(patch)
-        assert palpate(*words)[0] == 0
-    whole = {path.relative_to(tmp_path) for path in (tmp_path / "out").rglob("*")}
+        assert palpate(*words, program=program)[0] == 0
+    whole, sentences = _contents(out), 0
     assert system.made > 4
     for failing in range(1, system.made + 1) if every else (1, system.made // 2, system.made - 1):
         number = ENOSPC if failing % 2 else EIO
+        for file in out.glob("s.*"):
+            file.unlink()
+        before = _contents(out)
         with monkeypatch.context() as patch:
             _FaultySystem(failing, number).install(patch)
-            for file in (tmp_path / "out").glob("s.*"):
-                file.unlink()
-            code, said = palpate(*words)
+            code, said = palpate(*words, program=program)
         last = [line for line in said.splitlines() if line.strip()][-1]
         synced_folder = code == 0  # a file system may refuse to flush a folder; the files are on the disk
         assert synced_folder or (code == 2 and last.startswith("error: ") and os.strerror(number) in last), said
         assert "Traceback" not in said
-    assert palpate(*words)[0] == 0
-    assert {path.relative_to(tmp_path) for path in (tmp_path / "out").rglob("*")} == whole
+        sentences += code
+        for folder in "rlit":
+            with suppress(PalpateError):
+                check_readable(out / folder / "a", PalpateError, kind="a file")  # completes the renames
+        assert command == "sweep" or code == 0 or _contents(out) == before
+    assert sentences
+    assert palpate(*words, program=program)[0] == 0
+    assert _contents(out).keys() == whole.keys()
+
+
+def _contents(folder: Path) -> dict[str, str]:
+    """Return a digest of each file without the date of a figure."""
+    found = {}
+    for file in sorted(folder.rglob("*")):
+        data = file.read_bytes() if file.is_file() else b""
+        found[str(file.relative_to(folder))] = hashlib.sha256(_TIMES.sub(b"", data)).hexdigest()
+    return found
 
 
 @pytest.mark.parametrize("name", ["...toml", ".. .toml"])

@@ -9,6 +9,8 @@ PYTHON_FOLDERS = $(wildcard python experiments benchmarks tests examples/python)
 OUT ?= results
 JOBS ?= 2
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+# Tests of what users build with palpate: installed headers, other compilers and machines. `make docs` runs those of the documentation.
+BUILD_TESTS = tests/core/test_compiler_options.py tests/core/test_cross_compile.py tests/core/test_installed_core.py
 FAST_TESTS = tests/test_import_graph.py tests/test_units.py tests/control tests/devices tests/linear tests/metrics tests/scenario
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -16,7 +18,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_NO_COMPILE := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check reproduce bench fuzz nightly docs wheel lint tidy format clean
+.PHONY: help run test builds check reproduce bench fuzz nightly docs wheel lint tidy format clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -25,8 +27,11 @@ run: .venv/installed  ## install, run the flagship scenario on a deformable body
 	$(BIN)/palpate run scenarios/palpate-phantom.toml --out $(OUT)/palpate-phantom
 	@echo "Report: $(abspath $(OUT))/palpate-phantom/report.html"
 
-test: .venv/test-installed  ## install the test dependencies, run all tests of Python and C++
-	$(PYTEST) --junit-xml=build/junit.xml
+test: .venv/test-installed  ## install the test dependencies, run the tests of Python and C++
+	$(PYTEST) --junit-xml=build/junit.xml --ignore=tests/docs $(addprefix --ignore=,$(BUILD_TESTS))
+
+builds: .venv/cross-installed  ## compile the core and the examples as users do: installed, by other compilers, for other machines
+	$(PYTEST) $(BUILD_TESTS)
 
 check: lint .venv/test-installed  ## format, lint, types, import graph and fast tests: two minutes after installation
 	$(PYTEST) $(FAST_TESTS)
@@ -85,7 +90,7 @@ packages = $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.to
 	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
 extra = $(call packages,p['optional-dependencies']['$(1)'])
 # Goals that need the packages of the tests install them while the core compiles.
-EARLY := $(if $(filter test check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
+EARLY := $(if $(filter test builds check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
 
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
 # The core compiles while pip downloads and installs the dependencies.

@@ -180,7 +180,7 @@ def _built_lanes() -> Path | None:
     """Return the object file that an editable install left in build/, if no source is newer."""
     sources = [*ROOT.glob("core/include/**/*.hpp"), *ROOT.glob("python/src/*"), ROOT / "CMakeLists.txt"]
     newest = max(source.stat().st_mtime for source in sources)
-    built = ROOT.glob("build/*/python/src/CMakeFiles/palpate_lanes_8.dir/batch_lanes.cpp.o")
+    built = ROOT.glob("build/*/python/src/CMakeFiles/_core_lanes_8.dir/batch_lanes.cpp.o")
     return next((path for path in built if path.stat().st_mtime > newest), None)
 
 

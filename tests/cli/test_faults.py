@@ -20,6 +20,7 @@ from errno import EIO, ENOSPC
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from palpate.cli.interrupt import control_c
@@ -184,6 +185,50 @@ def test_the_nth_call_that_fails_ends_a_command_in_one_sentence(
     assert sentences
     assert palpate(*words, program=program)[0] == 0
     assert _contents(out).keys() == whole.keys()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_nth_allocation_that_fails_ends_a_command_in_one_sentence(
+    command: str, scenario: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the arrays that Python code makes; every former file remains. Nightly each of the first 200 fails."""
+    out = tmp_path / "out"
+    words = [word.format(scenario=scenario, recording=recording, out=out) for word in COMMANDS[command]]
+    program = thesis if command == "reproduce" else app
+    monkeypatch.setattr(reproduce, "run", _write_reproduction)
+    made, failing, sentences = 0, 0, 0
+
+    def counted(real: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **options: Any) -> Any:
+            nonlocal made
+            made += 1
+            if made == failing:
+                raise MemoryError("Unable to allocate 9 GiB")
+            return real(*args, **options)
+
+        return call
+
+    assert palpate(*words, program=program)[0] == 0
+    for name in ("empty", "zeros", "ones", "full", "arange", "linspace", "stack", "concatenate"):
+        monkeypatch.setattr(np, name, counted(getattr(np, name)))
+    before = _contents(out)
+    for failing in range(1, 200) if "PALPATE_NIGHTLY" in os.environ else (9,):
+        made = 0
+        for file in out.glob("s.*"):
+            file.unlink()
+        code, said = palpate(*words, program=program)
+        if made < failing:
+            break
+        assert code in (0, 1, 2)
+        if code:
+            sentences += 1
+            assert "error: " in said
+            assert "Traceback" not in said
+            assert command == "sweep" or _contents(out) == before
+    failing = 0
+    assert sentences or made == 0
+    assert palpate(*words, program=program)[0] == 0
+    assert _contents(out).keys() == before.keys()
 
 
 def _contents(folder: Path) -> dict[str, str]:

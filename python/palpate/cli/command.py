@@ -27,6 +27,10 @@ def one_sentence(command: Callable[..., None]) -> Callable[..., None]:
             errors.print("[bold red]error:[/] ", end="")
             errors.print(str(problem), markup=False, soft_wrap=True)
             raise typer.Exit(2) from None
+        except MemoryError as problem:
+            errors.print(f"[bold red]error:[/] not enough memory{': ' * bool(str(problem))}", end="")
+            errors.print(str(problem), markup=False, soft_wrap=True)
+            raise typer.Exit(2) from None
         except KeyboardInterrupt:
             errors.print("stopped at the end: the results are written" if done else "stopped: nothing was written")
             raise typer.Exit(130) from None

@@ -27,6 +27,7 @@ ORDER = (
     "simulation",
     "metrics",
     "stability",
+    "tuning",
     "sweeps",
     "identification",
     "plotting",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from palpate.simulation.simulator import simulate as simulate
     from palpate.simulation.trace import Trace as Trace
     from palpate.sweeps import sweep as sweep
+    from palpate.tuning import design as design
 
 # Numerical packages take a second to import; each name brings its own when first used, so the command line is quick.
 _LAZY_ATTRIBUTES = {
@@ -36,6 +37,7 @@ _LAZY_ATTRIBUTES = {
     "Scenario": "palpate.scenario",
     "Surface": "palpate.contact",
     "Trace": "palpate.simulation.trace",
+    "design": "palpate.tuning",
     "discretize": "palpate.linear",
     "linearize": "palpate.linear",
     "simulate": "palpate.simulation.simulator",
@@ -56,6 +58,7 @@ _SUBPACKAGES = (
     "simulation",
     "stability",
     "sweeps",
+    "tuning",
 )
 
 __all__ = ["PalpateError", "__version__", *_LAZY_ATTRIBUTES, *_SUBPACKAGES]  # noqa: PLE0604

@@ -11,6 +11,7 @@ import typer
 
 from palpate.cli import body
 from palpate.cli.command import one_sentence
+from palpate.cli.design import design
 from palpate.cli.devices import devices
 from palpate.cli.identify import identify
 from palpate.cli.new import new
@@ -32,7 +33,7 @@ app = typer.Typer(
 )
 
 
-for function in (run, new, certify, zwidth, workspace, performance, sweep, merge, identify, devices, resolve):
+for function in (run, new, design, certify, zwidth, workspace, performance, sweep, merge, identify, devices, resolve):
     app.command()(one_sentence(function))
 
 bodies = typer.Typer(no_args_is_help=True, help="Deformable bodies: build one from a mesh, or describe one.")

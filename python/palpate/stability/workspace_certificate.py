@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from palpate.arrays import Array
 from palpate.control.workspace_controller import WorkspaceController
@@ -32,7 +33,7 @@ class WorkspaceCertificate:
     """Common Lyapunov matrix of a workspace controller.
 
     Attributes:
-        matrix: P (15, 15), for the scaled state of `workspace_loops`.
+        matrix: P (m, m), for the scaled state of `workspace_loops`.
         contraction: largest factor on the norm sqrt(x^T P x) in one tick at the vertices; below 1.
         vertices: number of vertices.
     """
@@ -42,22 +43,28 @@ class WorkspaceCertificate:
     vertices: int
 
     def verify(self, loops: Array) -> float:
-        """Return the largest factor on the norm in one tick under other loops (n, 15, 15), from P alone."""
+        """Return the largest factor on the norm in one tick under other loops (n, m, m), from P alone."""
         return float(np.sqrt(1.0 - decrease(loops, self.matrix).min()))
 
 
 def workspace_loops(
-    controller: WorkspaceController, poses: Array, device: Device | None = None, arm: HumanArm | None = None
+    controller: WorkspaceController,
+    poses: Array,
+    device: Device | None = None,
+    arm: HumanArm | None = None,
+    delay: int = 0,
 ) -> Array:
-    """Return the loops about rest at poses (n, 3), rad, as matrices of one tick (n, 15, 15), in contact.
+    """Return the loops in contact about rest at poses (n, 3), rad, as matrices of one tick (n, m, m), m = 15 + 3 delay.
 
-    The state per axis is deflection times bandwidth, velocity, and the estimate in the same units.
+    The state per axis is deflection times bandwidth, velocity, the delayed commands as the tip acceleration that they
+    give at their pose, over bandwidth, and the estimate in the units of the motion.
 
     Args:
         controller: knows its own device.
         poses: (n, 3), rad.
         device: the real one; None: the one that the controller knows.
         arm: held at the tip; a rigid grip.
+        delay: samples from a command to its application.
 
     Raises:
         StabilityError: the arm has states of its own.
@@ -67,20 +74,20 @@ def workspace_loops(
         raise StabilityError("workspace_loops: the arm must grip rigidly; fingertip tissue adds states")
     real = controller.device if device is None else device
     stiffness = np.diag(controller.stiffness)
-    unit = np.kron(
-        np.diag([controller.bandwidth, 1.0, controller.bandwidth, 1.0, 1.0 / controller.bandwidth]), np.eye(3)
-    )
+    rate, late = controller.bandwidth, 3 * delay
+    unit = np.kron(np.diag([rate, 1.0, *[1.0 / rate] * delay, rate, 1.0, 1.0 / rate]), np.eye(3))
     loops = []
     for q in np.atleast_2d(np.asarray(poses, dtype=float)):
         jacobian = real.jacobian(q)
         plant = sampled_plants(real, q[None], arm, np.zeros(3), controller.period)
         hold = np.einsum("k,kij->ij", static_tip_force(jacobian, controller.device.gravity(q)), real.tip_hessian(q))
         law = controller.linearized(q)
-        a, entry, out = assemble_loop((plant[0][0], plant[1][0], plant[2][0]), jacobian, hold, law, 0)
+        a, entry, out = assemble_loop((plant[0][0], plant[1][0], plant[2][0]), jacobian, hold, law, delay)
         closed = a + entry @ stiffness @ out
-        size = 6 + ESTIMATE  # the reference model follows and does not feed back
+        size = 6 + late + ESTIMATE  # the reference model follows and does not feed back
         to_tip = np.kron(np.eye(2), jacobian)
-        into = unit @ np.block([[to_tip, np.zeros((6, ESTIMATE))], [np.zeros((ESTIMATE, 6)), np.eye(ESTIMATE)]])
+        to_acceleration = np.kron(np.eye(delay), jacobian @ np.linalg.inv(controller.device.mass_matrix(q)))
+        into = unit @ block_diag(to_tip, to_acceleration, np.eye(ESTIMATE))
         loops.append(into @ closed[:size, :size] @ np.linalg.inv(into))
     return np.array(loops)
 

@@ -1,0 +1,198 @@
+"""Designs from a specification: what is promised is simulated, and a refusal names the constraint with a remedy."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import palpate
+import pytest
+from palpate.cli.main import app
+from palpate.control import workspace
+from palpate.devices import load
+from palpate.errors import DesignError, OutputError, PoseError
+from palpate.stability.switching import has_solver
+from palpate.stability.workspace_certificate import workspace_loops
+from palpate.tuning import ControllerDesign
+from typer.testing import CliRunner
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
+NAME = "phantom-premium-1.5a"
+ARM = load(NAME)
+
+
+@pytest.fixture(scope="module")
+def met() -> ControllerDesign:
+    begin = time.process_time()
+    found = palpate.design(NAME, "500 N/m..10 N/mm", "1 N", "30 ms", period="0.5 ms", against=[f"{NAME}-rotors"])
+    assert time.process_time() - begin < 30.0
+    return found
+
+
+def test_a_design_that_is_met_promises_what_its_scenario_does(met: ControllerDesign, tmp_path: Path) -> None:
+    assert met.feasible
+    assert met.bound < max(met.settling.values()) <= 0.03
+    assert met.overshoot <= 0.05
+    assert met.controller is not None
+    path = met.save_scenario(tmp_path / "scenario.toml")
+    trace = palpate.simulate(path)
+    summary = palpate.summarize(trace)
+    assert summary["verdict"].startswith("settled to 5 %")
+    written = palpate.Scenario.from_file(path).controller.options
+    assert workspace(ARM, 5e-4, **written) == met.controller
+
+
+def test_the_certificate_is_verified_from_its_matrix_alone(met: ControllerDesign) -> None:
+    if not has_solver():
+        assert "Clarabel" in met.certificate_remark
+        return
+    assert met.certificate is not None
+    assert met.controller is not None
+    poses = np.array([[0.3, 1.9, 2.9], [-0.2, 2.0, 3.3]])
+    for device in (ARM, load(f"{NAME}-rotors")):
+        assert met.certificate.verify(workspace_loops(met.controller, poses, device)) < 1.0
+
+
+def test_a_delayed_design_is_certified_with_its_delay() -> None:
+    controller = workspace(ARM, 5e-4, bandwidth=280.0, observer=2.5, disturbance=0.03)
+    pose = np.array([[0.0, 2.0, 3.0]])
+    for delay in (0, 1, 3):
+        loops = workspace_loops(controller, pose, delay=delay)
+        assert loops.shape == (1, 15 + 3 * delay, 15 + 3 * delay)
+    assert np.abs(np.linalg.eigvals(workspace_loops(controller, pose, delay=4))).max() < 1.0  # delay margin 5.2 samples
+    assert np.abs(np.linalg.eigvals(workspace_loops(controller, pose, delay=6))).max() > 1.0
+
+
+def test_a_range_beyond_the_drive_names_it_and_each_remedy_would_do() -> None:
+    found = palpate.design(NAME, "50 N/m..10 N/mm", "1 N", "40 ms")
+    assert not found.feasible
+    assert (found.constraint, found.scenario) == ("drive limit", None)
+    assert 0.04 < found.bound < max(found.settling.values())
+    assert [remedy.partition(" ")[0] for remedy in found.remedies] == ["--settle", "--stiffness", "--force"]
+    assert found.certificate_remark == "none: the specification is not met"
+    tried = {"stiffness": "50 N/m..10 N/mm", "force": "1 N", "settle": "40 ms"}
+    for remedy in found.remedies if NIGHTLY else ():
+        key, _, value = remedy.removeprefix("--").partition(" ")
+        again = palpate.design(NAME, **{**tried, key: value.strip('"')})
+        # other presses may be drawn for another way; the remedy holds to a few per cent
+        assert max(again.settling.values()) <= 1.03 * again.specification.settle
+    with pytest.raises(OutputError, match="the specification is not met"):
+        found.save_scenario("never.toml")
+
+
+def test_a_settling_time_beyond_the_axis_names_the_encoder_or_the_sampling() -> None:
+    found = palpate.design(NAME, "10 N/mm", "0.5 N", "10 ms", period="0.5 ms")
+    assert found.constraint == "encoder"
+    assert found.remedies == ('--settle "11 ms"', "an encoder with 2 times the counts")
+    if NIGHTLY:
+        late = palpate.design(NAME, "10 N/mm", "0.5 N", "12 ms", delay=2)
+        assert late.constraint == "sampling"
+        assert "--period" in late.remedies[-1]
+
+
+def test_a_way_beyond_the_reach_names_the_range_of_stiffness() -> None:
+    found = palpate.design(NAME, "10 N/m..10 N/mm", "5 N", "40 ms")
+    assert found.constraint == "stiffness range"
+    assert "500 mm" in found.reason
+    assert found.remedies[0].startswith('--stiffness "')
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "says"),
+    [
+        ({"stiffness": "10 N/mm..50 N/m"}, DesignError, 'write the smaller value first, "50.0 N/m..10000.0 N/m"'),
+        ({"stiffness": "50..10 N/mm"}, DesignError, 'has no unit, and a stiffness is needed; write it as "50 N/m"'),
+        ({"stiffness": "1 N/mm..2 N/mm..3 N/mm"}, DesignError, "is no range"),
+        ({"stiffness": "0 N/m..1 N/m"}, DesignError, "must be positive"),
+        ({"force": "20 N"}, DesignError, "give at most 8.5 N"),
+        ({"force": "1 mm"}, DesignError, "is a length"),
+        ({"settle": "0 ms"}, DesignError, "settle must be positive"),
+        ({"delay": -1}, DesignError, "whole number of samples from 0 to 16"),
+        ({"tip": ["1 m", "0 m", "0 m"]}, PoseError, "the tip cannot be at"),
+        ({"pose": ["0 rad", "1.5708 rad", "3.1416 rad"]}, PoseError, "singular"),
+        ({"pose": ["0 rad", "1 rad"]}, DesignError, "3 finite values in rad"),
+        ({"pose": [0, 0, 0], "tip": [0, 0, 0]}, DesignError, "either pose or tip"),
+        ({"device": "slider"}, DesignError, "needs three; write a scenario"),
+        ({"device": "haply-2diy"}, DesignError, "has 2 joint"),
+        ({"against": ["slider"]}, DesignError, "must have three joints"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_the_remedy(change: dict[str, Any], error: type[Exception], says: str) -> None:
+    asked = {"device": NAME, "stiffness": "50 N/m..10 N/mm", "force": "1 N", "settle": "25 ms", **change}
+    with pytest.raises(error) as problem:
+        palpate.design(**asked)
+    assert says in str(problem.value)
+
+
+def test_the_command_writes_a_scenario_or_exits_with_1(tmp_path: Path) -> None:
+    def run(*arguments: str) -> tuple[int, str]:
+        done = CliRunner().invoke(app, ["design", *arguments])
+        return done.exit_code, " ".join(done.output.split())
+
+    common = (NAME, "--stiffness", "2 N/mm..10 N/mm", "--force", "1 N", "-o", str(tmp_path))
+    code, text = run(*common, "--settle", "25 ms")
+    assert code == 0, text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["design.json", "scenario.toml"]
+    assert "of the optimal robustness" in text
+    code, text = run(*common, "--settle", "25")
+    assert code == 2
+    assert "has no unit" in text
+
+
+def test_a_force_that_leaves_nothing_to_brake_is_a_drive_limit_and_exits_with_1(tmp_path: Path) -> None:
+    arguments = [NAME, "--stiffness", "10 N/mm", "--force", "8.5 N", "--settle", "25 ms", "-o", str(tmp_path)]
+    done = CliRunner().invoke(app, ["design", *arguments])
+    assert done.exit_code == 1
+    assert "Binding constraint: drive limit" in done.output
+    assert "cannot brake" in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["design.json"]
+    written = json.loads((tmp_path / "design.json").read_text("utf-8"))
+    assert written["feasible"] is False
+    assert written["drive_bound_s"] is None
+    (remedy,) = written["remedies"]
+    assert remedy.startswith('--force "')
+    assert 5.0 < float(remedy.split('"')[1].split()[0]) < 8.0
+
+
+def test_dry_friction_is_named_where_only_stiff_objects_do_not_settle() -> None:
+    found = palpate.design(f"{NAME}-rotors", "1 N/mm..10 N/mm", "2 N", "40 ms")
+    assert found.constraint == "dry friction"
+    assert found.settling[1000.0] <= 0.04 < found.settling[10000.0]
+    (remedy,) = found.remedies
+    assert remedy.startswith('--stiffness "1000 N/m..')
+
+
+TIP_DEVICE = """
+name = "own"
+description = "three sliding axes"
+mechanism = "tip_device"
+servo_period = { value = "1 ms", source = "own" }
+[sources]
+own = "an example"
+[mass]
+apparent = { value = ["80 g", "80 g", "120 g"], source = "own" }
+[friction]
+viscous = { value = ["0.1 N*s/m", "0.1 N*s/m", "0.1 N*s/m"], source = "own" }
+[drive]
+encoder_step = { value = ["10 um", "10 um", "10 um"], source = "own" }
+peak_force = { value = "9 N", source = "own" }
+[limits]
+lower = { value = ["-50 mm", "-50 mm", "-50 mm"], source = "own" }
+upper = { value = ["50 mm", "50 mm", "50 mm"], source = "own" }
+"""
+
+
+def test_your_own_device_of_three_axes_is_designed_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenario names the device file in full, so it runs from another folder."""
+    (tmp_path / "own.toml").write_text(TIP_DEVICE)
+    monkeypatch.chdir(tmp_path)
+    found = palpate.design("own.toml", "500 N/m..10 N/mm", "3 N", "40 ms")
+    assert found.feasible
+    assert found.bound == pytest.approx(palpate.tuning.drive_bound(load("own.toml"), [0, 0, 0], [0, 0, 1], 3.0, 500.0))
+    (tmp_path / "other").mkdir()
+    written = found.save_scenario(tmp_path / "other" / "scenario.toml")
+    assert palpate.summarize(palpate.simulate(written))["verdict"].startswith("settled")

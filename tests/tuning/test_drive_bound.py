@@ -1,0 +1,64 @@
+"""The least settling time that a drive allows, against closed forms and a simulated bang-bang."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from palpate.devices import Device, load
+from palpate.devices.device import Parameters
+from palpate.tuning import drive_bound
+from palpate.tuning.presses import draw_poses, draw_presses, tip_inertia
+
+ARM = load("phantom-premium-1.5a")
+
+
+def mass(kilograms: float, **drive: float | tuple[float, ...]) -> Device:
+    values: dict[str, tuple[float, ...]] = {"mass.apparent": (kilograms,) * 3, "friction.viscous": (0.0,) * 3}
+    for key, value in drive.items():
+        values[f"drive.{key}"] = value if isinstance(value, tuple) else (value,)
+    return Device("mass", "", "tip_device", Parameters(values))
+
+
+def test_a_small_force_gives_the_symmetric_bound() -> None:
+    """(2 sqrt 1.05 - sqrt 0.2) sqrt(d m / F_max), for F well below F_max."""
+    force, stiffness, most = 1e-6, 1000.0, 8.5
+    wanted = (2 * np.sqrt(1.05) - np.sqrt(0.2)) * np.sqrt(force / stiffness * 0.1 / most)
+    assert drive_bound(mass(0.1, peak_force=most), np.zeros(3), [0, 0, 1], force, stiffness) == pytest.approx(wanted)
+    assert wanted == pytest.approx(1.6022 * np.sqrt(force / stiffness * 0.1 / most), rel=1e-4)
+
+
+def test_the_bound_is_the_time_of_a_simulated_bang_bang() -> None:
+    """The operator helps to accelerate and hinders braking: (8 + 5)/m and (8 - 5)/m."""
+    force, stiffness, most, m, t = 5.0, 500.0, 8.0, 0.1, 1e-7
+    way, go, brake = force / stiffness, (most + force) / m, (most - force) / m
+    switch = 1.05 * way * brake / (go + brake)
+    x = v = time = 0.0
+    while x < 0.95 * way:
+        v += t * (go if x < switch else -brake)
+        x += t * v
+        time += t
+    assert drive_bound(mass(m, peak_force=most), np.zeros(3), [1, 0, 0], force, stiffness) == pytest.approx(
+        time, rel=1e-4
+    )
+
+
+def test_limits_of_torque_bound_as_a_limit_of_force_on_one_axis() -> None:
+    by_force = drive_bound(mass(0.1, peak_force=8.0), np.zeros(3), [0, 1, 0], 2.0, 500.0)
+    by_torque = drive_bound(mass(0.1, peak_torque=(8.0, 8.0, 8.0)), np.zeros(3), [0, 1, 0], 2.0, 500.0)
+    assert by_torque == pytest.approx(by_force)
+
+
+def test_a_force_at_the_limit_cannot_brake_and_no_limit_takes_no_time() -> None:
+    assert drive_bound(mass(0.1, peak_force=8.0), np.zeros(3), [0, 1, 0], 8.0, 500.0) == np.inf
+    assert drive_bound(mass(0.1), np.zeros(3), [0, 1, 0], 8.0, 500.0) == 0.0
+
+
+def test_presses_stay_within_reach_along_the_axes_of_the_inertia() -> None:
+    poses = draw_poses(ARM, np.array([0.0, 0.5, -0.3]), 6)
+    soft, stiff = (draw_presses(ARM, poses, 2.0, k) for k in (20.0, 5000.0))
+    assert len(soft) < len(stiff) <= 36
+    for press in stiff[::5]:
+        pushed = tip_inertia(ARM, press.pose) @ press.direction
+        assert np.linalg.norm(np.cross(pushed, press.direction)) < 1e-9
+        assert np.linalg.cond(ARM.jacobian(press.pose)) <= 4.0
+        assert press.bound == drive_bound(ARM, press.pose, press.direction, 2.0, 5000.0)

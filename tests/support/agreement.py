@@ -1,6 +1,6 @@
 """States that each cell of a map over stiffness and damping must have: from statics, the arm's lengths, the exact loop.
 
-Nothing here uses the verdict of a run, the device's inverse or its Jacobian.
+Nothing here uses the verdict of a run, the device's inverse or its Jacobian, which is differenced where it is needed.
 """
 
 from __future__ import annotations
@@ -11,22 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import simulate
 from palpate.arrays import Array, Flags
+from palpate.devices import Device
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import scenario_loop
-from palpate.simulation.verdict import State
+from palpate.simulation.verdict import BAND, State
 from palpate.stability.maps.zwidth_map import loop_radii
+from scipy.optimize import root
 
 UPPER, FORE = 0.215, 0.170  # m, lengths of the PHANToM Premium 1.5A
 SHOULDER = np.array([0.0, FORE, -UPPER])  # m, from the tip at zero angles
 NEAR = 0.98  # of the reach: rests beyond it have a linear run, whose overshoot may leave the reach
-CLASSES = ("settles", "unstable", "beyond reach", "overshoots the reach", "drive limit")
+CLASSES = ("settles", "unstable", "beyond reach", "overshoots the reach", "drive limit", "rests off")
 RIGHT = {
     "settles": {State.SETTLED},
     "unstable": {State.UNSTABLE, State.BOUNDED_OSCILLATION},
     "beyond reach": {State.OUT_OF_REACH},
     "overshoots the reach": {State.OUT_OF_REACH},
     "drive limit": {State.DRIVE_LIMIT},
+    "rests off": {State.UNDECIDED},  # more than BAND from force over stiffness
 }
 
 
@@ -50,7 +53,36 @@ def expected_classes(tables: dict[str, Any], k: Array, b: Array) -> tuple[NDArra
         if s.device.model == "nonlinear":
             near = (classes == 0) & _outside(rest, NEAR)
             classes[near] = np.where(_overshoots(tables, k[near], b[near]), 3, 0)
+        if s.device.model == "experimental":
+            classes[(classes == 0) & (static_error(s, k) > BAND)] = 5
     return classes, stable
+
+
+def static_error(s: Scenario, k: Array) -> Array:
+    """Return the relative error from force over stiffness of the rest of an identified model under a gain (n, m).
+
+    Its poles at z = 1 rest where the torque is the working torque: J(q)^T (G (F - K d) + h) = J(q0)^T h, with the
+    constant hold h of gravity. J changes with the pose, so the command G (F - K d) is not zero there.
+    """
+    assert s.reference is not None
+    assert s.reference.force is not None
+    device, start = s.load_device(), np.array(s.start.pose)
+    force, gain = np.array(s.reference.force), np.diag(build_controller(s, device, start).system.D)
+    at_start = device.gravity(start)
+    hold = np.linalg.solve(_jacobian(device, start).T, at_start)
+    tip = device.forward(start)
+
+    def error(stiffness: float) -> float:
+        def torque(q: Array) -> Array:
+            wanted = force - stiffness * (device.forward(q) - tip)
+            return np.asarray(_jacobian(device, q).T @ (gain * wanted + hold) - at_start)
+
+        rest = root(torque, start, tol=1e-12)
+        assert rest.success
+        return float(np.abs(stiffness * (device.forward(rest.x) - tip) / force - 1.0).max())
+
+    values, index = np.unique(k, return_inverse=True)
+    return np.array([error(float(value)) for value in values])[index].reshape(k.shape)
 
 
 def right_states(classes: NDArray[np.int_], states: NDArray[np.int_], stable: Flags) -> NDArray[np.bool_]:
@@ -71,6 +103,12 @@ def far(stable: Flags) -> NDArray[np.bool_]:
 def _outside(tip: Array, share: float = 1.0) -> NDArray[np.bool_]:
     """Return whether tips (..., 3) are farther from the shoulder than a share of the stretched arm."""
     return np.asarray(np.linalg.norm(tip - SHOULDER, axis=-1) > share * (UPPER + FORE))
+
+
+def _jacobian(device: Device, q: Array, step: float = 1e-5) -> Array:
+    """Return the tip's motion per joint angle (3, dof), m/rad, by central differences of the forward kinematics."""
+    columns = [(device.forward(q + d) - device.forward(q - d)) / (2.0 * step) for d in step * np.eye(len(q))]
+    return np.stack(columns, axis=1)
 
 
 def _overshoots(tables: dict[str, Any], k: Array, b: Array) -> NDArray[np.bool_]:

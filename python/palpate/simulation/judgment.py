@@ -19,6 +19,7 @@ __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
 STILL = 1e-7  # m: a tip that moves less was not excited
+APPROACHES = 1e-3  # of the deflection: a tip that moves more in the last fifth does not rest yet
 
 
 def judge(trace: Recorded, radius: float | None = None) -> Verdict:
@@ -186,7 +187,10 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
     if float(e.drift[0]) > BAND:
         return f"the command still changes, by {100 * float(e.drift[0]):.3g} % of the largest force at the end"
     if abs(float(e.error[0])) > BAND:
-        return f"it rests {100 * float(e.error[0]):.3g} % from force over stiffness"
+        off = f"{100 * float(e.error[0]):.3g} % from force over stiffness"
+        if e.ripple[0] > max(APPROACHES * float(e.deflection[0]), float(e.resolution[0])):
+            return f"after {time[-1]:.4g} s it is {off}, and still moves by {swing}: give a longer run.duration"
+        return f"it rests {off}"
     return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
 
 

@@ -13,7 +13,7 @@ from palpate.simulation.linear_evidence import linear_radii_of
 from palpate.simulation.recorded import recorded_scenario
 from palpate.simulation.verdict import State
 from palpate.stability import contact_stability
-from palpate.stability.mesh_certificate import mesh_contact
+from palpate.stability.mesh_contact import mesh_contact
 from palpate.stability.mode_stability import gain_margin
 
 

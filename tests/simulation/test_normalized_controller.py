@@ -21,7 +21,7 @@ from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.loop_config import resolve
 from palpate.simulation.verdict import State
 from palpate.stability import certify, zwidth
-from palpate.stability.mesh_certificate import mesh_contact
+from palpate.stability.mesh_contact import mesh_contact
 
 SLIDE = Path(__file__).parents[2] / "scenarios/slide-cube-by-forces.toml"
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]

@@ -128,17 +128,120 @@ def test_the_performance_on_a_mesh_is_that_of_a_wall_where_the_tip_rests() -> No
     assert on_mesh.static_stiffness == pytest.approx(on_wall.static_stiffness, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(ROUNDS if NIGHTLY else 1))
-def test_certificates_of_random_loops_agree_with_the_pushed_run(seed: int, tmp_path: Path) -> None:
-    """No verdict is wrong: a stable loop rests after a push, and an unstable one does not."""
-    undecided = 0
-    for index, tables in enumerate(loops(1000 + seed, 10, tmp_path)):
-        state = certify(tables).verdict.state
-        seen, text = outcome(tables, index)
-        if state is State.STABLE:
-            assert seen in ("rests", "decays"), f"loop {index}: stable, but {text}"
-        elif state is State.UNSTABLE:
-            assert seen in ("moves", "apart"), f"loop {index}: unstable, but it rests ({text})"
-        else:
-            undecided += 1
-    assert undecided <= 3
+def test_certificates_of_random_loops_agree_with_the_pushed_run(tmp_path: Path) -> None:
+    """No verdict is wrong, and at most 3 % are undecided: a stable loop rests after a push, an unstable one does not.
+
+    `PALPATE_NIGHTLY` tests 200 loops instead of ten.
+    """
+    undecided, count = [], 0
+    for seed in range(ROUNDS if NIGHTLY else 1):
+        for index, tables in enumerate(loops(1000 + seed, 10, tmp_path)):
+            certificate, count = certify(tables), count + 1
+            state = certificate.verdict.state
+            seen, text = outcome(tables, index)
+            if state is State.STABLE:
+                assert seen in ("rests", "decays"), f"loop {seed}, {index}: stable, but {text}"
+            elif state is State.UNSTABLE:
+                assert seen in ("moves", "slides", "apart"), f"loop {seed}, {index}: unstable, but it rests ({text})"
+            else:
+                undecided.append(f"{seed}, {index}: {certificate.claim}")
+    assert len(undecided) <= 0.03 * count, "\n".join(undecided)
+
+
+# LQG on a face 20 degrees off the reference, on which friction holds 8.5 degrees
+SLANTED: dict[str, Any] = {
+    **_press("400 N/m"),
+    "servo": {"period": "1 ms", "topology": "force_tracking"},
+    "controller": {"kind": "lqg", "stiffness": "1 N/mm"},
+    "reference": {"shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-0.5 N"]},
+    "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "300 N/m"},
+    "run": {"duration": "0.5 s"},
+}
+
+
+def _slanted(degrees: float, friction: float) -> dict[str, Any]:
+    mesh = {"shape": "box", "edge": "80 mm", "divisions": 4, "rotation": [f"{degrees} deg", "0 deg", "0 deg"]}
+    surface = {"stiffness": "400 N/m", "static_friction": friction}
+    return {**SLANTED, "object": {**SLANTED["object"], "mesh": mesh, "surface": surface}}
+
+
+@pytest.mark.parametrize(("degrees", "rests"), [(8.0, True), (9.5, False)])
+def test_under_integral_action_a_tip_rests_on_a_slope_within_the_cone_of_friction_alone(
+    degrees: float, rests: bool
+) -> None:
+    """Friction of 0.15 holds 8.53 degrees; beyond them the tip slides on, slowly, in the direction of the slope."""
+    certificate = certify(_slanted(degrees, 0.15))
+    assert certificate.stable == rests
+    assert rests or certificate.verdict.state is State.UNSTABLE
+    assert rests or "cannot rest" in certificate.claim
+    assert rests or "friction holds 8.53 degrees" in certificate.claim
+
+
+def test_a_tip_that_integral_action_does_not_move_may_rest_off_the_cone() -> None:
+    """Without integrators the error of the reference need not be zero at rest."""
+    tables = _slanted(9.5, 0.15)
+    tables["controller"] = {"kind": "lead_lag", "stiffness": "1 N/mm"}
+    assert "cannot rest" not in certify(tables).claim
+
+
+# Rests sticking where a slide across the bumps is unstable: it would speed up without oscillation.
+BUMPY: dict[str, Any] = {
+    "device": {"name": "phantom-premium-1.5a"},
+    "start": {"pose": ["0.02133 rad", "1.9728 rad", "3.29394 rad"]},
+    "servo": {"period": "2 ms", "topology": "impedance_display"},
+    "object": {
+        "kind": "mesh",
+        "position": ["-0.2079 mm", "-0.0734 mm", "-0.5044 mm"],
+        "mesh": {
+            "shape": "bumpy_ellipsoid", "size": ["61.92 mm", "79.29 mm", "117.8 mm"], "bump": 0.03, "divisions": 2,
+            "rotation": ["-0.22529 rad", "0.34802 rad", "-0.25243 rad"],
+        },
+        "surface": {
+            "stiffness": "477.57 N/m", "tangential": "143.27 N/m", "static_friction": 0.292,
+            "dynamic_friction": 0.2336, "shading": "40 deg",
+        },
+    },
+    "operator": {
+        "kind": "arm", "mass": "0.1476 kg", "damping": "7.069 N*s/m", "stiffness": "104.54 N/m",
+        "shape": "ramp", "rise": "0.2 s", "force": ["-0.5797 N", "-0.311 N", "-1.6873 N"],
+    },
+    "run": {"duration": "1.5 s"},
+}  # fmt: skip
+
+
+def test_beside_an_unstable_slide_a_tip_is_stable_only_if_friction_holds_under_the_push(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import palpate.stability.mesh_certificate as module
+
+    certificate = certify(BUMPY)
+    assert certificate.stable
+    assert certificate.margin["spectral_radius_worst_mode"] > 1.0
+    assert certificate.margin["disturbance_that_sticks_N"] > 0.02 * 1.3
+    assert "the tip may slide away" in certificate.claim
+    monkeypatch.setattr(module, "SECURE", 0.5)  # of the contact's force: more than the friction is proven to hold
+    doubtful = certify(BUMPY)
+    assert doubtful.verdict.state is State.UNDECIDED
+    assert "not proven to hold" in doubtful.claim
+
+
+def test_a_run_that_leaves_the_mesh_beside_an_unstable_slide_is_unstable(tmp_path: Path) -> None:
+    """Every pose at which the tip touches the torus has a stable mode, and it slides off all the same."""
+    certificate = certify(loops(1003, 8, tmp_path)[7])
+    assert certificate.verdict.state is State.UNSTABLE
+    assert certificate.margin["spectral_radius"] < 1.0
+    assert "contact lost" in certificate.claim
+    assert certificate.counter_example is not None
+    assert simulate(Scenario.from_dict(certificate.counter_example.scenario)).verdict.state is State.CONTACT_LOST
+
+
+@pytest.mark.parametrize(
+    ("seed", "index", "claim"), [(1010, 9, "along the run"), (1011, 3, "Before it rests, small motions grow")]
+)
+def test_a_loop_that_rests_late_or_past_an_unstable_pose_is_judged_where_it_rests(
+    seed: int, index: int, claim: str, tmp_path: Path
+) -> None:
+    """The slider of the first has a time constant of 15 s; the torus of the second is unstable half-way."""
+    certificate = certify(loops(seed, index + 1, tmp_path)[index])
+    assert certificate.stable, certificate.claim
+    assert claim in certificate.claim

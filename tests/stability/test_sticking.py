@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import Simulation, build_simulation
-from palpate.stability.mesh_certificate import MeshContact, mesh_contact
+from palpate.stability.mesh_contact import MeshContact, mesh_contact
 from palpate.stability.sticking import largest_disturbance
 
 TABLES: dict[str, Any] = {

@@ -13,7 +13,8 @@ from palpate.units import write
 from scipy.spatial.transform import Rotation
 
 WATCHED = 6.0  # s after the push
-Outcome = Literal["rests", "decays", "moves", "apart"]
+SLIDES = 1e-4  # m/s: a proxy that moves faster does not rest
+Outcome = Literal["rests", "decays", "moves", "slides", "apart"]
 
 
 def random_loop(rng: np.random.Generator, folder: Path, roughest: float = 0.3) -> dict[str, Any]:
@@ -133,7 +134,7 @@ def _hand(rng: np.random.Generator) -> dict[str, Any]:
 def outcome(tables: dict[str, Any], seed: int, push: float = 0.05) -> tuple[Outcome, str]:
     """Return whether the loop rests in contact long after a push of `push` of its contact force, and what it did.
 
-    A loop whose motion decays slowly is watched four times as long.
+    A loop whose motion or slide decays slowly is watched four times as long.
     """
     found = _pushed(tables, seed, push, WATCHED)
     return _pushed(tables, seed, push, 4.0 * WATCHED) if found[0] == "decays" else found
@@ -164,6 +165,10 @@ def _pushed(tables: dict[str, Any], seed: int, push: float, watched: float) -> t
     lost = int(np.count_nonzero(trace["touching"][-last:, 0] == 0.0))
     text = f"{rms[0] * 1e3:.3g} -> {rms[1] * 1e3:.3g} mm/s, apart for {lost} of {last} ticks"
     if rms[1] < 1e-4 and not lost:
+        proxy = trace["proxy"]
+        slide = [float(np.linalg.norm(b - a)) for a, b in ((proxy[at], proxy[at + last]), (proxy[-last], proxy[-1]))]
+        if slide[1] > SLIDES:  # over one second
+            return ("decays" if slide[1] < 0.8 * slide[0] else "slides"), f"slides on at {1e3 * slide[1]:.2g} mm/s"
         return "rests", text
     return ("decays" if rms[1] < 0.8 * rms[0] and not lost else "moves"), text
 

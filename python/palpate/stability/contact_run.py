@@ -55,6 +55,7 @@ class PushedRun:
         kept: response to the push at the end, relative to that right after it.
         slide: speed of the proxy at the end without a push, m/s; 0 if it slides slower and slower.
         verdict: of the run after the push.
+        free: the run without the push, every tick.
     """
 
     push: float
@@ -62,6 +63,7 @@ class PushedRun:
     kept: float
     slide: float
     verdict: Verdict
+    free: Trace
 
     @property
     def fails(self) -> bool:
@@ -69,12 +71,17 @@ class PushedRun:
         return self.verdict.state in OSCILLATES
 
 
-def run_on(scenario: Scenario) -> Observed:
-    """Return the run of a scenario, continued under its last forces if they change near its end."""
+def run_on(scenario: Scenario, hold: float = 0.0) -> Observed:
+    """Return the run of a scenario, continued under its last forces if they change near its end.
+
+    Args:
+        scenario: the scenario.
+        hold: s for which its last forces last at least, if they stop changing.
+    """
     last = _last_change(scenario)
     duration = scenario.run.duration
-    if last is not None and duration < last + SETTLE / 2:
-        duration = last + SETTLE
+    if last is not None and duration < last + max(SETTLE / 2, hold):
+        duration = last + max(SETTLE, hold)
     trace = _simulation(scenario, duration).simulate()
     verdict = judge(trace, math.nan)
     if last is not None and verdict.state in OSCILLATES and trace.completed:  # a slow transient may yet decay
@@ -113,7 +120,7 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
     start = rest + 1 + ticks
     for trace in (pushed, free):
         if trace.unstable_from is not None:
-            return PushedRun(size, watch, np.inf, 0.0, judge_pushed(trace, start, np.inf))
+            return PushedRun(size, watch, np.inf, 0.0, judge_pushed(trace, start, np.inf), free)
     response = np.diff(pushed["tip"][start:] - free["tip"][start:], axis=0) / period
     speed = np.linalg.norm(response, axis=1)
     fifth = max(len(speed) // 5, 1)
@@ -125,7 +132,7 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
     verdict = judge_pushed(pushed, start, kept, radius)
     if verdict.state is State.UNSTABLE and verdict.since is None:  # by the linear loop alone
         verdict = judge_pushed(pushed, start, kept)
-    return PushedRun(size, watch, kept, slide, verdict)
+    return PushedRun(size, watch, kept, slide, verdict, free)
 
 
 def _slide(proxy: Array, end: int, fifth: int, period: float) -> float:

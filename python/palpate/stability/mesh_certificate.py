@@ -5,107 +5,63 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 
-from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.judgment import judge
 from palpate.simulation.verdict import FAILED, OSCILLATES, State, Verdict
 from palpate.stability.assumptions import assumptions
 from palpate.stability.certificate import Certificate
-from palpate.stability.contact_run import MOVING, Observed, PushedRun, run_on, run_pushed
+from palpate.stability.contact_run import MOVING, SHARE, Observed, PushedRun, run_pushed
 from palpate.stability.counter_example import CounterExample
 from palpate.stability.criteria import check_stability
-from palpate.stability.mesh_sites import NEAR, Site, TouchedSurface, contact_rows, faces_near
+from palpate.stability.mesh_contact import MeshContact, mesh_contact
+from palpate.stability.mesh_rest import no_rest
+from palpate.stability.mesh_sites import NEAR
 from palpate.stability.mode_stability import (
     CORNERS,
     ModeStability,
     Switching,
     contact_matrix,
     gain_margin,
-    mode_stability,
     site_switching,
 )
 from palpate.stability.sticking import largest_disturbance
 from palpate.stability.switching import has_solver
 
-__all__ = ["MeshContact", "certify_mesh", "mesh_contact"]
+__all__ = ["certify_mesh"]
 
-SITES = 4  # poses along the path of the proxy, besides the last
 FEW_STATES = 14  # of the loop, up to which switching is tested at three sites and not at the last alone
 NEARLY = 0.9995  # spectral radius above which the decay may not be visible in the run
 STICKS = 1e-3  # of the contact's force: a smaller disturbance under which the proxy sticks counts as none
+SECURE = SHARE  # the same beside a mode that is unstable: the disturbance of the push
 WATCH = (0.5, 8.0)  # s, shortest and longest time that a pushed run is watched
-
-
-@dataclass(frozen=True, eq=False)
-class MeshContact:
-    """Contact of a scenario's run with its mesh: the run, its sites, and the stability of every mode at each.
-
-    Attributes:
-        scenario: the scenario.
-        observed: the run.
-        sites: poses of the run in contact; the last is where the contact ends or rests.
-        found: the stability of every contact mode at every site.
-        resting: the stability of the mode at the last site in which the tip rests.
-    """
-
-    scenario: Scenario
-    observed: Observed
-    sites: tuple[Site, ...]
-    found: tuple[ModeStability, ...]
-    resting: ModeStability
-
-    @property
-    def touching(self) -> bool:
-        """Whether the tip touches the mesh at the end of the run."""
-        return bool(self.observed.trace["touching"][self.observed.rest, 0] > 0.0)
-
-    @property
-    def worst(self) -> ModeStability:
-        """Return the mode with the largest spectral radius."""
-        return max(self.found, key=lambda one: one.radius)
-
-
-def mesh_contact(s: Scenario, sites: int = SITES) -> MeshContact:
-    """Return the contact of a scenario's run with its mesh.
-
-    Raises:
-        StabilityError: the tip never touches the mesh, or nothing lets it move.
-        ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
-    """
-    if s.operator.kind == "fixed":
-        raise StabilityError(
-            'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
-        )
-    surface = TouchedSurface(s)
-    observed = run_on(s)
-    trace = observed.trace
-    rows = contact_rows(trace, sites, observed.rest)
-    triangle = trace["triangle"][:, 0].astype(np.int64)
-    ends = [rows[0], *((a + b) // 2 for a, b in pairwise(rows)), rows[-1]]
-    found = []
-    for row, first, last in zip(rows, ends[:-1], ends[1:], strict=True):
-        visited = np.unique(triangle[first : last + 1])
-        path = trace["proxy"][first : last + 1][triangle[first : last + 1] >= 0]
-        faces = faces_near(surface.mesh, visited[visited >= 0], path - surface.radius * trace["normal"][row])
-        found.append(surface.site(trace, row, faces))
-    modes = [one for site in found for one in mode_stability(site, site.modes)]
-    resting = mode_stability(found[-1], [found[-1].resting])[0]
-    return MeshContact(s, observed, tuple(found), tuple(modes), resting)
+HOLD = (20.0, 60.0)  # s, shortest and longest time that the last forces are held for a run that is undecided
 
 
 def certify_mesh(s: Scenario) -> Certificate:
     """Return the certificate of a scenario whose object is a mesh; see ``palpate.stability.certify``.
 
+    A run that leaves it undecided is continued under its last forces and judged again.
+
     Raises:
         StabilityError, ScenarioError, DesignError, PoseError: as ``mesh_contact``.
     """
     contact = mesh_contact(s)
-    resting, worst = contact.resting, contact.worst
+    found = _certify(contact)
+    if found.verdict.state is State.UNDECIDED and contact.observed.constant:
+        contact = mesh_contact(s, hold=_hold(contact))
+        found = _certify(contact)
+        if found.verdict.state is State.UNDECIDED and (reason := no_rest(contact)):
+            found = replace(found, verdict=Verdict(State.UNSTABLE, reason))
+    return found
+
+
+def _certify(contact: MeshContact) -> Certificate:
+    """Return the certificate that one run admits."""
+    s, resting, worst = contact.scenario, contact.resting, contact.worst
     margin = {"spectral_radius": resting.radius, "spectral_radius_worst_mode": worst.radius}
     criteria, agree = _criteria(resting, worst)
     steps = _method(contact)
@@ -118,9 +74,13 @@ def certify_mesh(s: Scenario) -> Certificate:
     steps.append(_push_sentence(pushed))
     if resting.radius >= 1.0:
         return _unstable(contact, pushed, margin, criteria, steps)
-    if not worst.stable and (reason := _unstable_elsewhere(contact)):
+    if not worst.stable and contact.observed.verdict.state is State.CONTACT_LOST and not contact.touching:
+        reason = f"small motions grow {_where(worst)}, and the verdict of the run is {contact.observed.verdict}."
+        example = CounterExample(_lasting(s, contact.observed), math.inf, f"the scenario itself, {reason}")
+        return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps, example)
+    if not all(one.stable for one in contact.here) and (reason := _unstable_beside(contact, pushed)):
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    modes = "every contact mode is stable" if worst.stable else "every contact mode is stable but slides away"
+    modes = "every contact mode is stable" if worst.stable else "every contact mode where it rests is stable"
     if resting.drift > 0.0:
         reason = (
             f"{modes}, but {resting.mode.name} nothing holds the tip along the "
@@ -140,7 +100,7 @@ def certify_mesh(s: Scenario) -> Certificate:
     if contact.observed.constant and run.state in FAILED:
         reason = f"{modes}, but the verdict of the run is {run}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)
-    return _stable(contact, margin, criteria, steps)
+    return _stable(contact, pushed, margin, criteria, steps)
 
 
 def _certificate(
@@ -195,24 +155,37 @@ def _unstable(
     return _certificate(contact, criteria, State.UNSTABLE, reason, margin, steps)
 
 
-def _unstable_elsewhere(contact: MeshContact) -> str:
-    """Return why a run is undecided beside which a mode is unstable in which it does not rest.
+def _where(one: ModeStability) -> str:
+    """Return the name of a mode, its pose and its spectral radius."""
+    return f"{one.mode.name}, at the pose at t = {one.site.time:.3g} s (spectral radius {one.radius:.6g})"
 
-    It is empty if such modes are slides that speed up without oscillation, away from where the proxy sticks.
+
+def _unstable_beside(contact: MeshContact, pushed: PushedRun) -> str:
+    """Return why a run is undecided that rests beside unstable modes.
+
+    It is empty if these are slides that speed up without oscillation, and friction holds the proxy under every
+    disturbance as large as the push.
     """
-    worst = contact.worst
-    where = f"{worst.mode.name}, at the pose at t = {worst.site.time:.3g} s (spectral radius {worst.radius:.6g})"
-    if all(one.slides_away for one in contact.found if not one.stable) and _largest_disturbance(contact) > 0.0:
+    unstable = [one for one in contact.here if not one.stable]
+    worst = max(unstable, key=lambda one: one.radius)
+    why = f"stable where the run rests, but unstable {_where(worst)}"
+    if not all(one.slides_away for one in unstable):
+        return f"{why}."
+    if _largest_disturbance(contact, pushed, SECURE) > 0.0:
         return ""
-    return f"stable where the run rests, but unstable {where}."
+    return f"{why}; the friction is not proven to hold under disturbances of {SECURE:.0%} of the contact's force."
 
 
-def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]) -> Certificate:
-    stable = [one for one in contact.found if one.stable]
+def _stable(
+    contact: MeshContact, pushed: PushedRun, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]
+) -> Certificate:
+    away = [one for one in contact.found if not one.stable and one.site is not contact.sites[-1]]
+    covered = contact.here if away else contact.found
+    stable = [one for one in covered if one.stable]
     factor, limiting = gain_margin(stable)
     margin["gain_margin"] = factor
     margin["gain_margin_at_rest"] = gain_margin([contact.resting])[0]
-    order, decided = _switching(contact, margin, steps)
+    order, decided = _switching(contact, pushed, bool(away), margin, steps)
     kinds = Counter(one.mode.kind for one in stable)
     drift = max(one.drift for one in stable)
     if drift > 1.0 + 1e-6:
@@ -222,23 +195,41 @@ def _stable(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
         if math.isinf(factor)
         else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
     )
-    count = f"each of {len(stable)}" if len(stable) == len(contact.found) else f"{len(stable)} of {len(contact.found)}"
-    verb = "is" if len(stable) == len(contact.found) else "are"
-    reason = f"{count} contact modes ({', '.join(sorted(kinds))}) along the run {verb} stable, {stiffer}; {order}."
+    count = f"each of {len(stable)}" if len(stable) == len(covered) else f"{len(stable)} of {len(covered)}"
+    verb = "is" if len(stable) == len(covered) else "are"
+    place = "where the run rests" if away else "along the run"
+    reason = f"{count} contact modes ({', '.join(sorted(kinds))}) {place} {verb} stable, {stiffer}; {order}."
+    if away:
+        worst = max(away, key=lambda one: one.radius)
+        reason += f" Before it rests, small motions grow {_where(worst)}."
     return _certificate(contact, criteria, State.STABLE if decided else State.UNDECIDED, reason, margin, steps)
 
 
-def _switching(contact: MeshContact, margin: dict[str, float], steps: list[str]) -> tuple[str, bool]:
-    """Return what is proven about changes of the mode, as part of the claim, and whether that suffices."""
-    worst, largest = contact.worst, _largest_disturbance(contact)
-    sticks = f"disturbances of the contact's force up to {largest:.3g} N leave the proxy sticking, so no mode changes"
+def _switching(
+    contact: MeshContact, pushed: PushedRun, rest_alone: bool, margin: dict[str, float], steps: list[str]
+) -> tuple[str, bool]:
+    """Return what is proven about changes of the mode, as part of the claim, and whether that suffices.
+
+    Args:
+        contact: the contact.
+        pushed: its run after a push.
+        rest_alone: whether the claim holds for the last site alone.
+        margin, steps: of the certificate, which are extended.
+    """
+    largest = _largest_disturbance(contact, pushed, STICKS)
+    force = float(np.linalg.norm(contact.observed.trace["object_force"][contact.observed.rest]))
+    sticks = (
+        f"disturbances of the contact's force up to {largest:.3g} N ({100.0 * largest / force:.2g} %) leave the proxy "
+        "sticking, so no mode changes"
+    )
+    worst = max(contact.here, key=lambda one: one.radius)
     if not worst.stable:
         margin["disturbance_that_sticks_N"] = largest
         doubling = math.log(2.0) / math.log(worst.radius) * contact.scenario.period
         return f"{sticks}; beyond it the tip may slide away, its speed doubles in {doubling:.3g} s", True
     last = len(contact.sites) - 1
-    chosen = sorted({0, last // 2, last} if contact.sites[last].path.nstates <= FEW_STATES else {last})
-    switching = [site_switching(contact.sites[i]) for i in chosen]
+    few = contact.sites[last].path.nstates <= FEW_STATES and not rest_alone
+    switching = [site_switching(contact.sites[i]) for i in (sorted({0, last // 2, last}) if few else [last])]
     steps.append(_switching_method(switching))
     order = _order(contact, switching, margin)
     if all(one.proof != "undecided" for one in switching):
@@ -249,11 +240,13 @@ def _switching(contact: MeshContact, margin: dict[str, float], steps: list[str])
     return f"{sticks}; beyond it {order}", True
 
 
-def _largest_disturbance(contact: MeshContact) -> float:
-    """Return the disturbance under which the proxy sticks where it rests, N; 0 below STICKS of the contact's force."""
-    trace = contact.observed.trace
-    largest = largest_disturbance(contact.sites[-1], trace)
-    return largest if largest >= STICKS * float(np.linalg.norm(trace["object_force"][contact.observed.rest])) else 0.0
+def _largest_disturbance(contact: MeshContact, pushed: PushedRun, least: float) -> float:
+    """Return the disturbance under which the proxy sticks where it rests, N; 0 below `least` of the contact's force."""
+    if not pushed.free.completed:
+        return 0.0
+    largest = largest_disturbance(contact.sites[-1], pushed.free)
+    force = np.linalg.norm(contact.observed.trace["object_force"][contact.observed.rest])
+    return largest if largest >= least * float(force) else 0.0
 
 
 def _order(contact: MeshContact, switching: Sequence[Switching], margin: dict[str, float]) -> str:
@@ -312,6 +305,12 @@ def _watch(contact: MeshContact) -> float:
     """Return how long a pushed run is watched, s: six time constants of the slowest mode where it rests."""
     rate = abs(math.log(min(max(_slowest(contact), 1e-6), 2.0))) / contact.scenario.period
     return float(np.clip(6.0 / max(rate, 1e-9), *WATCH))
+
+
+def _hold(contact: MeshContact) -> float:
+    """Return how long the last forces are held for a run that is undecided, s: four time constants of the slowest."""
+    rate = abs(math.log(min(max(_slowest(contact), 1e-6), 2.0))) / contact.scenario.period
+    return float(np.clip(4.0 / max(rate, 1e-9), *HOLD))
 
 
 def _lasting(s: Scenario, observed: Observed) -> dict[str, object]:

@@ -11,7 +11,7 @@ from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.stability.maps.boundary_curve import Boundary
 from palpate.stability.maps.zwidth_map import ZWidth
-from palpate.stability.mesh_certificate import MeshContact, mesh_contact
+from palpate.stability.mesh_contact import MeshContact, mesh_contact
 from palpate.stability.mesh_modes import face_modes
 from palpate.stability.mesh_sites import Site
 from palpate.stability.mode_stability import ModeStability, gain_margin, mode_stability

@@ -3,7 +3,8 @@
 While the proxy sticks, the loop is linear: x+ = M x + B w, with a disturbance w of the contact's force. It sticks while
 the friction f_t stays within Coulomb's cone, |f_t| <= mu f_n. Let h_u[k] be the impulse response of u.f_t - mu f_n to
 w, for a unit vector u along the surface. A disturbance of any course in time with |w| <= F changes u.f_t - mu f_n by at
-most F times the sum of |h_u[k]|, so the proxy sticks if F sum |h_u| < mu f_n - |f_t| at rest, for every u.
+most F times the sum of |h_u[k]|, so the proxy sticks if F sum |h_u| < mu f_n - |f_t| for every u. On the right is what
+the run without the disturbance leaves of the cone, at its least from the sample on.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ __all__ = ["largest_disturbance"]
 CORNERS = 16  # of the polygon about the disk of directions u
 TICKS = 1 << 14  # of the impulse response that are summed; the rest is bounded
 BLOCK = 256
+STAYS = 1e-9  # m: a proxy that moves less sticks
 
 
 def largest_disturbance(site: Site, trace: Trace) -> float:
@@ -30,21 +32,26 @@ def largest_disturbance(site: Site, trace: Trace) -> float:
 
     Args:
         site: where the proxy rests.
-        trace: of the run, every tick.
+        trace: of the run, every tick; it may go on after the site, and then the proxy has to stick until its end.
 
     Returns:
         F, N; 0 if the proxy does not stick there, is at the limit of friction, or its motions do not decay.
     """
     point = site.point
-    if site.resting.kind != "sticking" or not point.friction > 0.0 or not trace["touching"][site.row, 0]:
+    if site.resting.kind != "sticking" or not point.friction > 0.0 or not trace["touching"][site.row :, 0].all():
+        return 0.0
+    proxy = trace["proxy"][site.row :]
+    if np.linalg.norm(proxy - proxy[0], axis=1).max() > STAYS:
         return 0.0
     if np.isinf(point.friction):
         return float("inf")
     directions, path = site.loop.directions, site.path
     matrix = closed_matrix(path, site.resting.law, directions)
-    force, n = trace["object_force"][site.row], point.normal
-    pressed = point.stiffness * float(trace["depth"][site.row, 0])
-    slack = point.friction * pressed - float(np.linalg.norm(force - (force @ n) * n))
+    force, n = trace["object_force"][site.row :], point.normal
+    pressed = point.stiffness * trace["depth"][site.row :, 0]
+    left = point.friction * pressed - np.linalg.norm(force - np.outer(force @ n, n), axis=1)
+    last = left[-max(len(left) // 5, 1) :]
+    slack = float(left.min() - np.ptp(last))  # a transient that decays does not change it by more after the end
     if slack <= 0.0 or np.abs(np.linalg.eigvals(matrix)).max() >= 1.0:
         return 0.0
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from palpate.devices import Device, load
 from palpate.devices.device import Parameters
+from palpate.metrics import tip_inertia
 from palpate.tuning import drive_bound
-from palpate.tuning.presses import draw_poses, draw_presses, tip_inertia
+from palpate.tuning.presses import draw_poses, draw_presses
 
 ARM = load("phantom-premium-1.5a")
 

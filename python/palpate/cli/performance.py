@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
@@ -11,9 +12,12 @@ from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, pr
 from palpate.cli.settings import Settings, load_scenario
 from palpate.files import default_name, write_folder
 
+if TYPE_CHECKING:
+    from palpate.metrics import DeviceMeasures
+
 
 def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None) -> None:
-    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth and ripple.
+    """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth, precision and ripple.
 
     Writes performance.html and performance.json.
 
@@ -30,6 +34,7 @@ def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Setting
         folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"performance.html": page.save, "performance.json": found.save})
     output.print(f"[bold]{escape(loaded.title)}[/]")
+    output.print(f"  {_device(found.device)}", markup=False, soft_wrap=True)
     for one in found.along:
         where = ", ".join(f"{part:.3g}" for part in one.direction)
         stiffness, transparent = one.static_stiffness, one.transparency_bandwidth
@@ -38,7 +43,27 @@ def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Setting
             f"transparent to within 23 % up to {transparent:.3g} Hz" if transparent else "nowhere transparent to 23 %",
             *([] if math.isnan(one.rate_hardness) else [f"rate-hardness {one.rate_hardness:.4g} N/m"]),
             f"force bandwidth {one.bandwidth:.3g} Hz",
+            f"static error {100 * one.precision:.3g} %",
         ]
         output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
     output.print(f"  {found.remark}", markup=False, soft_wrap=True)
     print_paths(paths)
+
+
+def _device(m: DeviceMeasures) -> str:
+    """Return the measures of the device in one line; pairs are the least and the largest over the directions."""
+    limits = [
+        f"{name} {values[0]:.3g} to {values[1]:.3g} {unit}"
+        for name, values, unit in (
+            ("peak force", m.peak_force, "N"),
+            ("peak acceleration", m.peak_acceleration, "m/s^2"),
+            ("tip mass", tuple(1e3 * mass for mass in m.tip_mass), "g"),
+        )
+        if math.isfinite(values[1])
+    ]
+    parts = [*limits, f"isotropy {m.kinematic_isotropy:.2g} (Jacobian), {m.inertial_isotropy:.2g} (inertia)"]
+    if math.isfinite(m.dynamic_range):
+        parts.append(f"dynamic range {m.dynamic_range:.3g} dB")
+    if m.resolution:
+        parts.append(f"resolution {1e6 * m.resolution:.3g} um")
+    return f"device: {', '.join(parts)}"

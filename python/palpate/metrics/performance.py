@@ -15,6 +15,7 @@ from palpate.arrays import Array
 from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm
 from palpate.metrics.body_performance import body_loop_response
+from palpate.metrics.device_measures import DeviceMeasures, device_measures
 from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse
 from palpate.metrics.vibration import Ripple, ripple
@@ -50,6 +51,7 @@ class DirectionalPerformance:
             by backward difference.
         bandwidth: -3 dB frequency of the force on the operator per command, or of the object force per reference, Hz;
             inf: above half the sampling rate.
+        precision: relative error of the static force: of the rendered stiffness, or of the object force per reference.
     """
 
     direction: tuple[float, float, float]
@@ -62,6 +64,7 @@ class DirectionalPerformance:
     transparency_bandwidth: float
     rate_hardness: float
     bandwidth: float
+    precision: float
 
     @property
     def impedance(self) -> NDArray[np.complex128]:
@@ -81,6 +84,7 @@ class Performance:
         ripple: ripple of the tip in the half second of contact with the least motion; None: the run diverged, or the
             contact is too short.
         remark: the ripple in words.
+        device: measures of the device itself at that pose, as its file gives them.
     """
 
     title: str
@@ -89,6 +93,7 @@ class Performance:
     along: tuple[DirectionalPerformance, ...]
     ripple: Ripple | None
     remark: str
+    device: DeviceMeasures
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers for JSON; values that are not finite become null."""
@@ -99,6 +104,17 @@ class Performance:
         return {
             "title": self.title,
             "hold_bandwidth_Hz": plain(self.hold_bandwidth),
+            "device": {
+                "peak_force_N": [plain(x) for x in self.device.peak_force],
+                "continuous_force_N": [plain(x) for x in self.device.continuous_force],
+                "peak_acceleration_m_per_s2": [plain(x) for x in self.device.peak_acceleration],
+                "tip_mass_kg": list(self.device.tip_mass),
+                "kinematic_isotropy": self.device.kinematic_isotropy,
+                "inertial_isotropy": self.device.inertial_isotropy,
+                "moving_force_N": list(self.device.moving_force),
+                "dynamic_range_dB": plain(self.device.dynamic_range),
+                "resolution_m": self.device.resolution,
+            },
             "directions": [
                 {
                     "direction": list(a.direction),
@@ -107,6 +123,7 @@ class Performance:
                     "transparency_bandwidth_Hz": plain(a.transparency_bandwidth),
                     "rate_hardness_N_per_m": plain(a.rate_hardness),
                     "force_bandwidth_Hz": plain(a.bandwidth),
+                    "static_precision": plain(a.precision),
                     "frequency_Hz": a.frequency.tolist(),
                     "impedance_real_N_s_per_m": a.impedance.real.tolist(),
                     "impedance_imag_N_s_per_m": a.impedance.imag.tolist(),
@@ -164,7 +181,8 @@ def measure_performance(
     along = tuple(_directional(loop, n, s) for n in loop.directions())
     report("simulating", 0.5)
     ripple, remark = _ripple(s, simulate(s) if trace is None else trace)
-    return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark)
+    measures = device_measures(loop.device, loop.pose)
+    return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark, measures)
 
 
 def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:
@@ -178,13 +196,15 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
     transfer = loop.transmitted(f, scenario_arm(s) or DEFAULT_ARM, n) if display else n @ loop.reference(f) @ n
     gain = np.abs(transfer)
     low = np.flatnonzero(gain < gain[0] / np.sqrt(2))
+    static = _static_stiffness(loop, n)
     return DirectionalPerformance(
         (float(n[0]), float(n[1]), float(n[2])), f, rendered, desired, free,
-        _static_stiffness(loop, n),
+        static,
         (float(in_band.min()), float(in_band.max())),
         float(f[-1] if not deviates.any() else 0.0 if deviates[0] else f[int(np.argmax(deviates)) - 1]),
         rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
         float(f[low[0]]) if low.size else float("inf"),
+        _precision(loop, n, static if display else None),
     )  # fmt: skip
 
 
@@ -192,6 +212,13 @@ def _static_stiffness(loop: LoopResponse, n: Array) -> float:
     """Return the static stiffness, N/m; inf with an integrator that admits no steady deflection."""
     slow, slower = 1 / (n @ loop.displacement([2e-3, 1e-3]) @ n)
     return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
+
+
+def _precision(loop: LoopResponse, n: Array, static: float | None) -> float:
+    """Return the relative error of a static stiffness, N/m, or of the tracked force if it is None."""
+    if static is None:
+        return abs(float((n @ loop.reference([1e-3])[0] @ n).real) - 1.0)
+    return abs(static / float((n @ loop.desired(np.array([1e-3]))[0] @ n).real) - 1.0)
 
 
 def _ripple(s: Scenario, trace: Trace) -> tuple[Ripple | None, str]:

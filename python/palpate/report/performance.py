@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpate.metrics.device_measures import DeviceMeasures
 from palpate.metrics.performance import DirectionalPerformance, Performance
 from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 from palpate.report.html import Page
@@ -45,23 +46,55 @@ def performance_page(p: Performance) -> Page:
         )
     bandwidth = "command to hand" if p.topology == "impedance_display" else "reference to object"
     page.table(
-        ("along", "stiffness at rest", "from 0.5 to 8 Hz", "transparent up to", "rate-hardness", "force bandwidth"),
+        ("along", "stiffness at rest", "from 0.5 to 8 Hz", "transparent up to", "rate-hardness", "force bandwidth",
+         "static error"),
         [
             (_name(a), _stiffness(a.static_stiffness), f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
              _hertz(a.transparency_bandwidth), None if math.isnan(a.rate_hardness) else a.rate_hardness,
-             _hertz(a.bandwidth))
+             _hertz(a.bandwidth), 100.0 * a.precision if math.isfinite(a.precision) else None)
             for a in p.along
         ],
         f"Performance along each direction of the object's stiffness. Rate-hardness: mean force rate in the first "
         f"10 ms of a contact over the speed at contact (after Lawrence et al. 1996). Bandwidth: −3 dB, {bandwidth}; "
         f"that of the zero-order hold alone is {p.hold_bandwidth:.4g} Hz.",
-        units=("", "", "N/m", "", "N/m", ""),
+        units=("", "", "N/m", "", "N/m", "", "%"),
     )  # fmt: skip
+    page.table(
+        ("measure of the device", "least", "largest"),
+        _device_rows(p.device),
+        "Measures of the device at this pose, after Hayward & Astley (1996), over the principal axes of the tip's "
+        "inertia; from its file, without the loop.",
+    )
     page.paragraph(
         "The just-noticeable difference of stiffness is about 23 % (Jones & Hunter 1990). The rendered impedance "
         "includes the device's mass and friction, and the controller if it tracks force."
     )
     return page
+
+
+def _device_rows(m: DeviceMeasures) -> list[tuple[str, float | str | None, float | str | None]]:
+    """Return the measures of a device; a single number stands under "least"."""
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    pairs = (
+        ("peak force [N]", m.peak_force),
+        ("continuous force [N]", m.continuous_force),
+        ("peak acceleration [m/s²]", m.peak_acceleration),
+        ("apparent mass [kg]", m.tip_mass),
+        ("force that moves a joint [N]", m.moving_force),
+    )
+    singles = (
+        ("kinematic isotropy", m.kinematic_isotropy),
+        ("inertial isotropy", m.inertial_isotropy),
+        ("dynamic range [dB]", m.dynamic_range),
+        ("resolution [µm]", 1e6 * m.resolution),
+    )
+    rows: list[tuple[str, float | str | None, float | str | None]] = [
+        (name, finite(low), finite(high)) for name, (low, high) in pairs
+    ]
+    return rows + [(name, finite(value), None) for name, value in singles]
 
 
 def stiffness_figure(p: Performance) -> Figure:

@@ -15,6 +15,7 @@ from palpate.control import WorkspaceController, workspace
 from palpate.devices import load
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import HumanArm
+from palpate.metrics import tip_inertia
 from palpate.scenario import Scenario
 from palpate.stability.workspace_certificate import WorkspaceCertificate, certify_workspace, workspace_loops
 from palpate.tuning.axis import MOST_OVERSHOOT, OPERATORS, RUN, SAMPLING, AxisData, AxisDesign, first_limit, tune_axis
@@ -24,7 +25,6 @@ from palpate.tuning.presses import (
     draw_poses,
     draw_presses,
     press_tables,
-    tip_inertia,
 )
 from palpate.tuning.remedies import (
     DRIVE,

@@ -13,10 +13,11 @@ from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.devices import Device, load
 from palpate.errors import DesignError, PoseError
+from palpate.metrics.device_measures import most_within_limits, tip_inertia
 from palpate.simulation import simulate
 from palpate.units import write
 
-__all__ = ["Press", "Settled", "draw_poses", "draw_presses", "drive_bound", "run_presses", "tip_inertia"]
+__all__ = ["Press", "Settled", "draw_poses", "draw_presses", "drive_bound", "run_presses"]
 
 CONDITION: Final = 4.0  # largest condition number of the Jacobian of a pose and along a way
 TURN: Final = np.pi / 2  # rad, range of a joint without limits about the working pose
@@ -53,12 +54,6 @@ class Settled:
     overshoot: Array
 
 
-def tip_inertia(device: Device, pose: Array) -> Array:
-    """Return the operational-space inertia J^-T M J^-1 (3, 3), kg (Khatib 1987), of a device with three joints."""
-    inverse = np.linalg.inv(device.jacobian(pose))
-    return np.asarray(inverse.T @ device.mass_matrix(pose) @ inverse, dtype=float)
-
-
 def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: float, stiffness: float) -> float:
     """Return the least time in which the drive brings the tip to 5 % of a force on a spring and keeps it there, s.
 
@@ -83,7 +78,8 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
     jacobian = device.jacobian(q)
     motors = np.linalg.solve(jacobian.T, device.gravity(q)) - force * along  # that hold the tip at the target
     inertia = tip_inertia(device, q) @ along
-    go, brake = (_acceleration(device, jacobian, motors, side * inertia) for side in (1.0, -1.0))
+    most = device.peak_force
+    go, brake = (most_within_limits(device, jacobian, motors, side * inertia, most) for side in (1.0, -1.0))
     if not (go > 0.0 and brake > 0.0):
         return float("inf")
     if np.isinf(go) and np.isinf(brake):
@@ -91,21 +87,6 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
     way = force / stiffness
     speed = np.sqrt(2.1 * way / (1.0 / go + 1.0 / brake))
     return float(speed / go + speed / brake - np.sqrt(0.2 * way / brake))
-
-
-def _acceleration(device: Device, jacobian: Array, constant: Array, force: Array) -> float:
-    """Return the largest acceleration, m/s^2, with constant + acceleration * force within the motors' limits, N."""
-    most = float("inf")
-    if np.isfinite(limit := device.peak_force):
-        a, b, c = force @ force, force @ constant, constant @ constant - limit**2
-        if c >= 0.0:
-            return 0.0
-        most = float((-b + np.sqrt(b * b - a * c)) / a)
-    still, moving = jacobian.T @ constant, jacobian.T @ force
-    for limit, held, share in zip(device.peak_torque, still, moving, strict=True):
-        if np.isfinite(limit) and share != 0.0:
-            most = min(most, (np.copysign(limit, share) - held) / share)
-    return max(most, 0.0)
 
 
 def draw_poses(device: Device, start: Array, count: int, seed: int = 1) -> Array:

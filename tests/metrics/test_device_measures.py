@@ -1,0 +1,171 @@
+"""Measures of a device and its two-port, each against a closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate.devices import Device, load
+from palpate.devices.device import Parameters
+from palpate.errors import PoseError, StabilityError
+from palpate.metrics import (
+    LoopResponse,
+    device_measures,
+    hold_response,
+    measure_performance,
+    moving_force,
+    peak_acceleration,
+    peak_force,
+    tip_inertia,
+    two_port,
+)
+from palpate.scenario import Scenario
+from palpate.stability import llewellyn
+
+ARM, FIVE_BAR = load("phantom-premium-1.5a"), load("haply-2diy")
+POSE, FLAT = np.array([0.2, 1.9, 2.9]), np.array([1.2, 2.0])
+MASS, B, T = 0.06, 0.05, 1e-3  # the slider
+
+
+def box(**numbers: Any) -> Device:
+    """Return three sliding axes of 80, 80 and 120 g."""
+    values = {"mass.apparent": (0.08, 0.08, 0.12), "friction.viscous": (0.0,) * 3}
+    return Device(
+        "box", "", "tip_device", Parameters({**values, **{k.replace("__", "."): v for k, v in numbers.items()}})
+    )
+
+
+def test_three_sliding_axes_in_closed_form() -> None:
+    device = box(
+        drive__peak_force=(8.0,),
+        drive__continuous_force=(2.0,),
+        drive__encoder_step=(1e-5, 1e-5, 2e-5),
+        friction__coulomb=(0.2, 0.1, 0.1),
+        friction__breakaway=(0.2, 0.1, 0.1),
+    )
+    m = device_measures(device, np.zeros(3))
+    assert m.peak_force == pytest.approx((8.0, 8.0))
+    assert m.continuous_force == pytest.approx((2.0, 2.0))
+    assert m.tip_mass == pytest.approx((0.08, 0.12))
+    assert m.peak_acceleration == pytest.approx((8.0 / 0.12, 8.0 / 0.08))
+    assert (m.kinematic_isotropy, m.inertial_isotropy) == pytest.approx((1.0, 0.08 / 0.12))
+    assert m.moving_force == pytest.approx((0.1, 0.2))
+    assert m.dynamic_range == pytest.approx(20 * np.log10(8.0 / 0.2))
+    assert m.resolution == pytest.approx(2e-5)
+    # along a diagonal the first joint to move decides
+    assert moving_force(device, np.zeros(3), [1, 1, 0]) == pytest.approx(0.1 * np.sqrt(2))
+
+
+def test_without_limit_friction_and_encoder() -> None:
+    m = device_measures(box(), np.zeros(3))
+    assert m.peak_force == m.peak_acceleration == (np.inf, np.inf)
+    assert m.moving_force == (0.0, 0.0)
+    assert m.dynamic_range == np.inf
+    assert m.resolution == 0.0
+
+
+@pytest.mark.parametrize("direction", [[1, 0, 0], [0, 1, 0], [0, -1, 0], [1, 2, -1]])
+def test_the_arm_at_its_peak_uses_the_whole_limit_beside_its_weight(direction: list[float]) -> None:
+    e = np.array(direction) / np.linalg.norm(direction)
+    weight = np.linalg.solve(ARM.jacobian(POSE).T, ARM.gravity(POSE))
+    assert np.linalg.norm(weight + peak_force(ARM, POSE, e) * e) == pytest.approx(8.5)
+    a = peak_acceleration(ARM, POSE, e)
+    assert np.linalg.norm(weight + a * tip_inertia(ARM, POSE) @ e) == pytest.approx(8.5)
+    # the motors' torque then moves the tip with that acceleration from rest
+    torque = ARM.jacobian(POSE).T @ (weight + a * tip_inertia(ARM, POSE) @ e)
+    moved = ARM.jacobian(POSE) @ ARM.acceleration(POSE, np.zeros(3), torque)
+    assert moved == pytest.approx(a * e, rel=1e-9, abs=1e-9 * a)
+
+
+def test_a_planar_device_is_limited_by_the_torque_of_one_motor() -> None:
+    limited = Device(
+        FIVE_BAR.name, "", "five_bar", Parameters({**FIVE_BAR.parameters.values, "drive.peak_torque": (0.1, 0.2)})
+    )
+    jacobian = limited.jacobian(FLAT)
+    e = np.array([0.6, 0.8, 0.0])
+    torque = jacobian.T @ (peak_force(limited, FLAT, e) * e)
+    assert np.max(np.abs(torque) / [0.1, 0.2]) == pytest.approx(1.0)
+    m = device_measures(limited, FLAT)
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    assert m.kinematic_isotropy == pytest.approx(values[1] / values[0])
+    assert m.tip_mass == pytest.approx(np.sort(1.0 / np.linalg.eigvals(_mobility(limited))), rel=1e-9)
+
+
+def _mobility(device: Device) -> np.ndarray:
+    plane = device.jacobian(FLAT)[:2]
+    return np.asarray(plane @ np.linalg.solve(device.mass_matrix(FLAT), plane.T))
+
+
+def test_one_count_of_the_coarsest_joint_is_the_resolution() -> None:
+    moved = [
+        np.linalg.norm(ARM.forward(POSE + s * e) - ARM.forward(POSE))
+        for e, s in zip(np.eye(3), ARM.encoder_step, strict=True)
+    ]
+    assert device_measures(ARM, POSE).resolution == pytest.approx(max(moved), rel=1e-3)
+
+
+def test_a_singular_pose_has_no_measures() -> None:
+    with pytest.raises(PoseError, match="singular"):
+        device_measures(ARM, [0.0, np.pi / 2, np.pi])
+
+
+def slider(topology: str, gain: float, delay: int = 0) -> dict[str, Any]:
+    push = {"kind": "force", "shape": "step", "force": ["0.5 N", "0 N", "0 N"]}
+    return {
+        "device": {"name": "slider", "delay": delay},
+        "servo": {"period": "1 ms", "topology": topology},
+        **(
+            {"operator": push} if topology == "impedance_display" else {"reference": {"force": ["0.1 N", "0 N", "0 N"]}}
+        ),
+        "object": {"kind": "spring", "stiffness": "80 N/m"},
+        "controller": {"kind": "gain", "gain": [gain] * 3},
+        "run": {"duration": "0.1 s"},
+    }
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.7, 1.2])
+def test_the_static_precision_is_that_of_the_gain(gain: float) -> None:
+    """An impedance display shows gain times K. A free tip rests where the gains on both forces balance."""
+    shown = measure_performance(slider("impedance_display", gain)).along[0]
+    assert shown.precision == pytest.approx(abs(gain - 1.0), abs=1e-4)
+    tables = slider("force_tracking", 1.0)
+    through = np.hstack([gain * np.eye(3), -np.eye(3)]).tolist()
+    tables["controller"] = {"kind": "state_space", "A": [], "B": [], "C": [[], [], []], "D": through}
+    assert measure_performance(tables).along[0].precision == pytest.approx(abs(gain - 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_two_port_of_the_slider_in_closed_form(delay: int) -> None:
+    f = np.array([0.3, 3.0, 30.0, 300.0])
+    s = 2j * np.pi * f
+    port = two_port(
+        slider("impedance_display", 0.8, delay), f, [1, 0, 0], coupling_stiffness=500.0, coupling_damping=1.0
+    )
+    z = np.exp(s * T)
+    assert port.h11 == pytest.approx(MASS * s + B, rel=1e-9)
+    assert port.h12 == pytest.approx(0.8 * hold_response(f, T) * z**-delay, rel=1e-12)
+    assert port.h21 == pytest.approx(-np.ones(4))
+    coupling = 1.0 + 500.0 * T * z / (z - 1)
+    assert port.h22 == pytest.approx(1.0 / coupling, rel=1e-12)
+    assert port.width == pytest.approx(port.h12 * coupling, rel=1e-12)
+    rigid = port.transmitted(1e12 * np.ones(4))
+    assert rigid == pytest.approx(port.h11 + port.width, rel=1e-6)
+    assert port.force_error == pytest.approx(np.abs(port.h12 - 1.0))
+    assert np.all(np.isfinite(llewellyn(port.h11, port.h12, port.h21, port.h22)))
+
+
+def test_the_transmitted_impedance_is_the_rendered_one_below_the_aliases() -> None:
+    tables = slider("impedance_display", 1.0, 1)
+    tables["object"]["stiffness"] = "300 N/m"
+    f = np.array([0.5, 2.0, 10.0])
+    loop = LoopResponse.of(Scenario.from_dict(tables))
+    rendered = 1.0 / (2j * np.pi * f * loop.displacement(f)[:, 0, 0])
+    transmitted = two_port(tables, f, [1, 0, 0]).transmitted(300.0 / (2j * np.pi * f))
+    assert np.abs(transmitted / rendered - 1.0).max() < 1e-4
+    assert np.all(np.isinf(two_port(tables, f, [1, 0, 0]).width))
+
+
+def test_a_loop_that_tracks_a_force_is_no_display() -> None:
+    with pytest.raises(StabilityError, match="tracks a force"):
+        two_port(slider("force_tracking", 1.0), [1.0], [1, 0, 0])

@@ -18,7 +18,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_NO_COMPILE := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test builds check reproduce bench fuzz nightly docs wheel lint tidy format clean
+.PHONY: help run test builds check reproduce bench fuzz mutate nightly docs wheel lint tidy format clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -44,6 +44,9 @@ bench: .venv/test-installed  ## measure the speed of this machine
 
 fuzz: .venv/test-installed  ## read mutated files with every reader for ten minutes; failing files are kept in build/fuzz
 	$(BIN)/python tests/support/fuzz.py --count 1000000 --seconds 600 --out build/fuzz
+
+mutate: .venv/test-installed  ## change the Python source in a copy, 200 times, and count the changes that tests notice
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutate.py
 
 nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, fuzz, reproduce, bench
 	PALPATE_ROUNDS=10 PALPATE_NIGHTLY=1 $(PYTEST)

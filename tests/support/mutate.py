@@ -1,0 +1,278 @@
+"""Measure which changes of the Python source the tests notice: `python tests/support/mutate.py --count 200 --seed 1`.
+
+A mutant is one small change: another comparison, sign, operator, constant or order of arguments, a dropped statement or
+guard. It is made in a copy of the repository in a temporary folder. First each test of the folder that mirrors the
+changed one runs once, to record its time and the functions that it enters. Then a mutant meets the tests that enter its
+function, fastest first, until one fails. A mutant that no test notices survives; some survivors are equivalent.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib.util
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, NamedTuple
+
+import pytest
+
+ROOT: Final = Path(__file__).parents[2]
+PACKAGE: Final = Path("python/palpate")
+PRELOADED: Final = ("numpy", "scipy.linalg", "scipy.signal", "scipy.optimize", "h5py", "pint", "typer", "hypothesis")
+COMPARISONS: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
+}  # fmt: skip
+OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.MatMult: ast.Mult,
+}  # fmt: skip
+NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
+ALSO: Final = {  # folder: tests of other folders that concern it
+    "units": ["scenario", "identification/test_recording.py"],
+    "files": ["simulation/test_trace.py", "sweeps/test_sweeps.py", "scenario"],
+    "errors": ["scenario", "cli/test_settings.py"],
+    "checks": ["scenario", "stability/test_inputs.py"],
+}
+
+
+class Mutant(NamedTuple):
+    """One change of a file."""
+
+    file: str
+    line: int
+    function: int  # first line of the outermost function, or 0 for code of the module
+    begin: int  # offsets of the replaced bytes
+    end: int
+    text: str
+
+
+def mutants(file: Path, name: str) -> list[Mutant]:
+    """Return every mutant of a file. Messages of errors, annotations and texts are left alone."""
+    data = file.read_bytes()
+    starts = [0]
+    for line in data.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    found = []
+    for node, function in _nodes(ast.parse(data), 0):
+        begin = starts[node.lineno - 1] + node.col_offset
+        end = starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
+        same = f"({ast.unparse(node)})"
+        found += [Mutant(name, node.lineno, function, begin, end, text) for text in _changes(node) if text != same]
+    return found
+
+
+def _nodes(node: ast.AST, function: int) -> Iterator[tuple[Any, int]]:
+    for field, value in ast.iter_fields(node):
+        if field in ("annotation", "returns", "decorator_list") or isinstance(node, ast.Raise | ast.JoinedStr):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if not isinstance(child, ast.AST):
+                continue
+            inner = function
+            if isinstance(child, ast.FunctionDef) and not function:
+                inner = min([child.lineno, *(one.lineno for one in child.decorator_list)])
+            if hasattr(child, "lineno"):
+                yield child, inner
+            yield from _nodes(child, inner)
+
+
+def _changes(node: ast.AST) -> Iterator[str]:
+    """Yield the replacements of a node."""
+    match node:
+        case ast.Compare(left, [operator], [right]) if type(operator) in COMPARISONS:
+            yield _expression(ast.Compare(left, [COMPARISONS[type(operator)]()], [right]))
+        case ast.BinOp(left, operator, right) if type(operator) in OPERATORS and not isinstance(left, ast.JoinedStr):
+            yield _expression(ast.BinOp(left, OPERATORS[type(operator)](), right))
+        case ast.BoolOp(operator, values):
+            yield _expression(ast.BoolOp(ast.Or() if isinstance(operator, ast.And) else ast.And(), values))
+        case ast.UnaryOp(ast.USub() | ast.Not(), operand):
+            yield _expression(operand)
+        case ast.Constant(bool() as value):
+            yield str(not value)
+        case ast.Constant(int() | float() as value):
+            yield repr(value + 1 if isinstance(value, int) else 2 * value or 1.0)
+        case ast.Call(ast.Name(name) as function, arguments, keywords) if name in NAMES:
+            yield _expression(ast.Call(ast.Name(NAMES[function.id]), arguments, keywords))
+        case ast.Call(function, [first, second, *rest], keywords) if not isinstance(second, ast.Starred):
+            yield _expression(ast.Call(function, [second, first, *rest], keywords))
+        case ast.Expr(ast.Call()) | ast.AugAssign():
+            yield "pass"
+        case ast.If(test, [ast.Raise()], []):
+            yield f"if False and {_expression(test)}: pass"
+
+
+def _expression(node: ast.expr) -> str:
+    return f"({ast.unparse(ast.fix_missing_locations(node))})"
+
+
+class Recorder:
+    """Plugin of pytest that records time and entered functions of each test."""
+
+    def __init__(self, folder: str, out: str) -> None:
+        self.folder, self.out = folder, out
+        self.seen: set[tuple[str, int]] = set()
+        self.shared: dict[str, set[tuple[str, int]]] = defaultdict(set)  # entered by fixtures of a test file
+        self.tests: dict[str, tuple[float, set[tuple[str, int]]]] = {}
+
+    def call(self, frame: Any, _event: str, _argument: object) -> None:
+        if frame.f_code.co_filename.startswith(self.folder):
+            self.seen.add((frame.f_code.co_filename, frame.f_code.co_firstlineno))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Generator[None, Any, Any]:
+        self.seen, began = set(), time.perf_counter()
+        sys.settrace(self.call)
+        try:
+            return (yield)
+        finally:
+            sys.settrace(None)
+            self.tests[item.nodeid] = (time.perf_counter() - began, self.seen)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: Any, request: Any) -> Generator[None, Any, Any]:
+        before, self.seen = self.seen, set()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                self.shared[str(request.node.nodeid).partition("::")[0]] |= self.seen
+            self.seen |= before
+
+    def pytest_sessionfinish(self) -> None:
+        tests = {
+            name: (seconds, sorted(seen | self.shared[name.partition("::")[0]]))
+            for name, (seconds, seen) in self.tests.items()
+        }
+        Path(self.out).write_text(json.dumps(tests), "utf-8")
+
+
+def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None = None) -> int | None:
+    """Run pytest in a forked process on the copy; return its exit code, or None after `seconds`."""
+    child = os.fork()
+    if child == 0:
+        try:
+            os.setsid()
+            os.chdir(copy)
+            places = [str(copy / place) for place in ("python", ".", "tests/support")]
+            sys.path[:0] = places
+            os.environ["PYTHONPATH"] = os.pathsep.join(places)
+            sys.meta_path[:] = [one for one in sys.meta_path if "Redirecting" not in type(one).__name__]
+            sys.dont_write_bytecode = True
+            for stream in (1, 2):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+            plugins = [Recorder(str(copy / PACKAGE), str(record))] if record else []
+            code = int(pytest.main(["-x" if not record else "-q", "-p", "no:cacheprovider", *words], plugins=plugins))
+            found = sys.modules.get("palpate")
+            os._exit(code if found is None or str(found.__file__).startswith(str(copy)) else 99)
+        finally:
+            os._exit(98)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
+
+
+def copy_repository(target: Path) -> None:
+    """Copy the tracked files, and the compiled core."""
+    names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in names.split("\0"):
+        if name and (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, target / name)
+    code = "import importlib.util as i; print(i.find_spec('palpate._core').origin)"
+    core = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    shutil.copy2(core.strip(), target / PACKAGE)
+
+
+def tests_of(copy: Path, folder: str) -> dict[str, tuple[float, set[tuple[str, int]]]]:
+    """Return time and entered functions of every test that concerns a folder of the package."""
+    words = [f"tests/{name}" for name in (folder, f"test_{folder}.py", *ALSO.get(folder, ()))]
+    words = [word for word in words if (copy / word).exists()]
+    record = copy / f"{folder}.json"
+    code = run_tests(copy, words, 3600.0, record) if words else 5
+    if code == 5:
+        return {}
+    if code != 0:
+        raise SystemExit(f"{' '.join(words)}: tests fail without a mutant (exit code {code})")
+    tests = json.loads(record.read_text("utf-8"))
+    return {name: (seconds, {(file, line) for file, line in seen}) for name, (seconds, seen) in tests.items()}
+
+
+def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], limit: float) -> str:
+    """Return how a mutant ends: "killed", "survived", or "no test" if none enters its function."""
+    path = copy / mutant.file
+    place = (str(path), mutant.function)
+    chosen: list[str] = []
+    total = 0.0
+    for name, (seconds, seen) in sorted(tests.items(), key=lambda one: one[1][0]):
+        if (place in seen or (not mutant.function and any(file == place[0] for file, _ in seen))) and total < limit:
+            chosen.append(name)
+            total += seconds
+    if not chosen:
+        return "no test"
+    data = path.read_bytes()
+    try:
+        path.write_bytes(data[: mutant.begin] + mutant.text.encode() + data[mutant.end :])
+        return "survived" if run_tests(copy, chosen, 60.0 + 10.0 * total) == 0 else "killed"
+    finally:
+        path.write_bytes(data)
+
+
+def main() -> int:
+    """Run the command line; return 1 if fewer mutants than required are killed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=3600.0, help="after which no other mutant begins")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds of tests that a mutant meets at most")
+    parser.add_argument("--only", nargs="*", default=[], help="folders, or files, of the package: control units.py")
+    parser.add_argument("--required", type=float, default=90.0, help="percent")
+    given = parser.parse_args()
+    end, rng = time.monotonic() + given.seconds, random.Random(given.seed)
+    for name in PRELOADED:
+        if importlib.util.find_spec(name):
+            importlib.import_module(name)
+    files = [file.relative_to(ROOT) for file in sorted((ROOT / PACKAGE).rglob("*.py"))]
+    only = {PACKAGE / one for one in given.only or ["."]}
+    wanted = [file for file in files if only & {file, *file.parents}]
+    pool = [mutant for file in wanted for mutant in mutants(ROOT / file, str(file))]
+    results: dict[str, Counter[str]] = defaultdict(Counter)
+    known: dict[str, Any] = {}
+    with TemporaryDirectory() as made:
+        copy = Path(made).resolve()
+        copy_repository(copy)
+        for mutant in rng.sample(pool, min(given.count, len(pool))):
+            if time.monotonic() > end:
+                break
+            folder = Path(mutant.file).relative_to(PACKAGE).parts[0].removesuffix(".py")
+            if folder not in known:
+                known[folder] = tests_of(copy, folder)
+            result = judge(copy, mutant, known[folder], given.limit)
+            results[folder][result] += 1
+            if result != "killed":
+                old = (ROOT / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
+                print(f"{result}: {mutant.file}:{mutant.line}: {' '.join(old.split())} -> {mutant.text}", flush=True)
+    for folder, counts in [*sorted(results.items()), ("all", sum(results.values(), Counter()))]:
+        rate = 100.0 * counts["killed"] / max(1, counts.total())
+        print(f"{folder}: {counts['killed']} of {counts.total()} killed, {rate:.0f} %")
+    return 0 if rate >= given.required else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

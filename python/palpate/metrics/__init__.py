@@ -1,7 +1,7 @@
 """Metrics of a run and of a loop: step response, contact, impedance, rate hardness, bandwidth and ripple."""
 
 from palpate.metrics.body_contact import PalpationMetrics, palpation_metrics
-from palpate.metrics.device_measures import (
+from palpate.metrics.device_performance import (
     DeviceMeasures,
     TwoPort,
     device_measures,

@@ -15,7 +15,7 @@ from palpate.arrays import Array
 from palpate.files import check_suffix, write_json
 from palpate.linear.linear_device import HumanArm
 from palpate.metrics.body_performance import body_loop_response
-from palpate.metrics.device_measures import DeviceMeasures, device_measures
+from palpate.metrics.device_performance import DeviceMeasures, device_measures
 from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse
 from palpate.metrics.vibration import Ripple, ripple

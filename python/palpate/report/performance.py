@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.metrics.device_measures import DeviceMeasures
+from palpate.metrics.device_performance import DeviceMeasures
 from palpate.metrics.performance import DirectionalPerformance, Performance
 from palpate.plotting.style import COLORS, FAINT, INK, TITLE, new_figure
 from palpate.report.html import Page

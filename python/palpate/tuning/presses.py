@@ -13,7 +13,7 @@ from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.devices import Device, load
 from palpate.errors import DesignError, PoseError
-from palpate.metrics.device_measures import most_within_limits, tip_inertia
+from palpate.metrics.device_performance import most_within_limits, tip_inertia
 from palpate.simulation import simulate
 from palpate.units import write
 

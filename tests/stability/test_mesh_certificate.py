@@ -209,7 +209,7 @@ BUMPY: dict[str, Any] = {
 }  # fmt: skip
 
 
-def test_beside_an_unstable_slide_a_tip_is_stable_only_if_friction_holds_under_the_push(
+def test_beside_an_unstable_slide_a_tip_is_stable_only_if_friction_holds_under_a_twentieth_of_its_force(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     import palpate.stability.mesh_certificate as module
@@ -217,12 +217,12 @@ def test_beside_an_unstable_slide_a_tip_is_stable_only_if_friction_holds_under_t
     certificate = certify(BUMPY)
     assert certificate.stable
     assert certificate.margin["spectral_radius_worst_mode"] > 1.0
-    assert certificate.margin["disturbance_that_sticks_N"] > 0.02 * 1.3
+    assert certificate.margin["disturbance_that_keeps_mode_N"] > 0.05 * 1.3
     assert "the tip may slide away" in certificate.claim
     monkeypatch.setattr(module, "SECURE", 0.5)  # of the contact's force: more than the friction is proven to hold
     doubtful = certify(BUMPY)
     assert doubtful.verdict.state is State.UNDECIDED
-    assert "not proven to hold" in doubtful.claim
+    assert "not proven that the contact keeps its mode" in doubtful.claim
 
 
 def test_a_run_that_leaves_the_mesh_beside_an_unstable_slide_is_unstable(tmp_path: Path) -> None:

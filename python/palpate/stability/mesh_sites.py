@@ -52,6 +52,7 @@ class Site:
         modes: contact modes of the faces near the proxy.
         resting: the mode at this sample of a proxy that keeps its place, or without friction follows the tip.
         point: surface under the proxy, with its dynamic friction.
+        face: corners of the flat face under the proxy (3, 3), m; None where the law depends on the place.
     """
 
     row: int
@@ -62,6 +63,7 @@ class Site:
     modes: tuple[ContactMode, ...]
     resting: ContactMode
     point: SurfacePoint
+    face: Array | None
 
     @property
     def path(self) -> control.StateSpace:
@@ -138,7 +140,9 @@ class TouchedSurface:
         modes += [resting, *slips]
         loop, time = self.loop(trace, row), float(trace.time[row])
         slow = self.point(here.normal, here.stiffness, damping, static=False)
-        return Site(row, time, loop, tuple(points), resolution, tuple(modes), resting, slow)
+        triangle = int(trace["triangle"][row, 0])
+        face = None if self.curved or triangle < 0 else self.mesh.vertices[self.mesh.triangles[triangle]]
+        return Site(row, time, loop, tuple(points), resolution, tuple(modes), resting, slow, face)
 
     def _face(self, point: SurfacePoint) -> list[ContactMode]:
         """Return the modes on a face; a proxy slides with the dynamic friction."""

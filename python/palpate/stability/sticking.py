@@ -1,10 +1,13 @@
-"""Disturbance under which a proxy that sticks to a mesh goes on sticking, so that its contact has one mode.
+"""Disturbance under which a proxy that rests on a mesh goes on sticking, or stays on its face: one contact mode.
 
 While the proxy sticks, the loop is linear: x+ = M x + B w, with a disturbance w of the contact's force. It sticks while
 the friction f_t stays within Coulomb's cone, |f_t| <= mu f_n. Let h_u[k] be the impulse response of u.f_t - mu f_n to
 w, for a unit vector u along the surface. A disturbance of any course in time with |w| <= F changes u.f_t - mu f_n by at
 most F times the sum of |h_u[k]|, so the proxy sticks if F sum |h_u| < mu f_n - |f_t| for every u. On the right is what
 the run without the disturbance leaves of the cone, at its least from the sample on.
+
+Without friction the proxy follows the tip. It stays on its face while its distance from each edge, and the depth, are
+positive: the same bound, with the impulse responses of these distances.
 """
 
 from __future__ import annotations
@@ -26,41 +29,78 @@ STAYS = 1e-9  # m: a proxy that moves less sticks
 
 
 def largest_disturbance(site: Site, trace: Trace) -> float:
-    """Return the largest disturbance of the contact's force, N, under which a resting proxy goes on sticking.
+    """Return the largest disturbance of the contact's force, N, under which a resting proxy keeps its contact mode.
 
-    The lower dynamic friction counts. Rounded to the nearest of 16 directions u, the bound is on the safe side.
+    With friction it sticks; the lower dynamic friction counts. Without friction it stays on its flat face.
 
     Args:
         site: where the proxy rests.
-        trace: of the run, every tick; it may go on after the site, and then the proxy has to stick until its end.
+        trace: of the run, every tick; it may go on after the site, and then the proxy has to rest until its end.
 
     Returns:
-        F, N; 0 if the proxy does not stick there, is at the limit of friction, or its motions do not decay.
+        F, N; 0 if the proxy does not rest there, is at the limit, or its motions do not decay.
     """
-    point = site.point
-    if site.resting.kind != "sticking" or not point.friction > 0.0 or not trace["touching"][site.row :, 0].all():
-        return 0.0
-    proxy = trace["proxy"][site.row :]
-    if np.linalg.norm(proxy - proxy[0], axis=1).max() > STAYS:
+    point, path = site.point, site.path
+    if not trace["touching"][site.row :, 0].all():
         return 0.0
     if np.isinf(point.friction):
-        return float("inf")
-    directions, path = site.loop.directions, site.path
-    matrix = closed_matrix(path, site.resting.law, directions)
+        return float("inf") if site.resting.kind == "sticking" else 0.0
+    limits = _cone(site, trace) if point.friction > 0.0 and point.rubs else _edges(site, trace)
+    if limits is None:
+        return 0.0
+    rows, left = limits
+    last = left[-max(len(left) // 5, 1) :]
+    slack = left.min(axis=0) - np.ptp(last, axis=0)  # a transient that decays changes it by less after the end
+    matrix = closed_matrix(path, site.resting.law, site.loop.directions)
+    if slack.min() <= 0.0 or np.abs(np.linalg.eigvals(matrix)).max() >= 1.0:
+        return 0.0
+    entry = np.vstack([path.B, np.zeros((len(matrix) - path.nstates, path.ninputs))])
+    return float((slack / np.maximum(_peak_gain(matrix, entry, rows), 1e-300)).min())
+
+
+def _cone(site: Site, trace: Trace) -> tuple[Array, Array] | None:
+    """Return rows (16, n) of the loop's states for u.f_t - mu f_n, and what is left of the cone (k, 16), N.
+
+    The directions u are rounded to the safe side. None if the proxy does not stick.
+    """
+    point, proxy = site.point, trace["proxy"][site.row :]
+    if site.resting.kind != "sticking" or np.linalg.norm(proxy - proxy[0], axis=1).max() > STAYS:
+        return None
     force, n = trace["object_force"][site.row :], point.normal
     pressed = point.stiffness * trace["depth"][site.row :, 0]
     left = point.friction * pressed - np.linalg.norm(force - np.outer(force @ n, n), axis=1)
-    last = left[-max(len(left) // 5, 1) :]
-    slack = float(left.min() - np.ptp(last))  # a transient that decays does not change it by more after the end
-    if slack <= 0.0 or np.abs(np.linalg.eigvals(matrix)).max() >= 1.0:
-        return 0.0
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     around = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ point.tangents() / np.cos(np.pi / CORNERS)
     rows = point.tangential * around + point.friction * point.stiffness * n  # the depth is -n.x
-    entry = np.vstack([path.B, np.zeros((len(matrix) - path.nstates, path.ninputs))])
-    out = np.zeros((CORNERS, len(matrix)))
-    out[:, : path.nstates] = rows @ directions @ path.C
-    return slack / float(_peak_gain(matrix, entry, out).max())
+    return _of_states(site, rows, np.zeros((CORNERS, 3))), np.tile(left[:, None], (1, CORNERS))
+
+
+def _edges(site: Site, trace: Trace) -> tuple[Array, Array] | None:
+    """Return rows (4, n) of the loop's states for the proxy's distances from the edges of its face, and for the depth.
+
+    With them the distances and depths of the run (k, 4), m; None if the face is not flat, or the tip not on it.
+    """
+    if site.face is None or np.any(trace["triangle"][site.row :] != trace["triangle"][site.row]):
+        return None
+    corners, k_t = site.face, site.point.tangential
+    edges = np.roll(corners, -1, axis=0) - corners
+    normal = np.cross(edges[0], edges[1])
+    inward = np.cross(normal, edges)
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    proxy = trace["proxy"][site.row :]
+    away = np.einsum("kij,ij->ki", proxy[:, None, :] - corners, inward)
+    depth = trace["depth"][site.row :]
+    n = site.point.normal
+    tip = np.vstack([inward, -n])
+    lag = np.vstack([-inward / k_t, np.zeros(3)]) if k_t > 0.0 else np.zeros((4, 3))  # f_t = k_t (x - p)
+    return _of_states(site, tip, lag), np.hstack([away, depth])
+
+
+def _of_states(site: Site, tip: Array, force: Array) -> Array:
+    """Return rows (m, n) of the loop's states for motions of the tip (m, 3) plus forces on the object (m, 3)."""
+    law, directions = site.resting.law, site.loop.directions
+    moved = (tip + force @ law.D) @ directions @ site.path.C
+    return np.asarray(np.hstack([moved, force @ law.C]), dtype=float)
 
 
 def _peak_gain(matrix: Array, entry: Array, out: Array) -> Array:

@@ -12,7 +12,9 @@ from one_node import one_node
 from palpate import fem, simulate
 from palpate.errors import StabilityError
 from palpate.metrics import measure_performance, summarize
+from palpate.report.zwidth import zwidth_page
 from palpate.scenario import Scenario
+from palpate.simulation.observed_run import observe
 from palpate.simulation.verdict import State
 from palpate.stability import certify, contact_stability, zwidth
 
@@ -99,10 +101,29 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
         assert curve.stiffness[0] == pytest.approx(exact.curves[name].stiffness[0], rel=2e-2)
         assert curve.damping.max() == pytest.approx(exact.curves[name].damping.max(), rel=2e-2)
     assert ours.here == (0.0, pytest.approx(512.0, rel=1e-6))
+    assert ours.simulated is None
+    assert "palpate certify compares" in ours.not_simulated
+    assert ours.not_simulated in zwidth_page(ours).html()
+    assert exact.not_simulated == "it was not asked for"
     felt, expected = (measure_performance(one).along[0] for one in (tables, wall))
     assert felt.static_stiffness == pytest.approx(expected.static_stiffness, rel=1e-2)
     assert felt.transparency_bandwidth == pytest.approx(expected.transparency_bandwidth, rel=0.1)
     assert felt.bandwidth == pytest.approx(expected.bandwidth, rel=0.05)
+
+
+def test_runs_at_the_depth_of_the_map_decay_below_its_undamped_limit_and_oscillate_above(block: Path) -> None:
+    """The force grows with the stiffness, so that the tip rests at the same depth with the same nodes in contact."""
+    tables = press(block, "compliance", 6.0)
+    found = zwidth(tables)
+    stiffness, hand = found.here[1], float(HAND["stiffness"].split()[0])
+    limit = float(next(iter(found.curves.values())).stiffness[0])
+    settled = []
+    for share in (0.9, 1.1):
+        scaled = press(block, "compliance", 6.0 * share * limit / stiffness)
+        force = (share * limit + hand) / (stiffness + hand)
+        scaled["operator"] = {**scaled["operator"], "force": ["0 N", "0 N", f"{-force} N"]}
+        settled.append(observe(Scenario.from_dict(scaled)).rests)
+    assert settled == [True, False]
 
 
 def test_the_slowest_updates_of_a_hyperelastic_body_are_reported(coarse: Path) -> None:

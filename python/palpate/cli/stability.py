@@ -94,6 +94,8 @@ def zwidth(
     if found.simulated is not None:
         off = f"at most {100 * found.simulated.furthest:.2g} % of the map off the exact curve"
         output.print(f"  simulated boundary ({found.simulated.runs:,} runs): {off}", markup=False, soft_wrap=True)
+    else:
+        output.print(f"  no simulated boundary: {found.not_simulated}", markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False)
 

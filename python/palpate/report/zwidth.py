@@ -32,7 +32,7 @@ def zwidth_page(z: ZWidth) -> Page:
     page = Page(
         f"Z-width: {z.title}",
         "An object of stiffness K and damping B below a curve is stable. The curve is computed from the linearized "
-        "loop; the dots come from simulations.",
+        "loop" + ("." if z.simulated is None else "; the dots come from simulations."),
     )
     page.verdict(_sentence(z), "good" if z.stable_here else "bad")
     facts = [(f"stiffest object at B = {b:.3g} N·s/m, the peak of the curve", _written(k))]
@@ -100,10 +100,7 @@ def _runs(found: SimulatedBoundary | None) -> str:
 
 def _method(z: ZWidth) -> str:
     if z.simulated is None:
-        return (
-            "There are no simulations: by choice, or because the surface is oblique to the axes or the object is a "
-            "mesh or a deformable body."
-        )
+        return f"There is no simulated boundary: {z.not_simulated}."
     off = z.simulated.distance
     return (
         "The loop was simulated on a coarse grid of K and B, which was refined between growing and decaying "

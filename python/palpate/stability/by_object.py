@@ -76,7 +76,7 @@ def zwidth(
         scenario: a Scenario, its tables, or the path of its TOML file.
         controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
             Python function has no linear model and is refused.
-        simulated: also find the boundary by simulation.
+        simulated: also find the boundary of a spring or wall by simulation.
         progress: called with a text and the fraction done.
 
     Raises:

@@ -51,6 +51,8 @@ def mesh_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
         None,
         (damping, stiffest),
         all(one.stable for one in contact.found),
+        not_simulated="a run shows the modes that it meets, and the map is of every mode near its path; palpate "
+        "certify compares the loop with the run of the scenario",
     )
 
 

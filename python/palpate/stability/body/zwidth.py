@@ -23,6 +23,10 @@ __all__ = ["body_boundaries", "body_zwidth"]
 _SCALES = np.geomspace(1e-3, 1e4, 71)  # factors on the body's force
 _POINTS = 24  # of a curve
 _DOUBLINGS = 40
+_NOT_SIMULATED = (
+    "the body is scaled at a fixed tip position, and a run with a stiffer body rests elsewhere, with other nodes in "
+    "contact; palpate certify compares the loop with the run of the scenario"
+)
 
 
 def body_boundaries(
@@ -73,7 +77,8 @@ def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
     reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
     edge = next(iter(curves.values()))
     stable = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
-    return ZWidth(s.title, curves, None, reason, None, (0.0, stiffness), stable, None, tuple(never), least)
+    here = (0.0, stiffness)
+    return ZWidth(s.title, curves, None, reason, None, here, stable, None, tuple(never), least, _NOT_SIMULATED)
 
 
 def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:

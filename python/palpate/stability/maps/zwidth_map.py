@@ -37,6 +37,8 @@ TISSUE = (500.0, 0.5)  # N/m, N s/m
 MARGIN = 1.08  # size of the map relative to the exact curve
 VANISHES = 0.02  # fraction of the map below which details are invisible
 FINE = 100_000  # points of a curve of which the corner shows a few hundred
+OBLIQUE = "the surface is oblique to the axes, and no spring acts along its normal alone"
+BY_CHOICE = "it was not asked for"
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class ZWidth:
         stable_here: whether the loop with the scenario's object is stable, by its own eigenvalues.
         min_stable_stiffness: least K with which the scenario's loop is stable, N/m, for any damping; above 0 if the
             device is unstable without an object.
+        not_simulated: reason why `simulated` is None; empty otherwise.
     """
 
     title: str
@@ -82,6 +85,7 @@ class ZWidth:
     corner: Corner | None = None
     never: tuple[str, ...] = ()
     min_stable_stiffness: float = 0.0
+    not_simulated: str = ""
 
     @property
     def stiffest_here(self) -> float | None:
@@ -134,6 +138,7 @@ class ZWidth:
             if self.passive is None
             else {"damping_N_s_per_m": self.passive[0].tolist(), "stiffness_N_per_m": self.passive[1].tolist()},
             "simulated": _numbers(self.simulated),
+            "not_simulated": self.not_simulated,
             "corner": None
             if self.corner is None
             else {
@@ -213,7 +218,9 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
             )
         corner = Corner(window, near, near_simulated)
     stable = own.spectral_radius() < 1.0
-    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), min_stable_stiffness)
+    why = "" if found is not None else OBLIQUE if simulated else BY_CHOICE
+    softest = min_stable_stiffness
+    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why)
 
 
 def _min_stable_stiffness(loop: ScenarioLoop, edge: Boundary) -> float:

@@ -8,6 +8,7 @@ import pytest
 from loops import axes, press
 from palpate import devices
 from palpate.control import Controller, closed_loop, lead_lag, loop_gain, loop_margins, margins
+from palpate.control.lead_lag_design import _gain_sign
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.linear import rendering_plant
@@ -146,3 +147,11 @@ def test_axes_that_cannot_be_told_apart_are_refused() -> None:
     same = control.StateSpace(0.9 * np.eye(1), np.ones((1, 3)), np.ones((3, 1)), np.zeros((3, 3)), T)
     with pytest.raises(DesignError, match="use decouple=False"):
         lead_lag(same, crossover=50.0)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("gain", [-3.0, 3.0])
+def test_the_sign_of_a_gain_does_not_depend_on_the_unit_of_the_state(unit: float, gain: float) -> None:
+    """The first sample of the impulse response is C B, and the second gain times one half."""
+    state = control.StateSpace([[0.5]], [[unit]], [[gain / unit]], [[0.0]], T)
+    assert _gain_sign(state) == np.sign(gain)

@@ -223,3 +223,11 @@ def test_impossible_plants_are_refused_with_the_reason() -> None:
 def test_bad_options_get_one_sentence(options, says: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(DesignError, match=says):
         lqg(SOFT, **options)
+
+
+def test_the_default_weights_are_those_of_the_documented_time_constants() -> None:
+    """Of the thesis's reproduction and of every scenario that names none; another default is another controller."""
+    default = lqg(SOFT)
+    same = lqg(SOFT, integrators=True, force_weight=2.0, speed_weight="12 ms", integral_rate="8 1/s", noise="10 mN")
+    for name in ("A", "B", "C", "D"):
+        assert np.allclose(getattr(default.system, name), getattr(same.system, name), rtol=1e-12)

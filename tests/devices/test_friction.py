@@ -139,3 +139,11 @@ def test_friction_never_gives_energy() -> None:
     trace = run(ROTORS, ticks=3000, period=1e-3, start=[1.0, 3.0, 4.0], start_speed=[2.0, -1.0, 3.0])
     energy = ROTORS.energy(trace.q, trace.qd)
     assert np.all(np.diff(energy) <= 1e-12)
+
+
+def test_a_new_coulomb_friction_sets_the_breakaway_unless_it_is_given() -> None:
+    arm = devices.load("phantom-premium-1.5a").with_friction(coulomb=0.01, breakaway=0.02)
+    assert np.array_equal(arm.with_friction(coulomb=0.015).breakaway, [0.015] * 3)
+    assert np.array_equal(arm.with_friction(coulomb=0.015, breakaway=0.03).breakaway, [0.03] * 3)
+    assert np.array_equal(arm.with_friction(viscous=0.001).breakaway, [0.02] * 3)
+    assert np.array_equal(arm.with_friction(breakaway=0.04).coulomb, [0.01] * 3)

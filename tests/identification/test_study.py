@@ -8,6 +8,7 @@ from identify_data import premium_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import DeviceError, RecordingError
+from palpate.identification.study import arx_structures
 
 ARM = devices.load("phantom-premium-1.5a")
 
@@ -104,3 +105,14 @@ def test_a_runaway_experiment_says_when():
         identify.simulate_experiment(ARM, fast(), duration=5.0, servo=wrong_way)
     with pytest.raises(RecordingError, match=r"has 2 channels; phantom-premium-1\.5a has 3 joints"):
         identify.simulate_experiment(ARM, identify.multisine([0.1, 0.1], (1.0, 5.0)))
+
+
+def test_linear_models_have_the_orders_two_to_four_and_the_coupling_of_the_masses():
+    """The yaw of the PHANToM is not coupled with its other two joints."""
+    coupled = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 1]])
+    structures = arx_structures(ARM)
+    assert [one[0].max() for one in structures] == [2, 3, 4]
+    for na, nb, nk in structures:
+        assert np.array_equal(na, na.max() * coupled)
+        assert np.array_equal(nb, na)
+        assert np.array_equal(nk, coupled)

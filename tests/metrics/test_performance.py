@@ -125,6 +125,20 @@ def test_force_on_a_hand_is_divided_between_hand_and_device() -> None:
     assert abs(through[0]) == pytest.approx(1.0, rel=1e-3)
 
 
+def test_force_on_a_hand_at_an_arm_is_that_of_the_joints_with_the_hand_as_their_spring() -> None:
+    """n^T H J (Z + J^T H J)^-1 J^T n, solved in joint coordinates in place of those of the tip."""
+    pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+    loop = response({**slider(), "device": {"name": "phantom-premium-1.5a"}, "start": {"pose": pose}})
+    arm, f = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5), np.array([0.7, 7.0, 70.0])
+    jacobian = loop.device.jacobian(loop.pose)
+    for n in (np.eye(3)[0], np.eye(3)[2], np.array([0.6, 0.0, 0.8])):
+        for one, told in zip(f, loop.transmitted(f, arm, n), strict=True):
+            hand = complex(arm_stiffness(arm, [one])[0])
+            joints = np.linalg.inv(loop._device(np.array([one]))[0]) + hand * jacobian.T @ jacobian
+            force = hand * jacobian @ np.linalg.solve(joints, jacobian.T @ n)
+            assert told == pytest.approx(hold_response([one], T)[0] * (n @ force), rel=1e-8)
+
+
 @pytest.mark.parametrize(("stiffness", "damping", "delay"), [(200.0, 0.0, 0), (200.0, 1.0, 0), (200.0, 1.0, 3)])
 def test_rate_hardness_of_a_bounce_written_out(stiffness: float, damping: float, delay: int) -> None:
     """A mass with friction against a held spring and damper, its motion between samples in closed form."""

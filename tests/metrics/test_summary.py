@@ -20,6 +20,7 @@ from readers import SLIDER
 def test_a_ripple_above_half_the_sampling_rate_is_unknown() -> None:
     """Samples 1 s apart show no vibration from 20 Hz on; nor do two samples."""
     assert math.isnan(_ripple_power(np.ones((9, 3)), 1.0))
+    assert math.isnan(_ripple_power(np.ones((99, 3)), 1.0 / 30.0))  # shows 15 Hz at most
     assert math.isnan(_ripple_power(np.ones((1, 3)), 1e-3))
     assert _ripple_power(np.ones((99, 3)), 1e-3) == 0.0
 
@@ -43,3 +44,13 @@ def test_a_trace_without_a_channel_of_every_run_is_refused() -> None:
             json.dumps(summarize(lacking), allow_nan=False)
     with pytest.raises(TraceError, match="not complete, so it cannot be judged: "):
         summarize(replace(whole, channels={"tip": whole.channels["tip"], "touching": whole.channels["touching"]}))
+
+
+def test_a_verdict_begins_with_its_reason_unless_the_run_settled() -> None:
+    """And the settling time of a run that did not settle is not told in place of it."""
+    settled = simulate({**SLIDER, "object": {**SLIDER["object"], "damping": "5 N*s/m"}, "run": {"duration": "2 s"}})
+    assert settled.stable
+    assert summarize(settled)["verdict"].startswith("settled to 5 % in")
+    swinging = simulate({**SLIDER, "run": {"duration": "2 s"}})
+    assert not swinging.stable
+    assert summarize(swinging)["verdict"].startswith(str(swinging.verdict))

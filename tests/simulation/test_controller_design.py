@@ -11,6 +11,7 @@ from palpate.control import lead_lag, lqg
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear import rendering_plant
 from palpate.scenario import Scenario
+from palpate.scenario.design_options import FLAG, OPTIONS, sort_options
 from palpate.simulation.controllers import build_controller
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -96,3 +97,20 @@ def test_wrong_options_are_named(table: dict[str, Any], says: str) -> None:
 def test_an_unreachable_design_is_said_before_anything_runs() -> None:
     with pytest.raises(DesignError, match="deg of lead"):
         build_controller(scenario({"kind": "lead_lag", "crossover": "900 rad/s", "phase_margin": "80 deg"}), ARM, POSE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "option"),
+    [
+        (kind, key)
+        for kind, known in OPTIONS.items()
+        for key, (unit, axes) in known.items()
+        if unit != FLAG and not axes
+    ],
+)
+def test_an_option_of_the_whole_design_takes_no_list(kind: str, option: str) -> None:
+    """The axes differ only in the options whose theory has a value for each."""
+    per_axis = {"stiffness", "crossover", "phase_margin", "steady_error", "disturbance", "noise"}
+    assert option not in per_axis or (kind, option) == ("workspace", "disturbance")
+    with pytest.raises(ValueError, match=option):
+        sort_options({"kind": kind, option: [1.0, 1.0, 1.0]}, {"kind"})

@@ -39,6 +39,7 @@ OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
 }  # fmt: skip
 NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
 ALSO: Final = {  # folder: tests of other folders that concern it
+    "linear": ["stability/test_criteria.py", "stability/test_golden.py"],
     "units": ["scenario", "identification/test_recording.py"],
     "files": ["simulation/test_trace.py", "sweeps/test_sweeps.py", "scenario"],
     "errors": ["scenario", "cli/test_settings.py"],
@@ -51,7 +52,7 @@ class Mutant(NamedTuple):
 
     file: str
     line: int
-    function: int  # first line of the outermost function, or 0 for code of the module
+    function: int  # first line of the function around it, or 0 for code of the module
     begin: int  # offsets of the replaced bytes
     end: int
     text: str
@@ -80,7 +81,7 @@ def _nodes(node: ast.AST, function: int) -> Iterator[tuple[Any, int]]:
             if not isinstance(child, ast.AST):
                 continue
             inner = function
-            if isinstance(child, ast.FunctionDef) and not function:
+            if isinstance(child, ast.FunctionDef):
                 inner = min([child.lineno, *(one.lineno for one in child.decorator_list)])
             if hasattr(child, "lineno"):
                 yield child, inner
@@ -251,12 +252,12 @@ def main() -> int:
     files = [file.relative_to(ROOT) for file in sorted((ROOT / PACKAGE).rglob("*.py"))]
     only = {PACKAGE / one for one in given.only or ["."]}
     wanted = [file for file in files if only & {file, *file.parents}]
-    pool = [mutant for file in wanted for mutant in mutants(ROOT / file, str(file))]
     results: dict[str, Counter[str]] = defaultdict(Counter)
     known: dict[str, Any] = {}
     with TemporaryDirectory() as made:
         copy = Path(made).resolve()
         copy_repository(copy)
+        pool = [mutant for file in wanted for mutant in mutants(copy / file, str(file))]
         for mutant in rng.sample(pool, min(given.count, len(pool))):
             if time.monotonic() > end:
                 break
@@ -266,7 +267,7 @@ def main() -> int:
             result = judge(copy, mutant, known[folder], given.limit)
             results[folder][result] += 1
             if result != "killed":
-                old = (ROOT / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
+                old = (copy / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
                 print(f"{result}: {mutant.file}:{mutant.line}: {' '.join(old.split())} -> {mutant.text}", flush=True)
     for folder, counts in [*sorted(results.items()), ("all", sum(results.values(), Counter()))]:
         rate = 100.0 * counts["killed"] / max(1, counts.total())

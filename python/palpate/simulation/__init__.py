@@ -1,6 +1,7 @@
 """Simulation of a scenario's servo loop, and the trace that it returns."""
 
 from palpate.simulation.environment import Environment
+from palpate.simulation.force_law import ForceLaw
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.loop import Loop, Sample
 from palpate.simulation.loop_config import resolve
@@ -15,6 +16,7 @@ __all__ = [
     "Channel",
     "ContactResult",
     "Environment",
+    "ForceLaw",
     "Frame",
     "Loop",
     "Sample",

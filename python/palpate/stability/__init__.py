@@ -16,6 +16,7 @@ from palpate.stability.criteria import (
     routh,
     wall_polynomial,
 )
+from palpate.stability.force_law_verdict import ForceLawVerdict, certify_force_law
 from palpate.stability.maps import (
     Boundary,
     StabilityInterval,
@@ -57,6 +58,7 @@ __all__ = [
     "CounterExample",
     "CouplingVerdict",
     "EnergyObserver",
+    "ForceLawVerdict",
     "Jury",
     "Lyapunov",
     "MeasuredResponse",
@@ -71,6 +73,7 @@ __all__ = [
     "ZWidth",
     "certify",
     "certify_coupling",
+    "certify_force_law",
     "certify_workspace",
     "characteristic_polynomial",
     "contact_stability",

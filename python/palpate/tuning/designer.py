@@ -44,6 +44,7 @@ POSES: Final = 40
 WORST: Final = 10  # presses with the largest bound that are simulated
 OTHERS: Final = 6  # more, at random
 VERTICES: Final = 8  # poses of the linear matrix inequalities
+OVERSHOOT: Final = "overshoot"
 FEW: Final = 0.1  # share of presses within reach below which the range of stiffness is refused
 SLOWER: Final = 0.85  # factor on the reference model if a device of `against` overshoots
 
@@ -141,6 +142,8 @@ class _Designer:
         settling = {k: float(run.times.max()) for k, run in runs.items()}
         self.report("remedies", 0.6)
         constraint, reason, remedies = self._judged(axis, trial, settling, worst)
+        if not constraint and overshoot > MOST_OVERSHOOT:
+            constraint, reason = OVERSHOOT, f"The slowest reference model tried overshoots by {100 * overshoot:.3g} %."
         return self._result(
             controller, axis, share, constraint, reason, remedies, worst, settling, overshoot, trial.presses
         )

@@ -36,7 +36,7 @@ class ControllerDesign:
         certificate: one Lyapunov matrix for all poses; None: see `certificate_remark`.
         certificate_remark: what the certificate covers, or why there is none.
         constraint: "" if the specification is met; otherwise "drive limit", "sampling", "encoder", "operator",
-            "dry friction" or "stiffness range".
+            "dry friction", "overshoot" or "stiffness range".
         reason: the constraint in words, with its number.
         remedies: changes of the specification that meet it, each tried.
         scenario: ready to run, in the middle of the range; None if the specification is not met.

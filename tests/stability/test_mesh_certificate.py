@@ -236,12 +236,17 @@ def test_a_run_that_leaves_the_mesh_beside_an_unstable_slide_is_unstable(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("seed", "index", "claim"), [(1010, 9, "along the run"), (1011, 3, "Before it rests, small motions grow")]
+    ("seed", "index", "claim", "place"),
+    [
+        (1010, 9, "along the run", "of the path"),
+        (1011, 3, "Before it rests, small motions grow", "where this run rests"),
+    ],
 )
 def test_a_loop_that_rests_late_or_past_an_unstable_pose_is_judged_where_it_rests(
-    seed: int, index: int, claim: str, tmp_path: Path
+    seed: int, index: int, claim: str, place: str, tmp_path: Path
 ) -> None:
     """The slider of the first has a time constant of 15 s; the torus of the second is unstable half-way."""
     certificate = certify(loops(seed, index + 1, tmp_path)[index])
     assert certificate.stable, certificate.claim
     assert claim in certificate.claim
+    assert any(place in sentence for sentence in certificate.assumptions)

@@ -177,7 +177,7 @@ def _unstable_beside(contact: MeshContact, pushed: PushedRun) -> str:
 def _stable(
     contact: MeshContact, pushed: PushedRun, margin: dict[str, float], criteria: dict[str, bool], steps: list[str]
 ) -> Certificate:
-    away = [one for one in contact.found if not one.stable and one.site is not contact.sites[-1]]
+    away = contact.away
     covered = contact.here if away else contact.found
     stable = [one for one in covered if one.stable]
     factor, limiting = gain_margin(stable)
@@ -368,8 +368,9 @@ def _assumptions(contact: MeshContact) -> list[str]:
     s = contact.scenario
     surface = s.object.surface
     assert surface is not None
+    place = "the place where this run rests" if contact.away else "the path of this run"
     sentences = [
-        f"The contact stays within {1e3 * NEAR:.0f} mm of the path of this run; other parts need another run.",
+        f"The contact stays within {1e3 * NEAR:.0f} mm of {place}; other parts need another run.",
         "A step of the force at an edge of the mesh is a bounded disturbance.",
         "While the tip slides, motions along the surface slower than 2 Hz are the operator's.",
     ]

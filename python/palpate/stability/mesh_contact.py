@@ -47,6 +47,11 @@ class MeshContact:
         return tuple(one for one in self.found if one.site is self.sites[-1])
 
     @property
+    def away(self) -> tuple[ModeStability, ...]:
+        """Return the unstable modes at the other sites."""
+        return tuple(one for one in self.found if not one.stable and one.site is not self.sites[-1])
+
+    @property
     def worst(self) -> ModeStability:
         """Return the mode with the largest spectral radius."""
         return max(self.found, key=lambda one: one.radius)

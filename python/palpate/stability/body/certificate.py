@@ -195,7 +195,7 @@ def _verdict(found: _Findings) -> Verdict:
     if rest.state is State.UNDECIDED:
         return Verdict(State.UNDECIDED, f"{linear} {run.sentence}")
     if rest.state is State.UNSTABLE:
-        if run.lasts and run.oscillates and abs(np.angle(rest.loop.root())) < _REAL:
+        if run.lasts and run.oscillates and not _oscillates(rest.loop):
             return Verdict(State.UNDECIDED, f"{linear} They do not oscillate: the tip slides. {run.sentence}")
         if run.oscillates or (run.verdict.state in FAILED and not run.lasts):
             return Verdict(State.UNSTABLE, f"{linear} {run.sentence}")
@@ -212,6 +212,12 @@ def _verdict(found: _Findings) -> Verdict:
     least = min(one.stiffness_margin for one in (rest, *found.depths))
     factor = "of any stiffness" if math.isinf(least) else f"{least:.4g} times as stiff"
     return Verdict(State.STABLE, f"the body may be {factor} at every depth tested before the loop oscillates. {about}")
+
+
+def _oscillates(loop: BodyLoop | MultirateLoop) -> bool:
+    """Return whether an unstable eigenvalue of a loop oscillates; a faster real one may grow beside it."""
+    values = np.linalg.eigvals(loop.matrix())
+    return bool(np.any((np.abs(values) >= 1.0) & (np.abs(np.angle(values)) >= _REAL)))
 
 
 def _about(one: ContactStability) -> str:

@@ -8,7 +8,7 @@ import pytest
 from loops import axes, press
 from palpate import devices
 from palpate.control import Controller, closed_loop, lead_lag, loop_gain, loop_margins, margins
-from palpate.control.lead_lag_design import _gain_sign
+from palpate.control.lead_lag_design import _gain_sign, _static_gain
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.linear import rendering_plant
@@ -155,3 +155,10 @@ def test_the_sign_of_a_gain_does_not_depend_on_the_unit_of_the_state(unit: float
     """The first sample of the impulse response is C B, and the second gain times one half."""
     state = control.StateSpace([[0.5]], [[unit]], [[gain / unit]], [[0.0]], T)
     assert _gain_sign(state) == np.sign(gain)
+
+
+def test_the_static_gain_counts_the_direct_path() -> None:
+    """D + C (1 - A)^-1 B, in numbers; infinite for a pole at 1."""
+    assert _static_gain(control.StateSpace([[0.5]], [[1.0]], [[3.0]], [[2.0]], T)) == pytest.approx(8.0)
+    assert _static_gain(control.StateSpace([[0.5]], [[1.0]], [[-3.0]], [[2.0]], T)) == pytest.approx(-4.0)
+    assert _static_gain(control.StateSpace([[1.0]], [[1.0]], [[3.0]], [[2.0]], T)) == np.inf

@@ -164,3 +164,10 @@ def test_uncertainty_counts_the_correlation_of_neighbouring_bumps():
         moments = sum(white[lag : 800 + lag] for lag in range(4))
         ratio.append(np.diag(long_run_covariance(moments, bumps)) / np.diag(moments.T @ moments))
     assert np.mean(ratio) == pytest.approx(4.0, rel=0.1)
+
+
+def test_instruments_without_an_excitation_are_refused_and_auto_takes_least_squares():
+    bare = replace(short_recording(0), excitation=None)
+    with pytest.raises(RecordingError, match=r"^instruments need a recording that holds its excitation"):
+        identify.estimate_parameters(bare, ARM, method="instruments")
+    assert identify.estimate_parameters(bare, ARM).method == "least_squares"

@@ -17,6 +17,7 @@ from palpate.errors import PalpateError, ScenarioError
 from palpate.files import find_line
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
+from palpate.scenario.body import KINDS, BodyChoice
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 TEXT = """\
@@ -481,3 +482,17 @@ def _gripped(grip: str) -> dict[str, Any]:
     if grip == "rigid":
         del changed["operator"]["tissue_stiffness"], changed["operator"]["tissue_damping"]
     return changed
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_of_body_needs_the_options_without_a_default(kind: str) -> None:
+    """A missing one is named with an example that is accepted; other kinds need none."""
+    options: dict[str, Any] = {}
+    if kind == "viscoelastic":
+        options = {"instantaneous_ratio": 2.0, "retardation_time": "20 s"}
+    assert [key for key, option in KINDS[kind].items() if option.needed] == list(options)
+    BodyChoice(kind=kind, shape="phantom", radius="3 mm", options=options)
+    for key in options:
+        rest = {name: value for name, value in options.items() if name != key}
+        with pytest.raises(ValueError, match=f"{key} is missing: {kind} needs it, for example {key} = "):
+            BodyChoice(kind=kind, shape="phantom", radius="3 mm", options=rest)

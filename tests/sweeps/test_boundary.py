@@ -14,6 +14,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.sweeps import SweepError, refine, sweep
 from palpate.sweeps.refinement import follow
+from readers import SLIDER
 from scipy.optimize import brentq
 
 T, MASS = 1e-3, 0.06
@@ -156,3 +157,13 @@ def test_a_refined_map_is_shown_in_a_line() -> None:
 def test_refining_needs_two_axes() -> None:
     with pytest.raises(SweepError, match="two axes"):
         refine({"device": {"name": "slider"}, "object": {"kind": "none"}}, {"object.stiffness": [1.0, 2.0]})
+
+
+def test_the_steps_of_a_grid_are_halved_as_often_as_asked() -> None:
+    """From never, which runs the grid itself, to ten times."""
+    over = {"object.damping": "0 N*s/m..1 N*s/m:2", "object.stiffness": "50 N/m..100 N/m:3"}
+    assert [len(values) for values in refine(SLIDER, over, levels=0).values] == [2, 3]
+    assert [len(values) for values in refine(SLIDER, over, levels=2).values] == [5, 9]
+    for levels in (-1, 11):
+        with pytest.raises(SweepError, match=f"^levels: {levels}; from 0 to 10$"):
+            refine(SLIDER, over, levels=levels)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import palpate
 import pytest
 from palpate.devices import Device, load
 from palpate.devices.device import Parameters
 from palpate.metrics import tip_inertia
 from palpate.tuning import drive_bound
-from palpate.tuning.presses import draw_poses, draw_presses
+from palpate.tuning.presses import Press, draw_poses, draw_presses, hold_time, press_tables
 
 ARM = load("phantom-premium-1.5a")
 
@@ -63,3 +64,25 @@ def test_presses_stay_within_reach_along_the_axes_of_the_inertia() -> None:
         assert np.linalg.norm(np.cross(pushed, press.direction)) < 1e-9
         assert np.linalg.cond(ARM.jacobian(press.pose)) <= 4.0
         assert press.bound == drive_bound(ARM, press.pose, press.direction, 2.0, 5000.0)
+
+
+def test_the_hold_time_is_that_at_which_a_simulated_drive_loses_the_force() -> None:
+    """Six newtons on the arm: the motors' force falls below what holds the tip at the time of the thermal model."""
+    pose, along, force = np.array([0.0, 0.5, -0.3]), np.array([1.0, 0.0, 0.0]), 6.0
+    wanted = hold_time(ARM, pose, along, force)
+    assert wanted == pytest.approx(0.5, abs=0.05)
+    tables = press_tables(Press(pose, along, 0.0), ARM.name, force, 3500.0, 1e-3, 0, 0.8)
+    trace = palpate.simulate(tables | {"controller": {"kind": "workspace"}})
+    share = trace["deflection"][:, 0] * 3500.0 / force
+    settled = np.flatnonzero(np.abs(share[:400] - 1.0) < 0.05)[0]
+    lost = trace.time[settled + int(np.argmax(np.abs(share[settled:] - 1.0) > 0.05))]
+    assert lost == pytest.approx(wanted, rel=0.1)
+
+
+def test_the_continuous_force_is_held_for_ever_and_more_than_the_peak_not_at_all() -> None:
+    device = mass(0.1, peak_force=8.0, continuous_force=2.0, thermal_time=5.0)
+    assert hold_time(device, np.zeros(3), [0, 0, 1], 2.0) == np.inf
+    assert hold_time(device, np.zeros(3), [0, 0, 1], 8.1) == 0.0
+    # at the peak the limit begins to fall at 0.9 of the temperature, which then reads 16 in the end
+    assert hold_time(device, np.zeros(3), [0, 0, 1], 8.0) == pytest.approx(-5.0 * np.log(1.0 - 0.9 / 16.0))
+    assert hold_time(mass(0.1), np.zeros(3), [0, 0, 1], 1e3) == np.inf

@@ -24,6 +24,7 @@ from palpate.tuning.presses import (
     Press,
     draw_poses,
     draw_presses,
+    hold_time,
     press_tables,
 )
 from palpate.tuning.remedies import (
@@ -171,8 +172,10 @@ class _Designer:
             )
         else:
             reason = f"The motors need at least {1e3 * worst.bound:.3g} ms at the worst pose on {s.stiffness[0]:g} N/m"
-        slowest = max(settling.values())
+        slowest, hold = max(settling.values()), trial.hold(s.force)
         reached = "does not settle" if np.isinf(slowest) else f"needs {1e3 * slowest:.3g} ms"
+        if np.isinf(slowest) and 0.0 < hold < np.inf:
+            reason += f", and cold motors hold the force for {hold:.3g} s"
         return DRIVE, f"{reason}; the controller {reached}.", drive_remedies(trial, settling)
 
     def _stuck(self, trial: Trial, settling: dict[float, float]) -> tuple[str, str, tuple[str, ...]]:
@@ -234,7 +237,8 @@ class _Designer:
         stiffness = float(f"{np.sqrt(s.stiffness[0] * s.stiffness[1]):.4g}")
         own = [p for p in draw_presses(s.device, s.start[None], s.force, stiffness) if np.isfinite(p.bound)]
         press = max(own, key=lambda p: p.bound) if own else presses[0]
-        duration = max(0.2, float(f"{10.0 * s.settle:.2g}"))
+        held = 0.9 * hold_time(s.device, press.pose, press.direction, s.force)
+        duration = float(f"{min(max(0.2, 10.0 * s.settle), held):.2g}")
         tables = press_tables(press, s.name, s.force, stiffness, s.period, s.delay, duration)
         tables["device"]["encoder"] = True
         units = {"bandwidth": " rad/s", "reference": " rad/s"}
@@ -270,6 +274,7 @@ class _Designer:
             float("nan") if worst is None else worst.bound,
             None if worst is None else worst.pose,
             None if worst is None else worst.direction,
+            min((hold_time(self.s.device, p.pose, p.direction, self.s.force) for p in presses), default=float("nan")),
             share,
             settling or {},
             overshoot,

@@ -30,6 +30,7 @@ class ControllerDesign:
         bound: least settling time that the drive allows at the worst pose, force and softest object, s; inf: the
             motors cannot brake; nan: unknown.
         bound_pose: that pose (3,), rad; bound_direction: of the force there (3,).
+        hold: time for which cold motors hold the force at every press, s; nan: unknown.
         within_reach: share of the presses at the softest object whose way stays well conditioned.
         settling: longest simulated settling time by stiffness, s; inf: not settled.
         overshoot: largest simulated overshoot, relative, also on the devices of `against`.
@@ -48,6 +49,7 @@ class ControllerDesign:
     bound: float
     bound_pose: Array | None
     bound_direction: Array | None
+    hold: float
     within_reach: float
     settling: dict[float, float]
     overshoot: float
@@ -71,7 +73,8 @@ class ControllerDesign:
             f"{s.force:g} N on {s.stiffness[0]:g} to {s.stiffness[1]:g} N/m within {1e3 * s.settle:g} ms on {s.name}"
         )
         if self.feasible:
-            return f"{asked}: met, {1e3 * max(self.settling.values()):.3g} ms in the slowest simulated press."
+            heat = "" if math.isinf(self.hold) else f" Cold motors hold the force for {self.hold:.3g} s."
+            return f"{asked}: met, {1e3 * max(self.settling.values()):.3g} ms in the slowest simulated press.{heat}"
         return f"{asked}: not met. Binding constraint: {self.constraint}. {self.reason}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -97,6 +100,7 @@ class ControllerDesign:
             "drive_bound_s": _plain(self.bound),
             "drive_bound_pose": None if self.bound_pose is None else self.bound_pose.tolist(),
             "drive_bound_direction": None if self.bound_direction is None else self.bound_direction.tolist(),
+            "hold_time_s": _plain(self.hold),
             "presses_within_reach": self.within_reach,
             "settling": [{"stiffness_N_per_m": k, "worst_s": _plain(t)} for k, t in self.settling.items()],
             "overshoot": _plain(self.overshoot),

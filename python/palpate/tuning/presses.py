@@ -17,7 +17,7 @@ from palpate.metrics.device_performance import most_within_limits, tip_inertia
 from palpate.simulation import simulate
 from palpate.units import write
 
-__all__ = ["Press", "Settled", "draw_poses", "draw_presses", "drive_bound", "run_presses"]
+__all__ = ["Press", "Settled", "draw_poses", "draw_presses", "drive_bound", "hold_time", "run_presses"]
 
 CONDITION: Final = 4.0  # largest condition number of the Jacobian of a pose and along a way
 TURN: Final = np.pi / 2  # rad, range of a joint without limits about the working pose
@@ -87,6 +87,25 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
     way = force / stiffness
     speed = np.sqrt(2.1 * way / (1.0 / go + 1.0 / brake))
     return float(speed / go + speed / brake - np.sqrt(0.2 * way / brake))
+
+
+def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: float) -> float:
+    """Return the time for which cold motors hold a force at the tip, s; inf if it is at most the continuous force.
+
+    The temperature of the windings follows (F/F_c)^2 with the thermal time; over its last tenth the limit falls from
+    the peak to the continuous force. The motors carry the weight as well.
+    """
+    q = np.asarray(pose, dtype=float)
+    along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    held = float(np.linalg.norm(np.linalg.solve(device.jacobian(q).T, device.gravity(q)) - force * along))
+    rating, peak = device.continuous_force, device.peak_force
+    if held <= rating:
+        return float("inf")
+    fading = 0.1 * (held - rating) / (peak - rating) if np.isfinite(peak) else 0.0
+    warm = (1.0 - fading) / (held / rating) ** 2
+    if held > peak or warm <= 0.0:
+        return 0.0
+    return float(-device.parameters.one("drive.thermal_time", 1.0) * np.log1p(-warm))
 
 
 def draw_poses(device: Device, start: Array, count: int, seed: int = 1) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.tuning.axis import ENCODER, OPERATOR, AxisData, AxisDesign, tune_axis
-from palpate.tuning.presses import Press, Settled, draw_presses, run_presses
+from palpate.tuning.presses import Press, Settled, draw_presses, hold_time, run_presses
 from palpate.tuning.specification import Specification, rounded
 
 __all__ = [
@@ -52,12 +52,18 @@ class Trial:
     name: str | None = None
 
     def run(self, force: float, stiffness: float) -> Settled:
-        """Return how the presses settle."""
+        """Return how the presses settle while the motors can hold the force; none settles if that is too short."""
         s = self.specification
         least = 4.0 * self.bound if np.isfinite(self.bound) else 0.0
-        duration = min(LONGEST, max(0.1, 4.0 * s.settle, least))
+        duration = min(LONGEST, max(0.1, 4.0 * s.settle, least), 0.9 * self.hold(force))
+        if duration < 1.25 * s.settle:
+            return Settled(np.full(len(self.presses), np.inf), np.zeros(len(self.presses)))
         name = s.name if self.name is None else self.name
         return run_presses(self.controller, name, self.presses, force, stiffness, duration, s.delay)
+
+    def hold(self, force: float) -> float:
+        """Return the time for which the motors hold a force at every press, s."""
+        return min(hold_time(self.specification.device, p.pose, p.direction, force) for p in self.presses)
 
     def settles(self, force: float, stiffness: float) -> bool:
         """Return whether all presses settle in time."""

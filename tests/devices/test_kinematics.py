@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from palpate import devices
+from palpate.devices.reach import check_reach
 from palpate.errors import PoseError
 from palpate.linear import linearize
 from riesz import riesz_derivative
@@ -171,3 +172,16 @@ def test_stacked_states_equal_single_ones(name: str) -> None:
 def test_a_state_of_the_wrong_shape_or_not_finite_is_refused(bad: object) -> None:
     with pytest.raises(PoseError, match="q must"):
         ARM.forward(bad)  # type: ignore[arg-type]
+
+
+def test_reach_is_checked_before_a_task() -> None:
+    """A singular pose and one beyond the limits are refused; a slider has no singular pose."""
+    check_reach(ARM, [0.0, 2.2305, 3.2776], "task")
+    with pytest.raises(PoseError, match="task: the Jacobian is singular at this pose"):
+        check_reach(ARM, [0.0, 2.2305, 2.2305 + np.pi / 2], "task")
+    slider = devices.load("slider")
+    check_reach(slider, [0.0], "task")
+    beyond = np.nextafter(slider.joint_limits[1], np.inf)
+    if np.isfinite(beyond).all():
+        with pytest.raises(PoseError, match="task: joint 1 of slider is beyond its limits"):
+            check_reach(slider, beyond, "task")

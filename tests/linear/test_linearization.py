@@ -9,6 +9,7 @@ from palpate import devices
 from palpate.errors import PoseError
 from palpate.linear import damping_effect, discretize, equilibria, linearize, modes
 from palpate.linear.linearization import static_tip_force
+from palpate.linear.sampled_loop import reachable_space
 
 from experiments.hosseini2004.checks import Check, compare
 
@@ -166,3 +167,20 @@ def test_a_load_without_equilibrium_is_refused() -> None:
         equilibria(ARM, torque=[0.01, 0, 0], starts=3)
     with pytest.raises(PoseError, match="either torque"):
         equilibria(ARM)
+
+
+def test_the_space_that_an_input_reaches_has_the_rank_of_the_controllability_matrix() -> None:
+    """In any units of the states: two chains of three and two states; each input reaches its own."""
+    draw = np.random.default_rng(4)
+    a = np.zeros((5, 5))
+    a[:3, :3], a[3:, 3:] = draw.normal(size=(3, 3)), draw.normal(size=(2, 2))
+    inputs = np.eye(5)[:, [0, 4]]
+    for units in (np.ones(5), np.array([1e-6, 1e3, 1.0, 1e5, 1e-4])):
+        step, entry = units[:, None] * a / units, units[:, None] * inputs
+        for column, rank in ((0, 3), (1, 2)):
+            basis, inverse = reachable_space(step, entry, entry[:, [column]])
+            assert basis.shape == (5, rank)
+            assert inverse @ basis == pytest.approx(np.eye(rank), abs=1e-9)
+            inside = basis @ inverse
+            for vector in (entry[:, [column]], step @ entry[:, [column]]):
+                assert (inside @ vector - vector) / units[:, None] == pytest.approx(np.zeros((5, 1)), abs=1e-9)

@@ -18,6 +18,7 @@ from palpate.files import find_line
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.scenario.body import KINDS, BodyChoice
+from palpate.scenario.touched import MeshChoice
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 TEXT = """\
@@ -496,3 +497,14 @@ def test_a_kind_of_body_needs_the_options_without_a_default(kind: str) -> None:
         rest = {name: value for name, value in options.items() if name != key}
         with pytest.raises(ValueError, match=f"{key} is missing: {kind} needs it, for example {key} = "):
             BodyChoice(kind=kind, shape="phantom", radius="3 mm", options=rest)
+
+
+@pytest.mark.parametrize(("shape", "most"), [("box", 500), ("bumpy_ellipsoid", 7)])
+def test_the_divisions_of_a_mesh_are_bounded(shape: str, most: int) -> None:
+    """A mesh of 4^8 times as many triangles would exhaust the memory."""
+    size = {"edge": "80 mm"} if shape == "box" else {"size": ["90 mm", "70 mm", "60 mm"], "bump": 0.06}
+    for divisions in (1, most):
+        assert MeshChoice(shape=shape, divisions=divisions, **size).divisions == divisions
+    for divisions in (-1, 0, most + 1):
+        with pytest.raises(ValueError, match=f"divisions: {divisions}; it must be between 1 and {most}"):
+            MeshChoice(shape=shape, divisions=divisions, **size)

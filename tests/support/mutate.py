@@ -39,7 +39,9 @@ OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
 }  # fmt: skip
 NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
 ALSO: Final = {  # folder: tests of other folders that concern it
-    "linear": ["stability/test_criteria.py", "stability/test_golden.py"],
+    "control": ["simulation/test_controller_design.py", "simulation/test_user_code.py"],
+    "linear": [f"stability/test_{name}.py" for name in ("criteria", "golden", "linear_devices", "operators")],
+    "metrics": ["simulation/test_verdict.py", "cli/test_cli.py"],
     "units": ["scenario", "identification/test_recording.py"],
     "files": ["simulation/test_trace.py", "sweeps/test_sweeps.py", "scenario"],
     "errors": ["scenario", "cli/test_settings.py"],

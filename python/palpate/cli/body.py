@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -43,6 +43,9 @@ def build(
     order: Annotated[int, typer.Option("--order", help="2: quadratic elements; 1: linear, which lock near 0.5.")] = 2,
     modes: Annotated[int, typer.Option("--modes", help="Number of vibration modes, for a body with inertia.")] = 0,
     memory: Annotated[str, typer.Option("--memory", help="Memory budget of the build.")] = "8 GB",
+    boundary: Annotated[
+        bool, typer.Option("--boundary", help="Boundary elements: from the surface alone; one material, no modes.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; default: source name with .h5.")
     ] = None,
@@ -55,26 +58,33 @@ def build(
     Example: palpate body build liver.stl --unit mm --young "5 kPa" --fixed "z < 2 mm" -o liver.h5
     """
     with stages("starting") as tell:
+        from palpate.fem import BodyError, build_boundary
         from palpate.fem import build as make
 
         target = out if out is not None else source.parent / f"{source.stem}.h5"
-        body = make(
-            source,
-            young=young,
-            fixed=fixed or [],
-            unit=unit,
-            poisson=poisson,
-            density=density,
-            regions=region or [],
-            surface_layer=surface_layer,
-            touch=touch,
-            spacing=spacing,
-            order=order,
-            modes=modes,
-            memory=memory,
-            output=target,
-            progress=tell,
-        )
+        common: dict[str, Any] = {
+            "young": young,
+            "fixed": fixed or [],
+            "unit": unit,
+            "poisson": poisson,
+            "touch": touch,
+            "order": order,
+            "memory": memory,
+            "output": target,
+            "progress": tell,
+        }
+        interior: dict[str, Any] = {
+            "regions": region or [],
+            "surface_layer": surface_layer,
+            "spacing": spacing,
+            "modes": modes,
+        }
+        if boundary and any(interior.values()):
+            raise BodyError(
+                "--boundary: boundary elements have one material, no mesh of the interior and no modes: leave out "
+                "--region, --surface-layer, --spacing and --modes, or leave out --boundary"
+            )
+        body = build_boundary(source, **common) if boundary else make(source, density=density, **interior, **common)
     _print_size(body)
     print_paths([target])
 
@@ -109,9 +119,11 @@ def show(file: Annotated[Path, typer.Argument(help="A body (.h5).")]) -> None:
 
 
 def _print_size(body: Body) -> None:
+    cells, faces = len(body.contents.tetrahedra), len(body.triangles)
+    counts = f"{cells:,} tetrahedra" if cells else f"{faces:,} triangles"
     seconds = sum(time for stage, time in body.record.get("seconds", {}).items() if stage != "meshing")
     output.print(
-        f"[bold]{escape(str(body.record['source']))}[/]: {len(body.contents.tetrahedra):,} tetrahedra, "
+        f"[bold]{escape(str(body.record['source']))}[/]: {counts}, "
         f"{len(body.contents.vertices):,} vertices, {len(body.nodes):,} contact nodes; "
         f"{36e-6 * len(body.nodes) ** 2:.3g} MB, solved in {seconds:.3g} s",
         soft_wrap=True,
@@ -126,8 +138,8 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
 
     record = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
-    yield "size", f"{format_size((x, y, z))}, {1e6 * body.volume.size:.4g} cm³"
-    young = body.contents.young / 1e3
+    yield "size", f"{format_size((x, y, z))}, {1e6 * record('volume_m3', 0.0):.4g} cm³"
+    young = (body.contents.young if len(body.contents.young) else np.array([record("young_Pa", 0.0)])) / 1e3
     spread = f"{young.min():.4g}" if np.ptp(young) < 1e-6 * young.max() else f"{young.min():.4g} to {young.max():.4g}"
     density = f"{record('density_kg_per_m3', 0.0):g} kg/m³"
     yield "material", f"Young's modulus {spread} kPa, Poisson's ratio {record('poisson')}, {density}"
@@ -138,6 +150,8 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     yield "fixed", ", ".join(record("fixed") or ["?"])
     yield "contact", record("touch") or "whole surface that is not fixed"
     elements = {1: "linear", 2: "quadratic"}.get(record("order", 0), "?")
+    if record("method"):
+        elements = f"boundary elements, {elements}"
     yield "elements", f"{elements}, {record('nodes', 0):,} nodes, {record('unknowns', 0):,} unknowns"
     hertz = body.contents.frequencies / (2 * np.pi)
     modes = f"{len(hertz)}, {hertz.min():.3g} to {hertz.max():.3g} Hz" if len(hertz) else "none (--modes 100)"

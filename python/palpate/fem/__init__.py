@@ -1,6 +1,7 @@
 """Deformable bodies condensed from finite elements, fast enough for the servo loop."""
 
 from palpate.fem.body import Body
+from palpate.fem.boundary_build import build_boundary
 from palpate.fem.builder import build
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hyperelastic import HyperelasticModel, Strain
@@ -32,6 +33,7 @@ __all__ = [
     "block",
     "box",
     "build",
+    "build_boundary",
     "fill",
     "grid",
     "half_space",

@@ -66,13 +66,13 @@ def build(
         BodyError: the mesh cannot be filled, nothing is fixed, a number is out of range, or the memory is too small.
         OutputError: the file cannot be written.
     """
-    _check_files(source, unit, output)
+    check_files(source, unit, output)
     check_order(order)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, surface_layer)
-    dirichlet = _dirichlet_regions(fixed)
+    dirichlet = dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
     volume = volume_of(source, unit=unit, spacing=spacing)
@@ -84,14 +84,14 @@ def build(
     return Body(contents)
 
 
-def _check_files(source: object, unit: str | None, output: str | Path | None) -> None:
+def check_files(source: object, unit: str | None, output: str | Path | None) -> None:
     """Raise BodyError or OutputError, before a long build, if a file cannot be read or written."""
     _check_source(source, unit)
     if output is not None:
         check_target(output)
 
 
-def _dirichlet_regions(fixed: str | Selector | Sequence[str | Selector]) -> list[Selector]:
+def dirichlet_regions(fixed: str | Selector | Sequence[str | Selector]) -> list[Selector]:
     """Return the fixed regions. Raise BodyError if there is none."""
     regions = parse_selectors(fixed)
     if not regions:
@@ -142,7 +142,7 @@ def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stag
         stages.begin("modes", f"computing {modes} modes")
         frequencies, shapes = find_modes(elements, modes)
     seconds = stages.end()
-    record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": _versions()}
+    record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": versions()}
     return _body_data(elements, compliance, frequencies, shapes, record)
 
 
@@ -174,22 +174,31 @@ def volume_of(
     if isinstance(source, Volume):
         return source
     _check_source(source, unit)
-    if isinstance(source, (str, Path)):
+    if isinstance(source, (str, Path)) and Path(source).suffix.lower() not in SURFACES:
         assert unit is not None  # checked
+        return read_volume(source, unit=unit)
+    mesh, name = surface_of(source, unit)
+    step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
+    if step > mesh.extent:
+        raise BodyError(f"spacing: {step:g} m exceeds the extent of the body, {mesh.extent:.4g} m; use a smaller one")
+    return fill(mesh.vertices, mesh.triangles, step, source=name)
+
+
+def surface_of(source: Mesh | str | Path, unit: str | None) -> tuple[Mesh, str]:
+    """Return a closed surface and its name. Raise BodyError if the source is none."""
+    mesh, name = source, "given surface"
+    if not isinstance(source, Mesh):
         if Path(source).suffix.lower() not in SURFACES:
-            return read_volume(source, unit=unit)
+            raise BodyError(f"{source}: boundary elements need a closed surface, one of {', '.join(SURFACES)}")
+        assert unit is not None  # checked
         mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
-    else:
-        mesh, name = source, "given surface"
+    assert isinstance(mesh, Mesh)
     if not mesh.closed:
         raise BodyError(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "
             "so it encloses no volume: close it"
         )
-    step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
-    if step > mesh.extent:
-        raise BodyError(f"spacing: {step:g} m exceeds the extent of the body, {mesh.extent:.4g} m; use a smaller one")
-    return fill(mesh.vertices, mesh.triangles, step, source=name)
+    return mesh, name
 
 
 def _check_source(source: object, unit: str | None) -> None:
@@ -228,7 +237,8 @@ def _body_data(elements: Elements, compliance: Any, frequencies: Any, shapes: An
     )
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that a build depends on."""
     versions = {}
     for name in ("palpate", "numpy", "scipy", "scikit-fem", "scikit-sparse", "pypardiso", "pytetwild", "meshio"):
         try:

@@ -131,8 +131,26 @@ class CondensedBody:
 
     @cached_property
     def volume(self) -> Volume:
-        """Tetrahedral mesh from which the body was built."""
+        """Tetrahedral mesh from which the body was built.
+
+        Raises:
+            BodyError: the body was built by boundary elements.
+        """
+        if len(self.contents.tetrahedra) == 0:
+            raise BodyError(
+                "the body was built by boundary elements, from its surface alone: build it by finite elements for "
+                "this model"
+            )
         return Volume(self.contents.vertices, self.contents.tetrahedra, str(self.record["source"]))
+
+    def contains(self, point: ArrayLike) -> bool:
+        """Return whether a point (3,), m, lies in the body at rest, by the solid angle of its surface."""
+        a, b, c = (self.points[self.triangles[:, i]] - np.asarray(point, dtype=float) for i in range(3))
+        x, y, z = (np.linalg.norm(edge, axis=1) for edge in (a, b, c))
+        volume = np.einsum("ka,ka->k", a, np.cross(b, c))  # van Oosterom & Strackee 1983
+        dot = [np.einsum("ka,ka->k", p, q) for p, q in ((a, b), (b, c), (c, a))]
+        angle = 2.0 * np.arctan2(volume, x * y * z + dot[0] * z + dot[1] * x + dot[2] * y)
+        return bool(angle.sum() > 2.0 * np.pi)
 
     @cached_property
     def patch_weights(self) -> sparse.csr_matrix:
@@ -202,13 +220,20 @@ class CondensedBody:
         used, faces = self._contact_surface
         node_of = np.full(len(self.points), -1, dtype=np.int32)
         node_of[self.contents.nodes] = np.arange(len(self.nodes), dtype=np.int32)
+        modulus = self._node_moduli() / (1.0 - self._recorded("poisson") ** 2)
+        triangles = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.int32)
+        return np.ascontiguousarray(self.points[used]), triangles, node_of[used], modulus
+
+    def _node_moduli(self) -> Array:
+        """Return the mean Young's modulus of the tetrahedra at each node (n,), Pa."""
         tetrahedra, count = self.contents.tetrahedra, len(self.contents.vertices)
+        if len(tetrahedra) == 0:
+            scale = float(self.record.get("scaled_stiffness", 1.0))
+            return np.full(len(self.nodes), scale * self._recorded("young_Pa"))
         weights = np.bincount(tetrahedra.ravel(), minlength=count)
         young = np.bincount(tetrahedra.ravel(), np.repeat(self.contents.young, 4), minlength=count)
         at = self._volume_triangles()[0]
-        modulus = young[at] / weights[at] / (1.0 - self._recorded("poisson") ** 2)
-        triangles = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.int32)
-        return np.ascontiguousarray(self.points[used]), triangles, node_of[used], modulus
+        return np.asarray(young[at] / weights[at])
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()

@@ -48,11 +48,11 @@ _ARRAYS: Final = {
 }
 _NUMBER: Final = (int, float)
 _RECORD: Final[dict[str, tuple[Any, Any]]] = {  # entry: (its type, type of its own entries)
-    **dict.fromkeys(("source", "skin", "touch", "unit"), (str, str)),
+    **dict.fromkeys(("source", "method", "surface_layer", "touch", "unit"), (str, str)),
     **dict.fromkeys(("regions", "fixed"), (list, str)),
     **dict.fromkeys(("order", "tetrahedra", "nodes", "unknowns", "modes"), (int, int)),
     **dict.fromkeys(("young_Pa", "poisson", "density_kg_per_m3", "volume_m3"), (_NUMBER, int)),
-    **dict.fromkeys(("memory_bytes", "operations", "scaled_stiffness"), (_NUMBER, int)),
+    **dict.fromkeys(("memory_bytes", "operations", "scaled_stiffness", "asymmetry"), (_NUMBER, int)),
     "seconds": (dict, _NUMBER),
     "versions": (dict, str),
 }
@@ -178,7 +178,8 @@ def _check(c: BodyData, file: Path) -> None:
         and c.tetrahedra.shape == (len(c.young), 4)
         and c.vertices.shape == (len(c.dirichlet), 3)
     )
-    if not shapes or n == 0 or len(c.tetrahedra) == 0:
+    solid = len(c.tetrahedra) > 0 or c.record.get("method") == "boundary elements"
+    if not shapes or n == 0 or not solid:
         raise BodyError(f"{file}: the shapes of its arrays do not match; build the body again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
     finite = all(np.isfinite(array).all() for array in (c.normals, *(getattr(c, name) for name in _RANGES)))
@@ -186,9 +187,8 @@ def _check(c: BodyData, file: Path) -> None:
         array.size == 0 or (array.min() >= low and array.max() <= high)
         for array, (low, high) in ((getattr(c, name), limits) for name, limits in _RANGES.items())
     )
-    in_range = (
-        indices.min() >= 0 and indices.max() < s and c.tetrahedra.min() >= 0 and c.tetrahedra.max() < len(c.vertices)
-    )
+    corners = np.append(c.tetrahedra.ravel(), 0)
+    in_range = indices.min() >= 0 and indices.max() < s and corners.min() >= 0 and corners.max() < len(c.vertices)
     positive = (np.diag(c.compliance) > 1e-15).all()
     outward = np.abs(np.linalg.norm(c.normals, axis=1) - 1.0).max() < 1e-6 if finite else False
     if not (plausible and in_range and positive and outward):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
-from palpate.fem.checks import length, lengths, point_of, positive, unit_of_length
+from palpate.fem.checks import length, lengths, positive, unit_of_length
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.mesher import tetrahedra
 from palpate.files import check_readable
@@ -101,15 +101,6 @@ class Volume:
         x, y, z = np.ptp(self.points, axis=0).tolist()
         counts = f"{len(self.tetrahedra)} tetrahedra, {len(self.points)} points"
         return f"<Volume: {counts}, {format_size((x, y, z))}, {self.source}>"
-
-    def contains(self, point: ArrayLike) -> bool:
-        """Return whether a point (3,), m, lies in one of the tetrahedra."""
-        x = point_of(point)
-        corners = self.points[self.tetrahedra]
-        candidates = ((corners.min(axis=1) <= x) & (x <= corners.max(axis=1))).all(axis=1)
-        first, others = corners[candidates, 0], corners[candidates, 1:] - corners[candidates, :1]
-        barycentric = np.linalg.solve(others.transpose(0, 2, 1), (x - first)[:, :, None])[:, :, 0]
-        return bool(((barycentric >= 0.0).all(axis=1) & (barycentric.sum(axis=1) <= 1.0)).any())
 
     @property
     def extent(self) -> float:

@@ -95,7 +95,7 @@ def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
     """Raise ScenarioError if the tip starts so deep in the body that it does not reach the surface."""
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
-    if not body.volume.contains(tip):
+    if not body.contains(tip):
         return
     deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
     beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0

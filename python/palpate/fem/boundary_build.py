@@ -1,0 +1,157 @@
+"""Build a homogeneous body from its surface alone, by boundary elements."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from palpate.arrays import Array, Flags, Indices
+from palpate.contact.mesh import Mesh
+from palpate.fem.body import Body
+from palpate.fem.boundary_elements import BoundaryElements
+from palpate.fem.builder import check_files, dirichlet_regions, surface_of, versions
+from palpate.fem.checks import positive
+from palpate.fem.condensation import check_memory
+from palpate.fem.elements import check_order
+from palpate.fem.errors import BodyError
+from palpate.fem.material import Material
+from palpate.fem.selectors import Selector, parse_selector
+from palpate.fem.storage import BodyData, write
+
+
+def build_boundary(
+    source: Mesh | str | Path,
+    *,
+    young: float | str,
+    fixed: str | Selector | Sequence[str | Selector],
+    poisson: float | str = 0.45,
+    touch: str | Selector | None = None,
+    unit: str | None = None,
+    order: int = 2,
+    memory: float | str = "8 GB",
+    output: str | Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Body:
+    """Build a homogeneous linear elastic body by boundary elements, from a closed surface that is not filled.
+
+    The nodes of the contact are the vertices of the surface, as in `build`. The body has no tetrahedra, so `modal`,
+    `mass_spring` and `hyperelastic` need `build`. The build needs time and memory that grow with the third and second
+    power of the number of vertices; a thousand vertices take about 2 GB and a minute.
+
+    Args:
+        source: closed surface (`Mesh`, or an .stl, .obj, .ply, .off or .glb file).
+        young: Young's modulus, Pa, or text such as "5 kPa".
+        fixed: one or more fixed regions, as in `build`; a triangle is fixed if its three vertices are.
+        poisson: Poisson's ratio, below 0.5.
+        touch: region of the contact surface; None for the whole surface.
+        unit: of the coordinates in a file; required for a file.
+        order: 2 for quadratic displacements in each triangle, 1 for linear ones, which are less accurate.
+        memory: budget, bytes or text.
+        output: file (.h5) to which the body is written atomically.
+        progress: called at the begin of each stage with its description and the fraction of the stages done.
+
+    Raises:
+        BodyError: the surface is not closed, no triangle is fixed, a number is out of range, or the memory is too
+            small.
+        OutputError: the file cannot be written.
+    """
+    check_files(source, unit, output)
+    check_order(order)
+    positive(memory, "byte", "memory")
+    material = Material(young, poisson)
+    regions = dirichlet_regions(fixed)
+    where = None if touch is None else parse_selector(touch)
+    tell = progress if progress is not None else (lambda _text, _fraction: None)
+    mesh, name = surface_of(source, unit)
+    points, triangles = mesh.vertices, mesh.triangles.astype(np.int64)
+    inside = np.ones(len(points), dtype=bool) if where is None else where.inside(points)
+    held = np.asarray(np.any([region.inside(points) for region in regions], axis=0), dtype=bool)
+    elements = BoundaryElements(
+        points, triangles, np.asarray(inside[triangles].all(axis=1)), held, material.young, material.poisson, order
+    )
+    _check(elements, name)
+    count = len(elements.contact_nodes)
+    check_memory(count, elements.memory, memory)
+    tell(f"integrating and solving {3 * len(elements.nodes):,} equations", 0.1)
+    start = time.perf_counter()
+    compliance, asymmetry = elements.compliance()
+    record: dict[str, Any] = {
+        "source": name,
+        "method": "boundary elements",
+        "unit": unit,
+        "modes": 0,
+        "young_Pa": material.young,
+        "poisson": material.poisson,
+        "density_kg_per_m3": material.density,
+        "fixed": [str(region) for region in regions],
+        "touch": None if where is None else str(where),
+        "order": order,
+        "tetrahedra": 0,
+        "nodes": len(elements.nodes),
+        "unknowns": 3 * len(elements.nodes),
+        "volume_m3": mesh.diagnose().volume,
+        "memory_bytes": elements.memory,
+        "asymmetry": asymmetry,
+        "seconds": {"condensing": round(time.perf_counter() - start, 3)},
+        "versions": versions(),
+    }
+    contents = _body_data(elements, compliance, record)
+    if output is not None:
+        write(contents, output)
+    return Body(contents)
+
+
+def _check(elements: BoundaryElements, name: str) -> None:
+    """Raise BodyError if a piece of the surface is not fixed, or nothing can be touched."""
+    if len(elements.contact_nodes) == 0:
+        raise BodyError(f"{name}: the body has no contact node: all vertices of its contact surface are fixed")
+    parts = _parts(elements.triangles, len(elements.points))
+    held = np.unique(parts[elements.triangles[elements.fixed_triangles].ravel()])
+    if (alone := np.setdiff1d(parts[elements.triangles.ravel()], held)).size:
+        x, y, z = 1e3 * elements.points[np.argmax(parts == alone[0])]
+        raise BodyError(
+            f"{name}: a piece or a cavity of the surface has no fixed triangle, the one with the point "
+            f"({x:.4g}, {y:.4g}, {z:.4g}) mm: fix it, or build the body by finite elements"
+        )
+
+
+def _parts(triangles: Indices, count: int) -> Indices:
+    a, b = triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _body_data(elements: BoundaryElements, compliance: Any, record: dict[str, Any]) -> BodyData:
+    return BodyData(
+        points=elements.points,
+        triangles=elements.triangles,
+        contact_triangles=np.asarray(elements.contact),
+        nodes=elements.contact_nodes,
+        normals=_normals(elements.points, elements.triangles, elements.contact)[elements.contact_nodes],
+        areas=elements.areas,
+        compliance=compliance,
+        frequencies=np.empty(0),
+        shapes=np.empty((len(compliance), 0), dtype=np.float32),
+        vertices=elements.points,
+        tetrahedra=np.empty((0, 4), dtype=np.int64),
+        young=np.empty(0),
+        dirichlet=elements.dirichlet,
+        record=record,
+    )
+
+
+def _normals(points: Array, triangles: Indices, contact: Flags) -> Array:
+    """Return outward unit normals at the vertices of the contact triangles (v, 3); others are arbitrary."""
+    faces = triangles[contact]
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    total = np.zeros_like(points)
+    for i in range(3):
+        np.add.at(total, faces[:, i], np.cross(b - a, c - a))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.where(length > 0.0, length, 1.0))

@@ -15,9 +15,12 @@ from palpate.cli.main import app
 from palpate.control import workspace
 from palpate.devices import load
 from palpate.errors import DesignError, OutputError, PoseError
+from palpate.linear import HumanArm
 from palpate.stability.switching import has_solver
 from palpate.stability.workspace_certificate import workspace_loops
 from palpate.tuning import ControllerDesign
+from palpate.tuning.designer import _Designer
+from palpate.tuning.specification import specify
 from typer.testing import CliRunner
 
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
@@ -196,3 +199,14 @@ def test_your_own_device_of_three_axes_is_designed_for(tmp_path: Path, monkeypat
     (tmp_path / "other").mkdir()
     written = found.save_scenario(tmp_path / "other" / "scenario.toml")
     assert palpate.summarize(palpate.simulate(written))["verdict"].startswith("settled")
+
+
+def test_an_operator_who_is_lost_on_the_whole_arm_is_named() -> None:
+    """The check of the arm finds what the eigenvalues of the axis find: a mass far beyond the tolerated ratio."""
+    s = specify(NAME, "1 N/mm", "1 N", "40 ms", None, 0, None, None, (HumanArm(20.0, 0.0, 0.0),), ())
+    designer = _Designer(s, lambda _text, _fraction: None)
+    fast = workspace(ARM, s.period, bandwidth=258.5, observer=2.5, disturbance=0.03)
+    assert "unstable at" in designer._lost_operator(fast)
+    assert "20 kg" in designer._lost_operator(fast)
+    light = specify(NAME, "1 N/mm", "1 N", "40 ms", None, 0, None, None, (HumanArm(0.15, 4.5, 560.0),), ())
+    assert _Designer(light, lambda _text, _fraction: None)._lost_operator(fast) == ""

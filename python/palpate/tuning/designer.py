@@ -18,7 +18,17 @@ from palpate.linear.linear_device import HumanArm
 from palpate.metrics import tip_inertia
 from palpate.scenario import Scenario
 from palpate.stability.workspace_certificate import WorkspaceCertificate, certify_workspace, workspace_loops
-from palpate.tuning.axis import MOST_OVERSHOOT, OPERATORS, RUN, SAMPLING, AxisData, AxisDesign, first_limit, tune_axis
+from palpate.tuning.axis import (
+    MOST_OVERSHOOT,
+    OPERATOR,
+    OPERATORS,
+    RUN,
+    SAMPLING,
+    AxisData,
+    AxisDesign,
+    first_limit,
+    tune_axis,
+)
 from palpate.tuning.outcome import ControllerDesign
 from palpate.tuning.presses import (
     Press,
@@ -44,6 +54,7 @@ __all__ = ["axis_data", "design"]
 POSES: Final = 40
 WORST: Final = 10  # presses with the largest bound that are simulated
 OTHERS: Final = 6  # more, at random
+HELD: Final = 4  # poses at which each operator holds the whole arm
 VERTICES: Final = 8  # poses of the linear matrix inequalities
 OVERSHOOT: Final = "overshoot"
 FEW: Final = 0.1  # share of presses within reach below which the range of stiffness is refused
@@ -143,6 +154,8 @@ class _Designer:
         settling = {k: float(run.times.max()) for k, run in runs.items()}
         self.report("remedies", 0.6)
         constraint, reason, remedies = self._judged(axis, trial, settling, worst)
+        if not constraint and (lost := self._lost_operator(controller)):
+            constraint, reason = OPERATOR, f"The whole arm is {lost}."
         if not constraint and overshoot > MOST_OVERSHOOT:
             constraint, reason = OVERSHOOT, f"The slowest reference model tried overshoots by {100 * overshoot:.3g} %."
         return self._result(
@@ -208,6 +221,18 @@ class _Designer:
                 break
             controller = replace(controller, reference=float(np.floor(SLOWER * controller.reference)))
         return controller, overshoot
+
+    def _lost_operator(self, controller: WorkspaceController) -> str:
+        """Return the first operator with a rigid grip who is unstable on the whole arm, in words; "" if none is."""
+        s = self.s
+        for arm in s.operators:
+            if arm.tissue_stiffness is None:
+                loops = workspace_loops(controller, self.poses[:HELD], arm=arm, delay=s.delay)
+                radius = np.abs(np.linalg.eigvals(loops)).max(axis=1)
+                if radius.max() >= 1.0:
+                    pose = np.round(self.poses[int(np.argmax(radius))], 3).tolist()
+                    return f"unstable at {pose} with {arm.mass:g} kg, {arm.damping:g} N s/m, {arm.stiffness:g} N/m"
+        return ""
 
     def _certified(self, controller: WorkspaceController) -> tuple[WorkspaceCertificate | None, str]:
         """Return a Lyapunov matrix and its scope, or the reason why there is none."""

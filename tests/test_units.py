@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from palpate import devices
 from palpate.errors import DeviceError, ScenarioError
-from palpate.units import UNITS, parse_quantity, write
+from palpate.units import UNITS, bounded_to_si, parse_quantity, to_si, write
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -150,3 +152,21 @@ def test_catalog_numbers_read_as_they_are_written() -> None:
     for name in devices.names():
         for number in read_numbers(name):
             assert tuple(parse_quantity(text, number.unit) for text in number.text.split(", ")) == number.values
+
+
+def test_a_bounded_number_is_finite_and_positive_or_zero() -> None:
+    for value, expected in ((2.0, 2.0), ("2 ms", 0.002), (np.float32(0.5), 0.5), (5e-324, 5e-324)):
+        assert bounded_to_si(value, "s", "it") == expected
+    assert bounded_to_si(0.0, "s", "it", zero=True) == 0.0
+    for value in (0.0, "0 s", -1.0, math.nan, math.inf, -math.inf):
+        with pytest.raises(ScenarioError, match=r"^it must be positive and finite, not .* s$"):
+            bounded_to_si(value, "s", "it")
+        if value not in (0.0, "0 s"):
+            with pytest.raises(ScenarioError, match=r"^it must be finite and not negative, not .* s$"):
+                bounded_to_si(value, "s", "it", zero=True)
+
+
+@pytest.mark.parametrize("value", [True, None, [1.0], np.zeros(2), {}, "2", "2 m"])
+def test_what_is_no_number_of_a_unit_is_refused_by_name(value: Any) -> None:
+    with pytest.raises(ScenarioError, match=r"^it"):
+        to_si(value, "s", "it")

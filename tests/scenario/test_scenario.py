@@ -508,3 +508,20 @@ def test_the_divisions_of_a_mesh_are_bounded(shape: str, most: int) -> None:
     for divisions in (-1, 0, most + 1):
         with pytest.raises(ValueError, match=f"divisions: {divisions}; it must be between 1 and {most}"):
             MeshChoice(shape=shape, divisions=divisions, **size)
+
+
+@pytest.mark.parametrize(
+    ("shape", "needed"),
+    [("file", {"file", "unit"}), ("box", {"edge", "divisions"}), ("bumpy_ellipsoid", {"size", "bump", "divisions"})],
+)
+def test_a_shape_of_a_mesh_has_its_own_keys_only(shape: str, needed: set[str]) -> None:
+    values: dict[str, Any] = {"file": "liver.stl", "unit": "mm", "edge": "80 mm", "divisions": 2, "bump": 0.06}
+    values["size"] = ["90 mm", "70 mm", "60 mm"]
+    own = {key: values[key] for key in needed}
+    MeshChoice(shape=shape, **own)
+    for key in needed:
+        with pytest.raises(ValueError, match=f"{key} is missing; write for example {key} = "):
+            MeshChoice(shape=shape, **{name: value for name, value in own.items() if name != key})
+    for key in values.keys() - needed:
+        with pytest.raises(ValueError, match=f'{key} has no meaning for shape = "{shape}"'):
+            MeshChoice(shape=shape, **own, **{key: values[key]})

@@ -51,6 +51,8 @@ def test_a_verdict_begins_with_its_reason_unless_the_run_settled() -> None:
     settled = simulate({**SLIDER, "object": {**SLIDER["object"], "damping": "5 N*s/m"}, "run": {"duration": "2 s"}})
     assert settled.stable
     assert summarize(settled)["verdict"].startswith("settled to 5 % in")
+    bare = replace(settled, metadata={"verdict": settled.verdict.to_dict()})  # no scenario says how it was pushed
+    assert summarize(bare)["verdict"].startswith(str(settled.verdict))
     swinging = simulate({**SLIDER, "run": {"duration": "2 s"}})
     assert not swinging.stable
     assert summarize(swinging)["verdict"].startswith(str(swinging.verdict))

@@ -114,6 +114,10 @@ def test_every_lane_computes_what_a_loop_alone_computes(name: str) -> None:
             lost += 1
             continue
         np.testing.assert_array_equal(found[-2 * dof :], alone[-1, : 2 * dof])
+        angles = alone[experiment.setup.window_start :, :dof]
+        np.testing.assert_array_equal(
+            found[15 : 15 + 2 * dof], np.concatenate([angles.min(axis=0), angles.max(axis=0)])
+        )
         assert found[8] == pytest.approx(np.linalg.norm(alone[:, 2 * dof : 2 * dof + 3], axis=1).max(), rel=1e-12)
     assert lost < len(stiffness) - 4
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/SVD>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -11,6 +12,7 @@
 namespace {
 
 using palpate::math::Vector3;
+using palpate::mechanism::Premium;
 using palpate::mechanism::Slider;
 using palpate::servo::BatchJob;
 using palpate::servo::JobQueue;
@@ -88,6 +90,51 @@ TEST(Batch, ASingleLoopHasTheOutcomeOfItsLane) {
       EXPECT_TRUE(lane == alone || (std::isnan(lane) && std::isnan(alone))) << i << " " << c;
     }
   }
+}
+
+// Law: the outcome has the excursion of the joints in the judged window, and of no tick before it.
+TEST(Batch, TheOutcomeHasTheExcursionOfTheJudgedWindow) {
+  constexpr int record = palpate::servo::record_width<3>;
+  SimulationSetup<Premium> s;
+  s.mechanism = arm;
+  s.start = {0.0, 1.0, 1.0 + 1.42};  // 0.15 rad from the stretched arm
+  s.start_speed = {0.3, -4.0, 4.0};
+  s.object = palpate::object::SpringWall({.kind = palpate::object::SpringWallKind::point,
+                                          .point = s.mechanism.forward(s.start),
+                                          .stiffness = Vector3<>::Constant(300.0),
+                                          .damping = Vector3<>::Constant(8.0)});
+  const std::vector<double> zeros(3 * (ticks + 1), 0.0);
+  std::vector<double> trace(static_cast<std::size_t>(record * (ticks + 1)));
+  ASSERT_EQ(palpate::servo::simulate(s, ticks, zeros.data(), zeros.data(), trace.data()).unstable_tick, -1);
+  const auto pose = [&](int k) { return Eigen::Map<const Eigen::Vector3d>(trace.data() + static_cast<std::ptrdiff_t>(record) * k); };
+  const auto conditioning = [&](const Eigen::Vector3d& q) {
+    const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(s.mechanism.jacobian(s.mechanism.kinematics(q))).singularValues();
+    return values[2] / values[0];
+  };
+  int singular = 0;
+  for (int first = 0; first < ticks - 10; first += 39) {
+    s.window_start = first;
+    std::vector<double> row(palpate::servo::outcome_width<3>);
+    palpate::servo::simulate_outcome(s, ticks, zeros.data(), zeros.data(), row.data());
+    Eigen::Vector3d least = pose(first), greatest = pose(first);
+    double worst = 1.0;
+    for (int k = first; k <= ticks; ++k) {
+      least = least.cwiseMin(pose(k));
+      greatest = greatest.cwiseMax(pose(k));
+      worst = std::min(worst, conditioning(pose(k)));
+    }
+    EXPECT_EQ(Eigen::Vector3d(row.data() + 15), least) << first;
+    EXPECT_EQ(Eigen::Vector3d(row.data() + 18), greatest) << first;
+    const double found = conditioning(Eigen::Vector3d(row.data() + 21));
+    EXPECT_EQ(found < 0.01, worst < 0.01) << first << ": " << found << " " << worst;
+    if (worst < 0.01) {
+      EXPECT_NEAR(found, worst, 1e-3 * worst) << first;
+    }
+    EXPECT_EQ(Eigen::Vector3d(row.data() + 24), Eigen::Vector3d(pose(ticks))) << first;
+    singular += worst < 0.01;
+  }
+  EXPECT_GT(singular, 0);
+  EXPECT_LT(singular, 10);
 }
 
 }  // namespace

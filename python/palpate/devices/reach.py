@@ -14,7 +14,16 @@ from palpate.errors import PalpateWarning, PoseError
 if TYPE_CHECKING:
     from palpate.devices.device import Device
 
-__all__ = ["NEAR_SINGULAR", "SINGULAR", "beyond_reach", "check_reach", "conditioning", "near_limits", "unreachable"]
+__all__ = [
+    "NEAR_SINGULAR",
+    "SINGULAR",
+    "beyond_reach",
+    "check_reach",
+    "conditioning",
+    "excursion_beyond",
+    "near_limits",
+    "unreachable",
+]
 
 NEAR_SINGULAR = 0.05  # ratio of the smallest to the largest singular value of the Jacobian near a singular pose
 NEAR_LIMIT = 0.02  # of a joint's range, distance from its limits that is near
@@ -27,13 +36,26 @@ def beyond_reach(device: Device, start: ArrayLike, angles: ArrayLike) -> Flags:
     Beyond reach are a joint outside its limits, one that has turned round since `start` (dof,), and a pose that is
     singular to SINGULAR while the start was not.
     """
-    q, first = np.atleast_2d(angles), np.asarray(start, dtype=float)
+    q = np.atleast_2d(angles)
+    return excursion_beyond(device, start, q, q, q)
+
+
+def excursion_beyond(device: Device, start: ArrayLike, least: Array, greatest: Array, worst: Array) -> Flags:
+    """Return whether each of n motions leaves the reach (n,), as `beyond_reach`.
+
+    Args:
+        device: that moves.
+        start: joint angles (dof,).
+        least, greatest: of each joint during the motion (n, dof).
+        worst: joint angles of the pose with the smallest ratio of singular values (n, dof).
+    """
+    first = np.asarray(start, dtype=float)
     low, high = device.joint_limits
-    found = np.any((q < low) | (q > high), axis=1)
+    found = np.any((least < low) | (greatest > high), axis=1)
     if device.model.revolute:
-        found |= np.any(np.abs(q - first) > 2.0 * np.pi, axis=1)
+        found |= np.any(np.maximum(first - least, greatest - first) > 2.0 * np.pi, axis=1)
     if conditioning(device, first[None])[0] > SINGULAR:
-        found |= conditioning(device, q) < SINGULAR
+        found |= conditioning(device, worst) < SINGULAR
     return np.asarray(found, dtype=bool)
 
 

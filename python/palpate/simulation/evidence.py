@@ -17,7 +17,7 @@ from palpate.simulation.statics import force_over_stiffness, presses, steady_err
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
 
-__all__ = ["evidence", "lossy", "resolution", "second_differences", "swing"]
+__all__ = ["evidence", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
 
 
 def lossy(scenario: Scenario, device: Device) -> bool:
@@ -75,13 +75,12 @@ def evidence(
         one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
         known = {
             "resolution": resolution(scenario, device, q[last : last + 1])[0],
-            "beyond": bool(beyond_reach(device, q[0], q[first : last + 1]).any()),
+            "beyond": leaves_reach(trace, scenario, window),
             "pressed": one_sided and _pressed(trace, scenario, touching, last),
             "apart": _apart(trace, touching) if one_sided else 0.0,
             "lossy": lossy(scenario, device),
         }
         if (expected := _expected(trace, scenario, window)) is not None:
-            known["beyond"] |= _rest_beyond(trace, scenario, expected)
             known["error"] = float(steady_error(deflection[ending].mean(axis=0), expected)[0])
     return Evidence.of(
         1,
@@ -127,6 +126,13 @@ def swing(time: Array, tip: Array) -> float:
     x = np.linspace(-1.0, 1.0, len(time))
     basis = np.linalg.qr(np.vander(x, 3))[0]
     return float(np.ptp(tip - basis @ (basis.T @ tip), axis=0).max()) / 2.0
+
+
+def leaves_reach(trace: Recorded, scenario: Scenario, window: Window) -> bool:
+    """Return whether a pose in the window, or the rest of a tip on a spring, is beyond the reach of the device."""
+    q, expected = trace["angle"], _expected(trace, scenario, window)
+    beyond = beyond_reach(scenario.load_device(), q[0], q[window.begin : window.end + 1])
+    return bool(beyond.any()) or (expected is not None and _rest_beyond(trace, scenario, expected))
 
 
 def _rest_beyond(trace: Recorded, scenario: Scenario, expected: Array) -> bool:

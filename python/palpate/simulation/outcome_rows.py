@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from palpate.simulation.evidence import second_differences
 from palpate.simulation.recorded import Recorded
 from palpate.simulation.windows import Window
 
-__all__ = ["QUANTITIES", "end_angles", "name_rows", "outcome_of"]
+__all__ = ["QUANTITIES", "Excursion", "excursions", "name_rows", "outcome_of"]
 
 # Name: (columns, unit, meaning).
 QUANTITIES: Final[dict[str, tuple[int, str, str]]] = {
@@ -29,11 +30,27 @@ QUANTITIES: Final[dict[str, tuple[int, str, str]]] = {
     "saturated_5": (1, "", "fraction of the window's last fifth at the limits of the drive"),
     "contacts_5": (1, "", "contacts that begin in the window's last fifth"),
 }
-_FIRST: Final = 15  # column of the joint angles at the end
+_FIRST: Final = 15  # column of the first joint angles
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """Joint coordinates (n, dof) that loops reach in the judged window; nan where the loop diverged.
+
+    Attributes:
+        least, greatest: of each joint.
+        worst: of the pose with the smallest ratio of the singular values of the Jacobian.
+        end: of the last tick.
+    """
+
+    least: Array
+    greatest: Array
+    worst: Array
+    end: Array
 
 
 def name_rows(rows: Array, period: float) -> dict[str, Array]:
-    """Return the core's rows of outcomes (n, 15 + 2 dof) as arrays (n,) or (n, 3) by name of QUANTITIES."""
+    """Return the core's rows of outcomes (n, 15 + 5 dof) as arrays (n,) or (n, 3) by name of QUANTITIES."""
     columns = {"unstable_from": np.where(rows[:, 0] < 0, np.nan, rows[:, 0] * period)}
     at = 1
     for name, (count, _unit, _meaning) in QUANTITIES.items():
@@ -43,22 +60,21 @@ def name_rows(rows: Array, period: float) -> dict[str, Array]:
     return columns
 
 
-def end_angles(rows: Array) -> Array:
-    """Return the joint coordinates (n, dof) at the end of each loop; nan where it diverged."""
-    dof = (rows.shape[1] - _FIRST) // 2
-    return rows[:, _FIRST : _FIRST + dof]
+def excursions(rows: Array) -> Excursion:
+    """Return the joint coordinates in the core's rows of outcomes (n, 15 + 5 dof)."""
+    least, greatest, worst, end, _velocity = np.split(rows[:, _FIRST:], 5, axis=1)
+    return Excursion(least, greatest, worst, end)
 
 
-def outcome_of(trace: Recorded, period: float, ticks: int, first: int) -> dict[str, Array]:
+def outcome_of(trace: Recorded, period: float, window: Window) -> dict[str, Array]:
     """Return the outcome of one loop, as the core measures it, from the trace of every tick, by name of QUANTITIES.
 
     Args:
         trace: of the run.
         period: T, s.
-        ticks: number of the last tick, had the loop not diverged.
-        first: first tick of the judged window.
+        window: the judged one, to the last tick, had the loop not diverged.
     """
-    window, tip = Window(first, ticks), trace["tip"]
+    first, ticks, tip = window.begin, window.end, trace["tip"]
     fifth, ending = window.fifth, window.ending
     bend = second_differences(trace.time, tip, period)
     touching, saturated = trace["touching"][:, 0] > 0.0, trace["saturated"][:, 0] > 0.0

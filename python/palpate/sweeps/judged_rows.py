@@ -8,12 +8,12 @@ import numpy as np
 
 from palpate.arrays import Array, Flags
 from palpate.control.controller import Controller
-from palpate.devices.reach import NEAR_SINGULAR, beyond_reach, conditioning, unreachable
+from palpate.devices.reach import NEAR_SINGULAR, conditioning, excursion_beyond, unreachable
 from palpate.errors import PalpateError
 from palpate.simulation.evidence import lossy, resolution
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.linear_loop import scenario_loop
-from palpate.simulation.outcome_rows import end_angles, name_rows
+from palpate.simulation.outcome_rows import Excursion, excursions, name_rows
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.verdict import Evidence, decide
@@ -47,7 +47,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     elif scenario.contact_kind == "spring":
         expected = np.broadcast_to(force_over_stiffness(reference, stiffness, device.dof), (count, 3))
         error = steady_error(steady, expected)
-    beyond = _beyond(simulation, end_angles(rows), expected, error)
+    beyond = _beyond(simulation, excursions(rows), expected, error)
     linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
     evidence = Evidence.of(
         count,
@@ -68,23 +68,25 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.window_start) // 5),
         lossy=lossy(scenario, device),
     )
-    return {**out, "linear": linear, "verdict": decide(evidence).astype(float)}
+    reach = np.where(np.isnan(out["unstable_from"]), beyond.astype(float), np.nan)
+    return {**out, "beyond_reach": reach, "linear": linear, "verdict": decide(evidence).astype(float)}
 
 
-def _beyond(simulation: Simulation, angles: Array, expected: Array, error: Array) -> Flags:
-    """Return whether cells end beyond reach, or near a singular pose because force over stiffness is beyond it: (n,).
+def _beyond(simulation: Simulation, joints: Excursion, expected: Array, error: Array) -> Flags:
+    """Return whether cells leave the reach, or end near a singular pose as force over stiffness is beyond it: (n,).
 
     Args:
         simulation: of all cells.
-        angles: at the end (n, dof); nan in cells that diverged.
+        joints: coordinates in the judged window; nan in cells that diverged.
         expected: force over stiffness (n, 3), m; nan if unknown.
         error: of the deflection at the end from it (n,).
     """
-    device, beyond = simulation.device, np.zeros(len(angles), dtype=bool)
-    ended = np.flatnonzero(~np.isnan(angles[:, 0]))
-    beyond[ended] = beyond_reach(device, simulation.start, angles[ended])
+    device, beyond = simulation.device, np.zeros(len(joints.end), dtype=bool)
+    ended = np.flatnonzero(~np.isnan(joints.end[:, 0]))
+    reached = (joints.least[ended], joints.greatest[ended], joints.worst[ended])
+    beyond[ended] = excursion_beyond(device, simulation.start, *reached)
     away = ended[np.abs(error[ended]) > EXACT]
-    near = away[conditioning(device, angles[away]) < NEAR_SINGULAR]
+    near = away[conditioning(device, joints.end[away]) < NEAR_SINGULAR]
     if simulation.scenario.device.kinematics == "nonlinear":
         beyond[near] |= unreachable(device, simulation.start, expected[near] + simulation.scenario.object.position)
     return beyond

@@ -16,6 +16,11 @@ __all__ = ["QUANTITIES", "Outcomes"]
 # Name: (columns, unit, meaning).
 QUANTITIES: dict[str, tuple[int, str, str]] = {
     **ROWS,
+    "beyond_reach": (
+        1,
+        "",
+        "1: a pose of the judged window or force over stiffness is beyond reach, 0: none is; nan: the loop diverged",
+    ),
     "linear": (1, "", "1: the linear loop is stable, -1: it is unstable, 0: not evaluated"),
     "verdict": (1, "", ", ".join(f"{state.value} {state.label}" for state in State)),
 }

@@ -20,11 +20,13 @@ from palpate.control.workspace_controller import WorkspaceController
 from palpate.errors import PalpateError, shorten
 from palpate.files.json_text import load_table
 from palpate.scenario import Scenario
+from palpate.simulation.evidence import leaves_reach
 from palpate.simulation.judgment import judge
 from palpate.simulation.linear_evidence import linear_radii_of, linear_sign
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.simulation.trace import Trace
+from palpate.simulation.windows import Window
 from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, key_of, stored_axis, stored_limits, with_value
 from palpate.sweeps.excitation import Excitation, excited
 from palpate.sweeps.judged_rows import judge_rows, linear_radii
@@ -185,14 +187,18 @@ class Plan:
 
         def outcome(cell: int) -> dict[str, Array]:
             simulation = self._simulation(cell)
-            trace = simulation.every_tick()
-            found = outcome_of(
-                trace, simulation.scenario.period, len(simulation.reference) - 1, simulation.setup.window_start
-            )
-            radii = linear_radii_of(trace, simulation.scenario)[0]
+            trace, scenario = simulation.every_tick(), simulation.scenario
+            window = Window(simulation.setup.window_start, len(simulation.reference) - 1)
+            found = outcome_of(trace, scenario.period, window)
+            ended = trace.unstable_from is None
+            radii = linear_radii_of(trace, scenario)[0]
             radius = np.nan if radii is None else radii.worst
-            state = judge(trace, radius).state
-            return {**found, "linear": np.array(float(linear_sign(radius))), "verdict": np.array(float(state))}
+            own = {
+                "beyond_reach": float(leaves_reach(trace, scenario, window)) if ended else np.nan,
+                "linear": float(linear_sign(radius)),
+                "verdict": float(judge(trace, radius).state),
+            }
+            return {**found, **{name: np.array(value) for name, value in own.items()}}
 
         with ThreadPoolExecutor(max(threads, 1)) as pool:
             found = list(pool.map(outcome, [int(cell) for cell in cells]))

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/state_space.hpp"
@@ -12,21 +11,9 @@
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/servo/servo.hpp"
 #include "palpate/servo/simulation.hpp"
+#include "palpate/servo/stability_monitor.hpp"
 
 namespace palpate::servo {
-
-/// Columns of a loop's outcome, see StabilityMonitor for the definitions:
-///   0       tick of divergence, -1 if there was none
-///   1-3     oscillation early, prior and late, m
-///   4       ripple, m
-///   5-7     steady tip displacement, m
-///   8, 9    peak object force and command, N
-///   10, 11  fraction of the run in contact and at the limits of the drive
-///   12, 13  the same for the last fifth of the judged window
-///   14      contacts that begin in that fifth
-///   15-     joint angles (dof) and velocities (dof) at the end
-template <int dof>
-constexpr int outcome_width = 15 + 2 * dof;
 
 /// One loop at its first tick, and the row of outcome_width<dof> that receives its outcome.
 template <class Mechanism>
@@ -77,138 +64,6 @@ struct JobQueue {
 
 namespace detail {
 
-/// Set a scalar value; counterpart of math::set_lane.
-inline void set_lane(double& value, int /*lane*/, double one) noexcept {
-  value = one;
-}
-template <int rows, int columns>
-void set_lane(Eigen::Matrix<double, rows, columns>& value, int /*lane*/, const Eigen::Matrix<double, rows, columns>& one) noexcept {
-  value = one;
-}
-
-/// Return the value of one lane.
-inline double lane_of(double value, int /*lane*/) noexcept {
-  return value;
-}
-template <int lanes>
-double lane_of(const Pack<lanes>& value, int lane) noexcept {
-  return value[lane];
-}
-
-/// Measures loops in lanes, each at its own tick, or one loop (Scalar double). The judged window goes from tick `from` to the last one. An
-/// oscillation is the largest second difference of the tip position over a fifth of the window: "early" the second fifth, "prior" the
-/// fourth, "late" the last. Ripple is half the range of the tip over the last fifth, along the axis with the largest range.
-template <class Mechanism, class Number>
-class StabilityMonitor {
- public:
-  static constexpr int dof = Mechanism::dof;
-  using Scalar = Number;
-  using Where = Condition<Scalar>;
-  using Vector = Vector3<Scalar>;
-
-  /// @param ticks  number of the last tick
-  /// @param from   first tick of the judged window
-  StabilityMonitor(int ticks, int from) : ticks_(ticks), from_(from), fifth_((ticks - from) / 5) {}
-
-  /// Restart one lane with the tip at `tip` [m].
-  void set_lane(int lane, const Vector3<>& tip) noexcept {
-    using detail::set_lane;
-    using math::set_lane;
-    for (Vector* v : {&start_, &before_, &last_}) set_lane(*v, lane, tip);
-    for (Vector* v : {&lowest_, &highest_, &steady_}) set_lane(*v, lane, Vector3<>(Vector3<>::Zero()));
-    for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_, &late_touching_, &late_saturated_,
-                      &contacts_, &was_touching_})
-      set_lane(*x, lane, 0.0);
-    set_lane(share_before_, lane, 1.0);
-  }
-
-  /// Observe tick `k` of each lane.
-  template <class Plant, class Servo>
-  [[gnu::always_inline]] void observe(const Scalar& k, const Plant& plant, const Servo& servo,
-                                      const actuation::TickSchedule<Scalar>& clock) noexcept {
-    const auto& tick = servo.last();
-    const Vector tip = plant.tip();
-    const Vector second_difference = clock.has_jitter() ? second_difference_at(tip, clock) : Vector(tip - 2.0 * last_ + before_);
-    const Scalar oscillation = second_difference.squaredNorm();
-    before_ = last_;
-    last_ = tip;
-    const double fifth = fifth_;
-    early_ = select((k > Scalar(from_ + fifth)) & (k <= Scalar(from_ + 2.0 * fifth)) & (early_ < oscillation), oscillation, early_);
-    prior_ = select((k > Scalar(ticks_ - 2.0 * fifth)) & (k <= Scalar(ticks_ - fifth)) & (prior_ < oscillation), oscillation, prior_);
-    object_force_ = max_of(object_force_, tick.object_force.squaredNorm());
-    command_ = max_of(command_, tick.command.squaredNorm());
-    const Scalar touching = select(tick.touching, Scalar(1.0), Scalar(0.0));
-    const Scalar saturated = select(tick.saturated, Scalar(1.0), Scalar(0.0));
-    touching_ += touching;
-    saturated_ += saturated;
-    const Where ending = k > Scalar(ticks_ - fifth);
-    if (any(ending)) observe_ending(ending, k, plant, tip, oscillation, touching, saturated);
-    was_touching_ = touching;
-  }
-
-  /// Write the row of one lane, outcome_width<dof> numbers; `unstable` is the tick of divergence, -1 if there was none.
-  void write(int lane, double unstable, double* row) const noexcept {
-    const double fifth = std::max(fifth_, 1);
-    const bool ended = unstable < 0.0;
-    const double unknown = std::numeric_limits<double>::quiet_NaN();
-    const double samples = ended ? ticks_ + 1.0 : std::max(unstable, 1.0);
-    double ripple = 0.0;
-    for (int i = 0; i < 3; ++i) ripple = std::max(ripple, 0.5 * (lane_of(highest_[i], lane) - lane_of(lowest_[i], lane)));
-    row[0] = unstable;
-    row[1] = std::sqrt(lane_of(early_, lane));
-    row[2] = ended ? std::sqrt(lane_of(prior_, lane)) : unknown;
-    row[3] = ended ? std::sqrt(lane_of(late_, lane)) : unknown;
-    row[4] = ended ? ripple : unknown;
-    for (int i = 0; i < 3; ++i) row[5 + i] = ended ? lane_of(steady_[i], lane) / fifth : unknown;
-    row[8] = std::sqrt(lane_of(object_force_, lane));
-    row[9] = std::sqrt(lane_of(command_, lane));
-    row[10] = lane_of(touching_, lane) / samples;
-    row[11] = lane_of(saturated_, lane) / samples;
-    row[12] = ended ? lane_of(late_touching_, lane) / fifth : unknown;
-    row[13] = ended ? lane_of(late_saturated_, lane) / fifth : unknown;
-    row[14] = ended ? lane_of(contacts_, lane) : unknown;
-    for (int i = 0; i < dof; ++i) {
-      row[15 + i] = ended ? lane_of(q_[i], lane) : unknown;
-      row[15 + dof + i] = ended ? lane_of(qd_[i], lane) : unknown;
-    }
-  }
-
- private:
-  /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
-  Vector second_difference_at(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
-    const Scalar share = clock.period() / clock.elapsed();
-    const Vector second_difference = share * (tip - last_) - share_before_ * (last_ - before_);
-    share_before_ = share;
-    return second_difference;
-  }
-
-  /// Observe a tick of the last fifth.
-  template <class Plant>
-  void observe_ending(const Where& ending, const Scalar& k, const Plant& plant, const Vector& tip, const Scalar& oscillation,
-                      const Scalar& touching, const Scalar& saturated) noexcept {
-    const Where first = ending & (k <= Scalar(ticks_ - fifth_ + 1.0));
-    late_touching_ = select(ending, late_touching_ + touching, late_touching_);
-    late_saturated_ = select(ending, late_saturated_ + saturated, late_saturated_);
-    contacts_ = select(ending & (was_touching_ < touching), contacts_ + 1.0, contacts_);
-    late_ = select(ending & (late_ < oscillation), oscillation, late_);
-    for (int i = 0; i < 3; ++i) {
-      lowest_[i] = select(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
-      highest_[i] = select(first | (ending & (highest_[i] < tip[i])), tip[i], highest_[i]);
-      steady_[i] = select(ending, steady_[i] + (tip[i] - start_[i]), steady_[i]);
-    }
-    const Where last = k == Scalar(ticks_);
-    q_ = select_each(last, plant.angles(), q_);
-    qd_ = select_each(last, plant.speeds(), qd_);
-  }
-
-  int ticks_, from_, fifth_;
-  Vector start_, before_, last_;
-  Vector lowest_, highest_, steady_;
-  Scalar share_before_, early_, prior_, late_, object_force_, command_, touching_, saturated_;
-  Scalar late_touching_, late_saturated_, contacts_, was_touching_;
-  Joints<dof, Scalar> q_, qd_;
-};
-
 /// Forces at every sample, for lanes at different ticks.
 template <int lanes>
 class SignalTable {
@@ -216,11 +71,11 @@ class SignalTable {
   using Vector = Vector3<Pack<lanes>>;
 
   /// @param table  (ticks + 1) x 3, row by row, N
-  SignalTable(const double* table, int ticks)
+  [[gnu::always_inline]] SignalTable(const double* table, int ticks)
       : table_(table), ticks_(ticks), silent_(std::all_of(table, table + 3 * (ticks + 1), [](double f) { return f == 0.0; })) {}
 
   /// Return the force at tick `k` of each lane, after the last one its force; `together`: all lanes are at the same tick.
-  [[nodiscard]] Vector at(const Pack<lanes>& k, bool together) const noexcept {
+  [[nodiscard, gnu::always_inline]] Vector at(const Pack<lanes>& k, bool together) const noexcept {
     Vector out = Vector::Constant(0.0);
     if (silent_) return out;
     if (together) {
@@ -322,7 +177,7 @@ class LaneRunner {
     servo_.set_lane(lane, one.servo);
     plant_.set_lane(lane, one.plant);
     clock_.set_lane(lane, one.clock);
-    monitor_.set_lane(lane, one.plant.tip());
+    monitor_.set_lane(lane, one.plant.angles(), one.plant.tip());
     tick_.set(lane, 0.0);
   }
 
@@ -356,7 +211,7 @@ template <class Mechanism>
 class SingleLoopMonitor {
  public:
   SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.window_start) {
-    monitor_.set_lane(0, s.mechanism.forward(s.start));
+    monitor_.set_lane(0, s.start, s.mechanism.forward(s.start));
   }
 
   template <class Plant, class Servo>

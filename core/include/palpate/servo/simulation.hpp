@@ -75,6 +75,7 @@ class MovingPlant {
   }
   [[nodiscard]] const mechanism::KinematicsCacheOf<Mechanism, Scalar>& kinematics() const { return track_.current; }
   [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(track_.current); }
+  [[nodiscard]] TipJacobian<dof, Scalar> jacobian() const { return motion_.mechanism().jacobian(track_.current); }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.operator_force(state_, voluntary); }

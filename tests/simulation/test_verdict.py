@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +157,7 @@ sizes = st.floats(0.0, 1.0)
     early=sizes, prior=sizes, late=sizes, ripple=sizes, deflection=sizes, touching=sizes, saturated=sizes,
     contacts=st.integers(0, 9), pressed=st.booleans(), beyond=st.booleans(), constant=st.booleans(),
     linear=st.sampled_from([-1, 0, 1]), lossy=st.booleans(), diverged=st.booleans(),
-    error=st.one_of(st.just(np.nan), st.floats(-1.0, 1.0)),
+    error=st.one_of(st.just(np.nan), st.floats(-1.0, 1.0)), generated=st.floats(-0.1, 0.1),
 )  # fmt: skip
 def test_no_evidence_against_a_loop_leaves_it_settled(diverged: bool, **values: Any) -> None:
     evidence = Evidence.of(1, unstable_from=1.0 if diverged else np.nan, **values)
@@ -173,6 +174,9 @@ def test_no_evidence_against_a_loop_leaves_it_settled(diverged: bool, **values: 
     )
     if against:
         assert state is not State.SETTLED
+    if values["linear"] > 0:
+        evidence = replace(evidence, generated=np.full(1, np.nan))
+        assert State(int(decide(evidence)[0])) is state
     if diverged:
         assert state is State.UNSTABLE
 

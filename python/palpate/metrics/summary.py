@@ -11,6 +11,7 @@ from palpate.devices.reach import near_limits
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
+from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
@@ -32,7 +33,8 @@ def summarize(trace: Trace) -> dict[str, Any]:
     "warnings" are sentences on the drive and on singular poses. Each driven axis has the steady tip deflection, the
     expected deflection (reference force over stiffness) and the error against it. It also has the overshoot, the 5 %
     settling time, and the growth of an oscillation. The whole run has the peak reference, command, torque and object
-    force, and the force that the motors must deliver. The peak of a force is its magnitude over the three axes.
+    force, and the force that the motors must deliver. The peak of a force is its magnitude over the three axes. A run
+    of an impedance display that records every tick has the energies of `EnergyBalance`.
 
     A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
     the axes. A run that diverged has no steady state, and only the peaks are given.
@@ -63,6 +65,7 @@ def _summarize(trace: Trace) -> dict[str, Any]:
         "peak_torque": _peak_each(trace, "torque"),
         "torque_unit": trace.channels["torque"].unit if "torque" in trace else None,
         "saturated_fraction": float(np.mean(trace["saturated"])) if "saturated" in trace and len(trace) else None,
+        "energy": _energy(trace, scenario),
         "axes": {},
     }
     if "proxy" in trace:
@@ -195,6 +198,20 @@ def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:
         limit = device.continuous_force
         return [f"{free}the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
     return []
+
+
+def _energy(trace: Trace, scenario: Scenario | None) -> dict[str, float] | None:
+    """Return the energies of a run of an impedance display, J; None if they are not known."""
+    if scenario is None or not trace.completed or len(trace) < 2:
+        return None
+    found = energy_balance(trace, scenario, windows(external_forces(trace, scenario))[-1])
+    if found is None:
+        return None
+    return {
+        "supplied_J": found.supplied,
+        "generated_in_last_fifth_J": found.generated,
+        "generated_in_fourth_fifth_J": found.generated_before,
+    }
 
 
 def _reach(trace: Trace, scenario: Scenario | None) -> list[str]:

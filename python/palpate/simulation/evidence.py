@@ -11,6 +11,7 @@ from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
+from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
@@ -72,6 +73,8 @@ def evidence(
     if scenario is not None:
         device = scenario.load_device()
         q = trace["angle"]
+        balance = energy_balance(trace, scenario, window)
+        generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
         one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
         known = {
             "resolution": resolution(scenario, device, q[last : last + 1])[0],
@@ -79,6 +82,8 @@ def evidence(
             "pressed": one_sided and _pressed(trace, scenario, touching, last),
             "apart": _apart(trace, touching) if one_sided else 0.0,
             "lossy": lossy(scenario, device),
+            "generated": generated,
+            "generated_before": generated_before,
         }
         if (expected := _expected(trace, scenario, window)) is not None:
             known["error"] = float(steady_error(deflection[ending].mean(axis=0), expected)[0])

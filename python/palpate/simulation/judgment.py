@@ -12,7 +12,17 @@ from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
-from palpate.simulation.verdict import BAND, FAILED, GROWING, OSCILLATES, Evidence, State, Verdict, decide
+from palpate.simulation.verdict import (
+    BAND,
+    FAILED,
+    GROWING,
+    OSCILLATES,
+    Evidence,
+    State,
+    Verdict,
+    decide,
+    generates,
+)
 from palpate.simulation.windows import Window, windows
 
 __all__ = ["judge", "judge_pushed"]
@@ -191,6 +201,9 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
         if e.ripple[0] > max(APPROACHES * float(e.deflection[0]), float(e.resolution[0])):
             return f"after {time[-1]:.4g} s it is {off}, and still moves by {swing}: give a longer run.duration"
         return f"it rests {off}"
+    if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
+        share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
+        return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"
     return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
 
 

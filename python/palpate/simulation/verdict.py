@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 
-__all__ = ["FAILED", "OSCILLATES", "Evidence", "State", "Verdict", "decide", "growth"]
+__all__ = ["FAILED", "OSCILLATES", "Evidence", "State", "Verdict", "decide", "generates", "growth"]
 
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
@@ -30,6 +30,7 @@ PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as pers
 SLOWER = 3.0  # factor on what the linear loop's slowest motion keeps, above which a response persists
 APART = 0.05  # fraction of the run off the object, though pressed, above which contact counts as lost
 SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the drive limits the loop
+GENERATED = 0.01  # of the energy that the operator supplies: a display that generates more in a fifth does not rest
 
 
 class State(IntEnum):
@@ -151,6 +152,9 @@ class Evidence:
         decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
         kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
+        generated: energy that an impedance display generates in the last fifth, relative to that which the operator
+            supplies (`EnergyBalance`); nan if unknown.
+        generated_before: the same in the fourth fifth; nan if unknown.
     """
 
     unstable_from: Array
@@ -176,11 +180,14 @@ class Evidence:
     decay: Array
     kept: Array
     lossy: NDArray[np.bool_]
+    generated: Array
+    generated_before: Array
 
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        unknown = dict.fromkeys(("ripple_before", "swing_before", "error", "drift", "decay", "kept"), np.nan)
+        names = ("ripple_before", "swing_before", "error", "drift", "decay", "kept", "generated", "generated_before")
+        unknown = dict.fromkeys(names, np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
         defaults: Mapping[str, Any] = {
             **unknown,
@@ -204,6 +211,15 @@ def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Arr
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(late <= STILL, 0.0, np.maximum(late / prior, np.cbrt(late / early)))
     return np.asarray(np.where(np.isnan(unstable_from), ratio, np.inf), dtype=float)
+
+
+def generates(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether displays keep generating energy (n,), in motions above the resolution of the encoders.
+
+    In a loop at rest nothing dissipates the energy. Within two encoder counts any loop may do so.
+    """
+    steady = (e.generated > GENERATED) & (e.generated >= SUSTAINED * e.generated_before)
+    return np.asarray(steady & (e.swing > np.maximum(e.resolution, FLOOR)), dtype=bool)
 
 
 def decide(e: Evidence) -> NDArray[np.int8]:
@@ -239,6 +255,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
+    rests &= stable | ~generates(e)
     state = np.select(
         [
             unstable,

@@ -24,6 +24,18 @@ TEST(Premium, AdvancedCacheEqualsTheCacheAtTheSum) {
   }
 }
 
+// The size of the Jacobian without forming it is that of the Jacobian.
+TEST(Premium, JacobianSizeIsThatOfTheJacobian) {
+  States states;
+  for (int n = 0; n < 200; ++n) {
+    const auto at = arm.kinematics(states.draw(4.0));
+    const auto fast = arm.jacobian_size(at);
+    const auto exact = palpate::mechanism::jacobian_size<3>(arm.jacobian(at));
+    EXPECT_NEAR(fast.volume, exact.volume, 1e-15 * exact.norm * exact.norm * exact.norm);
+    EXPECT_NEAR(fast.norm, exact.norm, 1e-15 * exact.norm);
+  }
+}
+
 // The inverse undoes forward on each of the four branches.
 TEST(Premium, InverseFindsEveryBranch) {
   States states;

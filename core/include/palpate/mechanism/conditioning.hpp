@@ -8,26 +8,36 @@
 
 namespace palpate::mechanism {
 
-/// Return false only where s_min / s_max of the singular values of a tip Jacobian is above 0.01. It is cheaper than the ratio.
-///
-/// It compares the product of the singular values, |det J| for three joints, with 0.01 |J|_F^dof, which is at least 0.01 s_max^dof.
+/// Products of the singular values of a tip Jacobian, cheaper than the values themselves.
+template <class Scalar>
+struct JacobianSize {
+  Scalar volume;  ///< square of the product of all singular values
+  Scalar norm;    ///< sum of their squares, |J|_F^2
+};
+
+/// Return the size of the tip Jacobian `j`.
 template <int dof, class Scalar>
-[[nodiscard, gnu::always_inline]] inline math::Condition<Scalar> may_be_singular(const math::TipJacobian<dof, Scalar>& j) {
-  constexpr double least = 0.01;
-  const Scalar size = j.squaredNorm();
+[[nodiscard, gnu::always_inline]] inline JacobianSize<Scalar> jacobian_size(const math::TipJacobian<dof, Scalar>& j) {
+  const Scalar norm = j.squaredNorm();
   if constexpr (dof == 1) {
-    return {false};
+    return {norm, norm};
   } else {
     const auto minor = [&j](int row, int other) -> Scalar { return j(row, 0) * j(other, 1) - j(other, 0) * j(row, 1); };
     const Scalar x = minor(1, 2), y = minor(2, 0), z = minor(0, 1);  // of the first two columns
-    if constexpr (dof == 2)
-      return x * x + y * y + z * z <= least * least * (size * size);  // (s_max s_min)^2
-    else {
-      static_assert(dof == 3);
-      const Scalar volume = x * j(0, 2) + y * j(1, 2) + z * j(2, 2);
-      return volume * volume <= least * least * (size * size * size);
-    }
+    if constexpr (dof == 2) return {x * x + y * y + z * z, norm};
+    const Scalar volume = x * j(0, dof - 1) + y * j(1, dof - 1) + z * j(2, dof - 1);
+    return {volume * volume, norm};
   }
+}
+
+/// Return false only where s_min / s_max of the singular values of a tip Jacobian of `dof` joints is above 0.01.
+///
+/// It compares the product of the singular values with 0.01 |J|_F^dof, which is at least 0.01 s_max^dof.
+template <int dof, class Scalar>
+[[nodiscard, gnu::always_inline]] inline math::Condition<Scalar> may_be_singular(const JacobianSize<Scalar>& size) {
+  Scalar least = 1e-4 * size.norm;
+  for (int i = 1; i < dof; ++i) least = least * size.norm;
+  return size.volume <= least;
 }
 
 /// Return (s_min / s_max)^2 of the singular values of a tip Jacobian.

@@ -10,6 +10,7 @@
 #include "palpate/math/select.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/conditioning.hpp"
 #include "palpate/mechanism/inverse_kinematics.hpp"
 #include "palpate/mechanism/parameters.hpp"
 #include "palpate/mechanism/premium_inverse.hpp"
@@ -161,6 +162,15 @@ class Premium {
     j(1, 2) = l2_ * s3;
     j(2, 2) = l2_ * c1 * c3;
     return j;
+  }
+
+  /// Size of the tip Jacobian without forming J. Its columns have the lengths |reach|, l1 and l2, the first is normal to the others.
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] JacobianSize<Scalar> jacobian_size(const KinematicsCache<Scalar>& at) const {
+    const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
+    const Scalar area = (l1_ * l2_) * (at.upper.cosine * at.fore.cosine + at.upper.sine * at.fore.sine);
+    const Scalar squared = reach * reach;
+    return {squared * (area * area), squared + (l1_ * l1_ + l2_ * l2_)};
   }
 
   /// Tip velocity [m/s], J qd, without forming J.

@@ -9,6 +9,7 @@
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
+#include "palpate/mechanism/conditioning.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/plant/plant_integrator.hpp"
@@ -76,6 +77,12 @@ class MovingPlant {
   [[nodiscard]] const mechanism::KinematicsCacheOf<Mechanism, Scalar>& kinematics() const { return track_.current; }
   [[nodiscard]] Vector3<Scalar> tip() const { return motion_.mechanism().forward(track_.current); }
   [[nodiscard]] TipJacobian<dof, Scalar> jacobian() const { return motion_.mechanism().jacobian(track_.current); }
+  [[nodiscard, gnu::always_inline]] mechanism::JacobianSize<Scalar> jacobian_size() const {
+    if constexpr (requires { motion_.mechanism().jacobian_size(track_.current); })
+      return motion_.mechanism().jacobian_size(track_.current);
+    else
+      return mechanism::jacobian_size<dof, Scalar>(jacobian());
+  }
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.operator_force(state_, voluntary); }

@@ -72,11 +72,8 @@ class StabilityMonitor {
                       &contacts_, &was_touching_})
       set_lane(*x, lane, 0.0);
     set_lane(share_before_, lane, 1.0);
-    const double unseen = std::numeric_limits<double>::infinity();
-    set_lane(conditioning_, lane, unseen);
-    set_lane(least_q_, lane, Joints<dof>(Joints<dof>::Constant(unseen)));
-    set_lane(greatest_q_, lane, Joints<dof>(Joints<dof>::Constant(-unseen)));
-    set_lane(worst_q_, lane, start);
+    set_lane(conditioning_, lane, std::numeric_limits<double>::infinity());
+    for (Joints<dof, Scalar>* q : {&least_q_, &greatest_q_, &worst_q_}) set_lane(*q, lane, start);
   }
 
   /// Observe tick `k` of each lane.
@@ -99,8 +96,7 @@ class StabilityMonitor {
     touching_ += touching;
     saturated_ += saturated;
     const Where ending = k > Scalar(ticks_ - fifth);
-    const Where judged = k >= Scalar(static_cast<double>(from_));
-    if (any(judged)) observe_excursion(judged, plant);
+    observe_excursion(k, plant);
     if (any(ending)) observe_ending(ending, k, plant, tip, oscillation, touching, saturated);
     was_touching_ = touching;
   }
@@ -144,22 +140,25 @@ class StabilityMonitor {
     return second_difference;
   }
 
-  /// Observe the pose at a tick of the judged window.
+  /// Observe the pose at tick `k`.
   template <class Plant>
-  [[gnu::always_inline]] void observe_excursion(const Where& judged, const Plant& plant) noexcept {
+  [[gnu::always_inline]] void observe_excursion(const Scalar& k, const Plant& plant) noexcept {
     const Joints<dof, Scalar>& q = plant.angles();
+    const Scalar first = from_;
     for (int i = 0; i < dof; ++i) {
-      least_q_[i] = select(judged & (q[i] < least_q_[i]), q[i], least_q_[i]);
-      greatest_q_[i] = select(judged & (greatest_q_[i] < q[i]), q[i], greatest_q_[i]);
+      least_q_[i] = min_of(least_q_[i], q[i]);
+      greatest_q_[i] = max_of(greatest_q_[i], q[i]);
     }
-    const TipJacobian<dof, Scalar> jacobian = plant.jacobian();
-    const Where near = judged & mechanism::may_be_singular(jacobian);
-    if (!any(near)) [[likely]]
-      return;
-    const Scalar conditioning = mechanism::squared_conditioning(jacobian);
-    const Where worse = near & (conditioning < conditioning_);
-    conditioning_ = select(worse, conditioning, conditioning_);
-    worst_q_ = select_each(worse, q, worst_q_);
+    if (const Where begins = k == first; any(begins)) [[unlikely]] {  // forget the ticks before
+      least_q_ = select_each(begins, q, least_q_);
+      greatest_q_ = select_each(begins, q, greatest_q_);
+    }
+    if (const Where near = mechanism::may_be_singular<dof>(plant.jacobian_size()); any(near)) [[unlikely]] {
+      const Scalar conditioning = mechanism::squared_conditioning(plant.jacobian());
+      const Where worse = near & (k >= first) & (conditioning < conditioning_);
+      conditioning_ = select(worse, conditioning, conditioning_);
+      worst_q_ = select_each(worse, q, worst_q_);
+    }
   }
 
   /// Observe a tick of the last fifth.

@@ -8,7 +8,7 @@ from identify_data import premium_recording, short_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
-from palpate.identification.parameters import long_run_covariance
+from palpate.identification.parameters import _balance, long_run_covariance
 from palpate.identification.weak_form import TestFunctions, weak_rows
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -171,3 +171,9 @@ def test_instruments_without_an_excitation_are_refused_and_auto_takes_least_squa
     with pytest.raises(RecordingError, match=r"^instruments need a recording that holds its excitation"):
         identify.estimate_parameters(bare, ARM, method="instruments")
     assert identify.estimate_parameters(bare, ARM).method == "least_squares"
+
+
+def test_weights_make_the_torques_of_all_joints_equally_large():
+    torque = np.random.default_rng(3).normal(size=(500, 3)) * [1e-3, 5.0, 0.0]
+    weighted = torque * _balance(torque)
+    np.testing.assert_allclose(np.sqrt(np.mean(weighted**2, axis=0)), [1.0, 1.0, 0.0], rtol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -184,3 +185,14 @@ def test_the_space_that_an_input_reaches_has_the_rank_of_the_controllability_mat
             inside = basis @ inverse
             for vector in (entry[:, [column]], step @ entry[:, [column]]):
                 assert (inside @ vector - vector) / units[:, None] == pytest.approx(np.zeros((5, 1)), abs=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [-0.2, 0.0, 0.3, 1.0])
+@pytest.mark.parametrize("period", [None, 1e-3])
+def test_a_mode_has_the_frequency_and_damping_ratio_of_its_oscillator(ratio: float, period: float | None) -> None:
+    """x'' + 2 ratio w x' + w^2 x = f; the ratio is negative for one that grows."""
+    w = 40.0
+    one = control.StateSpace([[0.0, 1.0], [-(w**2), -2 * ratio * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    for mode in modes(one if period is None else control.sample_system(one, period, "zoh")):
+        assert mode.frequency == pytest.approx(w, rel=1e-6)
+        assert mode.damping == pytest.approx(ratio, abs=1e-6)

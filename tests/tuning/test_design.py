@@ -80,9 +80,7 @@ def test_a_range_beyond_the_drive_names_it_and_each_remedy_would_do() -> None:
     tried = {"stiffness": "50 N/m..10 N/mm", "force": "1 N", "settle": "40 ms"}
     for remedy in found.remedies if NIGHTLY else ():
         key, _, value = remedy.removeprefix("--").partition(" ")
-        again = palpate.design(NAME, **{**tried, key: value.strip('"')})
-        # other presses may be drawn for another way; the remedy holds to a few per cent
-        assert max(again.settling.values()) <= 1.03 * again.specification.settle
+        assert palpate.design(NAME, **{**tried, key: value.strip('"')}).feasible
     with pytest.raises(OutputError, match="the specification is not met"):
         found.save_scenario("never.toml")
 
@@ -158,7 +156,7 @@ def test_a_force_that_leaves_nothing_to_brake_is_a_drive_limit_and_exits_with_1(
     assert written["drive_bound_s"] is None
     (remedy,) = written["remedies"]
     assert remedy.startswith('--force "')
-    assert 5.0 < float(remedy.split('"')[1].split()[0]) < 8.0
+    assert palpate.design(NAME, "10 N/mm", remedy.split('"')[1], "25 ms").feasible
 
 
 def test_dry_friction_is_named_where_only_stiff_objects_do_not_settle() -> None:

@@ -30,13 +30,7 @@ from palpate.tuning.axis import (
     tune_axis,
 )
 from palpate.tuning.outcome import ControllerDesign
-from palpate.tuning.presses import (
-    Press,
-    draw_poses,
-    draw_presses,
-    hold_time,
-    press_tables,
-)
+from palpate.tuning.presses import FEW, Press, choose, draw_poses, draw_presses, hold_time, press_tables
 from palpate.tuning.remedies import (
     DRIVE,
     FRICTION,
@@ -52,12 +46,9 @@ from palpate.tuning.specification import Specification, specify
 __all__ = ["axis_data", "design"]
 
 POSES: Final = 40
-WORST: Final = 10  # presses with the largest bound that are simulated
-OTHERS: Final = 6  # more, at random
 HELD: Final = 4  # poses at which each operator holds the whole arm
 VERTICES: Final = 8  # poses of the linear matrix inequalities
 OVERSHOOT: Final = "overshoot"
-FEW: Final = 0.1  # share of presses within reach below which the range of stiffness is refused
 SLOWER: Final = 0.85  # factor on the reference model if a device of `against` overshoots
 
 Progress = Callable[[str, float], None]
@@ -142,8 +133,8 @@ class _Designer:
             reason, remedies = most_reachable(s, self.poses, FEW)
             return self._result(controller, axis, share=share, constraint=RANGE, reason=reason, remedies=remedies)
         worst = max(presses, key=lambda press: press.bound)
-        chosen = _chosen(presses)
-        trial = Trial(s, controller, chosen, worst.bound)
+        chosen = choose(presses)
+        trial = Trial(s, controller, self.poses, chosen, worst.bound)
         self.report("pressing", 0.3)
         controller, overshoot = self._calmed(controller, trial)
         trial = replace(trial, controller=controller)
@@ -310,11 +301,3 @@ class _Designer:
             remedies,
             self._scenario(controller, presses) if controller is not None and presses and not constraint else None,
         )
-
-
-def _chosen(presses: list[Press]) -> list[Press]:
-    """Return the presses with the largest bounds and some others."""
-    ordered = sorted(presses, key=lambda press: -press.bound)
-    rest = ordered[WORST:]
-    picked = np.random.default_rng(2).permutation(len(rest))[:OTHERS]
-    return ordered[:WORST] + [rest[i] for i in picked]

@@ -17,12 +17,15 @@ from palpate.metrics.device_performance import most_within_limits, tip_inertia
 from palpate.simulation import simulate
 from palpate.units import write
 
-__all__ = ["Press", "Settled", "draw_poses", "draw_presses", "drive_bound", "hold_time", "run_presses"]
+__all__ = ["FEW", "Press", "Settled", "choose", "draw_poses", "draw_presses", "drive_bound", "hold_time", "run_presses"]
 
 CONDITION: Final = 4.0  # largest condition number of the Jacobian of a pose and along a way
 TURN: Final = np.pi / 2  # rad, range of a joint without limits about the working pose
 SLIDE: Final = 0.1  # m, the same of a sliding joint
 BAND: Final = 0.05  # about the target, that counts as settled
+WORST: Final = 10  # presses with the largest bound that are simulated
+OTHERS: Final = 6  # more, at random
+FEW: Final = 0.1  # share of presses within reach below which the range of stiffness is refused
 NEAR: Final = 1.5  # rad or m, largest change of the pose along a way
 
 
@@ -147,6 +150,14 @@ def draw_presses(device: Device, poses: Array, force: float, stiffness: float) -
             if within_reach(device, pose, direction * force / stiffness):
                 found.append(Press(pose, direction, drive_bound(device, pose, direction, force, stiffness)))
     return found
+
+
+def choose(presses: Sequence[Press]) -> list[Press]:
+    """Return the presses with the largest bounds and some others."""
+    ordered = sorted(presses, key=lambda press: -press.bound)
+    rest = ordered[WORST:]
+    picked = np.random.default_rng(2).permutation(len(rest))[:OTHERS]
+    return ordered[:WORST] + [rest[i] for i in picked]
 
 
 def within_reach(device: Device, pose: Array, way: Array) -> bool:

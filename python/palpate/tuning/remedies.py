@@ -11,7 +11,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.tuning.axis import ENCODER, OPERATOR, AxisData, AxisDesign, tune_axis
-from palpate.tuning.presses import Press, Settled, draw_presses, hold_time, run_presses
+from palpate.tuning.presses import FEW, Press, Settled, choose, draw_presses, hold_time, run_presses
 from palpate.tuning.specification import Specification, rounded
 
 __all__ = [
@@ -40,6 +40,7 @@ class Trial:
     Attributes:
         specification: its force and stiffness are arguments of `run`.
         controller: knows its own device.
+        poses: (n, dof), at which presses begin.
         presses: that are simulated.
         bound: largest bound of the drive, s.
         name: of the real device; None: that of the specification.
@@ -47,6 +48,7 @@ class Trial:
 
     specification: Specification
     controller: WorkspaceController
+    poses: Array
     presses: Sequence[Press]
     bound: float
     name: str | None = None
@@ -66,8 +68,14 @@ class Trial:
         return min(hold_time(self.specification.device, p.pose, p.direction, force) for p in self.presses)
 
     def settles(self, force: float, stiffness: float) -> bool:
-        """Return whether all presses settle in time."""
-        return bool(self.run(force, stiffness).times.max() <= self.specification.settle)
+        """Return whether a design for this force and stiffness has presses enough, and all of them settle in time."""
+        s = self.specification
+        presses = draw_presses(s.device, self.poses, force, stiffness)
+        bound = max((press.bound for press in presses), default=np.inf)
+        if len(presses) < FEW * 6 * len(self.poses) or not bound <= s.settle:
+            return False
+        trial = replace(self, presses=choose(presses), bound=bound)
+        return bool(trial.run(force, stiffness).times.max() <= s.settle)
 
 
 def drive_remedies(trial: Trial, settling: dict[float, float]) -> tuple[str, ...]:

@@ -525,3 +525,25 @@ def test_a_shape_of_a_mesh_has_its_own_keys_only(shape: str, needed: set[str]) -
     for key in values.keys() - needed:
         with pytest.raises(ValueError, match=f'{key} has no meaning for shape = "{shape}"'):
             MeshChoice(shape=shape, **own, **{key: values[key]})
+
+
+def test_the_normal_of_a_wall_is_of_unit_length() -> None:
+    wall = {"kind": "wall", "stiffness": "1 N/mm", "normal": [3.0, 0.0, 4.0]}
+    assert Scenario.from_dict(display(object=wall)).object.normal == (0.6, 0.0, 0.8)
+    for far in (1e-150, 1e150):
+        normal = Scenario.from_dict(display(object={**wall, "normal": [0.0, far, 0.0]})).object.normal
+        assert normal == (0.0, 1.0, 0.0)
+    with pytest.raises(ScenarioError, match="a normal must point somewhere"):
+        Scenario.from_dict(display(object={**wall, "normal": [0.0, 0.0, 0.0]}))
+
+
+@pytest.mark.parametrize(("table", "key"), [("servo", "period"), ("run", "duration")])
+def test_a_time_of_zero_is_refused(table: str, key: str) -> None:
+    """The smallest that the limits of the loop allow is another matter."""
+    with pytest.raises(ScenarioError, match=rf'{table}.{key}: "0 s" must be positive'):
+        Scenario.from_dict(display(**{table: {key: "0 s"}}))
+
+
+def test_a_display_does_not_divide_by_the_stiffness() -> None:
+    with pytest.raises(ScenarioError, match=r"controller.normalize: in an impedance_display"):
+        Scenario.from_dict(display(controller={"kind": "none", "normalize": "1 N/mm"}))

@@ -81,30 +81,37 @@ def build_boundary(
     tell(f"integrating and solving {3 * len(elements.nodes):,} equations", 0.1)
     start = time.perf_counter()
     compliance, asymmetry = elements.compliance()
-    record: dict[str, Any] = {
+    seconds = round(time.perf_counter() - start, 3)
+    record = {
+        **_record(elements, material, mesh, asymmetry),
         "source": name,
-        "method": "boundary elements",
         "unit": unit,
+        "fixed": [str(region) for region in regions],
+        "touch": None if where is None else str(where),
+        "seconds": {"condensing": seconds},
+    }
+    contents = _body_data(elements, compliance, record)
+    if output is not None:
+        write(contents, output)
+    return Body(contents)
+
+
+def _record(elements: BoundaryElements, material: Material, mesh: Mesh, asymmetry: float) -> dict[str, Any]:
+    return {
+        "method": "boundary elements",
         "modes": 0,
         "young_Pa": material.young,
         "poisson": material.poisson,
         "density_kg_per_m3": material.density,
-        "fixed": [str(region) for region in regions],
-        "touch": None if where is None else str(where),
-        "order": order,
+        "order": elements.order,
         "tetrahedra": 0,
         "nodes": len(elements.nodes),
         "unknowns": 3 * len(elements.nodes),
         "volume_m3": mesh.diagnose().volume,
         "memory_bytes": elements.memory,
         "asymmetry": asymmetry,
-        "seconds": {"condensing": round(time.perf_counter() - start, 3)},
         "versions": versions(),
     }
-    contents = _body_data(elements, compliance, record)
-    if output is not None:
-        write(contents, output)
-    return Body(contents)
 
 
 def _check(elements: BoundaryElements, name: str) -> None:

@@ -66,27 +66,7 @@ def evidence(
 
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
-    command, force = trace["command_force"][ending], np.linalg.norm(trace["object_force"], axis=1).max()
-    half = max(len(command) // 2, 1)
-    drift = np.linalg.norm(command[half:].mean(axis=0) - command[:half].mean(axis=0)) if len(command) > 1 else 0.0
-    known: dict[str, Any] = {}
-    if scenario is not None:
-        device = scenario.load_device()
-        q = trace["angle"]
-        balance = energy_balance(trace, scenario, window)
-        generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
-        one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
-        known = {
-            "resolution": resolution(scenario, device, q[last : last + 1])[0],
-            "beyond": leaves_reach(trace, scenario, window),
-            "pressed": one_sided and _pressed(trace, scenario, touching, last),
-            "apart": _apart(trace, touching) if one_sided else 0.0,
-            "lossy": lossy(scenario, device),
-            "generated": generated,
-            "generated_before": generated_before,
-        }
-        if (expected := _expected(trace, scenario, window)) is not None:
-            known["error"] = float(steady_error(deflection[ending].mean(axis=0), expected)[0])
+    known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
     return Evidence.of(
         1,
         unstable_from=np.nan,
@@ -98,7 +78,6 @@ def evidence(
         swing=swing(trace.time[ending], tip[ending]),
         swing_before=swing(trace.time[before], tip[before]),
         deflection=float(np.linalg.norm(deflection[ending].mean(axis=0))),
-        drift=drift / max(force, 1e-12) if scenario is not None and scenario.reference is not None else np.nan,
         touching=float(touching[ending].mean()),
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
         saturated=float(trace["saturated"][ending].mean()),
@@ -108,6 +87,36 @@ def evidence(
         kept=kept,
         **known,
     )
+
+
+def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Array, touching: Flags) -> dict[str, Any]:
+    """Return the evidence that the scenario of a run adds to its samples."""
+    device, last, ending = scenario.load_device(), window.end, window.ending
+    balance = energy_balance(trace, scenario, window)
+    generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
+    one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
+    expected = _expected(trace, scenario, window)
+    return {
+        "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
+        "beyond": leaves_reach(trace, scenario, window),
+        "pressed": one_sided and _pressed(trace, scenario, touching, last),
+        "apart": _apart(trace, touching) if one_sided else 0.0,
+        "lossy": lossy(scenario, device),
+        "generated": generated,
+        "generated_before": generated_before,
+        "error": np.nan if expected is None else float(steady_error(deflection[ending].mean(axis=0), expected)[0]),
+        "drift": np.nan if scenario.reference is None else _drift(trace, ending),
+    }
+
+
+def _drift(trace: Recorded, ending: slice) -> float:
+    """Return the change of the mean command between the halves of the last fifth, over the object's largest force."""
+    command = trace["command_force"][ending]
+    if len(command) < 2:
+        return 0.0
+    half = len(command) // 2
+    change = np.linalg.norm(command[half:].mean(axis=0) - command[:half].mean(axis=0))
+    return float(change / max(np.linalg.norm(trace["object_force"], axis=1).max(), 1e-12))
 
 
 def second_differences(time: Array, tip: Array, interval: float | None) -> Array:

@@ -12,7 +12,7 @@ import pytest
 from palpate import simulate
 from palpate.metrics import summarize
 from palpate.metrics.mesh_contact import _ripple_power
-from palpate.metrics.summary import _plain
+from palpate.metrics.summary import _magnitude, _plain
 from palpate.simulation.trace import TraceError
 from readers import SLIDER
 
@@ -44,6 +44,27 @@ def test_a_trace_without_a_channel_of_every_run_is_refused() -> None:
             json.dumps(summarize(lacking), allow_nan=False)
     with pytest.raises(TraceError, match="not complete, so it cannot be judged: "):
         summarize(replace(whole, channels={"tip": whole.channels["tip"], "touching": whole.channels["touching"]}))
+
+
+def test_a_force_on_several_axes_settles_as_its_magnitude_in_any_frame() -> None:
+    scenario = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "step", "force": ["0.2 N", "0.9 N", "-0.3 N"]},
+        "object": {"kind": "spring", "stiffness": "1 N/mm"},
+        "controller": {"kind": "lqg"},
+        "run": {"duration": "0.4 s"},
+    }
+    trace = simulate(scenario)
+    turned = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    deflection, force = trace["deflection"], np.array([0.2, 0.9, -0.3])
+    channels = {**trace.channels, "deflection": replace(trace.channels["deflection"], values=deflection @ turned.T)}
+    found = summarize(trace)["magnitude"]
+    again = _magnitude(replace(trace, channels=channels), (turned @ force / 1000.0).tolist(), 0.0)
+    assert again == pytest.approx((found["settling_5_percent_s"], found["error_percent"]), rel=1e-9)
+    along = np.linalg.norm(deflection - deflection[-1], axis=1) > 0.05 * np.linalg.norm(force) / 1000.0
+    assert found["settling_5_percent_s"] == pytest.approx(trace.time[np.flatnonzero(along)[-1] + 1], abs=2e-3)
 
 
 def test_a_verdict_begins_with_its_reason_unless_the_run_settled() -> None:

@@ -45,6 +45,8 @@ def test_a_design_that_is_met_promises_what_its_scenario_does(met: ControllerDes
     trace = palpate.simulate(path)
     summary = palpate.summarize(trace)
     assert summary["verdict"].startswith("settled to 5 %")
+    assert summary["magnitude"]["settling_5_percent_s"] <= max(met.settling.values())
+    assert summary["magnitude"]["error_percent"] < 5.0
     written = palpate.Scenario.from_file(path).controller.options
     assert workspace(ARM, 5e-4, **written) == met.controller
 

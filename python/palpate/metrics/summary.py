@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ def summarize(trace: Trace) -> dict[str, Any]:
     """Return the verdict and the metrics of a run for JSON, in SI except for percentages.
 
     "state" is the verdict's label and "verdict" a sentence with details. "stable" is true if the state is "settled".
+    A reference on several axes has the settling time and the error of the deflection as a vector in "magnitude".
     "warnings" are sentences on the drive and on singular poses. Each driven axis has the steady tip deflection, the
     expected deflection (reference force over stiffness) and the error against it. It also has the overshoot, the 5 %
     settling time, and the growth of an oscillation. The whole run has the peak reference, command, torque and object
@@ -119,12 +121,28 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
         return []
     rows = summary["axes"].values()
     times = [row["settling_5_percent_s"] for row in rows]
-    if not times or None in times or not _one_step(scenario):
+    several = np.count_nonzero(expected) > 1
+    if not times or (None in times and not several) or not _one_step(scenario):
         return [trace.verdict.reason]
-    slowest = max(times)
+    if several:
+        slowest, worst = _magnitude(trace, expected, start)
+        summary["magnitude"] = {"settling_5_percent_s": slowest, "error_percent": worst}
+    else:
+        slowest = max(times)
+        worst = max((abs(row["error_percent"]) for row in rows if row["error_percent"] is not None), default=None)
+    if slowest is None:
+        return [trace.verdict.reason]
     text = "to 5 % in " + (f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s")
-    worst = max((abs(row["error_percent"]) for row in rows if row["error_percent"] is not None), default=None)
     return [text if worst is None else f"{text}, steady error {worst:.3g} %"]
+
+
+def _magnitude(trace: Trace, expected: Sequence[float | None], start: float) -> tuple[float | None, float]:
+    """Return settling time, s, and steady error, percent, of the deflection as a vector, whatever the axes."""
+    known = [axis for axis, value in enumerate(expected) if value is not None]
+    wanted, deflection = np.array([expected[axis] for axis in known], dtype=float), trace["deflection"][:, known]
+    steady = deflection[-max(1, len(deflection) // 20) :].mean(axis=0)
+    away = step_response(trace.time, np.linalg.norm(deflection - steady, axis=1), start=start)
+    return away.settling_time, 100.0 * float(np.linalg.norm(steady - wanted) / np.linalg.norm(wanted))
 
 
 def _one_step(scenario: Scenario | None) -> bool:

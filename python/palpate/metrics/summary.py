@@ -121,9 +121,11 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
         return []
     rows = summary["axes"].values()
     times = [row["settling_5_percent_s"] for row in rows]
-    several = np.count_nonzero(expected) > 1
+    several = sum(bool(value) for value in expected) > 1
     if not times or (None in times and not several) or not _one_step(scenario):
         return [trace.verdict.reason]
+    slowest: float | None
+    worst: float | None
     if several:
         slowest, worst = _magnitude(trace, expected, start)
         summary["magnitude"] = {"settling_5_percent_s": slowest, "error_percent": worst}

@@ -163,10 +163,12 @@ def _joints(trace: Trace, name: str, quantity: str) -> Figure:
 
 def _target(panel: Axes, value: float, label: str) -> None:
     panel.axhline(value, color=INK, linestyle=(0, (4, 3)), linewidth=1.0, zorder=1)
-    text: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    panel.annotate(f"{label} = {value:.3g}", (0.98, value), xytext=(0, -4), ha="right", va="top", fontsize=9, **text)
     low, high = panel.get_ylim()
     panel.set_ylim(min(low, value), max(high, value + 0.06 * (high - low)))
+    above = value < low + 0.15 * (high - low)
+    side: dict[str, Any] = {"xytext": (0, 4 if above else -4), "va": "bottom" if above else "top"}
+    text: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "fontsize": 9}
+    panel.annotate(f"{label} = {value + 0.0:.3g}", (0.98, value), ha="right", **side, **text)
 
 
 def _mark_divergence(axes: Sequence[Axes], trace: Trace) -> None:

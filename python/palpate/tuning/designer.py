@@ -253,6 +253,7 @@ class _Designer:
         stiffness = float(f"{np.sqrt(s.stiffness[0] * s.stiffness[1]):.4g}")
         own = [p for p in draw_presses(s.device, s.start[None], s.force, stiffness) if np.isfinite(p.bound)]
         press = max(own, key=lambda p: p.bound) if own else presses[0]
+        press = replace(press, direction=np.round(press.direction, 3) + 0.0)  # reads well; no -0.0
         held = 0.9 * hold_time(s.device, press.pose, press.direction, s.force)
         duration = float(f"{min(max(0.2, 10.0 * s.settle), held):.2g}")
         tables = press_tables(press, s.name, s.force, stiffness, s.period, s.delay, duration)

@@ -11,6 +11,7 @@ import trimesh
 from palpate import fem
 from palpate.cli.main import app
 from palpate.contact import Mesh
+from palpate.contact.mesh import MeshError
 from palpate.errors import PalpateError
 from palpate.fem import storage
 from palpate.fem.boundary_elements import BoundaryElements
@@ -190,6 +191,24 @@ def test_the_command_builds_by_boundary_elements_and_refuses_what_they_do_not_kn
     refused = CliRunner().invoke(app, [*words, "--modes", "5"])
     assert refused.exit_code == 2
     assert "leave out --region" in " ".join(refused.output.split())
+
+
+def test_a_unit_that_makes_a_body_of_light_years_is_refused(tmp_path: Path) -> None:
+    mesh, source = surface(0.02), tmp_path / "block.stl"
+    trimesh.Trimesh(1e3 * mesh.vertices, mesh.triangles).export(source)
+    with pytest.raises(fem.BodyError, match="give the unit of its coordinates"):
+        fem.build_boundary(source, young=10e3, fixed=BOTTOM, unit="parsec")
+    with pytest.raises(fem.BodyError, match="give the unit of its coordinates"):
+        fem.build(source, young=10e3, fixed=BOTTOM, unit="parsec")
+
+
+def test_a_truncated_surface_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    mesh, source = surface(0.005), tmp_path / "block.stl"
+    data = trimesh.Trimesh(1e3 * mesh.vertices, mesh.triangles).export(file_type="stl")
+    source.write_bytes(data[:3000])
+    with pytest.raises(MeshError, match="not a readable stl file") as found:
+        fem.build_boundary(source, young=10e3, fixed=BOTTOM, unit="mm")
+    assert "module" not in str(found.value)
 
 
 def test_the_reference_lists_the_arrays_of_the_file() -> None:

@@ -113,6 +113,8 @@ def test_the_zwidth_of_a_mesh_ends_where_a_mode_becomes_unstable() -> None:
     undamped = float(curve.stiffness[0])
     assert certify(_press(f"{0.95 * undamped} N/m")).stable
     assert not certify(_press(f"{1.05 * undamped} N/m")).stable
+    assert curve.pieces == [(0, len(curve.stiffness))]  # drawn as one line, and interpolated everywhere
+    assert found.stiffest_here == pytest.approx(undamped)
     middle = len(curve.stiffness) // 2
     b, k = float(curve.damping[middle]), float(curve.stiffness[middle])
     assert certify(_press(f"{0.95 * k} N/m", damping=f"{0.95 * b} N*s/m")).stable

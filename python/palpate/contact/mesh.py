@@ -239,6 +239,8 @@ def _read(name: str | Path) -> tuple[Any, Any]:
         data = BytesIO(path.read_bytes())  # has no neighbors that trimesh could read as well
         mesh: Any = trimesh.load(data, file_type=kind, force="mesh", process=False)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    except ImportError as problem:  # a reader guesses the encoding of bytes that are no text
+        raise MeshError(f"{path}: not a readable {kind} file: truncated or damaged; export it again") from problem
     except Exception as problem:  # readers raise any exception
         raise MeshError(f"{path}: not a readable {kind} file ({shorten(str(problem), 200)})") from problem
     if len(faces) == 0:

@@ -22,6 +22,8 @@ from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import modes as find_modes
 from palpate.fem.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
 
+_LARGEST = 1e3  # m, extent of a body
+
 
 def build(
     source: Volume | Mesh | str | Path,
@@ -193,6 +195,11 @@ def surface_of(source: Mesh | str | Path, unit: str | None) -> tuple[Mesh, str]:
         assert unit is not None  # checked
         mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
     assert isinstance(mesh, Mesh)
+    if not 1e-6 <= mesh.extent <= _LARGEST:
+        raise BodyError(
+            f"{name}: an extent of {mesh.extent:.3g} m; a body has 1e-06 to {_LARGEST:g} m: give the unit of its "
+            'coordinates, such as "mm"'
+        )
     if not mesh.closed:
         raise BodyError(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "

@@ -47,7 +47,7 @@ def zwidth_page(z: ZWidth) -> Page:
     page.facts(facts)
     page.figure(
         zwidth_figure(z),
-        f"Below the filled curve: stable objects ({name}). Dashed: the same loop with other operators. "
+        f"Below the filled curve: stable objects ({name}). {_dashed(z)}"
         + ("" if z.corner is not None else _dark(z))
         + _runs(z.simulated),
         label="map of stable stiffness against damping",
@@ -63,11 +63,17 @@ def zwidth_page(z: ZWidth) -> Page:
         page.figure(close, f"{title[0].upper()}{title[1:]}. {corner}", label=title)
     if z.passive is None:
         page.paragraph(f"**No passive region**: {z.not_passive}.")
-    page.section("Operators")
+    kinds = _of_modes(z)
+    if kinds:
+        page.paragraph(
+            "The forces of the surface are scaled at the depths of the run. A stiffer surface under the same force is "
+            "touched less deep, and may be stable above the curve; `palpate certify` decides that."
+        )
+    page.section("Contact modes" if kinds else "Operators")
     page.table(
-        ("operator", "stiffest object", "with damping", "without damping"),
+        ("contact mode" if kinds else "operator", "stiffest object", "with damping", "without damping"),
         [(who, c.stiffest[1] / 1e3, c.stiffest[0], _undamped(c)) for who, c in z.curves.items()],
-        "Limits of the same loop for each operator.",
+        f"Limits of the same loop for each {'kind of mode' if kinds else 'operator'}.",
         units=("", "N/mm", "N·s/m", "N/m"),
     )
     for who in z.never:
@@ -86,6 +92,17 @@ def _sentence(z: ZWidth) -> str:
 def _written(stiffness: float) -> str:
     """Return a stiffness with the unit of its size."""
     return f"{stiffness:.4g} N/m" if stiffness < 1e3 else f"{stiffness / 1e3:.4g} N/mm"
+
+
+def _of_modes(z: ZWidth) -> bool:
+    """Return whether the curves are of the contact modes of a mesh, not of operators."""
+    return "every contact mode" in z.curves
+
+
+def _dashed(z: ZWidth) -> str:
+    if len(z.curves) == 1:
+        return ""
+    return f"Dashed: {'modes of one kind' if _of_modes(z) else 'the same loop with other operators'}. "
 
 
 def _dark(z: ZWidth) -> str:

@@ -191,7 +191,8 @@ def _stable(
     stiffer = (
         "at any stiffness of the surface"
         if math.isinf(factor)
-        else f"with a surface up to {factor:.4g} times as stiff (then unstable {limiting.mode.name})"
+        else f"with forces of the surface up to {factor:.4g} times as large at the same depths "
+        f"(then unstable {limiting.mode.name})"
     )
     count = f"each of {len(stable)}" if len(stable) == len(covered) else f"{len(stable)} of {len(covered)}"
     verb = "is" if len(stable) == len(covered) else "are"

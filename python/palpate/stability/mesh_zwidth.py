@@ -19,6 +19,8 @@ from palpate.stability.mode_stability import ModeStability, gain_margin, mode_st
 __all__ = ["mesh_zwidth"]
 
 RATIOS = (0.0, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3, 1.7, 2.5, 4.0, 8.0, 20.0, 100.0)
+MORE = 16  # rays at most beside these
+GAP = 0.06  # of the size of the curve, between neighbors above which there is a ray between them
 SITES = 3
 SMALLEST = 1e-4  # factor on the surface's forces at which the search for a stable one ends
 
@@ -60,19 +62,30 @@ def _boundary(
     contact: MeshContact, stiffest: float, kind: str | None, report: Callable[[str, float], None]
 ) -> Boundary:
     """Return the boundary of the modes of a kind (None: all), along rays of constant damping over stiffness."""
-    period = contact.scenario.period
-    points = []
-    for index, ratio in enumerate(RATIOS):
-        report(kind or "every contact mode", 0.1 + 0.8 * index / len(RATIOS))
+    period, rays = contact.scenario.period, dict[float, tuple[float, float, float]]()
+
+    def follow(ratio: float) -> None:
+        report(kind or "every contact mode", 0.1 + 0.8 * len(rays) / (len(RATIOS) + MORE))
         damping = ratio * period * stiffest
         found = [one for site in contact.sites for one in _modes(site, damping, kind)]
         scale, worst = _largest_scale(found)
-        if scale > 0.0:
-            points.append((scale * damping, scale * stiffest, worst.angle))
-    if not points:
+        rays[ratio] = scale * damping, scale * stiffest, worst.angle
+
+    for ratio in RATIOS:
+        follow(ratio)
+    for _ in range(MORE):  # where neighbors are farthest apart
+        ratios = sorted(rays)
+        points = np.array([rays[ratio][:2] for ratio in ratios])
+        gaps = np.linalg.norm(np.diff(points, axis=0) / np.maximum(points.max(axis=0), 1e-300), axis=1)
+        at = int(np.argmax(gaps))
+        if gaps[at] < GAP:
+            break
+        follow(0.5 * (ratios[at] + ratios[at + 1]))
+    kept = [rays[ratio] for ratio in sorted(rays) if rays[ratio][1] > 0.0]
+    if not kept:
         raise StabilityError("object.surface: no stiffness of the surface makes every contact mode stable in this loop")
-    b, k, angle = (np.array(column) for column in zip(*points, strict=True))
-    return Boundary(b, k, angle, (0.5 * float(b[0]), 0.5 * float(k[0])))
+    b, k, angle = (np.array(column) for column in zip(*kept, strict=True))
+    return Boundary(b, k, angle, (0.5 * float(b[0]), 0.5 * float(k[0])), np.inf)
 
 
 def _modes(site: Site, damping: float, kind: str | None) -> list[ModeStability]:

@@ -257,7 +257,6 @@ class _Designer:
         held = 0.9 * hold_time(s.device, press.pose, press.direction, s.force)
         duration = float(f"{min(max(0.2, 10.0 * s.settle), held):.2g}")
         tables = press_tables(press, s.name, s.force, stiffness, s.period, s.delay, duration)
-        tables["device"]["encoder"] = True
         units = {"bandwidth": " rad/s", "reference": " rad/s"}
         options: dict[str, Any] = {
             key: f"{getattr(controller, key)!r}{unit}" if (unit := units.get(key)) else getattr(controller, key)
@@ -295,6 +294,9 @@ class _Designer:
             share,
             settling or {},
             overshoot,
+            float(
+                np.linalg.norm(np.abs(self.s.device.jacobian(self.poses)) @ self.s.device.encoder_step, axis=1).max()
+            ),
             certificate,
             remark,
             constraint,

@@ -34,6 +34,8 @@ class ControllerDesign:
         within_reach: share of the presses at the softest object whose way stays well conditioned.
         settling: longest simulated settling time by stiffness, s; inf: not settled.
         overshoot: largest simulated overshoot, relative, also on the devices of `against`.
+        count: largest displacement of the tip by one encoder count at the poses, m. Presses are simulated without
+            counts.
         certificate: one Lyapunov matrix for all poses; None: see `certificate_remark`.
         certificate_remark: what the certificate covers, or why there is none.
         constraint: "" if the specification is met; otherwise "drive limit", "sampling", "encoder", "operator",
@@ -53,6 +55,7 @@ class ControllerDesign:
     within_reach: float
     settling: dict[float, float]
     overshoot: float
+    count: float
     certificate: WorkspaceCertificate | None
     certificate_remark: str
     constraint: str
@@ -74,8 +77,14 @@ class ControllerDesign:
         )
         if self.feasible:
             heat = "" if math.isinf(self.hold) else f" Cold motors hold the force for {self.hold:.3g} s."
-            return f"{asked}: met, {1e3 * max(self.settling.values()):.3g} ms in the slowest simulated press.{heat}"
+            slowest = f"{1e3 * max(self.settling.values()):.3g} ms in the slowest simulated press"
+            return f"{asked}: met, {slowest}{' without encoder counts' if self.count else ''}.{heat}"
         return f"{asked}: not met. Binding constraint: {self.constraint}. {self.reason}"
+
+    @property
+    def count_share(self) -> float:
+        """One encoder count over the deflection of the stiffest object under the force."""
+        return self.count * self.specification.stiffness[1] / self.specification.force
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON; values that are not finite become null."""
@@ -104,6 +113,7 @@ class ControllerDesign:
             "presses_within_reach": self.within_reach,
             "settling": [{"stiffness_N_per_m": k, "worst_s": _plain(t)} for k, t in self.settling.items()],
             "overshoot": _plain(self.overshoot),
+            "tip_displacement_per_encoder_count_m": self.count,
             "certificate": self.certificate_remark,
             "lyapunov_matrix": None if self.certificate is None else self.certificate.matrix.tolist(),
         }

@@ -245,7 +245,7 @@ def _margins(found: _Findings) -> dict[str, float]:
     if rest.radius >= 1.0:
         return margin
     margin["gain_margin"] = rest.stiffness_margin
-    if found.depths:
+    if found.depths and all(one.radius < 1.0 for one in found.depths):
         margin["least_gain_margin_of_depths"] = min(one.stiffness_margin for one in found.depths)
     if isinstance(rest.loop, BodyLoop):
         m = loop_margins(rest.loop.gain())

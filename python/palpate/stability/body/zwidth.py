@@ -97,6 +97,7 @@ def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:
         stiffness * np.array([one[2] for one in kept]),
         np.abs(np.angle(roots)),
         (float(b), stiffness * math.sqrt(max(low, _SCALES[0]) * high)),
+        math.inf,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -31,12 +31,14 @@ class Boundary:
         stiffness: K (k,), N/m.
         angle: angle of the root, (k,), rad per sample.
         inside: a (B, K) between the curve and K = 0 that was confirmed to be stable.
+        jump: distance of neighbors, relative to the size of the curve, above which a segment is missing between them.
     """
 
     damping: Array
     stiffness: Array
     angle: Array
     inside: tuple[float, float]
+    jump: float = 0.05
 
     def __str__(self) -> str:
         b, k = self.stiffest
@@ -54,7 +56,7 @@ class Boundary:
         if len(self.damping) < 3:
             return [(0, len(self.damping))]
         wide, high = (float(np.ptp(values)) or 1.0 for values in (self.damping, self.stiffness))
-        jump = np.hypot(np.diff(self.damping) / wide, np.diff(self.stiffness) / high) > 0.05
+        jump = np.hypot(np.diff(self.damping) / wide, np.diff(self.stiffness) / high) > self.jump
         ends = [0, *(np.flatnonzero(jump) + 1).tolist(), len(self.damping)]
         return list(pairwise(ends))
 
@@ -73,7 +75,8 @@ class Boundary:
     def up_to(self, damping: float | str) -> Boundary:
         """Return the part of the curve up to B = ``damping``, N s/m."""
         selected = self.damping <= finite(damping, "damping", "N*s/m")
-        return Boundary(self.damping[selected], self.stiffness[selected], self.angle[selected], self.inside)
+        b, k, angle = (values[selected] for values in (self.damping, self.stiffness, self.angle))
+        return replace(self, damping=b, stiffness=k, angle=angle)
 
 
 def stability_boundary(device: Device, *, points: int = 1000, min_damping: float | str = 0.0, **loop: Any) -> Boundary:

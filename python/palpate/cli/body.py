@@ -154,7 +154,7 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
         elements = f"boundary elements, {elements}"
     yield "elements", f"{elements}, {record('nodes', 0):,} nodes, {record('unknowns', 0):,} unknowns"
     hertz = body.contents.frequencies / (2 * np.pi)
-    modes = f"{len(hertz)}, {hertz.min():.3g} to {hertz.max():.3g} Hz" if len(hertz) else "none (--modes 100)"
+    modes = f"{len(hertz)}, {hertz.min():.3g} to {hertz.max():.3g} Hz" if len(hertz) else "none"
     yield "modes", modes
     stages = ", ".join(f"{stage} {time:.3g} s" for stage, time in record("seconds", {}).items())
     memory, operations = 1e-9 * record("memory_bytes", 0.0), 1e-9 * record("operations", 0.0)

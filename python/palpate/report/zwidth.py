@@ -55,7 +55,7 @@ def zwidth_page(z: ZWidth) -> Page:
     close = close_figure(z)
     if close is not None:
         shown = [
-            *(["complete curves of other operators"] if _has_larger(z) else []),
+            *([f"complete curves of {'the modes' if _of_modes(z) else 'other operators'}"] if _has_larger(z) else []),
             *(["the map near its origin"] if z.corner is not None else []),
         ]
         title = " and ".join(shown)

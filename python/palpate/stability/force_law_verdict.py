@@ -84,7 +84,10 @@ def certify_force_law(
     depths, none = _ranges(law, unstable), (float("nan"), float("nan"))
     slopes = f"{law.softest:.5g} to {law.stiffest:.5g} N/m"
     if unstable.any():
-        where = ", ".join(f"{1e3 * first:.4g} to {1e3 * last:.4g} mm" for first, last in depths)
+        where = ", ".join(
+            f"{1e3 * first:.4g} mm or more" if np.isinf(last) else f"{1e3 * first:.4g} to {1e3 * last:.4g} mm"
+            for first, last in depths
+        )
         state = State.UNSTABLE if unstable.all() else State.UNDECIDED
         sentence = f"{state.label}: with slopes from {slopes}, a rest at a depth of {where} is unstable"
         return ForceLawVerdict(state, sentence, (law.softest, law.stiffest), none, depths)

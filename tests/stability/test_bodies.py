@@ -102,7 +102,7 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
         assert curve.damping.max() == pytest.approx(exact.curves[name].damping.max(), rel=2e-2)
     assert ours.here == (0.0, pytest.approx(512.0, rel=1e-6))
     assert ours.simulated is None
-    assert "palpate certify compares" in ours.not_simulated
+    assert "palpate certify tests other depths" in ours.not_simulated
     assert ours.not_simulated in zwidth_page(ours).html()
     assert exact.not_simulated == "it was not asked for"
     felt, expected = (measure_performance(one).along[0] for one in (tables, wall))

@@ -25,7 +25,7 @@ _POINTS = 24  # of a curve
 _DOUBLINGS = 40
 _NOT_SIMULATED = (
     "the body is scaled at a fixed tip position, and a run with a stiffer body rests elsewhere, with other nodes in "
-    "contact; palpate certify also tests other depths, whose limits may be lower, and compares the loop with the run "
+    "contact; palpate certify tests other depths too, whose limits may be lower, and compares the loop with the run "
     "of the scenario"
 )
 

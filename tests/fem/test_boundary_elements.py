@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from palpate.simulation import simulate
 from typer.testing import CliRunner
 
 SIZE = (0.04, 0.04, 0.02)
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 TOP, BOTTOM = "z > 19.9 mm", "z < 0.001 mm"
 
 
@@ -60,7 +62,7 @@ def test_a_column_without_lateral_contraction_shortens_as_hooke_says() -> None:
     np.testing.assert_allclose(moved, np.tile([0.0, 0.0, -shortening], (len(moved), 1)), atol=5e-3 * shortening)
 
 
-@pytest.mark.parametrize("poisson", [0.3, 0.49])
+@pytest.mark.parametrize("poisson", [0.3, 0.49] if NIGHTLY else [0.49])
 def test_compliance_is_that_of_finer_finite_elements_within_four_percent(poisson: float) -> None:
     """Finite elements of half the spacing, under the same hat functions of the coarse surface."""
     coarse = fem.build_boundary(surface(0.01), young=10e3, fixed=BOTTOM, touch=TOP, poisson=poisson)

@@ -77,3 +77,17 @@ def test_a_verdict_begins_with_its_reason_unless_the_run_settled() -> None:
     swinging = simulate({**SLIDER, "run": {"duration": "2 s"}})
     assert not swinging.stable
     assert summarize(swinging)["verdict"].startswith(str(swinging.verdict))
+
+
+@pytest.mark.parametrize(("normal", "warned"), [([0, 0, 1], True), ([0, 1, 0], False)])
+def test_a_wall_across_the_plane_of_a_planar_device_is_warned_of(normal: list[int], warned: bool) -> None:
+    scenario = {
+        "device": {"name": "haply-2diy"},
+        "start": {"pose": ["60 deg", "120 deg"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "arm", "mass": "0.1 kg", "damping": "5 N*s/m", "stiffness": "200 N/m"},
+        "object": {"kind": "wall", "normal": normal, "stiffness": "200 N/m"},
+        "run": {"duration": "50 ms"},
+    }
+    found = summarize(simulate(scenario))["warnings"]
+    assert any("cannot move along the wall's normal" in sentence for sentence in found) is warned

@@ -235,10 +235,17 @@ def _energy(trace: Trace, scenario: Scenario | None) -> dict[str, float] | None:
 
 
 def _reach(trace: Trace, scenario: Scenario | None) -> list[str]:
-    """Return a warning if the run comes near a singular pose or a joint limit."""
+    """Return warnings if the run comes near a singular pose or a joint limit, or the wall cannot be felt at its end."""
     if scenario is None or "angle" not in trace or not len(trace) or trace.verdict.state is State.OUT_OF_REACH:
         return []
-    return near_limits(scenario.load_device(), trace["angle"])
+    device, normal = scenario.load_device(), scenario.object.normal
+    found = near_limits(device, trace["angle"])
+    jacobian = np.reshape(device.jacobian(trace["angle"][-1]), (3, device.dof))
+    if normal is not None and np.linalg.norm(normal @ jacobian) < 1e-9 * np.linalg.norm(jacobian):
+        found.append(
+            "the device cannot move along the wall's normal, so it cannot render the wall: choose another normal"
+        )
+    return found
 
 
 def _peak(trace: Trace, name: str) -> float | None:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from palpate.arrays import Array, Flags, Indices
+from palpate.arrays import Indices
 from palpate.contact.mesh import Mesh
 from palpate.fem.body import Body
 from palpate.fem.boundary_elements import BoundaryElements
@@ -20,6 +20,7 @@ from palpate.fem.checks import positive
 from palpate.fem.condensation import check_memory
 from palpate.fem.elements import check_order
 from palpate.fem.errors import BodyError
+from palpate.fem.hat_functions import mean_normals
 from palpate.fem.material import Material
 from palpate.fem.selectors import Selector, parse_selector
 from palpate.fem.storage import BodyData, write
@@ -140,7 +141,7 @@ def _body_data(elements: BoundaryElements, compliance: Any, record: dict[str, An
         triangles=elements.triangles,
         contact_triangles=np.asarray(elements.contact),
         nodes=elements.contact_nodes,
-        normals=_normals(elements.points, elements.triangles, elements.contact)[elements.contact_nodes],
+        normals=mean_normals(elements.points, elements.triangles[elements.contact], elements.contact_nodes),
         areas=elements.areas,
         compliance=compliance,
         frequencies=np.empty(0),
@@ -151,14 +152,3 @@ def _body_data(elements: BoundaryElements, compliance: Any, record: dict[str, An
         dirichlet=elements.dirichlet,
         record=record,
     )
-
-
-def _normals(points: Array, triangles: Indices, contact: Flags) -> Array:
-    """Return outward unit normals at the vertices of the contact triangles (v, 3); others are arbitrary."""
-    faces = triangles[contact]
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    total = np.zeros_like(points)
-    for i in range(3):
-        np.add.at(total, faces[:, i], np.cross(b - a, c - a))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(total / np.where(length > 0.0, length, 1.0))

@@ -24,6 +24,7 @@ from scipy.linalg import lapack, lu_factor, lu_solve
 
 from palpate.arrays import Array, Flags, Indices
 from palpate.fem.errors import BodyError
+from palpate.fem.hat_functions import hat_integrals
 
 __all__ = ["BoundaryElements"]
 
@@ -99,9 +100,7 @@ class BoundaryElements:
     @cached_property
     def areas(self) -> Array:
         """Integrals of the hat functions of the contact nodes (n,), m^2."""
-        total = np.zeros(len(self.points))
-        np.add.at(total, self.triangles[self.contact].ravel(), np.repeat(self._sizes[self.contact] / 3.0, 3))
-        return np.asarray(total[self.contact_nodes])
+        return hat_integrals(self.points, self.triangles[self.contact], self.contact_nodes)
 
     @property
     def memory(self) -> float:
@@ -118,7 +117,7 @@ class BoundaryElements:
         Raises:
             BodyError: the compliance is not positive definite.
         """
-        held, nodes = np.unique(self.elements[self.fixed_triangles]), self.contact_nodes
+        held = np.unique(self.elements[self.fixed_triangles])
         t, load, reaction = self._integrals(held)
         scale = self.young / float(np.ptp(self.points, axis=0).max())  # makes the columns of u and t alike
         t[:, _rows(held)] = -scale * reaction
@@ -137,7 +136,6 @@ class BoundaryElements:
                 "the compliance is not positive definite: mesh the surface again with well-shaped triangles; the "
                 f"widest angle of these is {self._widest_angle():.0f} degrees"
             )
-        assert len(result) == 3 * len(nodes)
         return result, asymmetry
 
     def _widest_angle(self) -> float:

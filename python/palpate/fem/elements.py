@@ -20,6 +20,7 @@ from scipy import sparse
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError, BodyWarning
+from palpate.fem.hat_functions import hat_integrals, mean_normals
 from palpate.fem.material import Material, SurfaceLayer
 from palpate.fem.selectors import Selector
 from palpate.fem.volume import Volume
@@ -140,24 +141,12 @@ class Elements:
     @cached_property
     def normals(self) -> Array:
         """Outward unit normals at the contact nodes (n, 3), area-weighted means over the triangles."""
-        points = self.volume.points
-        a, b, c = (points[self.triangles[:, i]] for i in range(3))
-        total = np.zeros_like(points)
-        for i in range(3):
-            np.add.at(total, self.triangles[:, i], np.cross(b - a, c - a))
-        total = total[self.contact_nodes]
-        return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
+        return mean_normals(self.volume.points, self.triangles, self.contact_nodes)
 
     @cached_property
     def areas(self) -> Array:
         """Integrals of the hat functions of the contact nodes (n,), m^2."""
-        points = self.volume.points
-        a, b, c = (points[self.triangles[:, i]] for i in range(3))
-        third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-        total = np.zeros(len(points))
-        for i in range(3):
-            np.add.at(total, self.triangles[:, i], third)
-        return total[self.contact_nodes]
+        return hat_integrals(self.volume.points, self.triangles, self.contact_nodes)
 
     @cached_property
     def load(self) -> sparse.csc_matrix:

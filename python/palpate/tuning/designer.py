@@ -30,7 +30,16 @@ from palpate.tuning.axis import (
     tune_axis,
 )
 from palpate.tuning.outcome import ControllerDesign
-from palpate.tuning.presses import FEW, Press, choose, draw_poses, draw_presses, hold_time, press_tables
+from palpate.tuning.presses import (
+    FEW,
+    Press,
+    choose,
+    draw_poses,
+    draw_presses,
+    hold_time,
+    press_tables,
+    share_within_reach,
+)
 from palpate.tuning.remedies import (
     DRIVE,
     FRICTION,
@@ -128,9 +137,9 @@ class _Designer:
         controller = workspace(s.device, s.period, **axis.options)
         self.report("drive limit", 0.2)
         presses = draw_presses(s.device, self.poses, s.force, s.stiffness[0])
-        share = len(presses) / (6.0 * len(self.poses))
+        share = share_within_reach(presses, self.poses)
         if share < FEW:
-            reason, remedies = most_reachable(s, self.poses, FEW)
+            reason, remedies = most_reachable(s, self.poses)
             return self._result(controller, axis, share=share, constraint=RANGE, reason=reason, remedies=remedies)
         worst = max(presses, key=lambda press: press.bound)
         chosen = choose(presses)

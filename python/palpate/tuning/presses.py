@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -15,14 +15,25 @@ from palpate.devices import Device, load
 from palpate.errors import DesignError, PoseError
 from palpate.metrics.device_performance import most_within_limits, tip_inertia
 from palpate.simulation import simulate
+from palpate.tuning.axis import BAND
 from palpate.units import write
 
-__all__ = ["FEW", "Press", "Settled", "choose", "draw_poses", "draw_presses", "drive_bound", "hold_time", "run_presses"]
+__all__ = [
+    "FEW",
+    "Press",
+    "Settled",
+    "choose",
+    "draw_poses",
+    "draw_presses",
+    "drive_bound",
+    "hold_time",
+    "run_presses",
+    "share_within_reach",
+]
 
 CONDITION: Final = 4.0  # largest condition number of the Jacobian of a pose and along a way
 TURN: Final = np.pi / 2  # rad, range of a joint without limits about the working pose
 SLIDE: Final = 0.1  # m, the same of a sliding joint
-BAND: Final = 0.05  # about the target, that counts as settled
 WORST: Final = 10  # presses with the largest bound that are simulated
 OTHERS: Final = 6  # more, at random
 FEW: Final = 0.1  # share of presses within reach below which the range of stiffness is refused
@@ -152,6 +163,11 @@ def draw_presses(device: Device, poses: Array, force: float, stiffness: float) -
     return found
 
 
+def share_within_reach(presses: Sequence[Press], poses: Array) -> float:
+    """Return the share of the presses from poses (n, dof) that `draw_presses` has kept."""
+    return len(presses) / (6.0 * len(poses))
+
+
 def choose(presses: Sequence[Press]) -> list[Press]:
     """Return the presses with the largest bounds and some others."""
     ordered = sorted(presses, key=lambda press: -press.bound)
@@ -222,8 +238,3 @@ def press_tables(
         "object": {"kind": "spring", "stiffness": write(stiffness, "N/m")},
         "run": {"duration": write(duration, "s")},
     }
-
-
-def with_bounds(device: Device, presses: Sequence[Press], force: float, stiffness: float) -> list[Press]:
-    """Return presses with the bounds of another force or stiffness."""
-    return [replace(p, bound=drive_bound(device, p.pose, p.direction, force, stiffness)) for p in presses]

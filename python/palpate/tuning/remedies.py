@@ -11,7 +11,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.tuning.axis import ENCODER, OPERATOR, AxisData, AxisDesign, tune_axis
-from palpate.tuning.presses import FEW, Press, Settled, choose, draw_presses, hold_time, run_presses
+from palpate.tuning.presses import FEW, Press, Settled, choose, draw_presses, hold_time, run_presses, share_within_reach
 from palpate.tuning.specification import Specification, rounded
 
 __all__ = [
@@ -72,7 +72,7 @@ class Trial:
         s = self.specification
         presses = draw_presses(s.device, self.poses, force, stiffness)
         bound = max((press.bound for press in presses), default=np.inf)
-        if len(presses) < FEW * 6 * len(self.poses) or not bound <= s.settle:
+        if share_within_reach(presses, self.poses) < FEW or not bound <= s.settle:
             return False
         trial = replace(self, presses=choose(presses), bound=bound)
         return bool(trial.run(force, stiffness).times.max() <= s.settle)
@@ -142,12 +142,12 @@ def sampling_remedies(s: Specification, data: AxisData, axis: AxisDesign, slowes
     return tuple(found)
 
 
-def most_reachable(s: Specification, poses: Array, few: float) -> tuple[str, tuple[str, ...]]:
+def most_reachable(s: Specification, poses: Array) -> tuple[str, tuple[str, ...]]:
     """Return the reason and the remedies if ways on the softest object leave the reach."""
     low, high = s.stiffness
 
     def reached(stiffness: float) -> bool:
-        return len(draw_presses(s.device, poses, s.force, stiffness)) >= few * 6 * len(poses)
+        return share_within_reach(draw_presses(s.device, poses, s.force, stiffness), poses) >= FEW
 
     least = _first(_round_numbers(low, max(high, 1e3 * low)), reached)
     reason = (

@@ -37,12 +37,15 @@ def block() -> fem.Body:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_a_rigid_rotation_needs_no_traction(order: int) -> None:
+def test_a_rigid_rotation_needs_no_traction_and_c_is_the_solid_angle(order: int) -> None:
     mesh = surface(0.01)
     everything = np.ones(len(mesh.triangles), dtype=bool)
     fixed = mesh.vertices[:, 2] < 1e-6
     elements = BoundaryElements(mesh.vertices, mesh.triangles.astype(np.int64), everything, fixed, 10e3, 0.3, order)
     t, _, _ = elements._integrals(np.flatnonzero(fixed))
+    count = len(elements.nodes)
+    shares = np.einsum("iaia->i", t.reshape(count, 3, count, 3)) / 3.0  # of a sphere, at corners, edges and faces
+    assert {round(float(share), 4) for share in shares} == {0.125, 0.25, 0.5}
     for axis in np.eye(3):
         turned = np.cross(axis, elements.nodes)
         assert np.abs(t @ turned.ravel()).max() < 1e-5 * np.abs(turned).max()
@@ -169,6 +172,27 @@ def test_a_refusal_names_its_reason(change: dict[str, object], message: str) -> 
     inputs = {"young": 10e3, "fixed": BOTTOM, "touch": TOP, **change}
     with pytest.raises(PalpateError, match=message):
         fem.build_boundary(surface(0.01), **inputs)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("offset", "message"),
+    [
+        (None, "boundary elements need a clean surface, oriented outward"),  # one block, turned inside out
+        ((0.0173, 0.0071, 0.0), "boundary elements need a clean surface"),
+        ((0.02, 0.01, 0.0), "the surface overlaps or touches itself at"),  # edges meet edges: no edge cuts a triangle
+        ((0.04, 0.0, 0.0), "the surface overlaps or touches itself at"),  # side by side, not united
+    ],
+)
+def test_a_surface_without_an_exact_inside_is_refused(offset: tuple[float, ...] | None, message: str) -> None:
+    """Blocks that overlap would count their common part twice, and each would ignore the other."""
+    mesh = surface(0.01)
+    points, faces = mesh.vertices, mesh.triangles
+    if offset is None:
+        faces = faces[:, ::-1]
+    else:
+        points, faces = np.vstack([points, points + np.array(offset)]), np.vstack([faces, faces + len(points)])
+    with pytest.raises(fem.BodyError, match=message):
+        fem.build_boundary(Mesh(points, faces, repair=False), young=10e3, fixed=BOTTOM, touch=TOP)
 
 
 def test_a_cavity_that_is_not_fixed_is_refused() -> None:

@@ -58,8 +58,8 @@ def build_boundary(
         progress: called at the begin of each stage with its description and the fraction of the stages done.
 
     Raises:
-        BodyError: the surface is not closed, no triangle is fixed, a number is out of range, or the memory is too
-            small.
+        BodyError: the surface is not closed, intersects itself or is not manifold, no triangle is fixed, a number is
+            out of range, or the memory is too small.
         OutputError: the file cannot be written.
     """
     check_files(source, unit, output)
@@ -70,6 +70,7 @@ def build_boundary(
     where = None if touch is None else parse_selector(touch)
     tell = progress if progress is not None else (lambda _text, _fraction: None)
     mesh, name = surface_of(source, unit)
+    volume = _volume(mesh, name)
     points, triangles = mesh.vertices, mesh.triangles.astype(np.int64)
     inside = np.ones(len(points), dtype=bool) if where is None else where.inside(points)
     held = np.asarray(np.any([region.inside(points) for region in regions], axis=0), dtype=bool)
@@ -84,7 +85,7 @@ def build_boundary(
     compliance, asymmetry = elements.compliance()
     seconds = round(time.perf_counter() - start, 3)
     record = {
-        **_record(elements, material, mesh, asymmetry),
+        **_record(elements, material, volume, asymmetry),
         "source": name,
         "unit": unit,
         "fixed": [str(region) for region in regions],
@@ -97,7 +98,18 @@ def build_boundary(
     return Body(contents)
 
 
-def _record(elements: BoundaryElements, material: Material, mesh: Mesh, asymmetry: float) -> dict[str, Any]:
+def _volume(mesh: Mesh, name: str) -> float:
+    """Return the enclosed volume, m^3. Raise BodyError if the surface is not clean, so that it has no exact inside."""
+    found = mesh.diagnose()
+    if not found.clean or not found.volume > 0.0:
+        raise BodyError(
+            f"{name}: boundary elements need a clean surface, oriented outward; repair it, or build the body by finite "
+            f"elements ({'; '.join(str(found).splitlines())})"
+        )
+    return found.volume
+
+
+def _record(elements: BoundaryElements, material: Material, volume: float, asymmetry: float) -> dict[str, Any]:
     return {
         "method": "boundary elements",
         "modes": 0,
@@ -108,7 +120,7 @@ def _record(elements: BoundaryElements, material: Material, mesh: Mesh, asymmetr
         "tetrahedra": 0,
         "nodes": len(elements.nodes),
         "unknowns": 3 * len(elements.nodes),
-        "volume_m3": mesh.diagnose().volume,
+        "volume_m3": volume,
         "memory_bytes": elements.memory,
         "asymmetry": asymmetry,
         "versions": versions(),
@@ -118,7 +130,9 @@ def _record(elements: BoundaryElements, material: Material, mesh: Mesh, asymmetr
 def _check(elements: BoundaryElements, name: str) -> None:
     """Raise BodyError if a piece of the surface is not fixed, or nothing can be touched."""
     if len(elements.contact_nodes) == 0:
-        raise BodyError(f"{name}: the body has no contact node: all vertices of its contact surface are fixed")
+        raise BodyError(
+            f"{name}: the body has no contact node: its vertices are fixed, or outside of the contact region"
+        )
     parts = _parts(elements.triangles, len(elements.points))
     held = np.unique(parts[elements.triangles[elements.fixed_triangles].ravel()])
     if (alone := np.setdiff1d(parts[elements.triangles.ravel()], held)).size:

@@ -33,6 +33,7 @@ Kernel = Callable[[int, int], Array]
 _CHUNK = 1_500_000  # pairs of a node and a quadrature point at a time
 _NEAR = 2.0  # size of a triangle over its distance, above which it is subdivided
 _MOST_LEVELS = 5
+_LEAST_ANGLE = 1e-3  # share of a sphere about a node of a surface that is a boundary
 _DUFFY = 12  # Gauss points along each direction in a triangle that contains the node
 # Quadrature of degree 4 on a triangle (Strang & Fix 1973): barycentric coordinates and weights.
 _A, _B = 0.445948490915965, 0.091576213509771
@@ -115,10 +116,11 @@ class BoundaryElements:
         The asymmetry is relative, and measures the error of the discretization.
 
         Raises:
-            BodyError: the compliance is not positive definite.
+            BodyError: the surface overlaps itself, or the compliance is not positive definite.
         """
         held = np.unique(self.elements[self.fixed_triangles])
         t, load, reaction = self._integrals(held)
+        self._check_angles(t)
         scale = self.young / float(np.ptp(self.points, axis=0).max())  # makes the columns of u and t alike
         t[:, _rows(held)] = -scale * reaction
         alone = np.setdiff1d(np.flatnonzero(self.dirichlet), held)  # fixed vertices without a fixed triangle
@@ -137,6 +139,20 @@ class BoundaryElements:
                 f"widest angle of these is {self._widest_angle():.0f} degrees"
             )
         return result, asymmetry
+
+    def _check_angles(self, t: Array) -> None:
+        """Raise BodyError if a node lies on or in another part of the surface.
+
+        The trace of c is three times the share of a small sphere about the node that is in the body.
+        """
+        share = np.einsum("iaia->i", t.reshape(len(self.nodes), 3, len(self.nodes), 3)) / 3.0
+        if share.min() > _LEAST_ANGLE and share.max() < 1.0 - _LEAST_ANGLE:
+            return
+        x, y, z = 1e3 * self.nodes[int(np.argmax(np.abs(share - 0.5)))]
+        raise BodyError(
+            f"the surface overlaps or touches itself at ({x:.4g}, {y:.4g}, {z:.4g}) mm: unite its parts, or build the "
+            "body by finite elements"
+        )
 
     def _widest_angle(self) -> float:
         """Return the widest angle of a triangle, degrees."""

@@ -32,6 +32,7 @@ from palpate.identification import simulate_experiment
 from palpate.report import Page
 from palpate.sweeps import SweepError, store
 from palpate.sweeps.run import _result
+from slider_text import SLIDER_TEXT
 from typer import Typer
 from typer.testing import CliRunner
 
@@ -42,22 +43,6 @@ from experiments.hosseini2004.checks import tally
 PACKAGE = str(Path(output.__file__).parents[1])
 _OPEN = open
 _TIMES = re.compile(rb"<dc:date>.*?</dc:date>")
-
-SCENARIO = """
-title = "{title}"
-[device]
-name = "slider"
-[servo]
-topology = "impedance_display"
-[operator]
-kind = "force"
-force = ["1 N", "0 N", "0 N"]
-[object]
-stiffness = "100 N/m"
-damping = "0.5 N*s/m"
-[run]
-duration = "0.1 s"
-"""
 
 
 def palpate(*words: object, program: Typer = app) -> tuple[int, str]:
@@ -70,7 +55,7 @@ def palpate(*words: object, program: Typer = app) -> tuple[int, str]:
 def scenario(tmp_path: Path) -> Path:
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "slider.toml"
-    path.write_text(SCENARIO.format(title="plain"), "utf-8")
+    path.write_text(SLIDER_TEXT.format(title="plain", duration="0.1 s"), "utf-8")
     return path
 
 
@@ -258,7 +243,7 @@ def test_a_scenario_without_a_name_writes_nowhere(
 
 def test_control_characters_reach_no_terminal(scenario: Path, tmp_path: Path) -> None:
     """Neither of titles nor of messages; and square brackets are text, not markup."""
-    scenario.write_text(SCENARIO.format(title="[/x] a\\u001b]0;PWN\\u0007\\u202e"), "utf-8")
+    scenario.write_text(SLIDER_TEXT.format(duration="0.1 s", title="[/x] a\\u001b]0;PWN\\u0007\\u202e"), "utf-8")
     for command in ("run", "certify"):
         code, said = palpate(command, scenario, "-o", tmp_path / command)
         assert code in (0, 1)

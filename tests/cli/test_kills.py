@@ -20,22 +20,9 @@ from palpate.errors import PalpateError
 from palpate.files import check_readable
 from palpate.simulation.trace import Trace
 from palpate.sweeps import open_sweep
+from slider_text import SLIDER_TEXT
 from typer.testing import CliRunner
 
-SCENARIO = """
-[device]
-name = "slider"
-[servo]
-topology = "impedance_display"
-[operator]
-kind = "force"
-force = ["1 N", "0 N", "0 N"]
-[object]
-stiffness = "100 N/m"
-damping = "0.5 N*s/m"
-[run]
-duration = "0.2 s"
-"""
 ROUNDS = 17 * int(os.environ.get("PALPATE_ROUNDS", "1"))
 
 
@@ -75,7 +62,7 @@ def test_a_command_that_a_signal_ends_leaves_whole_files(
 ) -> None:
     """No partial file can be read, the next run gives the same bytes and removes the rest, and no traceback appears."""
     monkeypatch.chdir(tmp_path)
-    Path("a.toml").write_text(SCENARIO, "utf-8")
+    Path("a.toml").write_text(SLIDER_TEXT.format(title="slider", duration="0.2 s"), "utf-8")
     words, name, value = COMMANDS[command]
     rng, out, codes = random.Random(f"{command} {number}"), tmp_path / "out", Counter[int]()
     began = time.monotonic()

@@ -18,6 +18,7 @@ from palpate.control import Controller
 from palpate.errors import OutputError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation import build_simulation, resolve, simulate
+from palpate.simulation.loop_config import with_checksum
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
@@ -220,6 +221,13 @@ def test_every_double_is_kept(tmp_path: Path) -> None:
     assert found["object"]["stiffness"] == [*build_simulation(scenario).setup.stiffness]
 
 
+def test_the_text_ends_with_the_checksum_of_all_bytes_before(tmp_path: Path) -> None:
+    data = (resolve(wall(), tmp_path / "loop") / "loop.json").read_bytes()
+    end = b'"crc32": "%08x"\n}\n' % zlib.crc32(data[:-22])
+    assert data[-22:] == end
+    assert json.loads(data)["run"]["ticks"] == 500
+
+
 def test_a_refused_scenario_writes_nothing(block: Path, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"object\.body\.update_interval: it lasts one tick"):
         resolve(press(block, kind="neo-hookean", update_interval="0.1 ms"), tmp_path / "loop")
@@ -254,7 +262,8 @@ def edited(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], objec
         file = folder / "loop.json"
         tables = json.loads(file.read_text("utf-8"))
         change(tables)
-        file.write_text(json.dumps(tables), "utf-8")
+        del tables["crc32"]
+        file.write_text(with_checksum(tables), "utf-8")
 
     return edit
 
@@ -295,7 +304,7 @@ def text(words: str) -> Callable[[Path], object]:
         (text('{"a": 1'), "the closing brace of an object is missing"),
         (text("3"), "the document must be an object"),
         (edited(lambda t: t.update(format="other")), 'format must be "palpate loop"'),
-        (edited(lambda t: t.update(version=2)), "version is 2; this palpate reads version 1"),
+        (edited(lambda t: t.update(version=1)), "version is 1; this palpate reads version 2"),
         (edited(lambda t: t.pop("plant")), "plant is missing"),
         (edited(lambda t: t["mechanism"].update(name="crane")), 'mechanism.name is "crane"'),
         (edited(lambda t: t["mechanism"]["parameters"].clear()), "mechanism.parameters.mass.tip is missing"),

@@ -76,6 +76,7 @@ class Mutation {
           damage_structure(to);
       }
     }
+    if (below(8) > 0) loop_folder::seal(to);
   }
 
  private:
@@ -131,6 +132,10 @@ class Mutation {
     std::string& text = to["loop.json"];
     palpate::servo::JsonDocument document = palpate::servo::parse_json(text);
     if (!document.error.empty()) return damage_bytes(text);
+    if (!document.value.keys.empty() && document.value.keys.back() == "crc32") {
+      document.value.keys.pop_back();
+      document.value.items.pop_back();
+    }
     JsonValue* at = &document.value;
     JsonValue* parent = at;
     while (!at->items.empty() && (at == &document.value || below(3) > 0)) {
@@ -199,10 +204,44 @@ TEST_P(LoopConfigKinds, ADamagedFolderIsRefusedInOneSentenceOrRuns) {
   EXPECT_LT(refused, count);
 }
 
+// Law: a CRC-32 finds every error within 32 bits, also in the member that holds it.
+TEST_P(LoopConfigKinds, AChangedByteAnywhereIsRefused) {
+  std::mt19937_64 engine(3);
+  Files files = loop_folder::valid(GetParam());
+  for (auto& [name, data] : files) {
+    const std::size_t stride =
+        std::max<std::size_t>(1, data.size() / (name == "loop.json" ? 400U : 40U) / static_cast<std::size_t>(rounds()));
+    for (std::size_t k = engine() % stride; k < data.size(); k += name == "loop.json" && data.size() - k < 30 ? 1 : stride) {
+      const char before = data[k];
+      data[k] = static_cast<char>(before ^ static_cast<char>(1U + engine() % 255U));
+      const LoopConfigResult loaded = load(files);
+      ASSERT_FALSE(loaded) << name << ", byte " << k;
+      expect_sentence(loaded.error);
+      data[k] = before;
+    }
+  }
+  EXPECT_TRUE(load(files));
+}
+
+TEST(LoopConfig, AnEditedTextIsRefusedUntilItsChecksumIsWrittenAgain) {
+  Files files = loop_folder::valid("wall");
+  std::string& text = files["loop.json"];
+  text.replace(text.find(R"("delay": 1)"), 10, R"("delay": 2)");
+  const std::string error = load(files).error;
+  EXPECT_NE(error.find("loop.json: it is damaged or edited: it must end with \"crc32\": \""), std::string::npos) << error;
+  loop_folder::seal(files);
+  EXPECT_TRUE(load(files));
+  EXPECT_NE(error.find(text.substr(text.size() - 12, 8)), std::string::npos) << error;
+  text.erase(text.find(", \"crc32\": \"" + text.substr(text.size() - 12, 8)));
+  text += '}';
+  EXPECT_NE(load(files).error.find("it is damaged or edited"), std::string::npos) << load(files).error;
+}
+
 TEST(LoopConfig, AHyperelasticBodyNamesTheLibraryThatItNeeds) {
   Files files = loop_folder::valid("compliance");
   std::string& text = files["loop.json"];
   text.replace(text.find(R"("compliance")"), 12, R"("hyperelastic")");
+  loop_folder::seal(files);
   EXPECT_NE(load(files).error.find("object.model is \"hyperelastic\"; link palpate::hyperelastic"), std::string::npos) << load(files).error;
 }
 
@@ -214,6 +253,7 @@ TEST(LoopConfig, AMotionNeedsIncreasingTimes) {
   const std::string before = text.substr(text.find(R"("motion": )") + 10), blob = before.substr(0, before.find('}') + 1);
   text.replace(text.find(blob), blob.size(), loop_folder::blob(other, "motion", motion, 7));
   for (const auto& [name, content] : other) files[name] = content;
+  loop_folder::seal(files);
   EXPECT_NE(load(files).error.find("object.motion has times that do not increase"), std::string::npos) << load(files).error;
 }
 
@@ -222,6 +262,7 @@ TEST(LoopConfig, LongAndUnprintableTextsDoNotReachTheSentence) {
     Files files = loop_folder::valid("wall");
     std::string& text = files["loop.json"];
     text.replace(text.find(place) + 1, std::strlen(place) - 2, "a\\n\\u0007" + std::string(10'000, 'x'));
+    loop_folder::seal(files);
     expect_sentence(load(files).error);
   }
 }
@@ -238,6 +279,7 @@ TEST(LoopConfig, TheLongestRunNeedsLittleMemory) {
   const std::size_t ticks = text.find("\"ticks\": 100");
   text = text.substr(0, ticks) + "\"ticks\": " + std::to_string(LoopConfig::max_ticks) +
          ", \"record_every\": 1, \"reference\": null, \"operator_force\": null}}";
+  loop_folder::seal(files);
   const LoopConfigResult loaded = load(files);
   ASSERT_TRUE(loaded) << loaded.error;
   EXPECT_LE(sizeof(double) * (loaded.config->reference.size() + loaded.config->operator_force.size()), std::size_t{1} << 28);

@@ -47,6 +47,17 @@ inline std::string checksum(const std::string& data) {
   return text;
 }
 
+/// Give loop.json the checksum of its present text.
+inline void seal(Files& to) {
+  std::string& text = to["loop.json"];
+  const std::size_t length = palpate::servo::checksum_member("").size();
+  if (text.size() > length && text.ends_with("\"\n}\n"))
+    text.resize(text.size() - length);
+  else
+    text = text.substr(0, text.rfind('}')) + ", ";
+  text += palpate::servo::checksum_member(text);
+}
+
 /// Store an array; return its description. `columns` = 0: a list.
 template <class T>
 std::string blob(Files& to, const std::string& name, const std::vector<T>& values, std::size_t columns = 0) {
@@ -160,7 +171,7 @@ inline Files valid(const std::string& kind, std::size_t ticks = 100) {
                              : kind == "scene"        ? scene(to)
                                                       : body(to, kind);
   to["loop.json"] =
-      R"({"format": "palpate loop", "version": 1, "written_by": "test", "title": "a loop", "mechanism": {"name": "slider", "parameters":)"
+      R"({"format": "palpate loop", "version": 2, "written_by": "test", "title": "a loop", "mechanism": {"name": "slider", "parameters":)"
       R"( {"mass.tip": [0.1]}}, "servo": {"period": 0.001, "delay": 1, "start": [0.0], "gravity_compensation": [0, 0, 0],)"
       R"( "frozen_kinematics": false, "encoder_step": [0.0], "limits": {"peak_force": 8.5, "continuous_force": null, "thermal_time": 10,)"
       R"( "peak_torque": [null]}}, "plant": {"kind": "nonlinear", "start_speed": [0.0], "substeps": 2, "jitter": 0.0, "seed": 1,)"
@@ -171,6 +182,7 @@ inline Files valid(const std::string& kind, std::size_t ticks = 100) {
       R"(, "controller": {"kind": "state_space", "order": 1, "a": [0.5], "b": [0, 0, 0, 0, 0, 0], "c": [0, 0, 0], "d": [1, 0, 0, -1, 0, 0,)"
       R"( 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1], "antiwindup": [0, 0, 0]}, "run": {"ticks": )" +
       std::to_string(ticks) + R"(, "record_every": 1, "reference": null, "operator_force": )" + blob(to, "operator_force", push, 3) + "}}";
+  seal(to);
   return to;
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import zlib
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from palpate.control.workspace_controller import OPTIONS, WorkspaceController
 from palpate.devices import Device
 from palpate.errors import OutputError
 from palpate.fem.model_data import model_data
-from palpate.files import as_path, read_utf8, write_folder, write_json
+from palpate.files import as_path, read_utf8, write_folder
 from palpate.files.json_text import load_table
 from palpate.files.output import Writer
 from palpate.scenario import Scenario
@@ -28,7 +29,7 @@ from palpate.simulation.placed_objects import PlacedObject
 from palpate.simulation.simulator import Simulation, build_simulation, package_version
 
 FORMAT: Final = "palpate loop"
-VERSION: Final = 1
+VERSION: Final = 2
 _DTYPES: Final = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "uint8": "|u1"}
 _LARGEST: Final = 2**32  # bytes of one blob
 _ORDER: Final = 1000  # states of a controller or a sampled plant
@@ -59,8 +60,15 @@ def resolve(
     blobs = _Blobs()
     document = _document(simulation, blobs)
     writers: dict[str, Writer] = {name: partial(_write_bytes, data=data) for name, data in blobs.files.items()}
-    write_folder(target, {**writers, "loop.json": lambda path: write_json(path, document)}, only=True)
+    text = with_checksum(document).encode()
+    write_folder(target, {**writers, "loop.json": partial(_write_bytes, data=text)}, only=True)
     return target
+
+
+def with_checksum(document: Mapping[str, Any]) -> str:
+    """Return the text of `loop.json`; its last member is the checksum of the text before it."""
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False).removesuffix("\n}") + ",\n "
+    return f'{text}"crc32": "{zlib.crc32(text.encode()):08x}"\n}}\n'
 
 
 def _write_bytes(path: Path, data: bytes) -> None:

@@ -70,6 +70,13 @@ class FolderSource final : public BlobSource {
   return crc ^ 0xffffffffU;
 }
 
+/// Return the end of a `loop.json`: the member with the checksum of the text before it, and the closing brace.
+[[nodiscard]] inline std::string checksum_member(std::string_view before) {
+  char text[32];
+  std::snprintf(text, sizeof text, "\"crc32\": \"%08x\"\n}\n", static_cast<unsigned>(crc32(before.data(), before.size())));
+  return text;
+}
+
 /// Element types of blobs.
 template <class T>
 constexpr const char* dtype_of = nullptr;

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -29,7 +30,7 @@ namespace palpate::servo {
 /// A loaded config owns its object and its controller. Setups made from it share meshes and body data, and have their own state.
 class LoopConfig {
  public:
-  static constexpr int version = 1;                   ///< of the format
+  static constexpr int version = 2;                   ///< of the format
   static constexpr std::int64_t max_ticks = 1 << 22;  ///< servo periods of a run: 70 minutes at 1 kHz
 
   std::string title;
@@ -138,6 +139,7 @@ class LoopConfigLoader {
     if (!document.error.empty()) return refuse("loop.json, " + document.error);
     const Section root = reader_.root(document.value);
     read_format(root);
+    if (reader_.ok()) check_text(text);
     config_.title = root.text("title");
     read_mechanism(root.section("mechanism"));
     if (reader_.ok()) read_servo(root.section("servo"));
@@ -159,6 +161,13 @@ class LoopConfigLoader {
     const std::int64_t version = root.integer("version", 0, 1'000'000);
     if (version != LoopConfig::version)
       root.fail("version", "is " + std::to_string(version) + "; this palpate reads version " + std::to_string(LoopConfig::version));
+  }
+
+  /// Require that the text ends with its checksum.
+  void check_text(std::string_view text) {
+    const std::size_t length = checksum_member("").size(), end = text.size() - std::min(length, text.size());
+    const std::string expected = checksum_member(text.substr(0, end));
+    if (text.substr(end) != expected) reader_.fail("it is damaged or edited: it must end with " + expected.substr(0, length - 3) + " }");
   }
 
   void read_mechanism(const Section& from) {

@@ -5,6 +5,7 @@
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/viscoelastic_solid.hpp>
 #include <random>
+#include <vector>
 
 #include "support/linear_solve.hpp"
 #include "support/modal_bodies.hpp"
@@ -38,6 +39,34 @@ TEST(StandardLinearSolid, LossIsThatOfDashpotsAndForceSteps) {
     before = f;
   });
   EXPECT_GT(lost, 0.5 * most);
+}
+
+/// Slide over a body with friction; the forces of all ticks.
+template <class Model>
+std::vector<palpate::math::Vector3<>> slide(const Nine& nine, Model model, palpate::deformable::DryFriction friction) {
+  palpate::deformable::TipContact<Model> contact(nine.at, model, friction);
+  palpate::deformable::Tip tip;
+  tip.radius = 5e-3;
+  std::vector<palpate::math::Vector3<>> forces;
+  for (int k = 0; k < 50; ++k) {
+    tip.center = {4e-5 * k, 0.0, tip.radius - 1e-4};
+    forces.push_back(contact.step(tip).force);
+  }
+  return forces;
+}
+
+// A model that was built without tangential compliance has no friction, in place of a read past its data.
+TEST(StandardLinearSolid, WithoutTangentialComplianceThereIsNoFriction) {
+  const Nine nine;
+  const auto expect_none = [&nine](const auto& model) {
+    const auto rough = slide(nine, model, {0.5, 0.4}), smooth = slide(nine, model, {});
+    EXPECT_EQ(rough, smooth);
+    EXPECT_GT(smooth.back().z(), 0.0);
+  };
+  const palpate::deformable::Compliance elastic(nine.at, nine.full.data());
+  expect_none(elastic);
+  expect_none(palpate::deformable::StandardLinearSolid(elastic, 3.0, 0.05, 1e-3));
+  expect_none(palpate::deformable::Modal(nine.at, nine.full.data(), nine.waves.data(), nine.frequencies, 1e-3, 1.0, 0.0));
 }
 
 // After a step held for long, the energy is that of the long-term spring; after release it decays to zero.

@@ -25,6 +25,7 @@ namespace palpate::deformable {
 ///   Matrix2d tangential(i, j)           tangential compliance in SurfaceNodes::tangent_basis, m/N; required by friction
 ///   Vector2d free_tangential_displacement(i)
 ///                                       tangential displacement without force, m; for models with tangential memory
+///   bool has_tangential()               false if the model was built without tangential compliance: there is no friction
 ///   void advance(nodes, forces, tangential_forces, count)
 ///                                       advance with additional forces in the tangent planes [N]
 ///
@@ -40,5 +41,12 @@ concept ContactModel = requires(Model& model, const Model& constant, const std::
 /// A model with tangential compliance: contacts with friction are possible.
 template <class Model>
 concept HasTangentialCompliance = requires(const Model& model) { model.tangential(0, 0); };
+
+/// Return whether a contact with friction is possible with this model.
+template <class Model>
+[[nodiscard]] bool has_tangential(const Model& model) noexcept {
+  if constexpr (requires { model.has_tangential(); }) return model.has_tangential();
+  return HasTangentialCompliance<Model>;
+}
 
 }  // namespace palpate::deformable

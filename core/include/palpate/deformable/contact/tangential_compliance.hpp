@@ -33,6 +33,8 @@ class TangentialCompliance {
       }
   }
 
+  [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
+
   /// Set block (i, j) and its transpose (j, i).
   void set(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept {
     const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);

@@ -30,7 +30,7 @@ class TipContact {
 
   /// `nodes` and `model` must outlive the contact. A model without tangential compliance has no friction.
   TipContact(const SurfaceNodes& nodes, Model& model, DryFriction friction = {}) : nodes_(&nodes), model_(&model) {
-    if (HasTangentialCompliance<Model> && friction) slip_ = PartialSlip(friction, nodes.size());
+    if (has_tangential(model) && friction) slip_ = PartialSlip(friction, nodes.size());
     max_cross_uplift_.assign(static_cast<std::size_t>(nodes.size()), 0.0);
     for (std::int32_t i = 0; i < nodes.size(); ++i)
       for (std::int32_t j = 0; j < i; ++j)

@@ -44,6 +44,7 @@ class Compliance {
     normal_[static_cast<std::size_t>(i) * count_ + static_cast<std::size_t>(j)] = static_cast<float>(value);
     normal_[static_cast<std::size_t>(j) * count_ + static_cast<std::size_t>(i)] = static_cast<float>(value);
   }
+  [[nodiscard]] bool has_tangential() const noexcept { return !tangential_.empty(); }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return tangential_(i, j); }
   /// Set block (i, j) and its transpose (j, i) [m/N].
   void set_tangential(std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) noexcept { tangential_.set(i, j, block); }

@@ -127,6 +127,7 @@ class Modal {
     return viscoelastic() ? moving + correction_.free_displacement(i) : moving;
   }
 
+  [[nodiscard]] bool has_tangential() const noexcept { return !tangential_.empty(); }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return tangential_(i, j); }
 
   [[nodiscard]] Eigen::Vector2d free_tangential_displacement(std::int32_t i) const noexcept {

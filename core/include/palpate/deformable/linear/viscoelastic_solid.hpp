@@ -43,6 +43,7 @@ class StandardLinearSolid {
     return decay_ * sum;
   }
 
+  [[nodiscard]] bool has_tangential() const noexcept { return elastic_.has_tangential(); }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
     return period_ratio_ * elastic_.tangential(i, j);
   }

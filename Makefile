@@ -7,6 +7,7 @@ CORE := CMakeLists.txt pyproject.toml $(shell find core/include python/src cmake
 CPP_FILES = $$(find core python/src examples -name '*.hpp' -o -name '*.cpp')
 PYTHON_FOLDERS = $(wildcard python experiments benchmarks tests examples/python)
 OUT ?= results
+CLANG ?= clang++
 JOBS ?= 2
 PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 # Tests of what users build with palpate: installed headers, other compilers and machines. `make docs` runs those of the documentation.
@@ -18,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_NO_COMPILE := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test builds check reproduce bench fuzz mutate nightly docs wheel lint tidy format clean
+.PHONY: help run test builds check reproduce bench fuzz corefuzz mutate nightly docs wheel lint tidy format clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -45,12 +46,21 @@ bench: .venv/test-installed  ## measure the speed of this machine
 fuzz: .venv/test-installed  ## read mutated files with every reader for ten minutes; failing files are kept in build/fuzz
 	$(BIN)/python tests/support/fuzz.py --count 1000000 --seconds 600 --out build/fuzz
 
+corefuzz: .venv/test-installed  ## fuzz the C++ readers and the tick for ten minutes with libFuzzer; needs clang++, or CLANG=name
+	$(BIN)/cmake -S . -B build/corefuzz -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DPALPATE_FUZZ=ON \
+		-DCMAKE_CXX_COMPILER=$(CLANG) -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
+	$(BIN)/ninja -C build/corefuzz palpate_fuzz
+	mkdir -p build/corefuzz/seeds build/corefuzz/corpus
+	PALPATE_FUZZ_SEEDS=build/corefuzz/seeds build/corefuzz/core/tests/fuzz/palpate_fuzz -runs=0
+	build/corefuzz/core/tests/fuzz/palpate_fuzz -max_total_time=600 -max_len=65536 -timeout=20 -artifact_prefix=build/corefuzz/ \
+		build/corefuzz/corpus build/corefuzz/seeds core/tests/fuzz/corpus
+
 mutate: .venv/test-installed  ## change the Python source in a copy, 200 times, and count the changes that tests notice
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutate.py
 
-nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, fuzz, reproduce, bench
+nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, fuzz, corefuzz, reproduce, bench
 	PALPATE_ROUNDS=10 PALPATE_NIGHTLY=1 $(PYTEST)
-	$(MAKE) fuzz reproduce bench
+	$(MAKE) fuzz corefuzz reproduce bench
 
 docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build

@@ -394,7 +394,6 @@ def test_a_mesh_of_too_many_tetrahedra_is_refused_before_it_is_made() -> None:
 
     with pytest.raises(BodyError, match="tetrahedra: use a larger spacing"):
         block((0.06, 0.06, 0.03), 1e-4)
-    pytest.importorskip("pytetwild", exc_type=ImportError)
     sphere = trimesh.creation.icosphere(2, 40.0)
     with pytest.raises(BodyError, match="check size, spacing and unit"):
         bodies.fill(sphere.vertices, sphere.faces, 0.01)
@@ -422,10 +421,9 @@ def test_a_closed_surface_is_filled_and_an_open_one_refused() -> None:
 
     sphere = trimesh.creation.icosphere(2, 0.04)
     with pytest.raises(BodyError, match="edges at a border"):
-        volume_of(Mesh(sphere.vertices, sphere.faces[:-1], open=True))
-    pytest.importorskip("pytetwild", exc_type=ImportError)
+        volume_of(Mesh(sphere.vertices, sphere.faces[sphere.triangles_center[:, 2] < 0.02], open=True))
     filled = volume_of(Mesh(sphere.vertices, sphere.faces), spacing="12 mm")
-    assert filled.size == pytest.approx(sphere.volume, rel=0.02)
+    assert filled.size == pytest.approx(sphere.volume, rel=0.04)
 
 
 def test_the_phantom_is_softer_without_its_nodule() -> None:

@@ -344,7 +344,7 @@ def test_ctrl_c_while_meshing_reaches_python() -> None:
 
     def fill() -> None:
         timer.start()
-        bodies.fill(sphere.vertices, sphere.faces, "1 mm")
+        bodies.fill(sphere.vertices, sphere.faces, "1 mm", mesher="ftetwild")
         timer.join()  # on a quicker machine
 
     with pytest.raises(KeyboardInterrupt):

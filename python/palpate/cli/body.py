@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -40,6 +40,10 @@ def build(
     spacing: Annotated[
         str | None, typer.Option("--spacing", help="Edge length of the tetrahedra in a filled surface.")
     ] = None,
+    mesher: Annotated[
+        Literal["stuffing", "ftetwild"],
+        typer.Option("--mesher", help="Of a surface: stuffing (deterministic) or ftetwild (extra mesher)."),
+    ] = "stuffing",
     order: Annotated[int, typer.Option("--order", help="2: quadratic elements; 1: linear, which lock near 0.5.")] = 2,
     modes: Annotated[int, typer.Option("--modes", help="Number of vibration modes, for a body with inertia.")] = 0,
     memory: Annotated[str, typer.Option("--memory", help="Memory budget of the build.")] = "8 GB",
@@ -84,7 +88,11 @@ def build(
                 "--boundary: boundary elements have one material, no mesh of the interior and no modes: leave out "
                 "--region, --surface-layer, --spacing and --modes, or leave out --boundary"
             )
-        body = build_boundary(source, **common) if boundary else make(source, density=density, **interior, **common)
+        body = (
+            build_boundary(source, **common)
+            if boundary
+            else make(source, density=density, mesher=mesher, **interior, **common)
+        )
     _print_size(body)
     print_paths([target])
 

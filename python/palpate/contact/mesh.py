@@ -10,6 +10,9 @@ from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from palpate import _core
 from palpate.arrays import Array, Indices
@@ -42,8 +45,8 @@ class Mesh:
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, *, open: bool = False, repair: bool = True) -> None:
-        points = _numbers(vertices)
-        faces = _indices(triangles, len(points))
+        points = check_vertices(vertices)
+        faces = check_triangles(triangles, len(points))
         repairs: list[str] = []
         if repair:
             faces, degenerate, duplicate, flipped = _core.repair_mesh(points, faces)
@@ -70,7 +73,7 @@ class Mesh:
     def load(cls, path: str | Path, *, unit: str, open: bool = False, repair: bool = True) -> Mesh:
         """Read an STL, OBJ, PLY, OFF or GLB file.
 
-        Vertices with equal coordinates are merged.
+        Vertices closer than 1e-6 of the extent are merged.
 
         Args:
             path: file.
@@ -81,13 +84,9 @@ class Mesh:
         Raises:
             MeshError: the file cannot be read or has no triangles, or the mesh is invalid.
         """
+        vertices, triangles, scale = read_triangles(path, unit=unit)
         try:
-            scale = parse_quantity(f"1 {unit}", "m")
-        except ValueError:
-            raise MeshError(f'unit: "{unit}" is not a unit of length; write for example "mm"') from None
-        vertices, triangles = _read(path)
-        try:
-            vertices, triangles = _weld(_numbers(vertices), _indices(triangles, len(vertices)))
+            vertices, triangles = weld(check_vertices(vertices), check_triangles(triangles, len(vertices)))
             return cls(vertices * scale, triangles, open=open, repair=repair)
         except MeshError as problem:
             raise MeshError(f"{path}: {problem}") from None
@@ -158,7 +157,7 @@ class Mesh:
             MeshError: a position is not finite, an index is out of range, or a triangle would lose its area. The mesh
                 is unchanged.
         """
-        target = _numbers(positions)
+        target = check_vertices(positions)
         count = len(self.vertices)
         index = np.arange(count) if vertices is None else np.atleast_1d(np.asarray(vertices))
         if index.shape != (len(target),) or not np.issubdtype(index.dtype, np.integer):
@@ -191,7 +190,8 @@ class Mesh:
         raise MeshError("the mesh is not usable for contact: mesh again")
 
 
-def _numbers(vertices: ArrayLike) -> Array:
+def check_vertices(vertices: ArrayLike) -> Array:
+    """Return vertices (n, 3), m, as an array. Raise MeshError if one is not finite."""
     points = np.array(vertices, dtype=float, order="C")
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise MeshError(f"vertices must be (n, 3) numbers in m, at least three of them; they are {points.shape}")
@@ -204,7 +204,8 @@ def _numbers(vertices: ArrayLike) -> Array:
     return points
 
 
-def _indices(triangles: ArrayLike, vertices: int) -> Indices:
+def check_triangles(triangles: ArrayLike, vertices: int) -> Indices:
+    """Return triangles (m, 3) as an array. Raise MeshError if an index is not below `vertices`."""
     raw = np.asarray(triangles)
     if raw.ndim != 2 or raw.shape[1] != 3 or len(raw) == 0:
         raise MeshError(f"triangles must be (m, 3) vertex indices, at least one row; they are {raw.shape}")
@@ -217,14 +218,37 @@ def _indices(triangles: ArrayLike, vertices: int) -> Indices:
     return np.array(raw, dtype=np.int64, order="C")
 
 
-def _weld(points: Array, faces: Indices) -> tuple[Array, Indices]:
-    """Merge vertices with equal coordinates, in the order of their first use."""
-    _, first, same = np.unique(
-        points + 0.0, axis=0, return_index=True, return_inverse=True
-    )  # + 0.0 turns minus zero into zero
+def weld(points: Array, faces: Indices, tolerance: float = 1e-6) -> tuple[Array, Indices]:
+    """Merge vertices closer than `tolerance` of the extent, in the order of their first use.
+
+    Chains of close vertices become one vertex. STL files repeat each vertex, with different last bits.
+    """
+    _, first, same = np.unique(points + 0.0, axis=0, return_index=True, return_inverse=True)  # + 0.0: no minus zero
+    same = same.reshape(-1)
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    pairs = cKDTree(points[first]).query_pairs(tolerance * extent, output_type="ndarray")
+    if len(pairs):
+        graph = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(first),) * 2)
+        count, group = connected_components(graph, directed=False)
+        earliest = np.full(count, len(points))
+        np.minimum.at(earliest, group, first)
+        first, same = earliest, group[same]
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    return points[np.sort(first)], rank[same.reshape(-1)][faces]
+    return points[np.sort(first)], rank[same][faces]
+
+
+def read_triangles(path: str | Path, *, unit: str) -> tuple[Any, Any, float]:
+    """Return the vertices and triangles of a file, as they are written, and its unit, m.
+
+    Raises:
+        MeshError: as `Mesh.load`.
+    """
+    try:
+        scale = parse_quantity(f"1 {unit}", "m")
+    except ValueError:
+        raise MeshError(f'unit: "{unit}" is not a unit of length; write for example "mm"') from None
+    return *_read(path), scale
 
 
 def _read(name: str | Path) -> tuple[Any, Any]:

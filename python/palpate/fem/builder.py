@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,17 +11,27 @@ from typing import Any
 
 import numpy as np
 
-from palpate.contact.mesh import Mesh
+from palpate.contact.mesh import Mesh, read_triangles
 from palpate.fem.body import Body
 from palpate.fem.checks import positive, unit_of_length, whole
+from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.condensation import Condensation, check_memory
 from palpate.fem.elements import Elements, check_order
-from palpate.fem.errors import BodyError
+from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import modes as find_modes
-from palpate.fem.volume import SURFACES, Volume, check_mesh_file, fill, read_volume
+from palpate.fem.volume import (
+    SURFACES,
+    Mesher,
+    Volume,
+    check_mesh_file,
+    check_mesher,
+    closed_surface,
+    fill_surface,
+    read_volume,
+)
 
 _LARGEST = 1e3  # m, extent of a body
 
@@ -37,6 +48,7 @@ def build(
     touch: str | Selector | None = None,
     unit: str | None = None,
     spacing: float | str | None = None,
+    mesher: Mesher = "stuffing",
     order: int = 2,
     modes: int = 0,
     memory: float | str = "8 GB",
@@ -46,8 +58,8 @@ def build(
     """Build a linear elastic body, condensed to its contact surface.
 
     Args:
-        source: tetrahedra (`Volume`, or a .msh, .vtk ... file), or a closed surface (`Mesh`, or an .stl, .obj, .ply,
-            .off or .glb file), which is filled.
+        source: tetrahedra (`Volume`, or a .msh, .vtk ... file), or a surface (`Mesh`, or an .stl, .obj, .ply, .off or
+            .glb file), which is repaired and filled.
         young: Young's modulus, Pa, or text such as "5 kPa".
         fixed: one or more fixed regions, such as "z < 1 mm" or "sphere 0 0 0 radius 5 mm"; after "surface", only the
             surface of the region is fixed.
@@ -57,7 +69,9 @@ def build(
         surface_layer: layer below the contact surface, "2 mm = 50 kPa".
         touch: region of the contact surface; None for the whole surface.
         unit: of the coordinates in a file; required for a file.
-        spacing: edges of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent.
+        spacing: mean edge of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent, or
+            half the thickness of a thin body.
+        mesher: of a surface, "stuffing" (deterministic) or "ftetwild"; see `fill`.
         order: 2 for quadratic tetrahedra, 1 for linear ones, which lock as Poisson's ratio approaches 0.5.
         modes: number of vibration modes to compute for `Body.modal`.
         memory: budget, bytes or text.
@@ -70,6 +84,7 @@ def build(
     """
     check_files(source, unit, output)
     check_order(order)
+    check_mesher(mesher)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
     stages = _Stages(progress)
@@ -77,7 +92,7 @@ def build(
     dirichlet = dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
-    volume = volume_of(source, unit=unit, spacing=spacing)
+    volume = volume_of(source, unit=unit, spacing=spacing, mesher=mesher)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, dirichlet, contact, order)
     contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes})
@@ -170,7 +185,11 @@ def _record(elements: Elements, condensation: Condensation) -> dict[str, Any]:
 
 
 def volume_of(
-    source: Volume | Mesh | str | Path, *, unit: str | None = None, spacing: float | str | None = None
+    source: Volume | Mesh | str | Path,
+    *,
+    unit: str | None = None,
+    spacing: float | str | None = None,
+    mesher: Mesher = "stuffing",
 ) -> Volume:
     """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`."""
     if isinstance(source, Volume):
@@ -179,11 +198,43 @@ def volume_of(
     if isinstance(source, (str, Path)) and Path(source).suffix.lower() not in SURFACES:
         assert unit is not None  # checked
         return read_volume(source, unit=unit)
-    mesh, name = surface_of(source, unit)
-    step = mesh.extent / 15 if spacing is None else positive(spacing, "m", "spacing")
-    if step > mesh.extent:
-        raise BodyError(f"spacing: {step:g} m exceeds the extent of the body, {mesh.extent:.4g} m; use a smaller one")
-    return fill(mesh.vertices, mesh.triangles, step, source=name)
+    surface, name = _surface_to_fill(source, unit)
+    return fill_surface(surface, _spacing_of(surface, spacing), mesher=mesher, source=name)
+
+
+def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[ClosedSurface, str]:
+    """Return the repaired surface of `source` and its name. Raise BodyError if it encloses no volume."""
+    if isinstance(source, Mesh):
+        surface, name = closed_surface(source.vertices, source.triangles, "given surface"), "given surface"
+    else:
+        assert unit is not None  # checked
+        name = Path(source).name
+        vertices, triangles, scale = read_triangles(source, unit=unit)
+        surface = closed_surface(np.asarray(vertices, dtype=float) * scale, triangles, name)
+    _check_extent(surface.extent, name)
+    for text in surface.warnings:
+        warnings.warn(f"{name}: {text}", BodyWarning, stacklevel=4)
+    return surface, name
+
+
+def _spacing_of(surface: ClosedSurface, spacing: float | str | None) -> float:
+    """Return the edges of the tetrahedra, m: a fifteenth of the extent, or half the thickness of a thin body."""
+    if spacing is None:
+        return min(surface.extent / 15.0, max(surface.thickness / 2.0, surface.extent / 60.0))
+    step = positive(spacing, "m", "spacing")
+    if step > surface.extent:
+        raise BodyError(
+            f"spacing: {step:g} m exceeds the extent of the body, {surface.extent:.4g} m; use a smaller one"
+        )
+    return step
+
+
+def _check_extent(extent: float, name: str) -> None:
+    if not 1e-6 <= extent <= _LARGEST:
+        raise BodyError(
+            f"{name}: an extent of {extent:.3g} m; a body has 1e-06 to {_LARGEST:g} m: give the unit of its "
+            'coordinates, such as "mm"'
+        )
 
 
 def surface_of(source: Mesh | str | Path, unit: str | None) -> tuple[Mesh, str]:
@@ -195,11 +246,7 @@ def surface_of(source: Mesh | str | Path, unit: str | None) -> tuple[Mesh, str]:
         assert unit is not None  # checked
         mesh, name = Mesh.load(source, unit=unit, open=True), Path(source).name
     assert isinstance(mesh, Mesh)
-    if not 1e-6 <= mesh.extent <= _LARGEST:
-        raise BodyError(
-            f"{name}: an extent of {mesh.extent:.3g} m; a body has 1e-06 to {_LARGEST:g} m: give the unit of its "
-            'coordinates, such as "mm"'
-        )
+    _check_extent(mesh.extent, name)
     if not mesh.closed:
         raise BodyError(
             f"{name}: the surface has {mesh.diagnose().open_edges} edges at a border, "

@@ -1,4 +1,4 @@
-"""Tetrahedral mesh: a block, a file, or the interior of a closed surface."""
+"""Tetrahedral mesh: a block, a file, or the interior of a surface."""
 
 from __future__ import annotations
 
@@ -8,19 +8,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
-from palpate.contact.mesh import Mesh
+from palpate.contact.mesh import check_triangles, check_vertices
 from palpate.fem.checks import length, lengths, positive, unit_of_length
+from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
+from palpate.fem.isosurface_stuffing import lattice_over, stuff
+from palpate.fem.mesh_improvement import improve, manifold
 from palpate.fem.mesher import tetrahedra
 from palpate.files import check_readable
 from palpate.files.isolated import IsolatedError, run_isolated
+
+Mesher: TypeAlias = Literal["stuffing", "ftetwild"]
 
 SURFACES: Final = (".stl", ".obj", ".ply", ".off", ".glb")
 VOLUMES: Final = (
@@ -48,7 +53,8 @@ np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.
 
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
-_MAX_COUNT = 2e7  # tetrahedra; far more than fit in memory
+_MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
+_VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,41 +229,83 @@ def check_mesh_file(path: str | Path) -> Path:
     return file
 
 
-def fill(vertices: ArrayLike, triangles: ArrayLike, spacing: float | str, *, source: str = "given surface") -> Volume:
-    """Fill a closed surface with tetrahedra by fTetWild (Hu et al. 2020).
+def fill(
+    vertices: ArrayLike,
+    triangles: ArrayLike,
+    spacing: float | str,
+    *,
+    mesher: Mesher = "stuffing",
+    source: str = "given surface",
+) -> Volume:
+    """Fill a surface with tetrahedra.
 
-    The surface of the result deviates from the input by at most a thousandth of its extent.
+    "stuffing" is isosurface stuffing (Labelle & Shewchuk 2007) with sharp edges: the same surface and spacing give the
+    same tetrahedra, bit for bit. "ftetwild" is fTetWild (Hu et al. 2020), whose surface deviates from the input by at
+    most a thousandth of its extent, and which is not deterministic. Small holes are closed with a warning.
 
     Args:
         vertices: (n, 3), m.
         triangles: (k, 3), indices of vertices.
-        spacing: approximate edges of the tetrahedra, m or text.
+        spacing: mean edge of the tetrahedra, m or text.
+        mesher: "stuffing" or "ftetwild".
         source: description of the surface.
 
     Raises:
-        BodyError: fTetWild is not installed, or the volume of the result is not the enclosed volume, because the
-            surface is open or intersects itself.
+        BodyError: the surface has a large hole, the volume of the result is not the enclosed volume, because the
+            spacing is too large, or fTetWild is not installed.
     """
+    check_mesher(mesher)
     step = positive(spacing, "m", "spacing")
-    surface = Mesh(vertices, triangles, open=True)
-    corners, faces = np.ascontiguousarray(surface.vertices), surface.triangles.astype(np.int32)
-    enclosed = _enclosed_volume(corners, faces)
-    if enclosed < 0.0:  # inward orientation
-        enclosed, faces = -enclosed, np.ascontiguousarray(faces[:, ::-1])
-    _check_count(6.0 * 2.0**0.5 * abs(enclosed) / step**3, source)  # count of regular tetrahedra
+    surface = closed_surface(vertices, triangles, source)
+    for text in surface.warnings:
+        warnings.warn(f"{source}: {text}", BodyWarning, stacklevel=2)
+    return fill_surface(surface, step, mesher=mesher, source=source)
+
+
+def closed_surface(vertices: ArrayLike, triangles: ArrayLike, source: str) -> ClosedSurface:
+    """Return the repaired surface. Raise BodyError if it encloses no volume."""
+    points = check_vertices(vertices)
     try:
-        points, cells = tetrahedra(corners, faces, step)
+        return ClosedSurface(points, check_triangles(triangles, len(points)))
     except BodyError as problem:
         raise BodyError(f"{source}: {problem}") from None
-    if len(cells) == 0:
-        raise BodyError(f"{source}: the surface cannot be filled: no tetrahedron lies inside; close the surface")
-    volume = Volume(points, cells, source)
-    if abs(volume.size - enclosed) > 0.1 * abs(enclosed):
+
+
+def check_mesher(mesher: str) -> None:
+    """Raise BodyError unless `mesher` is known."""
+    if mesher not in get_args(Mesher):
+        raise BodyError(f'mesher: "stuffing" or "ftetwild", not {mesher!r}')
+
+
+def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source: str) -> Volume:
+    """Fill a closed surface with edges of about `step`, m; see `fill`."""
+    _check_count(6.0 * 2.0**0.5 * surface.volume / step**3, source)  # count of regular tetrahedra
+    try:
+        if mesher == "ftetwild":
+            points, cells = tetrahedra(surface.vertices, surface.triangles.astype(np.int32), step)
+        else:
+            points, cells = _stuffed(surface, step)
+    except BodyError as problem:
+        raise BodyError(f"{source}: {problem}") from None
+    enclosed = surface.volume
+    filled = float(np.abs(_volumes(points, cells)).sum())
+    if abs(filled - enclosed) > _VOLUME_ERROR * enclosed and (surface.simple or filled < 0.5 * enclosed):
         raise BodyError(
-            f"{source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but the tetrahedra fill "
-            f"{volume.size * 1e6:.4g} cm^3: close its borders, or use a smaller spacing"
+            f"spacing: {source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but tetrahedra of {1e3 * step:.3g} mm "
+            f"fill {filled * 1e6:.4g} cm^3: it is too thin for them, so use a smaller spacing, such as "
+            f"{1e3 * surface.thickness / 2.0:.2g} mm"
         )
-    return volume
+    return Volume(points, cells, source)
+
+
+def _stuffed(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:
+    lattice = lattice_over(surface.vertices.min(axis=0), surface.vertices.max(axis=0), step)
+    _check_count(12.0 * float(np.prod(lattice.shape)), "the lattice around the surface")
+    points, cells = stuff(surface, lattice)
+    if len(cells) == 0:
+        return points, cells
+    points, cells = manifold(points, cells)
+    return improve(surface, points, cells, step), cells
 
 
 def _three(values: float | str | Sequence[float | str], field: str) -> list[float]:
@@ -279,11 +327,6 @@ def _check_count(count: float, source: str) -> None:
             f"spacing: {source} would need about {count:.1g} tetrahedra: use a larger spacing, and check size, spacing "
             "and unit"
         )
-
-
-def _enclosed_volume(vertices: Array, triangles: NDArray[Any]) -> float:
-    a, b, c = (vertices[triangles[:, i]] - vertices.mean(axis=0) for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def _volumes(points: Array, cells: Indices) -> Array:

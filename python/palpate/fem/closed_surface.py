@@ -1,0 +1,326 @@
+"""Closed surface of any triangles: repair, distance and inside.
+
+Repairs depend on the coordinates only, not on the order of the triangles.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from palpate import _core
+from palpate.arrays import Array, Flags, Indices
+from palpate.contact.mesh import weld
+from palpate.fem.errors import BodyError
+from palpate.fem.winding_number import WindingNumber
+
+_LARGEST_HOLE: Final = 0.02  # of the area of the surface
+_FEATURE: Final = np.cos(np.radians(35.0))  # of the angle between normals at a sharp edge
+
+
+class ClosedSurface:
+    """Triangles that enclose a volume, and the repairs that made them do so.
+
+    Welds vertices closer than 1e-6 of the extent, drops triangles without area and repeated ones, orients the triangles
+    outwards, closes small holes, and makes a part inside of another one a cavity. Edges with more than two triangles
+    and intersecting parts remain: inside is a winding number above one half.
+
+    Attributes:
+        vertices: (n, 3), m, in the order of their coordinates.
+        triangles: (k, 3), indices of vertices.
+        repairs: one phrase each.
+        warnings: repairs that may change the shape.
+
+    Raises:
+        BodyError: the surface is empty, has a large hole, or has one side only.
+    """
+
+    def __init__(self, vertices: Array, triangles: Indices) -> None:
+        self.repairs: list[str] = []
+        self.warnings: list[str] = []
+        count = len(np.unique(triangles))
+        points, faces = _sorted(*weld(vertices, triangles))
+        if len(np.unique(faces)) < count:
+            self.repairs.append(
+                _count(count - len(np.unique(faces)), "duplicate vertex", "welded", "duplicate vertices")
+            )
+        faces, degenerate, duplicate, flipped = _core.repair_mesh(points, faces)
+        faces = np.asarray(faces, dtype=np.int64)
+        for number, change in ((degenerate, "without area dropped"), (duplicate, "repeated and dropped")):
+            if number:
+                self.repairs.append(_count(number, "triangle", change))
+        if len(faces) == 0:
+            raise BodyError("the surface is empty: none of its triangles has an area")
+        points, faces = self._close(points, faces)
+        self.vertices, self.triangles = points, self._orient(points, faces, int(flipped))
+        soup = np.ascontiguousarray(points[self.triangles].reshape(-1, 3))  # searched whatever its edges
+        own = np.asarray(_core.repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3))[0])
+        self._number = own[:, 0] // 3  # of the triangles with an area
+        self._tree = _core.TriangleMesh(soup, np.ascontiguousarray(own), True)
+
+    def _close(self, points: Array, faces: Indices) -> tuple[Array, Indices]:
+        """Close the borders by fans around their centers."""
+        loops = _border(faces)
+        if not loops:
+            return points, faces
+        total = float(np.linalg.norm(_area_vectors(points, faces), axis=1).sum())
+        centers: list[Array] = []
+        fans: list[Indices] = []
+        areas: list[float] = []
+        for loop in loops:
+            center = points[loop].mean(axis=0)
+            fan = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(points) + len(centers))], axis=1)
+            centers.append(center)
+            fans.append(fan)
+            areas.append(
+                float(
+                    np.linalg.norm(_area_vectors(np.vstack([points, *[c[None] for c in centers]]), fan), axis=1).sum()
+                )
+            )
+        seams = sum(area <= 1e-9 * total for area in areas)
+        holes = len(loops) - seams
+        if max(areas) > _LARGEST_HOLE * total:
+            raise BodyError(self._hole_message(faces, loops, max(areas) / total))
+        if seams:
+            self.repairs.append(_count(seams, "seam", "of vertices on an edge closed"))
+        if holes:
+            self.repairs.append(_count(holes, "hole", f"closed, {100.0 * sum(areas) / total:.2g} % of the area"))
+            self.warnings.append(self.repairs[-1])
+        return np.vstack([points, np.array(centers)]), np.concatenate([faces, *fans])
+
+    def _hole_message(self, faces: Indices, loops: list[Indices], share: float) -> str:
+        count = np.unique(np.sort(_half_edges(faces), axis=1), axis=0, return_counts=True)[1]
+        open_edges = int((count == 1).sum())
+        if not open_edges:
+            return "the surface has one side only (as a Moebius band), so it encloses no volume: mesh again"
+        return (
+            f"the surface has {open_edges} edges at a border, so it encloses no volume: close it; its largest hole has "
+            f"{100.0 * share:.2g} % of the area, and holes below {100.0 * _LARGEST_HOLE:g} % are closed"
+        )
+
+    def _orient(self, points: Array, faces: Indices, flipped: int) -> Indices:
+        """Orient parts outwards, and parts inside of others inwards."""
+        part = parts_of(faces)
+        faces, solid = faces.copy(), _area_vectors(points, faces)
+        volume = np.bincount(part, np.einsum("ij,ij->i", points[faces[:, 0]] - points.mean(axis=0), solid) / 3.0)
+        inward = volume[part] < 0.0
+        faces[inward] = faces[inward][:, ::-1]
+        if flipped or inward.any():
+            self.repairs.append(_count(max(flipped, int(inward.sum())), "triangle", "oriented outwards"))
+        boxes = [points[faces[part == k]].reshape(-1, 3) for k in range(len(volume))] if len(volume) <= 200 else []
+        level = np.zeros(len(volume), dtype=np.int64)
+        for k, own in enumerate(boxes):
+            for other, theirs in enumerate(boxes):
+                if other == k or not _within(own, theirs):
+                    continue
+                winding = WindingNumber(points, faces[part == other])(np.unique(own, axis=0)[:: max(1, len(own) // 30)])
+                level[k] += bool((winding > 0.5).all())
+        cavity = level % 2 == 1
+        if cavity.any():
+            faces[cavity[part]] = faces[cavity[part]][:, ::-1]
+            self.warnings.append(
+                _count(int(cavity.sum()), "part", "inside of another is a cavity; give an inclusion as a region")
+            )
+            self.repairs.append(self.warnings[-1])
+        return np.ascontiguousarray(faces)
+
+    @cached_property
+    def extent(self) -> float:
+        """Diagonal of the bounding box, m."""
+        return float(np.linalg.norm(np.ptp(self.vertices[self.triangles].reshape(-1, 3), axis=0)))
+
+    @cached_property
+    def area(self) -> float:
+        """Area, m^2."""
+        return float(np.linalg.norm(_area_vectors(self.vertices, self.triangles), axis=1).sum())
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume, m^3; intersecting parts count twice."""
+        middle = self.vertices.mean(axis=0)
+        vectors = _area_vectors(self.vertices, self.triangles)
+        return float(np.einsum("ij,ij->", self.vertices[self.triangles[:, 0]] - middle, vectors) / 3.0)
+
+    @property
+    def thickness(self) -> float:
+        """Twice the volume over the area, m: the thickness of a plate, two thirds of the radius of a sphere."""
+        return 2.0 * self.volume / self.area
+
+    @cached_property
+    def parts(self) -> Indices:
+        """Index of the part of each triangle (k,). Parts share no vertex."""
+        return parts_of(self.triangles)
+
+    @cached_property
+    def winding_number(self) -> WindingNumber:
+        """Winding number."""
+        return WindingNumber(self.vertices, self.triangles)
+
+    def nearest(self, points: Array) -> tuple[Array, Indices]:
+        """Return the nearest points of the surface (n, 3), m, and their triangles (n,)."""
+        nearest, faces = self._tree.nearest(np.ascontiguousarray(points))
+        return np.asarray(nearest), self._number[np.asarray(faces)]
+
+    def distance(self, points: Array) -> Array:
+        """Return the distance of points (n, 3) from the surface (n,), m."""
+        return np.asarray(np.linalg.norm(points - self.nearest(points)[0], axis=1))
+
+    def inside(self, points: Array) -> Flags:
+        """Return whether points (n, 3) lie inside (n,): by the nearest triangle, or by winding number."""
+        return np.asarray(self.signed(points) > 0.0 if self.simple else self.winding_number(points) > 0.5)
+
+    @cached_property
+    def simple(self) -> bool:
+        """Whether no parts of the surface intersect and no edge has more than two triangles."""
+        core = _core.TriangleMesh(self.vertices, self.triangles, False)
+        return bool(core.usable) and core.self_intersections()[0] == 0
+
+    def signed(self, points: Array) -> Array:
+        """Return the distance of points (n, 3) near the surface (n,), m, positive inside.
+
+        The sign is that of the pseudonormal at the nearest point (Baerentzen & Aanaes 2005). It is wrong where parts of
+        the surface intersect.
+        """
+        nearest, faces = self.nearest(points)
+        way = points - nearest
+        outside = np.einsum("ij,ij->i", way, self.pseudonormals(nearest, faces)) > 0.0
+        return np.asarray(np.linalg.norm(way, axis=1) * np.where(outside, -1.0, 1.0))
+
+    def pseudonormals(self, points: Array, faces: Indices) -> Array:
+        """Return the angle-weighted normals of the faces, edges or vertices on which points (n, 3) lie (n, 3)."""
+        corners = self.vertices[self.triangles[faces]]
+        weights = _barycentric(points, corners)
+        zero = weights < 1e-7
+        normal = self._unit[faces]
+        edge = np.flatnonzero(zero.sum(axis=1) == 1)
+        side = (np.argmax(zero[edge], axis=1) + 1) % 3
+        normal[edge] = self._edge_normals[3 * faces[edge] + side]
+        vertex = np.flatnonzero(zero.sum(axis=1) == 2)
+        corner = np.argmax(weights[vertex], axis=1)
+        normal[vertex] = self._vertex_normals[self.triangles[faces[vertex], corner]]
+        return normal
+
+    @cached_property
+    def _unit(self) -> Array:
+        vectors = _area_vectors(self.vertices, self.triangles)
+        return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), np.finfo(float).tiny)[:, None])
+
+    @cached_property
+    def _edge_normals(self) -> Array:
+        """Sum of the unit normals at each edge (3 k, 3), row 3 x triangle + number of the edge's first corner."""
+        _, number = np.unique(np.sort(_half_edges(self.triangles), axis=1), axis=0, return_inverse=True)
+        total = np.zeros((int(number.max()) + 1, 3))
+        np.add.at(total, number.ravel(), np.repeat(self._unit, 3, axis=0))
+        return np.asarray(total[number.ravel()])
+
+    @cached_property
+    def _vertex_normals(self) -> Array:
+        total = np.zeros_like(self.vertices)
+        corners = self.vertices[self.triangles]
+        for i in range(3):
+            a, b = corners[:, (i + 1) % 3] - corners[:, i], corners[:, (i + 2) % 3] - corners[:, i]
+            angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+            np.add.at(total, self.triangles[:, i], angle[:, None] * self._unit)
+        return total
+
+    @cached_property
+    def sharp_edges(self) -> Indices:
+        """Edges (e, 2), as vertices, at which the normals differ by more than 35 degrees."""
+        halves = np.sort(_half_edges(self.triangles), axis=1)
+        order = np.lexsort(halves.T[::-1])
+        same = (halves[order][1:] == halves[order][:-1]).all(axis=1)
+        one, two = order[:-1][same], order[1:][same]
+        cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
+        return np.unique(halves[one[cosine < _FEATURE]], axis=0)
+
+
+def parts_of(faces: Indices) -> Indices:
+    """Return the index of the part of each triangle (k,). Triangles with a common vertex belong to one part."""
+    a, b = faces[:, [0, 0]].ravel(), faces[:, 1:].ravel()
+    size = int(faces.max()) + 1
+    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(size, size))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def _sorted(points: Array, faces: Indices) -> tuple[Array, Indices]:
+    """Return vertices and triangles in the order of their coordinates; drop unused vertices."""
+    used, faces = np.unique(faces, return_inverse=True)
+    points, faces = points[used], faces.reshape(-1, 3)
+    order = np.lexsort(points.T[::-1])
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    faces = rank[faces]
+    first = np.argmin(faces, axis=1)
+    faces = np.stack([faces[np.arange(len(faces)), (first + i) % 3] for i in range(3)], axis=1)
+    return np.ascontiguousarray(points[order]), np.ascontiguousarray(faces[np.lexsort(faces.T[::-1])])
+
+
+def _border(faces: Indices) -> list[Indices]:
+    """Return closed loops of vertices along the directed edges that no triangle runs in the opposite direction."""
+    halves = _half_edges(faces)
+    size = int(faces.max()) + 1
+    keys = np.minimum(halves[:, 0], halves[:, 1]) * size + np.maximum(halves[:, 0], halves[:, 1])
+    edges, number = np.unique(keys, return_inverse=True)
+    surplus = np.bincount(number, np.where(halves[:, 0] < halves[:, 1], 1.0, -1.0)).astype(np.int64)
+    after: dict[int, list[int]] = {}
+    for edge, times in zip(edges[surplus != 0].tolist(), surplus[surplus != 0].tolist(), strict=True):
+        a, b = divmod(edge, size)
+        first, second = (a, b) if times > 0 else (b, a)
+        after.setdefault(first, []).extend([second] * abs(times))
+    loops = []
+    for start in sorted(after):
+        while after[start]:
+            loops += _loops_from(start, after)
+    return loops
+
+
+def _loops_from(start: int, after: dict[int, list[int]]) -> list[Indices]:
+    """Remove a closed walk from `start` and return the simple loops that it consists of."""
+    path, place, loops = [start], {start: 0}, []
+    while True:
+        vertex = after[path[-1]].pop(0)
+        if vertex not in place:
+            place[vertex] = len(path)
+            path.append(vertex)
+            continue
+        loop = path[place[vertex] :]
+        loops.append(np.array(loop, dtype=np.int64))
+        for old in loop[1:]:
+            del place[old]
+        path = path[: place[vertex] + 1]
+        if len(path) == 1:
+            return loops
+
+
+def _half_edges(faces: Indices) -> Indices:
+    """Return the directed edges (3 k, 2) of triangles (k, 3)."""
+    return np.asarray(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
+
+
+def _area_vectors(points: Array, faces: Indices) -> Array:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a) / 2.0)
+
+
+def _barycentric(points: Array, corners: Array) -> Array:
+    """Return the weights (n, 3) of the corners (n, 3, 3) at points (n, 3) of their triangles."""
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
+    wu, wv = np.einsum("ij,ij->i", w, u), np.einsum("ij,ij->i", w, v)
+    scale = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
+    second, third = (vv * wu - uv * wv) / scale, (uu * wv - uv * wu) / scale
+    return np.stack([1.0 - second - third, second, third], axis=1)
+
+
+def _within(own: Array, other: Array) -> bool:
+    """Return whether the bounding box of points lies within another one."""
+    return bool((own.min(axis=0) >= other.min(axis=0)).all() and (own.max(axis=0) <= other.max(axis=0)).all())
+
+
+def _count(number: int, thing: str, change: str, plural: str | None = None) -> str:
+    return f"{number} {thing if number == 1 else plural or thing + 's'} {change}"

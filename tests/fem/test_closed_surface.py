@@ -1,0 +1,102 @@
+"""Repair of a surface to be filled, and its winding number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate.fem import BodyError
+from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.winding_number import WindingNumber
+
+trimesh = pytest.importorskip("trimesh")
+SPHERE = trimesh.creation.icosphere(3, 0.04)
+
+
+def closed(vertices: Any, faces: Any) -> ClosedSurface:
+    return ClosedSurface(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64))
+
+
+def test_the_winding_number_is_one_inside_and_zero_outside() -> None:
+    fine = trimesh.creation.icosphere(4, 0.04)  # dipoles act for most of its clusters
+    points = np.random.default_rng(0).normal(size=(200, 3))
+    points *= (np.linspace(0.0, 0.12, 200) / np.linalg.norm(points, axis=1))[:, None]
+    radius = np.linalg.norm(points, axis=1)
+    clear = np.abs(radius - 0.04) > 2e-4
+    found = WindingNumber(np.asarray(fine.vertices), np.asarray(fine.faces))(points)
+    np.testing.assert_allclose(found[clear], (radius < 0.04)[clear], atol=0.02)
+
+
+def test_a_clean_surface_needs_no_repair() -> None:
+    surface = closed(SPHERE.vertices, SPHERE.faces)
+    assert surface.repairs == []
+    assert surface.simple
+    assert surface.volume == pytest.approx(SPHERE.volume)
+
+
+def test_vertices_that_differ_in_the_last_bits_are_welded() -> None:
+    soup = SPHERE.triangles.reshape(-1, 3)
+    soup = soup + 1e-8 * np.random.default_rng(0).uniform(-1, 1, soup.shape)
+    surface = closed(soup, np.arange(len(soup)).reshape(-1, 3))
+    assert surface.repairs == [f"{len(soup) - len(SPHERE.vertices)} duplicate vertices welded"]
+    assert surface.simple
+
+
+def test_repeated_and_reversed_triangles_are_repaired() -> None:
+    faces = np.concatenate([SPHERE.faces, SPHERE.faces[:5]])
+    faces[10:20] = faces[10:20, ::-1]
+    surface = closed(SPHERE.vertices, faces)
+    assert surface.volume == pytest.approx(SPHERE.volume)
+    assert any("5 triangles repeated and dropped" in text for text in surface.repairs)
+    assert any("oriented outwards" in text for text in surface.repairs)
+
+
+def test_an_inverted_surface_is_turned() -> None:
+    assert closed(SPHERE.vertices, SPHERE.faces[:, ::-1]).volume == pytest.approx(SPHERE.volume)
+
+
+def test_a_vertex_on_an_edge_is_a_seam_and_no_hole() -> None:
+    box = trimesh.creation.box((0.02, 0.03, 0.04))
+    a, b, c = box.faces[0]
+    middle = (box.vertices[a] + box.vertices[b]) / 2.0
+    new = len(box.vertices)
+    faces = np.concatenate([box.faces[1:], [[a, new, c], [new, b, c]]])
+    surface = closed(np.vstack([box.vertices, middle]), faces)
+    assert surface.repairs == ["1 seam of vertices on an edge closed"]
+    assert surface.warnings == []
+    assert surface.volume == pytest.approx(box.volume)
+    inner = np.array([[0.0, 0.0, 0.0], [0.009, 0.0, 0.0], [0.011, 0.0, 0.0]])
+    assert surface.inside(inner).tolist() == [True, True, False]
+
+
+def test_a_sphere_within_a_sphere_is_a_cavity() -> None:
+    inner = trimesh.creation.icosphere(2, 0.02)
+    both = trimesh.util.concatenate([SPHERE, inner])
+    surface = closed(both.vertices, both.faces)
+    assert surface.volume == pytest.approx(SPHERE.volume - inner.volume)
+    assert surface.warnings == ["1 part inside of another is a cavity; give an inclusion as a region"]
+    assert surface.inside(np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])).tolist() == [False, True]
+
+
+def test_a_large_hole_and_a_single_side_are_refused() -> None:
+    with pytest.raises(BodyError, match=r"edges at a border.*holes below 2 % are closed"):
+        closed(SPHERE.vertices, SPHERE.faces[SPHERE.triangles_center[:, 2] < 0.02])
+    angle = np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
+    width = np.array([-1.0, 1.0])[:, None] * 0.01
+    radius = 0.04 + width * np.cos(angle / 2.0)
+    rows = np.stack([radius * np.cos(angle), radius * np.sin(angle), width * np.sin(angle / 2.0)], axis=-1)
+    one, two = np.arange(40), np.roll(np.arange(40), -1)
+    low = np.where(two == 0, 40, two)  # the band closes with its sides exchanged
+    high = np.where(two == 0, 0, two + 40)
+    faces = np.concatenate([np.stack([one, low, high], axis=1), np.stack([one, high, one + 40], axis=1)])
+    with pytest.raises(BodyError, match="edges at a border"):
+        closed(rows.reshape(-1, 3), faces)
+
+
+@pytest.mark.parametrize("shape", [SPHERE, trimesh.creation.box((0.05, 0.03, 0.07))], ids=["sphere", "box"])
+def test_the_nearest_triangle_and_the_winding_number_agree_on_the_inside(shape: Any) -> None:
+    surface = closed(shape.vertices, shape.faces)
+    points = np.random.default_rng(1).uniform(-0.05, 0.05, (3000, 3))
+    clear = surface.distance(points) > 1e-4
+    np.testing.assert_array_equal(surface.inside(points)[clear], (surface.winding_number(points) > 0.5)[clear])

@@ -1,0 +1,120 @@
+"""The deterministic mesher: angles, determinism, volume, sharp edges, manifold surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import Mesh
+from palpate import fem as bodies
+from palpate.fem import BodyError, BodyWarning, Volume
+from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.isosurface_stuffing import lattice_over, stuff
+from palpate.fem.mesh_improvement import manifold, min_angles
+
+trimesh = pytest.importorskip("trimesh")
+
+
+def surface_of(shape: Any) -> ClosedSurface:
+    return ClosedSurface(np.asarray(shape.vertices, dtype=float), np.asarray(shape.faces, dtype=np.int64))
+
+
+def stuffed(surface: ClosedSurface, spacing: float) -> tuple[Any, Any]:
+    return stuff(surface, lattice_over(surface.vertices.min(axis=0), surface.vertices.max(axis=0), spacing))
+
+
+def turned(shape: Any, angle: float, axis: tuple[float, float, float]) -> Any:
+    shape = shape.copy()
+    shape.apply_transform(trimesh.transformations.rotation_matrix(angle, axis))
+    return shape
+
+
+SHAPES = {
+    "sphere": trimesh.creation.icosphere(3, 0.04),
+    "torus": trimesh.creation.torus(0.04, 0.015),
+    "turned box": turned(trimesh.creation.box((0.06, 0.05, 0.03)), 0.5, (1, 2, 3)),
+    "capsule": turned(trimesh.creation.capsule(0.05, 0.02), 1.0, (1, 0, 1)),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_dihedral_angles_have_the_bound_of_labelle_and_shewchuk(name: str) -> None:
+    points, cells = stuffed(surface_of(SHAPES[name]), 0.009)
+    assert len(cells) > 200
+    assert min_angles(points, cells).min() > 10.7
+
+
+def test_renumbering_the_surface_changes_no_bit() -> None:
+    shape = SHAPES["torus"]
+    rng = np.random.default_rng(0)
+    order = rng.permutation(len(shape.vertices))
+    faces = np.argsort(order)[shape.faces][rng.permutation(len(shape.faces))]
+    rolled = np.stack([np.roll(face, turn) for face, turn in zip(faces, rng.integers(0, 3, len(faces)), strict=True)])
+    one = bodies.fill(shape.vertices, shape.faces, "9 mm")
+    two = bodies.fill(shape.vertices[order], rolled, "9 mm")
+    assert one.points.tobytes() == two.points.tobytes()
+    assert one.tetrahedra.tobytes() == two.tetrahedra.tobytes()
+
+
+def test_the_volume_error_falls_with_the_square_of_the_spacing() -> None:
+    sphere = trimesh.creation.icosphere(4, 0.04)
+    error = [1.0 - bodies.fill(sphere.vertices, sphere.faces, h).size / sphere.volume for h in (0.012, 0.006)]
+    assert 0.0 < error[1] < 0.35 * error[0] < 0.02
+
+
+def test_a_block_keeps_its_edges_and_corners() -> None:
+    box = trimesh.creation.box((0.06, 0.05, 0.03))
+    filled = bodies.fill(box.vertices, box.faces, "7 mm")
+    assert filled.size == pytest.approx(box.volume, rel=2e-3)
+    for corner in box.vertices:
+        assert np.linalg.norm(filled.points - corner, axis=1).min() < 1e-12
+
+
+def test_rotation_changes_counts_and_volume_little() -> None:
+    meshes = []
+    for angle in (0.0, 0.4, 1.1):
+        shape = turned(SHAPES["torus"], angle, (1, 1, 2))
+        meshes.append(bodies.fill(shape.vertices, shape.faces, "8 mm"))
+    counts, sizes = [len(mesh.points) for mesh in meshes], [mesh.size for mesh in meshes]
+    assert max(counts) < 1.15 * min(counts)
+    assert max(sizes) < 1.01 * min(sizes)
+
+
+def test_the_filled_surface_is_a_manifold_on_the_given_one() -> None:
+    surface = surface_of(SHAPES["turned box"])
+    filled = bodies.fill(surface.vertices, surface.triangles, "6 mm")
+    skin = Mesh(filled.points, filled.surface)
+    assert skin.closed
+    assert skin.diagnose().pinched_vertices == 0
+    assert surface.distance(filled.points[np.unique(filled.surface)]).max() < 0.01 * 0.006
+
+
+def test_tetrahedra_that_share_only_a_vertex_or_an_edge_are_separated() -> None:
+    points = 0.01 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]])
+    apart, cells = manifold(points, np.array([[0, 1, 2, 3], [0, 4, 6, 5]]))
+    assert len(apart) == 8
+    assert Mesh(apart, Volume(apart, cells).surface).diagnose().pinched_vertices == 0
+    edge, left = manifold(points, np.array([[0, 3, 1, 2], [0, 3, 4, 5], [0, 1, 2, 6]]))  # 0-3 has four triangles
+    assert Mesh(edge, Volume(edge, left).surface).closed
+
+
+def test_overlapping_parts_are_filled_once() -> None:
+    two = trimesh.util.concatenate(
+        [trimesh.creation.icosphere(3, 0.03), trimesh.creation.icosphere(3, 0.03).apply_translation([0.03, 0, 0])]
+    )
+    ball, lens = 4.0 / 3.0 * np.pi * 0.03**3, 5.0 / 12.0 * np.pi * 0.03**3  # centers one radius apart
+    assert bodies.fill(two.vertices, two.faces, "7 mm").size == pytest.approx(2 * ball - lens, rel=0.03)
+
+
+def test_a_plate_thinner_than_the_spacing_is_refused_with_one_that_fits() -> None:
+    plate = trimesh.creation.box((0.06, 0.06, 0.002))
+    with pytest.raises(BodyError, match=r"too thin for them, so use a smaller spacing, such as 0\.9"):
+        bodies.fill(plate.vertices, plate.faces, "12 mm")
+
+
+def test_small_holes_are_closed_with_a_warning() -> None:
+    sphere = trimesh.creation.icosphere(3, 0.04)
+    with pytest.warns(BodyWarning, match="1 hole closed"):
+        filled = bodies.fill(sphere.vertices, sphere.faces[:-1], "10 mm")
+    assert filled.size == pytest.approx(sphere.volume, rel=0.05)

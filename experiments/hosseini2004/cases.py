@@ -24,7 +24,17 @@ from typing import Any, Final, Literal
 import control
 import numpy as np
 from numpy.typing import ArrayLike
-from palpate.control import Controller, critical_gain, gain_interval, lead_lag, loop_gain, lqg, spectral_radius
+from palpate.control import (
+    Controller,
+    WorkspaceController,
+    critical_gain,
+    gain_interval,
+    lead_lag,
+    loop_gain,
+    lqg,
+    spectral_radius,
+    workspace,
+)
 from palpate.devices import Device, load
 from palpate.errors import DesignError
 from palpate.linear import discretize, linearize
@@ -39,14 +49,17 @@ __all__ = [
     "STIFFEST",
     "Case",
     "CaseB",
+    "Tracking",
     "angle_plant",
     "case_b",
     "case_plant",
     "design",
     "ignorant_lqg",
+    "tracking_controllers",
 ]
 
 Name = Literal["A", "B", "C", "D"]
+Tracking = Controller | WorkspaceController  # of forces
 POSE: Final = (0.0, 2.2305, 3.2776)  # rad, (3.8)
 STIFFEST: Final = 3500.0  # N/m, table 2.1
 
@@ -134,6 +147,20 @@ def design(
         raise DesignError(f'kind must be "lead_lag" or "lqg", not {kind!r}')
     notes = {**controller.notes, "case": case, "design_stiffness": k}
     return Controller(controller.system, controller.antiwindup, controller.kind, notes)
+
+
+def tracking_controllers() -> dict[str, Tracking]:
+    """Return palpate's own controllers by name, one design of each kind for every force and stiffness of case D.
+
+    The normalized LQG is the LQG with its forces divided by the object's stiffness of their tick.
+    """
+    fixed = design("D", "lqg")
+    return {
+        "lead–lag": design("D", "lead_lag"),
+        "LQG": fixed,
+        "LQG normalized": fixed.normalized(DESIGN_STIFFNESS["linear"]),
+        "workspace": workspace(_arm(), PERIOD),
+    }
 
 
 def ignorant_lqg(

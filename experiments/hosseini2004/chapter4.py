@@ -12,7 +12,7 @@ from palpate.report import Page
 
 from experiments.hosseini2004 import figures
 from experiments.hosseini2004.as_printed import lead_lag_of_table_51
-from experiments.hosseini2004.cases import CASES, case_b, case_plant, design
+from experiments.hosseini2004.cases import CASES, case_b, case_plant, design, tracking_controllers
 from experiments.hosseini2004.chapter4_as_printed import chapter4_as_printed
 from experiments.hosseini2004.checks import Check, at_most, compare, statement, within
 from experiments.hosseini2004.loops import FORCES, STIFFNESSES, Loop, respond, respond_case
@@ -307,10 +307,10 @@ def _table41(page: Page, loops: list[Loop]) -> list[Check]:
 def _soft(page: Page) -> None:
     controllers = {
         "lead–lag of table 5.1": lead_lag_of_table_51(),
-        "own lead–lag": design("D", "lead_lag"),
-        "own LQG": design("D", "lqg"),
+        **{f"own {name}": law for name, law in tracking_controllers().items()},
     }
     panels: dict[str, dict[str, tuple[Array, Array]]] = {}
+    settled: dict[str, str] = {}
     for model in ("nonlinear", "linear"):
         kinematics: Literal["nonlinear", "linear"] = "linear" if model == "linear" else "nonlinear"
         loops = {
@@ -318,9 +318,11 @@ def _soft(page: Page) -> None:
             for name, c in controllers.items()
         }
         panels[model] = {name: (loop.time, loop.deflection) for name, loop in loops.items()}
+        settled[model] = ", ".join(_ms(loops[f"own {name}"]) for name in tracking_controllers())
     page.subsection("A soft object (figures 4.20 and 4.21)")
     page.figure(
         figures.steps(panels, targets=[8.5 / 1.05], until=1.0, lowest=-0.5, highest=17.0),
         "8.5 N on 1.05 N/mm, nonlinear and linear arm. The gains that explain table 5.1 rest too deep along z; "
-        "palpate's own controllers reach F/K = 8.095 mm.",
+        f"palpate's own controllers reach F/K = 8.095 mm. They settle within 5 %, in the order of the legend, after "
+        f"{settled['nonlinear']} on the nonlinear arm and {settled['linear']} on the linear one.",
     )

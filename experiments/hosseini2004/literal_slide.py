@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from palpate import Trace, simulate
 from palpate.arrays import Array
-from palpate.control import Controller
 from palpate.devices import load
 from palpate.simulation import ContactResult
 
-from experiments.hosseini2004.cases import POSE
+from experiments.hosseini2004.cases import POSE, Tracking
 from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = ["STEPS", "TANGENTIAL", "LiteralCube", "LiteralSlide", "slide"]
@@ -105,7 +104,7 @@ class LiteralSlide:
         return np.asarray(self.place[-1, :2], dtype=float)
 
 
-def slide(controller: Controller, steps: str, press: float) -> LiteralSlide:
+def slide(controller: Tracking, steps: str, press: float) -> LiteralSlide:
     """Run the slide with "small" or "large" steps of stiffness, pressed by `press`, N."""
     origin = load(DEVICE).forward(np.array(POSE))
     cube = LiteralCube(1e3 * np.array(STEPS[steps]), WIDTH, origin)

@@ -8,10 +8,9 @@ from typing import Any, Final, Literal
 import numpy as np
 from palpate import Trace, simulate
 from palpate.arrays import Array
-from palpate.control import Controller
 from palpate.simulation.step_response import StepResponse, step_response
 
-from experiments.hosseini2004.cases import CASES, POSE
+from experiments.hosseini2004.cases import CASES, POSE, Tracking
 from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = ["FORCES", "STIFFNESSES", "Loop", "loop_of", "respond", "respond_case", "scenario"]
@@ -84,7 +83,7 @@ def scenario(
 
 
 def respond(
-    controller: Controller,
+    controller: Tracking,
     *,
     force: float = 8.5,
     stiffness: float = 3.5,
@@ -108,7 +107,7 @@ def loop_of(trace: Trace, force: float, stiffness: float) -> Loop:
 
 
 def respond_case(
-    case: Literal["A", "B", "C", "D"], controller: Controller, *, force: float, stiffness: float, duration: float
+    case: Literal["A", "B", "C", "D"], controller: Tracking, *, force: float, stiffness: float, duration: float
 ) -> Loop:
     """Run a controller on the models of a case; N, N/mm, s."""
     chosen = CASES[case]

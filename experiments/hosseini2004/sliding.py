@@ -20,7 +20,7 @@ from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
 
-from experiments.hosseini2004.cases import POSE, design
+from experiments.hosseini2004.cases import DESIGN_STIFFNESS, POSE, design
 from experiments.hosseini2004.experimental import PERIOD
 
 __all__ = [
@@ -36,7 +36,7 @@ __all__ = [
     "slide_scenario",
 ]
 
-Kind = Literal["lead_lag", "lqg"]
+Kind = Literal["lead_lag", "lqg", "lqg_normalized"]
 Field = Literal["discrete", "continuous"]
 
 FIELDS: Final[tuple[Field, Field]] = ("discrete", "continuous")
@@ -152,9 +152,10 @@ def slide_scenario(
             },
         },
         "controller": {
-            "kind": controller,
+            "kind": "lead_lag" if controller == "lead_lag" else "lqg",
             "stiffness": "1 N/mm",
-            **({"windup_time": f"{WINDUP_TIME:g} s"} if controller == "lqg" else {}),
+            **({"windup_time": f"{WINDUP_TIME:g} s"} if controller != "lead_lag" else {}),
+            **({"normalize": True} if controller == "lqg_normalized" else {}),
             **options,
         },
         "run": {"duration": _time(end + REST)},
@@ -163,7 +164,10 @@ def slide_scenario(
 
 def slide_controller(kind: Kind) -> Controller:
     """Return the controller that `slide_scenario` describes: one design serves every slide."""
-    return design("D", "lqg", windup_time=WINDUP_TIME) if kind == "lqg" else design("D", kind)
+    if kind == "lead_lag":
+        return design("D", "lead_lag")
+    lqg = design("D", "lqg", windup_time=WINDUP_TIME)
+    return lqg.normalized(DESIGN_STIFFNESS["linear"]) if kind == "lqg_normalized" else lqg
 
 
 def _time(seconds: float) -> str:
@@ -179,13 +183,20 @@ class Pair:
     """A slide from a polygon of one stiffness to its neighbour of another, N/mm.
 
     Attributes:
-        stable: the loop stayed bounded and came to rest in contact on the second stiffness, its force steady to 1 %.
+        rests: the loop stayed bounded and came to rest in contact, its force steady to 1 %.
+        arrived: it ended on the second stiffness.
     """
 
     first: float
     second: float
-    stable: bool
+    rests: bool
+    arrived: bool
     found: SlidingMetrics
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop came to rest on the second stiffness."""
+        return self.rests and self.arrived
 
 
 def pair(first: float, second: float, controller: Controller, *, tangential: float, field: Field) -> Pair:
@@ -195,8 +206,8 @@ def pair(first: float, second: float, controller: Controller, *, tangential: flo
     found = sliding_metrics(trace)
     if found is None:
         raise RuntimeError(f"the slide from {first:g} to {second:g} N/mm never touched")
-    there = abs(trace["surface_stiffness"][-1, 0] - 1e3 * second) < 1e-6 * second
-    return Pair(first, second, bool(trace.completed and found.settled and there), found)
+    arrived = abs(trace["surface_stiffness"][-1, 0] - 1e3 * second) < 1e-6 * second
+    return Pair(first, second, bool(trace.completed and found.settled), bool(arrived), found)
 
 
 def pairs(

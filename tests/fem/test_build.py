@@ -363,7 +363,7 @@ def test_a_body_of_a_wrong_unit_is_warned_of(unit: str, told: str | None) -> Non
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         block((f"150 {unit}", f"100 {unit}", f"80 {unit}"), f"50 {unit}")
-    assert [str(warning.message).partition(";")[0] for warning in warned] == (
+    assert [str(warning.message).partition(":")[0] for warning in warned] == (
         [f"the body has an extent of {told}"] if told else []
     )
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from palpate.contact.mesh import Mesh, read_triangles
 from palpate.fem.body import Body
-from palpate.fem.checks import positive, unit_of_length, whole
+from palpate.fem.checks import positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.condensation import Condensation, check_memory
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.mesh_estimate import check_memory_before, check_parts
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import modes as find_modes
@@ -92,7 +93,12 @@ def build(
     dirichlet = dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
-    volume = volume_of(source, unit=unit, spacing=spacing, mesher=mesher)
+
+    def check(surface: ClosedSurface, step: float) -> None:
+        check_parts(surface, dirichlet, step)
+        check_memory_before(surface, step, order, memory, touched=contact is None)
+
+    volume = volume_of(source, unit=unit, spacing=spacing, mesher=mesher, check=check)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, dirichlet, contact, order)
     contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes})
@@ -190,8 +196,12 @@ def volume_of(
     unit: str | None = None,
     spacing: float | str | None = None,
     mesher: Mesher = "stuffing",
+    check: Callable[[ClosedSurface, float], None] | None = None,
 ) -> Volume:
-    """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`."""
+    """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`.
+
+    `check` is called with the surface and the spacing, m, before the surface is filled.
+    """
     if isinstance(source, Volume):
         return source
     _check_source(source, unit)
@@ -199,7 +209,10 @@ def volume_of(
         assert unit is not None  # checked
         return read_volume(source, unit=unit)
     surface, name = _surface_to_fill(source, unit)
-    return fill_surface(surface, _spacing_of(surface, spacing), mesher=mesher, source=name)
+    step = _spacing_of(surface, spacing)
+    if check is not None:
+        check(surface, step)
+    return fill_surface(surface, step, mesher=mesher, source=name)
 
 
 def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[ClosedSurface, str]:
@@ -212,6 +225,7 @@ def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[Close
         vertices, triangles, scale = read_triangles(source, unit=unit)
         surface = closed_surface(np.asarray(vertices, dtype=float) * scale, triangles, name)
     _check_extent(surface.extent, name)
+    warn_of_size(surface.extent, stacklevel=5)
     for text in surface.warnings:
         warnings.warn(f"{name}: {text}", BodyWarning, stacklevel=4)
     return surface, name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from math import isfinite
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.errors import PoseError
-from palpate.fem.errors import BodyError
+from palpate.fem.errors import BodyError, BodyWarning
 from palpate.units import parse_quantity, to_si
 
 TipShape = Literal["sphere", "flat"]
@@ -63,6 +64,19 @@ def unit_of_length(unit: str) -> float:
         return parse_quantity(f"1 {unit}", "m")
     except ValueError:
         raise BodyError(f'unit: "{unit}" is not a unit of length; write for example "mm"') from None
+
+
+def warn_of_size(extent: float, *, stacklevel: int) -> None:
+    """Warn if the extent of a body, m, is not within 1 mm and 2 m."""
+    if 1e-3 <= extent <= 2.0:
+        return
+    size = f"{extent:.3g} m" if extent > 1.0 else f"{1e3 * extent:.3g} mm"
+    unit = "mm" if extent > 2.0 else "m"
+    warnings.warn(
+        f'the body has an extent of {size}: are its coordinates in {unit}? Then give unit="{unit}" (--unit {unit})',
+        BodyWarning,
+        stacklevel=stacklevel,
+    )
 
 
 def tick_period(period: float | str) -> float:

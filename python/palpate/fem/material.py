@@ -16,6 +16,7 @@ from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.selectors import Selector, parse_selector
 
 _SOFTEST: Final = 50.0  # Pa; below any tissue, and above the numerical value of a tissue's modulus in kPa
+_STIFFEST: Final = 1e8  # Pa; above any tissue but bone, and any rubber
 
 
 @dataclass(frozen=True, init=False)
@@ -62,7 +63,7 @@ class SurfaceLayer:
 class Material:
     """Linear elastic material with a density.
 
-    Warns of a Young's modulus below 50 Pa, which may be a value in kPa without its unit.
+    Warns of a Young's modulus below 50 Pa, which may be a value in kPa without its unit, and above 100 MPa.
 
     Args:
         young: Young's modulus, Pa, or text such as "5 kPa".
@@ -131,6 +132,13 @@ def _young(value: float | str, field: str) -> float:
     if modulus < _SOFTEST:
         warnings.warn(
             f'{field}: {modulus:g} Pa is softer than any tissue; for a value in kPa, write "{modulus:g} kPa"',
+            BodyWarning,
+            stacklevel=4,
+        )
+    elif modulus > _STIFFEST:
+        warnings.warn(
+            f"{field}: {modulus:g} Pa is stiffer than any tissue but bone (cartilage: 10 MPa): check its unit, such as "
+            '"5 kPa"; a scenario renders a rigid object as a mesh with a stiffness',
             BodyWarning,
             stacklevel=4,
         )

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import check_triangles, check_vertices
-from palpate.fem.checks import length, lengths, positive, unit_of_length
+from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
@@ -95,13 +95,7 @@ class Volume:
             )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "tetrahedra", cells)
-        if not 1e-3 <= self.extent <= 2.0:
-            size = f"{self.extent:.3g} m" if self.extent > 1.0 else f"{1e3 * self.extent:.3g} mm"
-            warnings.warn(
-                f"the body has an extent of {size}; if this is not intended, give its unit, such as mm",
-                BodyWarning,
-                stacklevel=3,
-            )
+        warn_of_size(self.extent, stacklevel=4)
 
     def __repr__(self) -> str:
         x, y, z = np.ptp(self.points, axis=0).tolist()
@@ -257,6 +251,7 @@ def fill(
     check_mesher(mesher)
     step = positive(spacing, "m", "spacing")
     surface = closed_surface(vertices, triangles, source)
+    warn_of_size(surface.extent, stacklevel=3)
     for text in surface.warnings:
         warnings.warn(f"{source}: {text}", BodyWarning, stacklevel=2)
     return fill_surface(surface, step, mesher=mesher, source=source)
@@ -295,7 +290,9 @@ def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source:
             f"fill {filled * 1e6:.4g} cm^3: it is too thin for them, so use a smaller spacing, such as "
             f"{1e3 * surface.thickness / 2.0:.2g} mm"
         )
-    return Volume(points, cells, source)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BodyWarning)  # of its size, given before
+        return Volume(points, cells, source)
 
 
 def _stuffed(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:

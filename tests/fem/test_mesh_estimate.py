@@ -1,0 +1,80 @@
+"""Estimates and refusals before a surface is meshed."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import Mesh
+from palpate import fem as bodies
+from palpate.fem import BodyError, BodyWarning
+from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.elements import Elements
+from palpate.fem.material import Material
+from palpate.fem.mesh_estimate import check_parts, estimate
+from palpate.fem.selectors import parse_selectors
+
+trimesh = pytest.importorskip("trimesh")
+SPHERE = trimesh.creation.icosphere(3, 0.03)
+
+
+def surface_of(shape: Any) -> ClosedSurface:
+    return ClosedSurface(np.asarray(shape.vertices, dtype=float), np.asarray(shape.faces, dtype=np.int64))
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [SPHERE, trimesh.creation.box((0.06, 0.06, 0.02)), trimesh.creation.torus(0.04, 0.014)],
+    ids=["sphere", "block", "torus"],
+)
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_estimated_nodes_are_those_of_the_body_within_a_third(shape: Any, order: int) -> None:
+    surface = surface_of(shape)
+    filled = bodies.fill(surface.vertices, surface.triangles, 0.008)
+    elements = Elements(filled, Material("5 kPa"), parse_selectors("z < -8 mm"), None, order)
+    guess = estimate(surface, 0.008, order)
+    assert guess.nodes == pytest.approx(len(elements.nodes), rel=0.33)
+    assert guess.contact_nodes == pytest.approx(len(np.unique(filled.surface)), rel=0.33)
+
+
+def test_a_build_over_the_budget_is_refused_at_once_with_a_spacing_that_fits() -> None:
+    begin = time.process_time()
+    with pytest.raises(BodyError, match=r"over the budget of 0\.4 GB: use a spacing of [\d.]+ mm or more") as refusal:
+        bodies.build(Mesh(SPHERE.vertices, SPHERE.faces), young=5e3, fixed="z < -20 mm", spacing=1e-3, memory="0.4 GB")
+    assert time.process_time() - begin < 5.0
+    fits = float(str(refusal.value).split("spacing of ")[2].split()[0])
+    body = bodies.build(
+        Mesh(SPHERE.vertices, SPHERE.faces), young=5e3, fixed="z < -20 mm", spacing=f"{fits} mm", memory="0.4 GB"
+    )
+    assert body.record["memory_bytes"] < 0.4e9
+
+
+def test_a_part_without_a_fixed_place_is_refused_at_once() -> None:
+    two = trimesh.util.concatenate([SPHERE, SPHERE.copy().apply_translation([0.1, 0.0, 0.0])])
+    with pytest.raises(BodyError, match="1 of the 2 parts of the surface has no fixed place"):
+        bodies.build(Mesh(two.vertices, two.faces), young=5e3, fixed="x < 0 mm", spacing=2e-3)
+    check_parts(surface_of(two), parse_selectors("z < 0 mm"), 0.01)
+
+
+@pytest.mark.parametrize("fixed", ["sphere 0 0 0 radius 5 mm", "surface z < -29 mm", "box -1 -1 28 to 1 1 31 mm"])
+def test_a_fixed_place_within_or_on_a_large_triangle_counts(fixed: str) -> None:
+    block = trimesh.creation.box((0.06, 0.06, 0.06))
+    shell = trimesh.util.concatenate([block, trimesh.creation.icosphere(2, 0.01).apply_translation([0.015, 0.0, 0.0])])
+    check_parts(surface_of(block), parse_selectors(fixed), 0.01)
+    check_parts(surface_of(shell), parse_selectors(fixed), 0.01)  # the cavity needs no place
+
+
+def test_a_size_in_the_wrong_unit_is_asked_about() -> None:
+    ball = trimesh.creation.icosphere(1, 30.0)
+    with (
+        pytest.warns(BodyWarning, match=r'extent of 10\d m: are its coordinates in mm\? Then give unit="mm"'),
+        pytest.raises(BodyError, match="no fixed place"),
+    ):
+        bodies.build(Mesh(ball.vertices, ball.faces), young=5e3, fixed="z < -100 m")
+
+
+def test_a_modulus_of_metal_is_asked_about() -> None:
+    with pytest.warns(BodyWarning, match="stiffer than any tissue but bone"):
+        Material(5e9)

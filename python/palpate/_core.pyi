@@ -225,6 +225,30 @@ def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), d
     Add from_ to to[rows, columns], both in Fortran order. lower: skip the entries above the diagonal.
     """
 
+class ContactObject:
+    """An object that a tip touches."""
+
+def force_law(depth: Sequence[float], force: Sequence[float], point: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], normal: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> ContactObject:
+    """Plane with a table from depth, m, to force, N."""
+
+def force_law_values(depth: Sequence[float], force: Sequence[float], at: float) -> tuple:
+    """Force, N, slope, N/m, and energy, J, of a table at a depth, m."""
+
+def constant_field(force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> ContactObject:
+    """The same force on the tip everywhere, N."""
+
+def gravity_well(center: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], stiffness: float, radius: float, cap: float) -> ContactObject:
+    """Capped spring to a center, without force beyond a radius."""
+
+def vibration(force: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], frequency: float, decay: float, at_contact: bool, point: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], normal: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> ContactObject:
+    """Sinusoidal force on the tip, N, that may decay."""
+
+def virtual_mass(mass: float, stiffness: float, damping: float, period: float) -> ContactObject:
+    """Free mass on a spring and a damper."""
+
+def textured_wall(point: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], normal: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], across: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], stiffness: float, damping: float, wavelength: float, height: float, lateral_force: float) -> ContactObject:
+    """Plane wall with a sinusoidal texture."""
+
 class QuasiStaticSolver:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int) -> None: ...
 
@@ -491,6 +515,9 @@ class ObjectSetup:
 
     def set_mesh(self, surface: MeshModel) -> None:
         """Use a mesh as the object."""
+
+    def set_object(self, object: ContactObject) -> None:
+        """Use a force law, a field or a textured wall as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
         """Use a deformable body as the object."""
@@ -827,6 +854,9 @@ class PremiumSetup:
     def set_mesh(self, surface: MeshModel) -> None:
         """Use a mesh as the object."""
 
+    def set_object(self, object: ContactObject) -> None:
+        """Use a force law, a field or a textured wall as the object."""
+
     def set_body(self, body: PlacedBody) -> None:
         """Use a deformable body as the object."""
 
@@ -1140,6 +1170,9 @@ class SliderSetup:
     def set_mesh(self, surface: MeshModel) -> None:
         """Use a mesh as the object."""
 
+    def set_object(self, object: ContactObject) -> None:
+        """Use a force law, a field or a textured wall as the object."""
+
     def set_body(self, body: PlacedBody) -> None:
         """Use a deformable body as the object."""
 
@@ -1448,6 +1481,9 @@ class FiveBarSetup:
     def set_mesh(self, surface: MeshModel) -> None:
         """Use a mesh as the object."""
 
+    def set_object(self, object: ContactObject) -> None:
+        """Use a force law, a field or a textured wall as the object."""
+
     def set_body(self, body: PlacedBody) -> None:
         """Use a deformable body as the object."""
 
@@ -1705,6 +1741,9 @@ class TipDeviceSetup:
 
     def set_mesh(self, surface: MeshModel) -> None:
         """Use a mesh as the object."""
+
+    def set_object(self, object: ContactObject) -> None:
+        """Use a force law, a field or a textured wall as the object."""
 
     def set_body(self, body: PlacedBody) -> None:
         """Use a deformable body as the object."""

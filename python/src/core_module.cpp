@@ -13,6 +13,7 @@ using namespace nb::literals;
 
 void bind_batch(nb::module_& m);
 void bind_body(nb::module_& m);
+void bind_force_objects(nb::module_& m);
 void bind_front(nb::module_& m);
 void bind_solid(nb::module_& m);
 void bind_touch(nb::module_& m);
@@ -23,6 +24,7 @@ NB_MODULE(_core, m) {
 
   bind_body(m);
   bind_front(m);
+  bind_force_objects(m);
   bind_solid(m);
   bind_touch(m);
 

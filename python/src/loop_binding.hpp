@@ -107,6 +107,9 @@ void bind_object(nb::class_<Setup>& cls) {
           "set_mesh", [](Setup& s, const TouchedSurface& t) { s.other = palpate::object::MeshObject(t.model(), t.radius); }, "surface"_a,
           "Use a mesh as the object.")
       .def(
+          "set_object", [](Setup& s, const palpate::object::AnyObject& one) { s.other = one; }, "object"_a,
+          "Use a force law, a field or a textured wall as the object.")
+      .def(
           "set_body", [](Setup& s, const PlacedBody& t) { s.placement = t.placement; }, "body"_a, nb::keep_alive<1, 2>(),
           "Use a deformable body as the object.")
       .def(

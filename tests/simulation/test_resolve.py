@@ -134,6 +134,40 @@ def test_hyperelastic_bodies_run_alike(
     assert rows[:, -4].max() >= 3  # contact nodes
 
 
+FORCE_OBJECTS: dict[str, dict[str, Any]] = {
+    "law": {"kind": "force_law", "normal": [0, 0, 1], "law": {"formula": "200 * x + 1e5 * x^2", "deepest": "5 mm"}},
+    "well": {"kind": "field", "field": {"kind": "gravity_well", "stiffness": "50 N/m", "radius": "10 mm"}},
+    "drag": {"kind": "field", "field": {"kind": "viscous", "damping": "1 N*s/m"}},
+    "weight": {"kind": "field", "field": {"kind": "constant", "force": ["0 N", "-0.1 N", "0 N"]}},
+    "ring": {
+        "kind": "field",
+        "normal": [0, 0, 1],
+        "field": {
+            "kind": "vibration",
+            "force": ["0 N", "0 N", "0.2 N"],
+            "frequency": "150 Hz",
+            "decay": "30 ms",
+            "at_contact": True,
+        },
+    },
+    "ball": {"kind": "field", "field": {"kind": "virtual_mass", "mass": "0.1 kg", "stiffness": "200 N/m"}},
+    "file": {
+        "kind": "textured_wall",
+        "stiffness": "300 N/m",
+        "normal": [0, 0, 1],
+        "texture": {"wavelength": "1 mm", "across": [1, 0, 0], "height": "0.05 mm", "lateral_force": "0.1 N"},
+        "frame": {"displacement": [["0 s", "0 mm", "0 mm", "0 mm"], ["0.1 s", "1 mm", "0 mm", "0 mm"]]},
+    },
+}
+
+
+def test_force_laws_fields_and_textures_run_alike(program: Path, block: Path, tmp_path: Path) -> None:
+    tables = press(block)
+    tables.pop("object")
+    check(program, {**tables, "objects": FORCE_OBJECTS}, tmp_path / "scene")
+    check(program, {**tables, "object": FORCE_OBJECTS["law"]}, tmp_path / "law")
+
+
 def test_a_scene_with_a_moving_body_and_a_turning_mesh_runs_alike(program: Path, block: Path, tmp_path: Path) -> None:
     sway = [["0 s", "0 mm", "0 mm", "0 mm"], ["0.1 s", "1 mm", "0 mm", "1 mm"]]
     turn = [["0.05 s", "0 deg", "0 deg", "0 deg"], ["0.2 s", "10 deg", "0 deg", "20 deg"]]

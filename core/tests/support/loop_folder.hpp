@@ -84,8 +84,9 @@ std::string indices(Files& to, const std::string& name, const std::vector<std::a
   return blob(to, name, flat, width);
 }
 
-inline const char* const object_kinds[] = {"wall",      "mesh",         "compliance", "standard_linear_solid", "modal", "mass_spring",
-                                           "free_form", "moving_frame", "scene"};
+inline const char* const object_kinds[] = {
+    "wall",         "mesh",  "compliance", "standard_linear_solid", "modal",     "mass_spring",   "free_form",
+    "moving_frame", "scene", "force_law",  "gravity_well",          "vibration", "textured_wall", "virtual_mass"};
 
 inline std::string wall() {
   return R"({"kind": "spring_wall", "shape": "half_space", "point": [0.0005, 0, 0], "normal": [-1, 0, 0], "stiffness": [100, 100, 100],)"
@@ -160,6 +161,24 @@ inline std::string scene(Files& to) {
   return R"({"kind": "scene", "objects": {"rib": )" + wall() + R"(, "heart": )" + moving_frame(to, mesh(to)) + "}}";
 }
 
+inline bool is_force_object(const std::string& kind) {
+  return kind == "force_law" || kind == "gravity_well" || kind == "vibration" || kind == "virtual_mass" || kind == "textured_wall";
+}
+
+/// A force law or a field in front of the tip.
+inline std::string force_object(Files& to, const std::string& kind) {
+  const std::string plane = R"(, "point": [0.0005, 0, 0], "normal": [-1, 0, 0])";
+  const std::string begin = R"({"kind": ")" + kind + '"';
+  if (kind == "force_law")
+    return begin + plane + R"(, "depth": )" + blob(to, "depth", std::vector<double>{0.0, 1e-3, 3e-3}) + R"(, "force": )" +
+           blob(to, "force", std::vector<double>{0.0, 0.1, 0.4}) + "}";
+  if (kind == "gravity_well") return begin + R"(, "center": [0.001, 0, 0], "stiffness": 100, "radius": 0.5, "cap": 0.2})";
+  if (kind == "vibration") return begin + plane + R"(, "force": [-0.1, 0, 0], "frequency": 150, "decay": 0.05, "at_contact": true})";
+  if (kind == "virtual_mass") return begin + R"(, "mass": 0.2, "stiffness": 100, "damping": 0.5, "period": 0.001})";
+  return begin + plane + R"(, "across": [0, 1, 0], "stiffness": 100, "damping": 0.1, "wavelength": 0.001, "height": 0.0001,)" +
+         R"( "lateral_force": 0.05})";
+}
+
 /// A slider that pushes with 0.3 N along x against an object of the given kind for `ticks` periods.
 inline Files valid(const std::string& kind, std::size_t ticks = 100) {
   Files to;
@@ -169,6 +188,7 @@ inline Files valid(const std::string& kind, std::size_t ticks = 100) {
                              : kind == "mesh"         ? mesh(to)
                              : kind == "moving_frame" ? moving_frame(to, mesh(to))
                              : kind == "scene"        ? scene(to)
+                             : is_force_object(kind)  ? force_object(to, kind)
                                                       : body(to, kind);
   to["loop.json"] =
       R"({"format": "palpate loop", "version": 2, "written_by": "test", "title": "a loop", "mechanism": {"name": "slider", "parameters":)"

@@ -1,7 +1,7 @@
 """Simulation of a scenario's servo loop, and the trace that it returns."""
 
+from palpate.contact.force_law import ForceLaw
 from palpate.simulation.environment import Environment
-from palpate.simulation.force_law import ForceLaw
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.loop import Loop, Sample
 from palpate.simulation.loop_config import resolve

@@ -122,6 +122,19 @@ def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controlle
     return scenario if controller is None else with_controller(scenario, controller)
 
 
+def written_out(scenario: Scenario) -> Scenario:
+    """Return the scenario with a designed controller as a state space: its object may then be replaced.
+
+    Raises:
+        DesignError, PoseError: as `build_controller`.
+    """
+    if scenario.controller.kind not in ("lead_lag", "lqg"):
+        return scenario
+    device = scenario.load_device()
+    start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
+    return with_controller(scenario, build_controller(scenario, device, start))
+
+
 def with_controller(scenario: Scenario, controller: Any) -> Scenario:
     """Return the scenario with a linear controller (see `as_linear_controller`) in its [controller].
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,8 @@ from palpate.simulation.recorded import Recorded
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
+
+ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
 __all__ = ["evidence", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
 
@@ -94,7 +96,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     device, last, ending = scenario.load_device(), window.end, window.ending
     balance = energy_balance(trace, scenario, window)
     generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
-    one_sided = all(one.object.kind in ("wall", "mesh", "body") for one in scenario.each_object.values())
+    one_sided = all(one.object.kind in ONE_SIDED for one in scenario.each_object.values())
     expected = _expected(trace, scenario, window)
     return {
         "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
@@ -185,7 +187,7 @@ def _apart(trace: Recorded, touching: Flags) -> float:
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:
     """Return whether the force at the end presses the tip against the object, as far as the run shows its normal."""
     load = trace["reference_force"][last] + trace["operator_force"][last]
-    if scenario.contact_kind == "wall" and scenario.object.normal is not None:
+    if scenario.contact_kind in ("wall", "force_law") and scenario.object.normal is not None:
         return bool(presses(load, scenario.object.normal)[0])
     if touching[: last + 1].any():
         return bool(presses(load, -trace["object_force"][np.flatnonzero(touching[: last + 1])[-1]])[0])

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.equivalent_spring import as_spring
 from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.recorded import Recorded
@@ -63,13 +64,33 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
         return None, ""
     if scenario.contact_kind in ("mesh", "body"):
         return _contact(trace, scenario)
+    if scenario.contact_kind in ("force_law", "field"):
+        return _by_formula(trace, scenario)
     if scenario.contact_kind not in ("spring", "wall"):
         return None, ""
+    return _spring(trace, scenario), ""
+
+
+def _spring(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
+    """Return the spectral radii of a run on a spring or a wall; None if it has no linear loop."""
     try:
         start, rest = scenario_loop(scenario), loop_at_rest(trace, scenario)[0]
     except PalpateError:
-        return None, ""
-    return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius()), ""
+        return None
+    return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius())
+
+
+def _by_formula(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
+    """Return the spectral radii of a run in a field or, at its rest, on a force law; None and the reason if none."""
+    spring, reason = as_spring(scenario, trace)
+    if spring is None:
+        return None, reason
+    found = _spring(trace, spring)
+    if found is None or scenario.contact_kind == "field":
+        return found, ""
+    return (
+        (None, "the run on the force law does not rest") if found.rest is None else (LinearRadii(found.rest, None), "")
+    )
 
 
 def _contact(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:

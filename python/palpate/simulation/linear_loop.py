@@ -180,6 +180,10 @@ def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
             "object.kind: a deformable body has states of its own and no one stiffness: use palpate.stability.certify, "
             "or palpate.stability.contact_stability of a trace"
         )
+    if scenario.object.kind not in ("spring", "wall"):
+        raise StabilityError(
+            f'object.kind: "{scenario.object.kind}" is no spring with one stiffness: use palpate.stability.certify'
+        )
     if scenario.operator.kind == "fixed" and arm is None:
         raise StabilityError(
             'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'

@@ -229,6 +229,8 @@ def _single(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
         return _mesh(placed, blobs)
     if touched.body is not None:
         return _body(placed, blobs)
+    if (parameters := placed.parameters) is not None:
+        return _force_object(parameters, blobs)
     kinds = _core.SpringWallParameters.Kind
     shapes = {kinds.none: "none", kinds.point: "point", kinds.half_space: "half_space"}
     backward = setup.difference == _core.CouplingDifference.backward
@@ -241,6 +243,15 @@ def _single(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
         "damping": _list(setup.damping),
         "difference": "backward" if backward else "bilinear",
     }
+
+
+def _force_object(parameters: Mapping[str, Any], blobs: _Blobs) -> dict[str, Any]:
+    """Return a force law, a field or a textured wall; the columns of a table are blobs."""
+    plain = {key: _list(value) if isinstance(value, np.ndarray) else value for key, value in parameters.items()}
+    plain |= {key: None for key, value in plain.items() if isinstance(value, float) and math.isinf(value)}
+    if parameters["kind"] != "force_law":
+        return plain
+    return {**plain, **{key: blobs.write(key, parameters[key]) for key in ("depth", "force")}}
 
 
 def _mesh(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:

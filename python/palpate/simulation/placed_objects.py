@@ -14,6 +14,7 @@ from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import touched_body
+from palpate.simulation.force_objects import CHANNELS_OF, core_object, force_object
 from palpate.simulation.meshes import touched_mesh
 
 # Channels that the core adds to a row, with their numbers of columns.
@@ -45,6 +46,18 @@ class PlacedObject:
     origin: Array
 
     @property
+    def parameters(self) -> dict[str, Any] | None:
+        """Kind and parameters of a force law, field or textured wall; None for other objects."""
+        return force_object(self.scenario, self.place)
+
+    @property
+    def kinds(self) -> dict[str, int]:
+        """Channels of the object's kind, with their numbers of columns."""
+        touched = self.scenario.object
+        kind = touched.kind if touched.field is None else touched.field.kind
+        return {"mesh": MESH, "body": BODY, **CHANNELS_OF}.get(kind, {})
+
+    @property
     def place(self) -> Array:
         """Position of the object in the frame in which its setup describes it (3,), m."""
         return np.zeros(3) if self.scenario.object.frame is not None else self.origin
@@ -52,8 +65,7 @@ class PlacedObject:
     @property
     def width(self) -> int:
         """Number of columns of the object in a row of the core."""
-        own = {"mesh": MESH, "body": BODY}.get(self.scenario.object.kind, {})
-        return sum(own.values()) + (POSE if self.scenario.object.frame is not None else 0)
+        return sum(self.kinds.values()) + (POSE if self.scenario.object.frame is not None else 0)
 
     def channels(self, columns: Array, tip: Array) -> dict[str, Array]:
         """Return the channels of the object: its deflection first, then those of its kind, then those of its frame.
@@ -66,30 +78,58 @@ class PlacedObject:
         pose, own = (columns[:, :POSE], columns[:, POSE:]) if frame else (columns[:, :0], columns)
         matrix = pose[:, 3:].reshape(-1, 3, 3)
         local = np.einsum("nji,nj->ni", matrix, tip - pose[:, :3]) if frame else tip
-        kinds = {"mesh": MESH, "body": BODY}.get(self.scenario.object.kind, {})
+        kinds = self.kinds
         ends = np.cumsum([*kinds.values()])
         values = {name: own[:, end - width : end] for (name, width), end in zip(kinds.items(), ends, strict=True)}
         if "proxy" in values:
             values = {"deflection": -values["depth"] * values["normal"], **values}
         elif "deflection" not in values:
-            values = {"deflection": self._deflection(local)}
+            values = {"deflection": self._deflection(local, values), **values}
         if not frame:
             return values
-        for name in ("deflection", "normal", "proxy"):
+        for name in ("deflection", "normal", "proxy", "mass_position"):
             if name in values:
                 values[name] = np.einsum("nij,nj->ni", matrix, values[name])
-        if "proxy" in values:
-            values["proxy"] = values["proxy"] + pose[:, :3]
+        for name in ("proxy", "mass_position"):
+            if name in values:
+                values[name] = values[name] + pose[:, :3]
         turned = Rotation.from_matrix(matrix).as_rotvec() if len(matrix) else np.zeros((0, 3))
         return {**values, "frame_position": pose[:, :3], "frame_rotation": turned}
 
-    def _deflection(self, tip: Array) -> Array:
-        """Return the deflection of a spring or a wall (n, 3), m; without an object, the displacement of the tip."""
+    def _deflection(self, tip: Array, values: Mapping[str, Array]) -> Array:
+        """Return the deflection of a spring, a wall or a field (n, 3), m; without an object, the tip's displacement.
+
+        Args:
+            tip: positions in the object's frame (n, 3), m.
+            values: other channels of the object.
+        """
+        touched = self.scenario.object
+        if "depth" in values:
+            return np.asarray(-np.maximum(values["depth"], 0.0) * np.array(touched.normal), dtype=float)
+        if "mass_position" in values:
+            return np.asarray(tip - values["mass_position"], dtype=float)
         away = tip - np.array(self.setup.wall.point)
-        if self.scenario.object.kind != "wall":
-            return np.asarray(away, dtype=float)
-        normal = np.array(self.scenario.object.normal)
-        return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+        if touched.kind == "wall":
+            normal = np.array(touched.normal)
+            return np.asarray(np.minimum(away @ normal, 0.0)[:, None] * normal, dtype=float)
+        if touched.field is not None and touched.field.kind in ("constant", "vibration"):
+            return np.zeros_like(away)
+        if touched.field is not None and touched.field.radius is not None:
+            inside = np.linalg.norm(away, axis=1) < touched.field.radius
+            return np.where(inside[:, None], away, 0.0)
+        return np.asarray(away, dtype=float)
+
+
+def sensed_tip(scenario: Scenario, device: Device, start: Array) -> Array:
+    """Return the tip at a start pose (dof,) as the encoders read it (3,), m.
+
+    An object is placed there; otherwise a stiff one would push at rest.
+    """
+    if not scenario.device.encoder:
+        return device.forward(start)
+    step = device.encoder_step
+    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
+    return device.forward(np.where(step > 0.0, counts * step, start))
 
 
 def place_objects(setup: Any, scenario: Scenario, device: Device, start: Array) -> dict[str, PlacedObject]:
@@ -98,11 +138,7 @@ def place_objects(setup: Any, scenario: Scenario, device: Device, start: Array) 
     Raises:
         ScenarioError: a mesh or body cannot be read or built.
     """
-    # An object is placed at the tip as the encoders read it; otherwise a stiff object would push at rest.
-    step = device.encoder_step
-    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
-    counted = np.where(step > 0.0, counts * step, start) if scenario.device.encoder else start
-    tip = device.forward(counted)
+    tip = sensed_tip(scenario, device, start)
     placed = {}
     for name, alone in scenario.each_object.items():
         own = _core.ObjectSetup() if name else setup
@@ -119,6 +155,9 @@ def _describe(placed: PlacedObject) -> None:
     wall = _core.SpringWallParameters()
     kinds = {"spring": _core.SpringWallParameters.Kind.point, "wall": _core.SpringWallParameters.Kind.half_space}
     wall.kind = kinds.get(touched.kind, _core.SpringWallParameters.Kind.none)
+    viscous = touched.field is not None and touched.field.kind == "viscous"  # a spring without stiffness
+    if viscous:
+        wall.kind = _core.SpringWallParameters.Kind.point
     wall.point = placed.place
     if touched.normal is not None:
         wall.normal = np.array(touched.normal)
@@ -128,6 +167,10 @@ def _describe(placed: PlacedObject) -> None:
         setup.set_mesh(_core.MeshModel(mesh.core, surface.core_for(mesh), touched.mesh.radius))
     if touched.body is not None:
         setup.set_body(touched_body(scenario, placed.place))
+    if (parameters := placed.parameters) is not None:
+        setup.set_object(core_object(scenario, parameters))
+    if touched.field is not None and viscous:
+        setup.damping = np.array(touched.field.damping)
     if touched.stiffness is not None:
         setup.stiffness, setup.damping = np.array(touched.stiffness), np.array(touched.damping)
     difference = _core.CouplingDifference

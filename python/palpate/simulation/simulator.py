@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate import _core
 from palpate.arrays import Array
+from palpate.contact.force_law import ForceLaw
 from palpate.control.controller import Controller
 from palpate.control.controller_forms import PythonController, as_controller
 from palpate.control.workspace_controller import WorkspaceController
@@ -19,8 +20,9 @@ from palpate.devices import Device
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
-from palpate.simulation.controllers import build_law, read_scenario
-from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
+from palpate.simulation.controllers import build_law, read_scenario, written_out
+from palpate.simulation.force_objects import with_law
+from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects, sensed_tip
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
@@ -44,7 +46,8 @@ def simulate(scenario: Scenario | Mapping[str, Any] | str | Path, controller: An
             `tip` and `velocity`.
         object: replaces the one of [object]. A function f(tip) -> force of the tip on the object (3,), N, or an object
             with `step(tip)` and optionally `reset()`. The tip has `time`, `position` and `velocity`. The scenario of
-            the trace then has the object kind "none".
+            the trace then has the object kind "none". A `palpate.simulation.ForceLaw` runs in the core; the scenario
+            of the trace then has it as its object.
 
     An error in the user's code ends the run. It is raised unchanged, with a note that gives the time.
 
@@ -94,6 +97,9 @@ class Simulation:
         if scenario.servo.gravity_compensation:
             hold = static_tip_force(device.jacobian(start), device.gravity(start))
         chosen = build_law(scenario, device, start) if controller is None else _chosen(controller, scenario)
+        if isinstance(object, ForceLaw):
+            plain = written_out(scenario) if controller is None else scenario
+            scenario, object = with_law(plain, object, sensed_tip(scenario, device, start)), None
         touched = None if object is None else as_object(object)
         if touched is not None:
             scenario = scenario.model_copy(update={"object": Object(kind="none"), "objects": None})

@@ -14,6 +14,7 @@ from palpate.stability.body.certificate import certify_body
 from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
 from palpate.stability.certification import certify_spring
+from palpate.stability.force_object_certificate import certify_field, certify_law, refuse_texture
 from palpate.stability.maps.zwidth_map import ZWidth, spring_zwidth
 from palpate.stability.mesh_certificate import certify_mesh
 from palpate.stability.mesh_zwidth import mesh_zwidth
@@ -24,6 +25,9 @@ Progress = Callable[[str, float], None]
 CERTIFICATES: Mapping[str, Callable[[Scenario], Certificate]] = {
     "mesh": certify_mesh,
     "body": certify_body,
+    "force_law": certify_law,
+    "field": certify_field,
+    "textured_wall": refuse_texture,
 }  # other kinds: a spring's
 ZWIDTHS: Mapping[str, Callable[[Scenario, bool, Progress], ZWidth]] = {"mesh": mesh_zwidth, "body": body_zwidth}
 
@@ -42,6 +46,9 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
 
     With a deformable body, the loop is tested where the run comes to rest and at other depths of the run, with the
     body's own states (`ContactStability`). It is called stable or unstable only if the run, pushed slightly, agrees.
+
+    With a force law, every slope of its table is covered by a multiplier (`certify_force_law`). A viscous field and
+    the linear part of a gravity well are springs.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.

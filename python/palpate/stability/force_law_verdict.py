@@ -20,11 +20,11 @@ import control
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.contact.force_law import ForceLaw
 from palpate.control.stability_margins import peak_gain
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
-from palpate.simulation.controllers import read_scenario
-from palpate.simulation.force_law import ForceLaw
+from palpate.simulation.controllers import read_scenario, written_out
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.verdict import State
 from palpate.units import write
@@ -72,7 +72,7 @@ def certify_force_law(
         StabilityError: the controller divides by the stiffness, or the device cannot be pushed along the normal.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`.
     """
-    s = read_scenario(scenario, controller)
+    s = written_out(read_scenario(scenario, controller))
     wall = {"kind": "wall", "stiffness": write(law.stiffest, "N/m"), "normal": law.normal.tolist()}
     loop = scenario_loop(Scenario.from_dict({**s.to_dict(), "object": wall}))
     if loop.normalized:

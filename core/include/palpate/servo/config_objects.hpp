@@ -23,6 +23,7 @@
 #include "palpate/object/moving_frame.hpp"
 #include "palpate/object/scene.hpp"
 #include "palpate/object/spring_wall.hpp"
+#include "palpate/servo/config_force_objects.hpp"
 #include "palpate/servo/config_reader.hpp"
 #if defined(PALPATE_HYPERELASTIC)
 #include "palpate/deformable/hyperelastic/compiled_solver.hpp"
@@ -30,8 +31,6 @@
 #endif
 
 namespace palpate::servo::detail {
-
-using Section = ConfigReader::Section;
 
 [[nodiscard]] inline object::AnyObject read_spring_wall(const Section& from) {
   using Kind = object::SpringWallKind;
@@ -287,16 +286,25 @@ template <class Model>
   return object::BodyInstance(std::move(placement));
 }
 
+/// Return the kinds of an object that rests, and `more`.
+[[nodiscard]] inline std::vector<std::string> object_kinds(const std::vector<std::string>& more = {}) {
+  std::vector<std::string> out = {"spring_wall",  "mesh",      "body",         "force_law",    "constant_field",
+                                  "gravity_well", "vibration", "virtual_mass", "textured_wall"};
+  out.insert(out.end(), more.begin(), more.end());
+  return out;
+}
+
 /// Build an object that rests.
-[[nodiscard]] inline object::AnyObject read_single_object(ConfigReader& reader, const Section& from, std::size_t kind) {
-  switch (kind) {
-    case 1:
-      return read_mesh(reader, from);
-    case 2:
-      return read_placed_body(reader, from);
-    default:
-      return read_spring_wall(from);
-  }
+[[nodiscard]] inline object::AnyObject read_single_object(ConfigReader& reader, const Section& from, const std::string& kind) {
+  if (kind == "mesh") return read_mesh(reader, from);
+  if (kind == "body") return read_placed_body(reader, from);
+  if (kind == "force_law") return read_force_law(reader, from);
+  if (kind == "constant_field") return object::ConstantField(from.vector("force"));
+  if (kind == "gravity_well") return read_gravity_well(from);
+  if (kind == "vibration") return read_vibration(from);
+  if (kind == "virtual_mass") return read_virtual_mass(from);
+  if (kind == "textured_wall") return read_textured_wall(from);
+  return read_spring_wall(from);
 }
 
 [[nodiscard]] inline object::AnyObject read_moving_frame(ConfigReader& reader, const Section& from) {
@@ -309,17 +317,19 @@ template <class Model>
   const auto later = [](const object::FrameMotion::Row& a, const object::FrameMotion::Row& b) { return a.time >= b.time; };
   if (reader.ok() && rows.empty()) from.fail("motion", "has no rows");
   if (std::adjacent_find(rows.begin(), rows.end(), later) != rows.end()) from.fail("motion", "has times that do not increase");
-  object::AnyObject moved = read_single_object(reader, inner, inner.choice("kind", {"spring_wall", "mesh", "body"}));
+  const std::vector<std::string> kinds = object_kinds();
+  object::AnyObject moved = read_single_object(reader, inner, kinds[inner.choice("kind", kinds)]);
   return object::MovingFrame<object::AnyObject>(std::move(moved), object::FrameMotion(origin, std::move(rows)));
 }
 
 [[nodiscard]] inline object::AnyObject read_scene(ConfigReader& reader, const Section& from) {
   const Section parts = from.section("objects");
+  const std::vector<std::string> kinds = object_kinds({"moving_frame"});
   object::Scene scene;
   for (const std::string& name : parts.keys()) {
     const Section part = parts.section(name.c_str());
-    const std::size_t kind = part.choice("kind", {"spring_wall", "mesh", "body", "moving_frame"});
-    scene.add(kind == 3 ? read_moving_frame(reader, part) : read_single_object(reader, part, kind));
+    const std::string& kind = kinds[part.choice("kind", kinds)];
+    scene.add(kind == "moving_frame" ? read_moving_frame(reader, part) : read_single_object(reader, part, kind));
     if (!reader.ok()) return {};
   }
   return scene;
@@ -327,9 +337,10 @@ template <class Model>
 
 /// Build the object or objects that the tip touches. They own everything that they refer to.
 [[nodiscard]] inline object::AnyObject read_object(ConfigReader& reader, const Section& from) {
-  const std::size_t kind = from.choice("kind", {"spring_wall", "mesh", "body", "moving_frame", "scene"});
-  if (kind == 3) return read_moving_frame(reader, from);
-  if (kind == 4) return read_scene(reader, from);
+  const std::vector<std::string> kinds = object_kinds({"moving_frame", "scene"});
+  const std::string& kind = kinds[from.choice("kind", kinds)];
+  if (kind == "moving_frame") return read_moving_frame(reader, from);
+  if (kind == "scene") return read_scene(reader, from);
   return read_single_object(reader, from, kind);
 }
 

@@ -1,21 +1,41 @@
-"""Plane whose force is a table or a formula of the depth, as an object of `simulate`."""
+"""Plane whose force is a table or a formula of the depth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate import _core
 from palpate.arrays import Array
 from palpate.errors import ScenarioError
-from palpate.simulation.user_object import ContactResult
 from palpate.units import array_to_si, to_si
 
-__all__ = ["ForceLaw"]
+__all__ = ["ForceLaw", "law_fault"]
+
+
+def law_fault(depth: Array, force: Array) -> str:
+    """Return the first thing that is wrong with a table of depths, m, and forces, N; "" if nothing is."""
+    if depth.ndim != 1 or depth.shape != force.shape or len(depth) < 2:
+        return f"depth and force need the same number of entries, at least two, not {depth.shape} and {force.shape}"
+    for name, column, unit in (("depth", depth, "m"), ("force", force, "N")):
+        if not np.isfinite(column).all():
+            row = int(np.flatnonzero(~np.isfinite(column))[0])
+            return f"{name} {row + 1} is {column[row]}; every entry must be finite"
+        if column[0] != 0.0:
+            return f"the first {name} must be 0 {unit}, not {column[0]:g} {unit}"
+        if np.any(fall := np.diff(column) <= 0.0):
+            row = int(np.flatnonzero(fall)[0])
+            return (
+                f"{name} must rise from entry to entry, but it goes from {column[row]:g} to {column[row + 1]:g} {unit} "
+                f"at entry {row + 2}; sort or smooth the table"
+            )
+    with np.errstate(over="ignore", divide="ignore"):
+        steep = ~np.isfinite(np.diff(force) / np.diff(depth))
+    return "a slope is not finite; the depths are too close to each other" if steep.any() else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +43,8 @@ class ForceLaw:
     """Plane that resists by a force of the depth, linear between the entries of a table.
 
     Both columns rise strictly from zero, so the force is the gradient of an energy, and its slope has a least and a
-    largest value. Beyond the last entry the law goes on with the last slope.
+    largest value. Beyond the last entry the law goes on with the last slope. `palpate.simulate` takes it as `object`,
+    and a scenario describes it with kind = "force_law".
 
     Attributes:
         depth: (n,), m; force: (n,), N.
@@ -41,25 +62,9 @@ class ForceLaw:
     normal: Array
 
     def __post_init__(self) -> None:
-        d, f = self.depth, self.force
-        if d.ndim != 1 or d.shape != f.shape or len(d) < 2:
-            raise ScenarioError(
-                f"force law: depth and force need the same number of entries, at least two, not {d.shape} and {f.shape}"
-            )
-        for name, column, unit in (("depth", d, "m"), ("force", f, "N")):
-            if not np.isfinite(column).all():
-                row = int(np.flatnonzero(~np.isfinite(column))[0])
-                raise ScenarioError(f"force law: {name} {row + 1} is {column[row]}; every entry must be finite")
-            if column[0] != 0.0:
-                raise ScenarioError(f"force law: the first {name} must be 0 {unit}, not {column[0]:g} {unit}")
-            if np.any(fall := np.diff(column) <= 0.0):
-                row = int(np.flatnonzero(fall)[0])
-                raise ScenarioError(
-                    f"force law: {name} must rise from entry to entry, but it goes from {column[row]:g} to "
-                    f"{column[row + 1]:g} {unit} at entry {row + 2}; sort or smooth the table"
-                )
-        if not np.isfinite(self.slopes).all():
-            raise ScenarioError("force law: a slope is not finite; the depths are too close to each other")
+        fault = law_fault(self.depth, self.force)
+        if fault:
+            raise ScenarioError(f"force law: {fault}")
         if self.point.shape != (3,) or self.normal.shape != (3,) or not np.isfinite([self.point, self.normal]).all():
             raise ScenarioError("force law: point and normal must be three finite numbers each")
         if not np.linalg.norm(self.normal) > 0.0:
@@ -100,8 +105,7 @@ class ForceLaw:
     @cached_property
     def slopes(self) -> Array:
         """Slopes between the entries (n - 1,), N/m."""
-        with np.errstate(over="ignore", divide="ignore"):
-            return np.asarray(np.diff(self.force) / np.diff(self.depth), dtype=float)
+        return np.asarray(np.diff(self.force) / np.diff(self.depth), dtype=float)
 
     @property
     def stiffest(self) -> float:
@@ -115,19 +119,8 @@ class ForceLaw:
 
     def at(self, depth: float) -> float:
         """Return the force at a depth, N; 0 outside."""
-        beyond = max(depth - float(self.depth[-1]), 0.0)
-        return float(np.interp(depth, self.depth, self.force)) + beyond * float(self.slopes[-1])
+        return float(_core.force_law_values(self.depth.tolist(), self.force.tolist(), depth)[0])
 
     def energy(self, depth: float) -> float:
         """Return the energy stored at a depth, J: the exact integral of the force."""
-        inside = np.append(self.depth[self.depth < depth], max(depth, 0.0))
-        values = np.array([self.at(float(x)) for x in inside])
-        return float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(inside)))
-
-    def step(self, tip: Any) -> ContactResult:
-        """Return the contact of the tip; its stiffness is force over depth."""
-        depth = float((self.point - tip.position) @ self.normal)
-        if depth <= 0.0:
-            return ContactResult(np.zeros(3), normal=self.normal, depth=depth, touching=False)
-        force = self.at(depth)
-        return ContactResult(-force * self.normal, -depth * self.normal, self.normal, depth, force / depth, True)
+        return float(_core.force_law_values(self.depth.tolist(), self.force.tolist(), depth)[2])

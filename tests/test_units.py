@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -170,3 +171,10 @@ def test_a_bounded_number_is_finite_and_positive_or_zero() -> None:
 def test_what_is_no_number_of_a_unit_is_refused_by_name(value: Any) -> None:
     with pytest.raises(ScenarioError, match=r"^it"):
         to_si(value, "s", "it")
+
+
+@pytest.mark.parametrize("text", ["5{}!", "5{}\n!", "{}5", "5 mm{}", "5{}\n", "nan{}\n1"])
+def test_spaces_take_linear_time(text: str) -> None:
+    """Quadratic time would be minutes."""
+    with suppress(ValueError):
+        assert parse_quantity(text.format(200_000 * " "), "m") == 0.005

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["UNITS", "array_to_si", "bounded_to_si", "parse_quantity", "to_si", "write"]
 
 _NUMBER: Final = re.compile(
-    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*(.*?)\s*"
+    r"([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)(?![\d.])\s*+(.*)"  # in linear time
 )
 _NOT_FINITE: Final = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _UNIT: Final = re.compile(r"(?:1\s*/\s*)?[A-Za-zµμ°%Ω][A-Za-zµμ°%Ω_0-9 */^().²³⁻¹-]*")
@@ -167,7 +167,7 @@ def _parse(value: object, unit: str) -> float:
         return float(value)
     if _NOT_FINITE.fullmatch(value):
         raise ValueError(f"{_shown(value)} is not a finite number; {_remedy(unit)}")
-    match = _NUMBER.fullmatch(value)
+    match = _NUMBER.fullmatch(value.strip())
     if match is None:
         form = "plain number" if unit in _PLAIN else "number with a unit"
         raise ValueError(f"{_shown(value)} cannot be read as a {form}; {_remedy(unit)}")

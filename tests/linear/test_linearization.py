@@ -5,6 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from derivatives import central
 from numpy.typing import NDArray
 from palpate import devices
 from palpate.errors import PoseError
@@ -20,16 +21,6 @@ SLIDER = devices.load("slider")
 POSE = np.array([0.0, 2.2305, 3.2776])  # rad, (3.8)
 TORQUE = np.array([0.0, 0.01, 0.01])  # N m
 K = 3500.0  # N/m
-
-
-def central(function, x: Array, h: float = 1e-5) -> Array:  # type: ignore[no-untyped-def]
-    """Jacobian of a vector function by Richardson's extrapolation of central differences, error O(h^4)."""
-    columns = []
-    for e in np.eye(len(x)):
-        coarse = (function(x + 2 * h * e) - function(x - 2 * h * e)) / (4 * h)
-        fine = (function(x + h * e) - function(x - h * e)) / (2 * h)
-        columns.append((4 * fine - coarse) / 3)
-    return np.array(columns).T
 
 
 @pytest.mark.parametrize("seed", range(8))

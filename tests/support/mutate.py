@@ -1,10 +1,11 @@
 """Measure which changes of the Python source the tests notice: `python tests/support/mutate.py --count 200 --seed 1`.
 
 A mutant is one small change: another comparison, sign, operator, constant or order of arguments, a dropped statement or
-guard. It is made in a copy of the repository in a temporary folder. First each test file runs once, to record the time
-of its tests and the functions that they enter; build/mutate keeps these records until the test file changes. Then a
-mutant meets the tests that enter its function, first those of the folder that mirrors its own, fastest first, until one
-fails. A mutant that no test notices survives; some survivors are equivalent. One process runs, at low priority.
+guard. First each test file runs once in a copy of the repository, to record the time of its tests and the functions
+that they enter; build/mutate keeps these records until the test file changes. Then a mutant meets the tests that enter
+its function, first those of the folder that mirrors its own, until one fails. A mutant that no test notices survives;
+some survivors are equivalent. One process runs at low priority. It collects all tests once and forks for each mutant,
+whose code replaces that of the live function; a mutant outside of functions is written to the copy instead.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ import subprocess
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import CodeType
 from typing import Any, Final, NamedTuple
 
 import pytest
@@ -43,6 +45,9 @@ OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
 NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
 SKIPPED: Final = ("benchmarks", "core", "docs", "examples", "experiments", "support")  # folders of tests
 MEMORY: Final = 12 << 30  # bytes of address space of one run of tests
+OWN: Final = {"palpate", "experiments", "benchmarks", "tests"} | {
+    file.stem for file in Path(__file__).parent.glob("*.py")
+}
 Place = tuple[str, str]  # file in the package, qualified name of a function
 
 
@@ -189,26 +194,16 @@ class Recorder:
         Path(self.out).write_text(json.dumps(tests), "utf-8")
 
 
-def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None = None) -> int | None:
-    """Run pytest in a forked process on the copy; return its exit code, or None after `seconds`."""
+def _fork(work: Callable[[], int], seconds: float) -> int | None:
+    """Run a function in a forked process without output; return its exit code, or -1 after `seconds`."""
     child = os.fork()
     if child == 0:
         try:
             os.setsid()
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-            os.chdir(copy)
-            places = [str(copy / place) for place in ("python", ".", "tests/support")]
-            sys.path[:0] = places
-            os.environ["PYTHONPATH"] = os.pathsep.join(places)
-            sys.meta_path[:] = [one for one in sys.meta_path if "Redirecting" not in type(one).__name__]
-            sys.dont_write_bytecode = True
             for stream in (1, 2):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
-            plugins = [Recorder(str(copy / PACKAGE), str(record))] if record else []
-            options = ["-q" if record else "-x", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}"]
-            code = int(pytest.main([*options, "--hypothesis-seed=1", *words], plugins=plugins))
-            found = sys.modules.get("palpate")
-            os._exit(code if found is None or str(found.__file__).startswith(str(copy)) else 99)
+            os._exit(work())
         finally:
             os._exit(98)
     end = time.monotonic() + seconds
@@ -219,7 +214,28 @@ def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None 
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return None
+    return -1
+
+
+def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None = None) -> int | None:
+    """Run pytest in a forked process on the copy; return its exit code, or -1 after `seconds`."""
+
+    def work() -> int:
+        os.chdir(copy)
+        places = [str(copy / place) for place in ("python", ".", "tests/support")]
+        sys.path[:0] = places
+        os.environ["PYTHONPATH"] = os.pathsep.join(places)
+        for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
+            del sys.modules[name]
+        sys.meta_path[:] = [one for one in sys.meta_path if "Redirecting" not in type(one).__name__]
+        sys.dont_write_bytecode = True
+        plugins = [Recorder(str(copy / PACKAGE), str(record))] if record else []
+        options = ["-q" if record else "-x", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}"]
+        code = int(pytest.main([*options, "--hypothesis-seed=1", *words], plugins=plugins))
+        found = sys.modules.get("palpate")
+        return code if found is None or str(found.__file__).startswith(str(copy)) else 99
+
+    return _fork(work, seconds)
 
 
 def copy_repository(target: Path) -> None:
@@ -254,7 +270,7 @@ def all_tests(copy: Path, records: Path) -> dict[str, tuple[float, set[Place]]]:
 
 
 def chosen(mutant: Mutant, tests: dict[str, Any], limit: float) -> list[list[str]]:
-    """Return the tests that a mutant meets: those of the mirrored folder, then the others, fastest first."""
+    """Return the tests that a mutant meets: those of the mirrored folder, then the others, fastest files first."""
     file = str(Path(mutant.file).relative_to(PACKAGE))
     places = {(file, function) for function in mutant.functions}
     folder = file.partition("/")[0].removesuffix(".py")
@@ -267,10 +283,66 @@ def chosen(mutant: Mutant, tests: dict[str, Any], limit: float) -> list[list[str
         if entered and left[group] > 0.0:
             groups[group].append(name)
             left[group] -= seconds
+    for group in groups:
+        total: Counter[str] = Counter()
+        for name in group:
+            total[name.partition("::")[0]] += tests[name][0]
+        group.sort(key=lambda name: (total[name.partition("::")[0]], name.partition("::")[0]))
     return [group for group in groups if group]
 
 
-def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], limit: float) -> str:
+def code_of(code: CodeType, names: list[str]) -> CodeType | None:
+    """Return the code of a function inside the code of a module."""
+    if not names:
+        return code
+    inner = [one for one in code.co_consts if isinstance(one, CodeType) and one.co_name == names[0]]
+    return code_of(inner[0], names[1:]) if len(inner) == 1 else None
+
+
+def replace_code(mutant: Mutant) -> bool:
+    """Give the live function the code of its mutant; return False if it cannot be done, or would change nothing."""
+    if len(mutant.functions) != 1:
+        return False
+    data = (ROOT / mutant.file).read_bytes()
+    names = mutant.functions[0].removesuffix("()").split(".")
+    whole = data[: mutant.begin] + mutant.text.encode() + data[mutant.end :]
+    new = code_of(compile(whole, ROOT / mutant.file, "exec", dont_inherit=True), names)
+    live: Any = sys.modules[".".join(Path(mutant.file).with_suffix("").parts[1:]).removesuffix(".__init__")]
+    for name in names:
+        live = vars(live).get(name)
+    for inner in ("fget", "__func__", "func", "__wrapped__"):
+        live = getattr(live, inner, live)
+    old = getattr(live, "__code__", None)
+    if new is None or old is None or (old.co_freevars, old.co_name) != (new.co_freevars, new.co_name) or old == new:
+        return False
+    live.__code__ = new
+    return True
+
+
+def run_items(items: list[pytest.Item], change: Callable[[], bool], seconds: float) -> str:
+    """Run collected tests in a forked process after a change; return "killed", "survived", or "unchanged"."""
+
+    class Failed:
+        found = False
+
+        def pytest_runtest_logreport(self, report: Any) -> None:
+            self.found |= report.failed
+
+    def work() -> int:
+        if not change():
+            return 3
+        failed, config = Failed(), items[0].config
+        config.pluginmanager.register(failed)
+        for item, after in zip(items, [*items[1:], None], strict=True):
+            config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            if failed.found:
+                return 1
+        return 0
+
+    return {0: "survived", 3: "unchanged"}.get(_fork(work, seconds) or 0, "killed") if items else "survived"
+
+
+def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], items: dict[str, pytest.Item], limit: float) -> str:
     """Return how a mutant ends: "killed", "survived", or "no test" if none enters its function."""
     groups = chosen(mutant, tests, limit)
     if not groups:
@@ -280,11 +352,26 @@ def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], limit: float) -> st
     try:
         path.write_bytes(data[: mutant.begin] + mutant.text.encode() + data[mutant.end :])
         for group in groups:
-            if run_tests(copy, group, 30.0 + 5.0 * sum(tests[name][0] for name in group)) != 0:
+            seconds = 30.0 + 5.0 * sum(tests[name][0] for name in group)
+            live = [items[name] for name in group if name in items]
+            result = run_items(live, lambda: replace_code(mutant), seconds)
+            if result == "killed" or (result == "unchanged" and run_tests(copy, group, seconds) != 0):
                 return "killed"
         return "survived"
     finally:
         path.write_bytes(data)
+
+
+class Collected:
+    """Plugin of pytest that does other work with the collected tests in place of running them."""
+
+    def __init__(self, work: Callable[[dict[str, pytest.Item]], None]) -> None:
+        self.work = work
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        self.work({item.nodeid: item for item in session.items})
+        return True
 
 
 def main() -> int:
@@ -313,15 +400,24 @@ def main() -> int:
         copy_repository(copy)
         tests = all_tests(copy, ROOT / "build" / "mutate")
         pool = [mutant for file in wanted for mutant in mutants(copy / file, str(file))]
-        for mutant in rng.sample(pool, min(given.count, len(pool))):
-            if time.monotonic() > end:
-                break
-            folder = Path(mutant.file).relative_to(PACKAGE).parts[0].removesuffix(".py")
-            result = judge(copy, mutant, tests, given.limit)
-            results[folder][result] += 1
-            if result != "killed":
-                old = (copy / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
-                print(f"{result}: {mutant.file}:{mutant.line}: {' '.join(old.split())} -> {mutant.text}", flush=True)
+
+        def work(items: dict[str, pytest.Item]) -> None:
+            for mutant in rng.sample(pool, min(given.count, len(pool))):
+                if time.monotonic() > end:
+                    break
+                folder = Path(mutant.file).relative_to(PACKAGE).parts[0].removesuffix(".py")
+                result = judge(copy, mutant, tests, items, given.limit)
+                results[folder][result] += 1
+                print(f"{mutant.file}:{mutant.line} {result}", file=sys.__stderr__, flush=True)
+                if result != "killed":
+                    old = (copy / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
+                    print(
+                        f"{result}: {mutant.file}:{mutant.line}: {' '.join(old.split())} -> {mutant.text}", flush=True
+                    )
+
+        files = sorted({name.partition("::")[0] for name in tests})
+        options = ["-q", "-s", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}", "--hypothesis-seed=1"]
+        pytest.main([*options, *files], plugins=[Collected(work)])
     for folder, counts in [*sorted(results.items()), ("all", sum(results.values(), Counter()))]:
         rate = 100.0 * counts["killed"] / max(1, counts.total())
         print(f"{folder}: {counts['killed']} of {counts.total()} killed, {rate:.0f} %")

@@ -22,6 +22,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Generator, Iterator
@@ -165,10 +166,12 @@ class Recorder:
     def pytest_runtest_protocol(self, item: Any) -> Generator[None, Any, Any]:
         self.seen, began = set(), time.perf_counter()
         sys.settrace(self.call)
+        threading.settrace(self.call)
         try:
             return (yield)
         finally:
             sys.settrace(None)
+            threading.settrace(None)  # type: ignore[arg-type]
             self.tests[item.nodeid] = (time.perf_counter() - began, self.seen)
 
     @pytest.hookimpl(wrapper=True)
@@ -275,6 +278,8 @@ def chosen(mutant: Mutant, tests: dict[str, Any], limit: float) -> list[list[str
     places = {(file, function) for function in mutant.functions}
     folder = file.partition("/")[0].removesuffix(".py")
     mirrored = (f"tests/{folder}/", f"tests/test_{folder}.py")
+    if not any(places & seen for _, seen in tests.values()):
+        places = set()  # such as a function that the records do not know yet
     groups: list[list[str]] = [[], []]
     left = [limit, limit]
     for name, (seconds, seen) in sorted(tests.items(), key=lambda one: one[1][0]):
@@ -299,14 +304,12 @@ def code_of(code: CodeType, names: list[str]) -> CodeType | None:
     return code_of(inner[0], names[1:]) if len(inner) == 1 else None
 
 
-def replace_code(mutant: Mutant) -> bool:
-    """Give the live function the code of its mutant; return False if it cannot be done, or would change nothing."""
+def replace_code(mutant: Mutant, changed: bytes) -> bool:
+    """Give the live function its code in a changed file; return False if it cannot be done, or would change nothing."""
     if len(mutant.functions) != 1:
         return False
-    data = (ROOT / mutant.file).read_bytes()
     names = mutant.functions[0].removesuffix("()").split(".")
-    whole = data[: mutant.begin] + mutant.text.encode() + data[mutant.end :]
-    new = code_of(compile(whole, ROOT / mutant.file, "exec", dont_inherit=True), names)
+    new = code_of(compile(changed, ROOT / mutant.file, "exec", dont_inherit=True), names)
     live: Any = sys.modules[".".join(Path(mutant.file).with_suffix("").parts[1:]).removesuffix(".__init__")]
     for name in names:
         live = vars(live).get(name)
@@ -349,12 +352,13 @@ def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], items: dict[str, py
         return "no test"
     path = copy / mutant.file
     data = path.read_bytes()
+    changed = data[: mutant.begin] + mutant.text.encode() + data[mutant.end :]
     try:
-        path.write_bytes(data[: mutant.begin] + mutant.text.encode() + data[mutant.end :])
+        path.write_bytes(changed)
         for group in groups:
             seconds = 30.0 + 5.0 * sum(tests[name][0] for name in group)
             live = [items[name] for name in group if name in items]
-            result = run_items(live, lambda: replace_code(mutant), seconds)
+            result = run_items(live, lambda: replace_code(mutant, changed), seconds)
             if result == "killed" or (result == "unchanged" and run_tests(copy, group, seconds) != 0):
                 return "killed"
         return "survived"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.metrics import summarize
-from palpate.metrics.mesh_contact import _ripple_power
+from palpate.metrics.mesh_contact import _ripple_power, sliding_metrics
 from palpate.metrics.summary import _magnitude, _plain
 from palpate.simulation.trace import TraceError
 from readers import SLIDER
@@ -91,3 +91,77 @@ def test_a_wall_across_the_plane_of_a_planar_device_is_warned_of(normal: list[in
     }
     found = summarize(simulate(scenario))["warnings"]
     assert any("cannot move along the wall's normal" in sentence for sentence in found) is warned
+
+
+def test_metrics_of_a_slide_are_found_a_second_way() -> None:
+    """A point pressed on the top of a box with two stiffnesses: from the channels, tick by tick."""
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0.05 N", "0.02 N", "-0.3 N"]},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "40 N/m"},
+        "object": {
+            "kind": "mesh",
+            "position": ["0.3 mm", "0.2 mm", "-0.4 mm"],
+            "mesh": {"shape": "box", "edge": "40 mm", "divisions": 10, "rotation": ["0 deg", "0 deg", "0 deg"]},
+            "surface": {"stiffness": "150 N/m", "static_friction": 0.2, "dynamic_friction": 0.1},
+        },
+        "run": {"duration": "0.3 s"},
+    }
+    trace = simulate(tables)
+    found = sliding_metrics(trace)
+    assert found is not None
+    touching = trace["touching"][:, 0] > 0.0
+    first = int(np.flatnonzero(touching)[0])
+    path = crossing = elsewhere = 0.0
+    for k in range(first + 1, len(trace.time)):
+        step = float(np.linalg.norm(trace["object_force"][k] - trace["object_force"][k - 1]))
+        both = touching[k] and touching[k - 1]
+        path += float(np.linalg.norm(trace["proxy"][k] - trace["proxy"][k - 1])) if both else 0.0
+        if both and trace["triangle"][k, 0] != trace["triangle"][k - 1, 0]:
+            crossing = max(crossing, step)
+        else:
+            elsewhere = max(elsewhere, step)
+    assert (found.path, found.step_at_crossing, found.step_elsewhere) == pytest.approx((path, crossing, elsewhere))
+    assert found.lost_ticks == np.count_nonzero(~touching[first:])
+    late = trace.time >= trace.time[-1] - 0.1
+    pressed = -trace["reference_force"][:, 2] / 150.0
+    deflection, wanted = trace["depth"][late, 0].mean(), pressed[late].mean()
+    assert (found.deflection, found.expected_deflection) == pytest.approx((deflection, wanted))
+    assert found.deflection_error_percent == pytest.approx(100.0 * (deflection - wanted) / wanted)
+    rms = np.sqrt(np.mean((trace["depth"][touching, 0] - pressed[touching]) ** 2))
+    assert found.deflection_rms_error == pytest.approx(rms)
+    force = trace["object_force"][late]
+    assert found.final_force == pytest.approx(np.linalg.norm(force, axis=1).mean())
+    assert found.final_swing == pytest.approx((force.max(axis=0) - force.min(axis=0)).max())
+    assert found.touching_at_end == touching[late].all()
+    assert abs(found.energy_generated) < 1e-3 * found.energy_dissipated
+    still = simulate(tables | {"reference": {"shape": "step", "force": "1 mN"}, "run": {"duration": "20 ms"}})
+    assert sliding_metrics(still) is None
+
+
+def test_without_a_crossing_its_step_is_zero() -> None:
+    tables = {
+        "device": {"name": "slider"},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "ramp", "rise": "0.2 s", "force": ["-0.5 N", "0 N", "0 N"]},
+        "object": {
+            "kind": "mesh",
+            "position": ["1 mm", "1 mm", "2 mm"],
+            "mesh": {
+                "shape": "box",
+                "edge": "40 mm",
+                "divisions": 4,
+                "rotation": ["0 deg", "-90 deg", "0 deg"],
+                "radius": "2 mm",
+            },
+            "surface": {"stiffness": "100 N/m"},
+        },
+        "run": {"duration": "0.3 s"},
+    }
+    found = sliding_metrics(simulate(tables))
+    assert found is not None
+    assert found.step_at_crossing == 0.0
+    assert found.step_elsewhere is not None
+    assert 0.0 < found.step_elsewhere < 0.1

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from palpate.devices.reach import beyond_reach
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
+from palpate.simulation.evidence import lossy, resolution
 from palpate.simulation.judgment import judge
 from palpate.simulation.verdict import Evidence, State, decide
 
@@ -228,3 +229,32 @@ def test_a_mesh_recorded_seldom_is_not_settled_without_the_verdict_of_every_tick
 def test_a_force_on_three_axes_states_its_magnitude() -> None:
     summary = palpate.summarize(palpate.simulate(press(reference={"force": ["3 N", "-4 N", "12 N"]})))
     assert summary["peak_reference_force_N"] == pytest.approx(13.0, rel=1e-12)
+
+
+def test_a_run_of_very_many_ticks_is_judged_by_the_recorded_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise every tick is simulated once, and the recorded ones are a part of them."""
+    tables = press(run={"duration": "0.05 s", "record_every": 5})
+    whole = palpate.simulate(press(run={"duration": "0.05 s"}))
+    thinned = palpate.simulate(tables)
+    monkeypatch.setattr("palpate.simulation.simulator.MOST_TICKS", 100)
+    seldom = palpate.simulate(tables)
+    for trace in (thinned, seldom):
+        np.testing.assert_array_equal(trace["tip"], whole["tip"][::5])
+    assert thinned.verdict == whole.verdict
+    monkeypatch.setattr("palpate.simulation.simulator.Simulation.every_tick", lambda _self: pytest.fail("too long"))
+    palpate.simulate(tables)
+    palpate.simulate(press(run={"duration": "0.05 s"}))
+
+
+def test_the_resolution_of_the_tip_is_two_counts_of_every_joint() -> None:
+    """The least distance that encoders of the arm can miss, at each of several poses."""
+    with_counts = Scenario.from_dict(press(device={"encoder": True}))
+    device, angles = with_counts.load_device(), np.array([[0.0, 2.2305, 3.2776], [0.3, 0.5, -0.3]])
+    shifts = [
+        np.abs(2.0 * device.jacobian(q) * device.encoder_step).sum(axis=1) for q in angles
+    ]  # of each axis, if all joints miss two counts
+    found = resolution(with_counts, device, angles)
+    np.testing.assert_allclose(found, np.linalg.norm(shifts, axis=1))
+    np.testing.assert_array_equal(resolution(Scenario.from_dict(PRESS), device, angles), [0.0, 0.0])
+    assert lossy(with_counts, device)
+    assert not lossy(Scenario.from_dict(PRESS), device.frictionless())

@@ -256,3 +256,14 @@ def test_the_traced_curve_misses_nothing() -> None:
                 assert np.hypot(right, up).min() < 0.02
                 seen += 1
     assert seen > 90
+
+
+def test_noise_of_a_measured_response_is_found_on_any_grid_of_frequencies() -> None:
+    """A power law is straight in logarithms, so it has no noise; relative noise added to it is found."""
+    rng = np.random.default_rng(2)
+    f = np.cumsum(rng.uniform(0.05, 0.2, 3000)) + 1.0
+    exact = 3e-4 * (1j * f) ** -1.5
+    silent = MeasuredResponse(f, exact, T)._noise() / np.abs(exact)
+    assert silent.max() < 1e-9
+    noisy = exact * (1 + 0.01 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f))))
+    assert MeasuredResponse(f, noisy, T)._noise() / np.abs(noisy) == pytest.approx(0.01, rel=0.05)

@@ -80,3 +80,20 @@ def test_an_unstable_matrix_has_neither() -> None:
     unstable = _sector(1e5)
     assert common_lyapunov([unstable], CORNERS) is None
     assert dwell_time(unstable.matrices(CORNERS)) is None
+
+
+@pytest.mark.parametrize("corners", [3, 4, 7, 16])
+def test_the_polygon_of_a_sector_contains_every_friction_force(corners: int) -> None:
+    """In the tangent plane the hull of the corners has a support of at least mu kappa in each direction."""
+    normal, tangent = np.array([1.0, 0.0, 0.0]), np.eye(3)[:, 1:]
+    sector = Sector("wall", np.zeros((3, 3)), normal, tangent, np.array([0.0, 1.0, 0.0]), 2.0, 5.0, 0.4)
+    inputs = sector.matrices(corners)[:, :, 1]
+    assert np.array_equal(sector.matrices(corners)[:, :, [0, 2]], np.zeros((2 * corners, 3, 2)))
+    for kappa in (2.0, 5.0):
+        edge = inputs[inputs[:, 0] == kappa][:, 1:]
+        assert len(edge) == corners
+        angle = np.linspace(0.0, 2.0 * np.pi, 97)
+        support = (edge @ np.array([np.cos(angle), np.sin(angle)])).max(axis=0)
+        assert support.min() >= 0.4 * kappa * (1.0 - 1e-12)
+        assert support.max() <= 0.4 * kappa / np.cos(np.pi / corners) * (1.0 + 1e-12)
+    assert len(Sector("", np.zeros((3, 3)), normal, tangent, normal, 2.0, 2.0, 0.0).matrices(corners)) == 1

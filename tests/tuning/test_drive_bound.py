@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import palpate
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from palpate.devices import Device, load
 from palpate.devices.device import Parameters
 from palpate.metrics import tip_inertia
-from palpate.tuning import drive_bound
+from palpate.tuning import drive_bound, remedies
 from palpate.tuning.presses import Press, draw_poses, draw_presses, hold_time, press_tables
 
 ARM = load("phantom-premium-1.5a")
@@ -86,3 +88,16 @@ def test_the_continuous_force_is_held_for_ever_and_more_than_the_peak_not_at_all
     # at the peak the limit begins to fall at 0.9 of the temperature, which then reads 16 in the end
     assert hold_time(device, np.zeros(3), [0, 0, 1], 8.0) == pytest.approx(-5.0 * np.log(1.0 - 0.9 / 16.0))
     assert hold_time(mass(0.1), np.zeros(3), [0, 0, 1], 1e3) == np.inf
+
+
+def test_without_a_peak_force_the_limit_falls_at_the_rated_temperature() -> None:
+    device = mass(0.1, continuous_force=2.0, thermal_time=5.0)
+    assert hold_time(device, np.zeros(3), [0, 0, 1], 8.0) == pytest.approx(-5.0 * np.log(1.0 - 1.0 / 16.0))
+
+
+@given(count=st.integers(1, 40), share=st.floats(-0.1, 1.1))
+def test_the_first_remedy_that_works_is_found(count: int, share: float) -> None:
+    """Bisection finds the result of trying one after the other."""
+    threshold = share * count
+    tried = next((k for k in range(count) if k >= threshold), None)
+    assert remedies._first(range(count), lambda k: k >= threshold) == tried

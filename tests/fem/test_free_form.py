@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from palpate import fem as bodies
-from palpate.fem import Body, BodyError, block
-from palpate.fem.free_form import weights
+from palpate.fem import Body, BodyError, BodyWarning, block
+from palpate.fem.free_form import check_fit, weights
 from palpate.fem.selectors import half_space
 from scipy.spatial.transform import Rotation
 
@@ -116,3 +116,21 @@ def test_weights_do_not_care_for_the_order_of_points() -> None:
     assert (weights(points[order], 4e-3) @ weights(points[order], 4e-3).T).toarray() == pytest.approx(
         gram[np.ix_(order, order)], abs=1e-15
     )
+
+
+def test_a_fit_that_misses_the_force_by_a_third_is_warned_of() -> None:
+    """A plate clamped at two ends is soft in the middle, and the law is the same everywhere."""
+    plate = bodies.build(block((0.06, 0.03, 0.006), 0.006), young=20e3, fixed=["x < 0.1 mm", "x > 59.9 mm"], order=1)
+    with pytest.warns(BodyWarning, match="flat ends at 8 places need"):
+        spline = plate.free_form()
+    middle = [0.03, 0.015, 0.006]
+    ratio = [kind.indent(middle, "8 mm", "1 mm", tip="flat").force[2] for kind in (spline, plate)]
+    assert not 0.7 < ratio[0] / ratio[1] < 1.3
+
+
+def test_the_check_of_a_fit_compares_forces(recwarn: pytest.WarningsRecorder) -> None:
+    points, areas = np.random.default_rng(0).uniform(0, 1, (50, 3)), np.full(50, 1e-4)
+    check_fit(points, areas, lambda *_: 1.2, lambda *_: 1.0)
+    assert not recwarn.list
+    with pytest.warns(BodyWarning, match="need 1 to 1.5 times"):
+        check_fit(points, areas, lambda x, *_: 1.5 if x[0] > 0.5 else 1.0, lambda *_: 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Self
@@ -9,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from palpate import _core
+from palpate.arrays import Array
 from palpate.fem.checks import (
     friction_coefficients,
     not_negative,
@@ -18,8 +20,8 @@ from palpate.fem.checks import (
     tick_period,
     whole,
 )
-from palpate.fem.errors import BodyError
-from palpate.fem.free_form import FreeFormLaw
+from palpate.fem.errors import BodyError, BodyWarning
+from palpate.fem.free_form import FreeFormLaw, check_fit
 from palpate.fem.indentation import IndentableBody
 from palpate.fem.model_spec import COMPLIANCE, LAWS, Law, ModelSpec
 from palpate.fem.storage import BodyData
@@ -225,6 +227,9 @@ class Body(IndentableBody):
         a quarter of the node spacing, below which no two nodes share a control point, and the body's extent. None
         selects the spacing of least misfit.
 
+        Warns if the force on flat ends differs by more than 30 % from that of the body's compliance at one of eight
+        places.
+
         Raises:
             BodyError: a number is out of range.
         """
@@ -233,7 +238,16 @@ class Body(IndentableBody):
         body = self._with_model("free_form", options, static_friction, dynamic_friction)
         body.free_form_law = law
         body.core = _core.FreeFormBody(*self._arrays()[:3], *law, *body.kind.friction)
+        check_fit(self.nodes, self.contents.areas, body._flat_force, type(self)(self.contents)._flat_force)
         return body
+
+    def _flat_force(self, point: Array, radius: float, depth: float) -> float:
+        """Return the force, N, of a flat end pressed in at `point`; leave the body at rest."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", BodyWarning)
+            force = float(np.linalg.norm(self.indent(point, radius, depth, tip="flat").force))
+        self.core.reset()
+        return force
 
     def _law_at(self, control_spacing: float | str, options: dict[str, float]) -> FreeFormLaw:
         """Return the law for a control spacing, m or text, and add the spacing to `options`."""

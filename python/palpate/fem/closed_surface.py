@@ -57,6 +57,8 @@ class ClosedSurface:
             raise BodyError("the surface is empty: none of its triangles has an area")
         points, faces = self._close(points, faces)
         self.vertices, self.triangles = points, self._orient(points, faces, int(flipped))
+        if self.volume <= 1e-9 * self.extent * self.area:
+            raise BodyError("the surface encloses no volume: its triangles are flat, or inside and outside cancel")
         soup = np.ascontiguousarray(points[self.triangles].reshape(-1, 3))  # searched whatever its edges
         own = np.asarray(_core.repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3))[0])
         self._number = own[:, 0] // 3  # of the triangles with an area

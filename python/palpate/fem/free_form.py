@@ -8,7 +8,9 @@ compliance. The tangential compliance has its own g and l on the same grid.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import warnings
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -16,9 +18,15 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from palpate.arrays import Array, Indices, Single
+from palpate.fem.errors import BodyWarning
+
+Press: TypeAlias = Callable[[Array, float, float], float]
 
 _PATCHES = 24  # sampled for the calibration
 _PATCH_NODES, _INDENTER_NODES = 40, 12  # nodes of a patch, and under the flat indenter that sets the scale
+
+_PLACES: Final = 8
+_MISFIT: Final = 0.3  # of the force, beyond which a fit is warned of
 
 
 class FreeFormLaw(NamedTuple):
@@ -80,6 +88,42 @@ def calibrate(
         if misfit < min_misfit:
             best, best_spacing, min_misfit = law, float(candidate), misfit
     return FreeFormLaw(best_spacing, *best, *tangential.fit(_overlaps(points, patches, best_spacing))[0])
+
+
+def check_fit(points: Array, areas: Array, law_force: Press, body_force: Press) -> None:
+    """Warn if flat ends at eight places need a force that differs by more than 30 % from that of the body.
+
+    The law is the same everywhere, so it misses that a body is softer far from its fixed places.
+
+    Args:
+        points: positions of the nodes (n, 3), m.
+        areas: of the nodes' patches (n,), m^2.
+        law_force: returns the force, N, of a flat end at a place, of a radius and pressed in by a depth, m.
+        body_force: returns the same for the body's compliance.
+    """
+    radius = 2.0 * float(np.sqrt(areas.mean()))
+    ratios = []
+    for node in _spread(points, _PLACES):
+        force = body_force(points[node], radius, radius / 4.0)
+        if force > 0.0:
+            ratios.append(law_force(points[node], radius, radius / 4.0) / force)
+    if ratios and (min(ratios) < 1.0 - _MISFIT or max(ratios) > 1.0 + _MISFIT):
+        warnings.warn(
+            f"free_form: flat ends at {len(ratios)} places need {min(ratios):.2g} to {max(ratios):.2g} times the force "
+            "of the body's compliance: use the compliance or a mass-spring model for forces",
+            BodyWarning,
+            stacklevel=3,
+        )
+
+
+def _spread(points: Array, count: int) -> list[int]:
+    """Return nodes far from each other, from the one nearest to the mean on."""
+    node = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    chosen, distance = [node], np.full(len(points), np.inf)
+    while len(chosen) < min(count, len(points)):
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return chosen
 
 
 class _Calibration:

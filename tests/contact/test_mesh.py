@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from palpate import Proxy, Surface
 from palpate.contact import Mesh, MeshError
+from palpate.contact.diagnosis import format_size
 from touch_shapes import ball, box
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -162,3 +163,15 @@ def test_a_point_without_a_distance_has_no_nearest_point(bad: float) -> None:
     mesh = Mesh([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]], open=True)
     with pytest.raises(MeshError, match="point 1 is not finite or too far"):
         mesh.nearest([[0.0, 0.0, 1.0], [0.0, bad, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("size", "shown"),
+    [
+        ((0.1, 0.02, 0.5), "100 × 20 × 500 mm"),
+        ((0.999, 0.1, 0.1), "999 × 100 × 100 mm"),
+        ((0.2, 1.5, 1.0), "0.2 × 1.5 × 1 m"),
+    ],
+)
+def test_a_size_is_shown_in_mm_below_one_meter(size: tuple[float, float, float], shown: str) -> None:
+    assert format_size(size) == shown

@@ -132,3 +132,10 @@ def test_control_characters_of_a_message_are_shown_escaped() -> None:
         "a\\x1b]0;PWN\\x07\tb\nc\\x9b\\u202e\\ud800é…"
     )
     assert printable("plain") == "plain"
+
+
+def test_json_text_has_a_longest_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.files.json_text._LARGEST", 7)
+    assert load_json("[1, 22]", ScenarioError, "file") == [1, 22]
+    with pytest.raises(ScenarioError, match="file: 8 characters; JSON text has at most 7"):
+        load_json("[1, 22] ", ScenarioError, "file")

@@ -189,3 +189,15 @@ def test_residuals_of_a_true_model_pass_and_of_a_poor_one_fail():
         independent = [independence(left[:, k], past[:, j]).passed for k in range(2) for j in range(2)]
         assert all(white) == verdict
         assert all(independent) == verdict
+
+
+def test_the_noise_is_that_of_the_residuals_with_their_degrees_of_freedom():
+    """Also between outputs with different numbers of coefficients."""
+    recording = record(300)
+    model = arx(recording, NA, NB, NK)
+    error = model.residuals(recording)
+    freedom = len(error) - np.array([NA[k].sum() + NB[k].sum() for k in range(2)])
+    np.testing.assert_allclose(model.noise, error.T @ error / np.sqrt(np.outer(freedom, freedom)))
+    for k in range(2):
+        deviation = np.concatenate([model.a_std[k][model.a_std[k] > 0], model.b_std[k][model.b_std[k] > 0]])
+        np.testing.assert_allclose(deviation, np.sqrt(np.diag(model.covariance[k])))

@@ -16,11 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
 from palpate.errors import PalpateError
+from palpate.metrics import summarize
 from palpate.plotting import figures
 from palpate.plotting.style import new_figure
 from palpate.report import Page
 from palpate.report.contact import in_column, numbers_table
 from palpate.report.html import differs_in_print, number
+from palpate.report.run import run_page
 from palpate.report.theme import CSS, inline_svg
 from palpate.simulation.trace import Trace
 
@@ -393,3 +395,20 @@ def test_an_extended_page_keeps_sections_and_numbers_of_both() -> None:
     text = page.section("More").html()
     assert re.findall(r'<h2 id="([^"]+)"', text) == ["first", "later", "end", "more"]
     assert [*re.findall(r"<b>Table (\d)", text)] == ["1", "3"]
+
+
+def test_a_page_states_verdict_facts_and_every_warning(pressed: Trace) -> None:
+    found = summarize(pressed) | {"warnings": ["the drive gets warm", "Counts are coarse"]}
+    text = run_page(pressed, found).html()
+    for sentence in ("The drive gets warm.", "Counts are coarse."):
+        assert text.count(sentence) == 1
+    assert found["verdict"][1:] in text
+    assert "The drive" not in run_page(pressed).html()
+    for key, unit, scale in (
+        ("peak_deflection_m", "mm", 1e3),
+        ("peak_reference_force_N", "N", 1.0),
+        ("peak_object_force_N", "N", 1.0),
+        ("peak_command_force_N", "N", 1.0),
+    ):
+        if found[key]:
+            assert f"{found[key] * scale:.4g} {unit}" in text

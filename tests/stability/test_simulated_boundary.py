@@ -9,8 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from palpate import _core
 from palpate.linear import HumanArm, LinearDevice, WallLoop, wall_loop
+from palpate.scenario import Scenario
 from palpate.simulation.simulator import build_simulation
 from palpate.stability import coulomb_amplitude, critical_stiffness, stability_boundary
+from palpate.stability.contact_run import _last_change
+from palpate.stability.maps import zwidth_map
 
 Array = NDArray[np.float64]
 SETS = 100
@@ -120,3 +123,51 @@ def test_coulomb_friction_holds_small_swings_only(share: float) -> None:
     first, last = x[:80].max(), x[-80:].max()
     assert first == pytest.approx(share * amplitude, rel=0.15)
     assert (last > 1.05 * first) if share > 1 else (last < 0.5 * first)
+
+
+def test_other_operators_share_the_arm_and_change_the_grip() -> None:
+    tables: dict[str, Any] = {
+        "device": {"name": "slider"},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "arm", "mass": "0.2 kg", "damping": "3 N*s/m", "stiffness": "150 N/m"},
+        "object": {"kind": "spring", "stiffness": "100 N/m"},
+    }
+
+    def others(**operator: str) -> dict[str, Any]:
+        s = Scenario.from_dict({**tables, "operator": {**tables["operator"], **operator}})
+        return dict(zwidth_map.other_operators(s))
+
+    nobody = HumanArm(0.0, 0.0, 0.0)
+    assert others() == {
+        "the same arm, through tissue": HumanArm(0.2, 3.0, 150.0, *zwidth_map.TISSUE),
+        "nobody holds it": nobody,
+    }
+    soft = others(tissue_stiffness="600 N/m", tissue_damping="2 N*s/m")
+    assert soft == {"the same arm, rigid grip": HumanArm(0.2, 3.0, 150.0), "nobody holds it": nobody}
+    free = Scenario.from_dict({**tables, "operator": {"kind": "none"}})
+    hand = zwidth_map.HAND
+    assert dict(zwidth_map.other_operators(free)) == {
+        "a rigid grip": hand,
+        "through fingertip tissue": HumanArm(hand.mass, hand.damping, hand.stiffness, *zwidth_map.TISSUE),
+    }
+    assert (
+        zwidth_map.other_operators(Scenario.from_dict({**tables, "device": {"name": "slider", "model": "linear"}}))
+        == []
+    )
+
+
+def test_forces_are_constant_after_their_last_change() -> None:
+    def last(**tables: Any) -> float | None:
+        base = {"device": {"name": "slider"}, "object": {"kind": "spring", "stiffness": "100 N/m"}}
+        return _last_change(Scenario.from_dict({**base, "run": {"duration": "1 s"}, **tables}))
+
+    ramp = {"shape": "ramp", "start": "0.1 s", "rise": "0.3 s", "force": "1 N"}
+    table = {"shape": "table", "table": [["0.2 s", "0 N", "0 N", "0 N"], ["0.7 s", "1 N", "0 N", "0 N"]]}
+    arm = {"kind": "arm", "mass": "0.1 kg", "damping": "1 N*s/m", "stiffness": "10 N/m"}
+    sine = {"shape": "sine", "frequency": "2 Hz", "force": "1 N"}
+    assert last(reference=ramp) == pytest.approx(0.4)
+    assert last(reference=table) == pytest.approx(0.7)
+    assert last(reference=sine) is None
+    assert last(reference={**sine, "stop": "0.5 s"}) == pytest.approx(0.5)
+    assert last(reference=ramp, operator={**arm, **table}) == pytest.approx(0.7)
+    assert last(reference={"shape": "step", "force": "1 N"}) == 0.0

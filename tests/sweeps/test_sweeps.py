@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import resource
 import signal
 import subprocess
@@ -15,8 +16,9 @@ import palpate
 import pytest
 from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
+from palpate.report.sweep import sweep_page
 from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
-from palpate.sweeps.axes import axes_of, with_value
+from palpate.sweeps.axes import Axis, axes_of, stored_axis, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
 from resealed import changed
@@ -332,3 +334,34 @@ def test_memory_does_not_grow_with_the_count(tmp_path: Path) -> None:
             tracemalloc.stop()
         assert store.path.stat().st_size > 90 * plan.count
     assert peaks[1] < 1.3 * peaks[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "unit", "values", "says"),
+    [
+        (3, "N/m", [1.0], "3 is no key"),
+        ("object.", "N/m", [1.0], "is no key"),
+        ("object.stiffness", "N/m", [], "cannot be varied"),
+        ("object.stiffness", "N/m", [1.0, [2.0]], "cannot be varied"),
+        ("object.stiffness", "parsec", [1.0], "cannot be varied"),
+        ("object.stiffness", "kg", [1.0], "of another kind"),
+        ("object.stiffness", "N/m", [1.0, "stiff"], "of another kind"),
+        ("object.mesh.radius", "m", [True], "of another kind"),
+    ],
+)
+def test_an_axis_of_a_file_is_one_that_a_sweep_could_have(path: Any, unit: Any, values: Any, says: str) -> None:
+    assert stored_axis("object.stiffness", "N/m", [1.0, 2.0]) == Axis("object.stiffness", "N/m", (1.0, 2.0))
+    with pytest.raises(ValueError, match=says):
+        stored_axis(path, unit, values)
+
+
+def test_a_key_is_varied_or_drawn_and_not_both() -> None:
+    drawn = {"object.stiffness": "1 N/m..2 N/m"}
+    with pytest.raises(SweepError, match=r"object\.stiffness is varied and drawn at random"):
+        sweep(SLIDER, {"object.stiffness": [1.0]}, random=drawn)
+    assert sweep(SLIDER, {"object.damping": [0.0]}, random=drawn).plan.count == 1
+
+
+def test_the_page_of_one_cell_gives_it_a_share_of_one() -> None:
+    text = sweep_page(sweep(SLIDER, {"object.stiffness": [1.0]})).html()
+    assert re.search(r'<td class="number">1</td><td class="number">100</td>', text)

@@ -17,7 +17,7 @@ __all__ = ["app", "bench"]
 def bench(
     sections: Annotated[
         list[str] | None,
-        typer.Argument(help="Sections: loop, batch, stability, touch, solid, tick, body. Default: all."),
+        typer.Argument(help="Sections: loop, batch, stability, touch, solid, tick, body, guards. Default: all."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="JSON file to write.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the repetitions.")] = False,

@@ -12,7 +12,7 @@ from typing import Any
 from palpate.errors import PalpateError
 from palpate.files import write_json
 
-from benchmarks import batch, body, loop, solid, stability, tick, touch
+from benchmarks import batch, body, guards, loop, solid, stability, tick, touch
 from benchmarks.section import Effort, Progress, Section
 
 __all__ = ["SECTIONS", "run"]
@@ -25,6 +25,7 @@ SECTIONS: dict[str, Section] = {
     "solid": solid.SECTION,
     "tick": tick.SECTION,
     "body": body.SECTION,
+    "guards": guards.SECTION,
 }
 
 

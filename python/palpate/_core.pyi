@@ -625,6 +625,13 @@ class WorkspaceGains:
     @property
     def reference_velocity(self) -> float: ...
 
+class VelocityEstimate(enum.Enum):
+    backward = 0
+
+    adaptive_window = 1
+
+    observer = 2
+
 class TickSignals:
     """Signals of one servo tick: SI units, device frame."""
 
@@ -863,6 +870,21 @@ class PremiumSetup:
     def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
         """
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    def set_energy_bound(self, damping: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], coulomb: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], lateness: float) -> None:
+        """
+        Guard the loop by an energy bound that relies on this friction of the joints.
+        """
+
+    def set_passivity_controller(self, cap: float) -> None:
+        """
+        Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
+        """
+
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+        """
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
         """
 
     def set_workspace_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
@@ -1181,6 +1203,21 @@ class SliderSetup:
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
         """
 
+    def set_energy_bound(self, damping: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], coulomb: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], lateness: float) -> None:
+        """
+        Guard the loop by an energy bound that relies on this friction of the joints.
+        """
+
+    def set_passivity_controller(self, cap: float) -> None:
+        """
+        Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
+        """
+
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+        """
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        """
+
     @property
     def mechanism(self) -> Slider: ...
 
@@ -1492,6 +1529,21 @@ class FiveBarSetup:
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
         """
 
+    def set_energy_bound(self, damping: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], coulomb: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], lateness: float) -> None:
+        """
+        Guard the loop by an energy bound that relies on this friction of the joints.
+        """
+
+    def set_passivity_controller(self, cap: float) -> None:
+        """
+        Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
+        """
+
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+        """
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        """
+
     @property
     def mechanism(self) -> FiveBar: ...
 
@@ -1751,6 +1803,21 @@ class TipDeviceSetup:
     def set_motion(self, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 7), order='C', writable=False)]) -> None:
         """
         Attach the object to a frame with its origin at `origin`, m. Rows of increasing time, s; displacement (3), m; angles about x, then y, then z of the device, rad.
+        """
+
+    def set_energy_bound(self, damping: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], coulomb: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], lateness: float) -> None:
+        """
+        Guard the loop by an energy bound that relies on this friction of the joints.
+        """
+
+    def set_passivity_controller(self, cap: float) -> None:
+        """
+        Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
+        """
+
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+        """
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
         """
 
     def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:

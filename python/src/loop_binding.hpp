@@ -22,6 +22,7 @@
 
 #include "arrays.hpp"
 #include "body_in_loop.hpp"
+#include "guard_binding.hpp"
 #include "loop_setup.hpp"
 #include "python_parts.hpp"
 #include "slow_thread.hpp"
@@ -39,7 +40,7 @@ void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* refe
   using Time = std::chrono::steady_clock;
   palpate::servo::detail::MovingPlant<Mechanism> plant(setup);
   const palpate::servo::SimulationSetup<Mechanism> loop = setup.complete();
-  palpate::servo::Servo<Mechanism, palpate::object::AnyObject, palpate::control::AnyController> servo(loop, loop.object, loop.controller);
+  typename palpate::servo::Loop<Mechanism>::LoopServo servo(loop, loop.object, loop.controller, loop.guard);
   const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
   std::optional<SlowThread> slow;
   auto* body = servo.object().template get_if<palpate::object::BodyInstance>();
@@ -134,6 +135,7 @@ void bind_loop(nb::module_& m, const char* name) {
   bind_joint_types<dof>(m, prefix);
   nb::class_<Setup> setup(m, (prefix + "Setup").c_str());
   bind_object(setup);
+  bind_guards<Mechanism>(setup);
   if constexpr (dof == 3) {
     setup.def(
         "set_workspace_controller",
@@ -342,6 +344,7 @@ inline void bind_loop_parts(nb::module_& m) {
       .def_ro("reference_position", &WorkspaceGains::reference_position)
       .def_ro("reference_velocity", &WorkspaceGains::reference_velocity);
 
+  bind_guard_parts(m);
   nb::class_<TickSignals>(m, "TickSignals", "Signals of one servo tick: SI units, device frame.")
       .def_ro("time", &TickSignals::time, "Since the first tick, s.")
       .def_ro("reference", &TickSignals::reference, "Force that the object should feel (3,), N.")

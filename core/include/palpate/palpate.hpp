@@ -10,6 +10,7 @@
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/stiffness_normalization.hpp"
 #include "palpate/control/workspace_controller.hpp"
+#include "palpate/guard/any_guard.hpp"
 #include "palpate/math/dual.hpp"
 #include "palpate/math/latest_value.hpp"
 #include "palpate/math/sincos.hpp"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.markup import escape
 
 from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
@@ -14,15 +15,25 @@ from palpate.files import default_name, write_folder
 
 if TYPE_CHECKING:
     from palpate.metrics import DeviceMeasures
+    from palpate.scenario import Scenario
+
+GuardsFlag = Annotated[
+    bool,
+    typer.Option("--guards", help="Compare the guards on a wall of the scenario's device instead; writes guards.json."),
+]
 
 
-def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None) -> None:
+def performance(
+    scenario: ScenarioFile, out: OutFolder = None, settings: Settings = None, guards: GuardsFlag = False
+) -> None:
     """Measure a loop's performance: impedance, stiffness, rate hardness, force bandwidth, precision and ripple.
 
     Writes performance.html and performance.json.
 
     Example: palpate performance scenarios/arm-through-tissue-on-a-wall.toml
     """
+    if guards:
+        return _guards(scenario, out, settings)
     with progress("reading the scenario") as tell:
         from palpate.metrics import measure_performance
         from palpate.report import performance_page
@@ -48,6 +59,45 @@ def performance(scenario: ScenarioFile, out: OutFolder = None, settings: Setting
         output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
     output.print(f"  {found.remark}", markup=False, soft_wrap=True)
     print_paths(paths)
+
+
+def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> None:
+    """Compare the guards on one axis of the device of a scenario."""
+    with progress("reading the scenario") as tell:
+        from palpate.metrics import compare_guards
+
+        loaded = load_scenario(scenario, settings)
+        device, start = loaded.load_device(), loaded.start
+        pose = device.inverse(start.tip) if start.tip is not None else start.pose
+        found = compare_guards(
+            device, pose, _normal(loaded), period=loaded.period, delay=loaded.device.delay, progress=tell
+        )
+        folder = out if out is not None else Path("results") / default_name(scenario)
+        paths = write_folder(folder, {"guards.json": found.save})
+    axis = found.axis
+    output.print(
+        f"{found.device}: {1e3 * axis.mass:.3g} g, {axis.damping:.3g} N s/m, {axis.coulomb:.3g} N of dry friction, "
+        f"counts of {1e6 * axis.count:.3g} um, T = {1e3 * found.period:.3g} ms; walls of "
+        f"{found.stiffnesses[0]:g} to {found.stiffnesses[-1]:g} N/m",
+        markup=False,
+        soft_wrap=True,
+    )
+    for row in found.rows:
+        reach = (
+            "no wall"
+            if row.stiffness == 0.0
+            else f"{row.stiffness:g} N/m, {row.felt:.0%} felt, {row.jump:.3g} N a tick"
+        )
+        swing = "diverges" if math.isinf(row.swing) else f"swings {1e6 * row.swing:.3g} um"
+        output.print(
+            f"  {row.name}: {reach}; the stiffest {swing}; guarantee: {row.guarantee}", markup=False, soft_wrap=True
+        )
+    print_paths(paths)
+
+
+def _normal(scenario: Scenario) -> tuple[float, float, float]:
+    """Return the normal of the scenario's wall, or z."""
+    return scenario.object.normal if scenario.object.normal is not None else (0.0, 0.0, 1.0)
 
 
 def _device(m: DeviceMeasures) -> str:

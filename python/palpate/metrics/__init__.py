@@ -11,6 +11,7 @@ from palpate.metrics.device_performance import (
     tip_inertia,
     two_port,
 )
+from palpate.metrics.guard_comparison import GuardComparison, GuardRow, TipAxis, compare_guards, tip_axis
 from palpate.metrics.hardness import rate_hardness
 from palpate.metrics.loop_response import LoopResponse, arm_stiffness, hold_response
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
@@ -21,14 +22,18 @@ from palpate.simulation.step_response import StepResponse, step_response
 
 __all__ = [
     "DeviceMeasures",
+    "GuardComparison",
+    "GuardRow",
     "LoopResponse",
     "PalpationMetrics",
     "Performance",
     "Ripple",
     "SlidingMetrics",
     "StepResponse",
+    "TipAxis",
     "TwoPort",
     "arm_stiffness",
+    "compare_guards",
     "device_measures",
     "hold_response",
     "measure_performance",
@@ -41,6 +46,7 @@ __all__ = [
     "sliding_metrics",
     "step_response",
     "summarize",
+    "tip_axis",
     "tip_inertia",
     "two_port",
     "vibration_threshold",

@@ -26,7 +26,7 @@ from palpate.linear.linearization import static_tip_force
 from palpate.linear.sampled_loop import sampled_plants
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
-from palpate.simulation.linear_loop import controlled_object
+from palpate.simulation.linear_loop import controlled_object, require_linear_parts
 from palpate.simulation.trace import Trace
 from palpate.units import write
 
@@ -79,10 +79,11 @@ class LoopResponse:
         """Return the loop of a scenario at its start, in contact with the object; with another controller if given.
 
         Raises:
-            StabilityError: the object is no spring or wall, or the device is the identified model, which has no motion
-                between samples.
+            StabilityError: the object is no spring or wall, the loop has a guard, or the device is the identified
+                model, which has no motion between samples.
             ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
         """
+        require_linear_parts(scenario)
         o = scenario.object
         if o.stiffness is None:
             raise StabilityError(f'object.kind: "{o.kind}" has no stiffness; give a spring or a wall')

@@ -21,7 +21,7 @@ from palpate.metrics.loop_response import LoopResponse
 from palpate.metrics.vibration import Ripple, ripple
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
-from palpate.simulation.linear_loop import require_one_object, scenario_arm
+from palpate.simulation.linear_loop import require_linear_parts, scenario_arm
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
 
@@ -170,7 +170,7 @@ def measure_performance(
     """
     report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
-    require_one_object(s)
+    require_linear_parts(s)
     trace = simulate(s) if s.object.kind == "mesh" else None
     loop: LoopResponse
     if s.object.kind == "body":

@@ -108,6 +108,7 @@ def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
 
 Time = Annotated[float, *_scalar("s"), NOT_NEGATIVE]
 Duration = Annotated[float, *_scalar("s"), POSITIVE]
+Rate = Annotated[float, *_scalar("rad/s"), POSITIVE]
 Frequency = Annotated[float, *_scalar("Hz"), POSITIVE]
 OneMass = Annotated[float, *_scalar("kg"), NOT_NEGATIVE]
 OneStiffness = Annotated[float, *_scalar("N/m"), NOT_NEGATIVE]

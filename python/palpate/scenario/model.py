@@ -43,6 +43,7 @@ from palpate.scenario.fields import (
     between,
     must,
 )
+from palpate.scenario.guard import Guard, OneGuard
 from palpate.scenario.objects import NamedObjects, Object
 from palpate.scenario.reader import lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
@@ -295,7 +296,7 @@ class Run(Section):
 
 
 class Scenario(Section):
-    """Experiment: device, loop, operator or reference, object or objects, controller and run.
+    """Experiment: device, loop, operator or reference, object or objects, controller, guard and run.
 
     The forces of several objects, [objects.NAME], add.
     """
@@ -310,6 +311,7 @@ class Scenario(Section):
     object: Object
     objects: NamedObjects | None = None
     controller: Controller = Field(default_factory=Controller)
+    guard: OneGuard = Field(default_factory=Guard)
     run: Run = Field(default_factory=Run)
     _source: str = PrivateAttr("")
     _name: str = PrivateAttr("scenario")
@@ -334,6 +336,7 @@ class Scenario(Section):
             self._check_topology,
             lambda: self._check_workspace(device),
             lambda: self._check_model(device),
+            lambda: self.guard.check(self.servo.topology, self.device.model, device),
             self._check_jitter,
             self._check_length,
             self._check_objects,

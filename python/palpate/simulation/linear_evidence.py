@@ -62,6 +62,8 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
     own: Mapping[str, Any] = trace.metadata.get("controller", {})
     if scenario is None or own.get("given") or own.get("kind") == "python" or "object" in trace.metadata:
         return None, ""
+    if scenario.guard.kind != "none":
+        return None, "a guard makes the loop nonlinear, and the linear loop is that without it"
     if scenario.contact_kind in ("mesh", "body"):
         return _contact(trace, scenario)
     if scenario.contact_kind in ("force_law", "field"):

@@ -154,8 +154,13 @@ def controlled_object(scenario: Scenario, law: Controller) -> tuple[Array, Array
     return k * ratio, b * ratio
 
 
-def require_one_object(scenario: Scenario) -> None:
-    """Raise StabilityError unless the scenario has one object, at rest: an analysis takes no scene."""
+def require_linear_parts(scenario: Scenario) -> None:
+    """Raise StabilityError unless the scenario has one object, at rest, and no guard: an analysis takes no others."""
+    if scenario.guard.kind != "none":
+        raise StabilityError(
+            "guard.kind: a guard makes the loop nonlinear, and an analysis is that of the linear loop: remove [guard] "
+            "to analyze the loop without it, or run the scenario"
+        )
     if scenario.contact_kind == "scene":
         raise StabilityError(
             "objects: an analysis takes one object, and the scenario has "
@@ -167,7 +172,7 @@ def require_one_object(scenario: Scenario) -> None:
 
 def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
     """Raise StabilityError unless one linear loop describes the scenario's contact."""
-    require_one_object(scenario)
+    require_linear_parts(scenario)
     if scenario.object.kind == "none":
         raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
     if scenario.object.kind == "mesh":

@@ -24,6 +24,7 @@ from palpate.files.json_text import load_table
 from palpate.files.output import Writer
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import place_body
+from palpate.simulation.guards import guard_numbers
 from palpate.simulation.meshes import touched_mesh
 from palpate.simulation.placed_objects import PlacedObject
 from palpate.simulation.simulator import Simulation, build_simulation, package_version
@@ -116,6 +117,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         raise OutputError(f"run.duration: {ticks} servo periods; a resolved loop has at most {_TICKS}")
     known = device.model.parameters
     parameters = {key: _list(values) for key, values in device.parameters.values.items() if key in known}
+    guard = guard_numbers(scenario, device)
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -126,6 +128,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         "plant": _plant(setup),
         "object": _objects(simulation, blobs),
         "controller": _controller(simulation.controller, device),
+        **({} if guard is None else {"guard": guard}),
         "run": {
             "ticks": ticks,
             "record_every": setup.record_every,

@@ -22,6 +22,7 @@ from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
+from palpate.simulation.guards import guard_numbers, set_guard
 from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects, sensed_tip
 from palpate.simulation.plants import sampled_plant
 from palpate.simulation.trace import Trace
@@ -212,7 +213,13 @@ class Simulation:
     def _metadata(self) -> dict[str, Any]:
         given = {"given": True} if self.given and self.controller.kind != "python" else {}
         controller = {"kind": self.controller.kind, **given, **_plain(self.controller.notes)}
-        metadata = {"scenario": self.scenario.to_dict(), "version": package_version(), "controller": controller}
+        metadata: dict[str, Any] = {
+            "scenario": self.scenario.to_dict(),
+            "version": package_version(),
+            "controller": controller,
+        }
+        if self.scenario.guard.kind != "none":
+            metadata["guard"] = guard_numbers(self.scenario, self.device)
         if self.user_object is not None:
             metadata["object"] = {"kind": "python", **self.user_object.notes}
         return metadata
@@ -281,6 +288,7 @@ def _setup(
         limits.peak_torque = device.peak_torque
         setup.limits = limits
     _hold(setup, scenario, device, start)
+    set_guard(setup, guard_numbers(scenario, device))
     if isinstance(controller, PythonController):
         setup.set_python_controller(controller)
     elif isinstance(controller, WorkspaceController):

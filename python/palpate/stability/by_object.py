@@ -9,7 +9,7 @@ from typing import Any
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
-from palpate.simulation.linear_loop import require_one_object
+from palpate.simulation.linear_loop import require_linear_parts
 from palpate.stability.body.certificate import certify_body
 from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
@@ -60,7 +60,7 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
         StabilityError: the scenario has no loop (no contact, or a fixed tip), several objects or a moving one.
     """
     s = read_scenario(scenario, controller)
-    require_one_object(s)
+    require_linear_parts(s)
     return CERTIFICATES.get(s.object.kind, certify_spring)(s)
 
 
@@ -92,7 +92,7 @@ def zwidth(
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     s = read_scenario(scenario, controller)
-    require_one_object(s)
+    require_linear_parts(s)
     if s.controller.normalizes:
         raise StabilityError(
             "controller: it divides by the object's stiffness, so the loop is the same for every stiffness and has no "

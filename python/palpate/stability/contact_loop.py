@@ -19,7 +19,7 @@ from palpate.simulation.body_response.held_tip import HeldTip
 from palpate.simulation.body_response.multirate import MultirateResponse, multirate_response
 from palpate.simulation.body_response.response import BodyResponse, body_response
 from palpate.simulation.controllers import build_controller
-from palpate.simulation.linear_loop import ScenarioLoop, require_one_object, scenario_loop
+from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
@@ -106,7 +106,7 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Any = None) ->
     scenario = Scenario.from_dict(trace.scenario)
     if scenario.object.body is None:
         raise StabilityError("contact_stability needs a scenario with a body; use certify for springs and walls")
-    require_one_object(scenario)
+    require_linear_parts(scenario)
     law = None if controller is None else as_linear_controller(controller, scenario.period)
     at = row % len(trace)
     every = scenario.run.record_every

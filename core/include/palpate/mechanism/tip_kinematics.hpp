@@ -76,6 +76,12 @@ class TipKinematics {
   /// Tip position [m].
   [[nodiscard]] const Vector& tip() const noexcept { return tip_; }
 
+  /// Return the tip position [m] at other angles `q` [rad].
+  [[nodiscard]] Vector tip_at(const Angles& q) const noexcept {
+    if (linearized_) return pose_tip_ + math::product(jacobian_, Angles(q - pose_));
+    return mechanism_.forward(mechanism_.kinematics(q));
+  }
+
   /// Joint torques [N*m] of the tip force `force` [N], which includes the constant part.
   [[nodiscard, gnu::always_inline]] Angles torque(const Vector& force) const noexcept {
     if (linearized_) [[unlikely]]

@@ -34,10 +34,11 @@ struct BatchJob {
         row(row) {}
 };
 
-/// Return true if the loop can run in lanes: a moving device, a spring or wall, and a linear controller.
+/// Return true if the loop can run in lanes: a moving device, a spring or wall, a linear controller and no guard.
 template <class Mechanism>
 [[nodiscard]] bool runs_in_lanes(const SimulationSetup<Mechanism>& s) noexcept {
-  return !s.fixed && !s.linear && s.object.template get_if<object::SpringWall>() && s.controller.template get_if<control::StateSpace>();
+  return !s.fixed && !s.linear && !s.guard.active() && s.object.template get_if<object::SpringWall>() &&
+         s.controller.template get_if<control::StateSpace>();
 }
 
 /// Properties that loops of one base setup must share to run side by side.

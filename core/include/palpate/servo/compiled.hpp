@@ -5,6 +5,7 @@
 #if defined(PALPATE_COMPILED)
 
 #include "palpate/control/any_controller.hpp"
+#include "palpate/guard/any_guard.hpp"
 #include "palpate/mechanism/premium.hpp"
 #include "palpate/mechanism/slider.hpp"
 #include "palpate/object/any_object.hpp"
@@ -22,8 +23,8 @@ namespace palpate::servo {
 #endif
 
 PALPATE_EXTERN template class Servo<mechanism::Premium, object::SpringWall>;
-PALPATE_EXTERN template class Servo<mechanism::Premium, object::AnyObject, control::AnyController>;
-PALPATE_EXTERN template class Servo<mechanism::Slider, object::AnyObject, control::AnyController>;
+PALPATE_EXTERN template class Servo<mechanism::Premium, object::AnyObject, control::AnyController, guard::AnyGuard<mechanism::Premium>>;
+PALPATE_EXTERN template class Servo<mechanism::Slider, object::AnyObject, control::AnyController, guard::AnyGuard<mechanism::Slider>>;
 PALPATE_EXTERN template SimulationOutcome simulate(const SimulationSetup<mechanism::Premium>&, int, const double*, const double*,
                                                    double*) noexcept;
 PALPATE_EXTERN template SimulationOutcome simulate(const SimulationSetup<mechanism::Slider>&, int, const double*, const double*,

@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "palpate/control/any_controller.hpp"
+#include "palpate/guard/any_guard.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/servo/servo.hpp"
 #include "palpate/servo/simulation.hpp"
@@ -15,19 +16,19 @@ template <class Mechanism>
 class Loop {
  public:
   static constexpr int dof = Mechanism::dof;
-  using LoopServo = Servo<Mechanism, object::AnyObject, control::AnyController>;
+  using LoopServo = Servo<Mechanism, object::AnyObject, control::AnyController, guard::AnyGuard<Mechanism>>;
   using Tick = typename LoopServo::Tick;
 
   explicit Loop(SimulationSetup<Mechanism> setup)
       : setup_(std::move(setup)),
         plant_(plant_of(setup_)),
-        servo_(setup_, setup_.object, setup_.controller),
+        servo_(setup_, setup_.object, setup_.controller, setup_.guard),
         schedule_(schedule_of(setup_)) {}
 
   /// Return to the first sample.
   void reset() {
     plant_ = plant_of(setup_);
-    servo_ = LoopServo(setup_, setup_.object, setup_.controller);
+    servo_ = LoopServo(setup_, setup_.object, setup_.controller, setup_.guard);
     schedule_ = schedule_of(setup_);
     count_ = 0;
     diverged_ = false;

@@ -15,6 +15,7 @@
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/workspace_controller.hpp"
+#include "palpate/guard/any_guard.hpp"
 #include "palpate/mechanism/registry.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/servo/blob.hpp"
@@ -69,6 +70,11 @@ class LoopConfig {
       if (workspace_)
         out.controller = control::WorkspaceController<Mechanism>(out.mechanism, joints(known_friction_), *workspace_, period_);
     }
+    if (passivity_controller_) out.guard = guard::PassivityController<Mechanism>(*passivity_controller_);
+    if (half_sample_) out.guard = guard::HalfSample<Mechanism>(*half_sample_);
+    if (!bound_damping_.empty())
+      out.guard = guard::EnergyBound<Mechanism>(
+          guard::EnergyBoundParameters<Mechanism::dof>{joints(bound_damping_), joints(bound_coulomb_), lateness_});
     out.friction.viscous = joints(viscous_);
     out.friction.coulomb = joints(coulomb_);
     out.friction.breakaway = joints(breakaway_);
@@ -111,6 +117,10 @@ class LoopConfig {
   control::AnyController controller_;
   std::optional<control::WorkspaceParameters> workspace_;
   std::vector<double> known_friction_;
+  std::optional<guard::PassivityControllerParameters> passivity_controller_;
+  std::optional<guard::HalfSampleParameters> half_sample_;
+  std::vector<double> bound_damping_, bound_coulomb_;  // of an energy bound; empty: none
+  double lateness_ = 0.0;
 };
 
 /// A loaded config, or the reason why there is none.
@@ -146,6 +156,7 @@ class LoopConfigLoader {
     if (reader_.ok()) read_plant(root.section("plant"));
     if (reader_.ok()) read_run(root.section("run"));
     if (reader_.ok()) read_controller(root.section("controller"));
+    if (reader_.ok() && root.has("guard")) read_guard(root.section("guard"));
     if (reader_.ok()) config_.object_ = detail::read_object(reader_, root.section("object"));
     if (!reader_.ok()) return refuse("loop.json: " + reader_.error() + "; write the folder again with `palpate resolve`");
     return {std::move(config_), ""};
@@ -294,6 +305,28 @@ class LoopConfigLoader {
     config_.known_friction_ = nonnegative_joints(from, "friction");
     if (const char* fault = p.fault(); fault != nullptr && reader_.ok()) from.fail("kind", fault);
     config_.workspace_ = p;
+  }
+
+  void read_guard(const Section& from) {
+    const std::size_t kind = from.choice("kind", {"energy_bound", "passivity_controller", "half_sample"});
+    const char* fault = nullptr;
+    if (kind == 0) {
+      config_.bound_damping_ = nonnegative_joints(from, "damping");
+      config_.bound_coulomb_ = nonnegative_joints(from, "coulomb");
+      config_.lateness_ = from.number("lateness", 0.0, config_.period_);
+      for (const double damping : config_.bound_damping_)
+        if (!(damping > 0.0)) from.fail("damping", "must be positive at each joint");
+    } else if (kind == 1) {
+      config_.passivity_controller_ = guard::PassivityControllerParameters{from.positive("cap")};
+      fault = config_.passivity_controller_->fault();
+    } else {
+      constexpr guard::VelocityEstimate estimates[] = {guard::VelocityEstimate::backward, guard::VelocityEstimate::adaptive_window,
+                                                       guard::VelocityEstimate::observer};
+      const std::size_t velocity = from.choice("velocity", {"backward", "adaptive_window", "observer"});
+      config_.half_sample_ = guard::HalfSampleParameters{estimates[velocity], from.number("horizon"), from.positive("observer")};
+      fault = config_.half_sample_->fault();
+    }
+    if (fault != nullptr && reader_.ok()) from.fail("kind", fault);
   }
 
   const BlobSource& source_;

@@ -11,6 +11,8 @@
 #include "palpate/actuation/encoder.hpp"
 #include "palpate/control/controller.hpp"
 #include "palpate/control/state_space.hpp"
+#include "palpate/guard/any_guard.hpp"
+#include "palpate/guard/guard.hpp"
 #include "palpate/math/inline.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
@@ -57,7 +59,9 @@ concept HasScalar = requires { typename T::Scalar; };
 /// One servo loop. A tick takes joint angles and returns joint torques; it does not allocate, lock, throw or call the operating system. The
 /// same type runs in simulation and in real time.
 ///
-///   angles -> encoder -> tip -> object -> controller -> drive limits -> torques -> delay
+///   angles -> encoder -> tip -> [prediction] -> object -> controller -> [guard] -> drive limits -> torques -> [guard] -> delay
+///
+/// A guard in brackets acts in the time domain, see guard/guard.hpp.
 ///
 /// A sample that FaultGuard refuses is a fault: the object, the controller and the thermal model keep their states, and the last valid
 /// torque fades to zero. A force that is not finite is a fault too; it also resets the object and the controller. Lanes have no guard.
@@ -65,7 +69,8 @@ concept HasScalar = requires { typename T::Scalar; };
 /// @tparam Mechanism   kinematics, see mechanism::Mechanism
 /// @tparam Object      see object::ContactObject; object::AnyObject chooses at run time
 /// @tparam Controller  see control::Controller; control::AnyController chooses at run time
-template <class Mechanism, class Object, class Controller = control::StateSpace>
+/// @tparam Guard       see guard/guard.hpp; guard::AnyGuard chooses at run time
+template <class Mechanism, class Object, class Controller = control::StateSpace, class Guard = guard::NoGuard>
 class Servo {
   static_assert(detail::HasScalar<Object>, "palpate: an object needs `using Scalar = double;` (see object/contact_object.hpp)");
   static_assert(object::ContactObject<Object>,
@@ -95,7 +100,7 @@ class Servo {
 
   Servo() = default;
   /// Build a loop that owns its object and its controller. The setup must have no fault().
-  explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {});
+  explicit Servo(const ServoSetup<Mechanism>& s, Object object = {}, Controller controller = {}, Guard guard = {});
 
   /// Build the same loop for lanes; each lane is set by set_lane().
   template <class OneObject, class OneController>
@@ -136,7 +141,7 @@ class Servo {
   void reset(const Angles& start) noexcept;
 
   /// Number of ticks with a fault since the first tick or the last reset.
-  [[nodiscard]] std::int64_t faults() const noexcept { return guard_.faults(); }
+  [[nodiscard]] std::int64_t faults() const noexcept { return fault_guard_.faults(); }
 
   /// Signals of the last tick.
   [[nodiscard]] const Tick& last() const noexcept { return tick_; }
@@ -145,22 +150,28 @@ class Servo {
   [[nodiscard]] const Object& object() const noexcept { return object_; }
   [[nodiscard]] Controller& controller() noexcept { return controller_; }
   [[nodiscard]] const Controller& controller() const noexcept { return controller_; }
+  [[nodiscard]] const Guard& guard() const noexcept { return guard_; }
 
  private:
-  template <class, class, class>
+  template <class, class, class, class>
   friend class Servo;
   static constexpr bool is_scalar = std::same_as<Scalar, double>;
+  static constexpr bool guarded = guard::may_guard<Guard>;
+  static_assert(is_scalar || !guarded, "palpate: lanes have no guard");
+  struct Nothing {};
 
   /// Run the tick once the tip position is known.
   [[gnu::always_inline]] const Tick& finish_tick(const Angles& angles, const Vector& reference, double rate) noexcept {
     const Vector previous = tick_.tip;
     tick_.tip = kinematics_.tip();
     const double time = static_cast<double>(count_++) * period_;
-    const object::BasicContactResult<Scalar>& contact = object_.step({tick_.tip, rate, time});
+    const object::BasicContactResult<Scalar>& contact = object_.step({touching_tip(angles, rate), rate, time});
     tick_.object_force = contact.force;
     tick_.touching = contact.touching;
-    const Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time, contact,
-                                               angles.data(), gravity_compensation_, drive_.force_limit()});
+    Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time, contact,
+                                         angles.data(), gravity_compensation_, drive_.force_limit()});
+    if constexpr (guarded)
+      if (guard::active(guard_)) wanted = guard_command(angles, wanted, Vector(tick_.tip - previous));
     if constexpr (is_scalar) {
       tick_.fault = false;
       if (!FaultGuard<dof>::usable(contact.force) || !FaultGuard<dof>::usable(wanted)) [[unlikely]]
@@ -176,21 +187,47 @@ class Servo {
     } else {
       torque = kinematics_.torque(applied);
     }
+    if constexpr (guarded)
+      if (guard::active(guard_)) bound(angles, torque);
     if constexpr (is_scalar) {
-      guard_.torque = torque;
-      guard_.command = tick_.command;
-      if (!guard_.full()) [[unlikely]]
-        torque = scaled(guard_.rise());
+      fault_guard_.torque = torque;
+      fault_guard_.command = tick_.command;
+      if (!fault_guard_.full()) [[unlikely]]
+        torque = scaled(fault_guard_.rise());
     }
     control::applied(controller_, tick_.command);
+    if constexpr (guarded)
+      if (guard::active(guard_)) guard::commit(guard_, Angles(torque - compensation_));
     tick_.torque = delay_.pass(torque);
     return tick_;
+  }
+
+  /// Return the tip position that the object sees [m].
+  [[gnu::always_inline]] Vector touching_tip(const Angles& angles, double rate) noexcept {
+    if constexpr (guarded)
+      if (guard::active(guard_) && guard::predicts(guard_)) return kinematics_.tip_at(guard::predict(guard_, angles, rate));
+    return tick_.tip;
+  }
+
+  /// Return the guard's command in place of a usable one [N].
+  Vector guard_command(const Angles& angles, const Vector& wanted, const Vector& moved) noexcept {
+    return FaultGuard<dof>::usable(wanted) ? guard::command(guard_, angles, wanted, moved) : wanted;
+  }
+
+  /// Reduce the torque of the command [N*m], and the command, to the share that the guard admits.
+  void bound(const Angles& angles, Angles& torque) noexcept {
+    compensation_ = kinematics_.torque(gravity_compensation_);
+    const Angles own = torque - compensation_;
+    const double share = guard::share(guard_, angles, own);
+    if (share >= 1.0) return;
+    torque = compensation_ + share * own;
+    tick_.command *= share;
   }
 
   /// Return the rate at which velocities are taken [1/s]: over the time since the last valid sample.
   [[nodiscard]] double rate() const noexcept {
     if constexpr (is_scalar)
-      if (guard_.elapsed() != period_) return 1.0 / guard_.elapsed();
+      if (fault_guard_.elapsed() != period_) return 1.0 / fault_guard_.elapsed();
     return rate_;
   }
 
@@ -198,7 +235,13 @@ class Servo {
   const Tick& hold() noexcept {
     ++count_;
     tick_.fault = true;
-    tick_.torque = delay_.pass(scaled(guard_.fall()));
+    const Angles torque = scaled(fault_guard_.fall());
+    if constexpr (guarded)
+      if (guard::active(guard_)) {
+        guard::lose_sample(guard_);
+        guard::commit(guard_, Angles(torque - compensation_));
+      }
+    tick_.torque = delay_.pass(torque);
     return tick_;
   }
 
@@ -215,8 +258,8 @@ class Servo {
 
   /// Set the command to a share of the last valid one. Return its torque [N*m].
   Angles scaled(double share) noexcept {
-    tick_.command = share * (guard_.command + gravity_compensation_) - gravity_compensation_;
-    return share * guard_.torque;
+    tick_.command = share * (fault_guard_.command + gravity_compensation_) - gravity_compensation_;
+    return share * fault_guard_.torque;
   }
 
   /// Limit the tip force `wanted` [N], of operator and motors, by the drive. Return the torques of both [N*m].
@@ -229,6 +272,8 @@ class Servo {
   actuation::Encoder<dof, Scalar> encoder_;
   Object object_;
   Controller controller_;
+  [[no_unique_address]] Guard guard_;
+  [[no_unique_address]] std::conditional_t<guarded, Angles, Nothing> compensation_{};  // torque of the gravity compensation, N*m
   actuation::Drive<dof, Scalar> drive_;
   Vector gravity_compensation_ = Vector::Constant(0.0);
   typename actuation::DelayOf<Angles, Scalar>::Type delay_;
@@ -237,72 +282,83 @@ class Servo {
   bool exact_encoders_ = false;
   std::int64_t count_ = 0;  // ticks
   Tick tick_;
-  FaultGuard<dof> guard_;
+  FaultGuard<dof> fault_guard_;
 };
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE Servo<Mechanism, Object, Controller>::Servo(const ServoSetup<Mechanism>& s, Object object, Controller controller)
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE Servo<Mechanism, Object, Controller, Guard>::Servo(const ServoSetup<Mechanism>& s, Object object, Controller controller,
+                                                                  Guard guard)
     : kinematics_(s.frozen_kinematics ? mechanism::TipKinematics<Mechanism>(s.mechanism, s.start, s.gravity_compensation)
                                       : mechanism::TipKinematics<Mechanism>(s.mechanism)),
       encoder_(s.encoder),
       object_(std::move(object)),
       controller_(std::move(controller)),
+      guard_(std::move(guard)),
       drive_(s.limits, s.period),
       gravity_compensation_(s.gravity_compensation),
       delay_(s.delay, torque_at_rest(s.start)),
       rate_(1.0 / s.period),
       period_(s.period),
       exact_encoders_(!s.frozen_kinematics && s.encoder.exact()),
-      guard_(s.faults, s.period) {
+      fault_guard_(s.faults, s.period) {
   tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
-  if constexpr (is_scalar) guard_.torque = delay_.initial();
+  if constexpr (is_scalar) fault_guard_.torque = delay_.initial();
+  if constexpr (guarded) {
+    compensation_ = delay_.initial();
+    guard_.prepare({s.mechanism, s.encoder.step, s.period, s.delay});
+  }
   if constexpr (is_scalar) object::start(object_, tick_.tip);
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference) noexcept -> const Tick& {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller, Guard>::tick(const Angles& angles,
+                                                                      const Vector& reference) noexcept -> const Tick& {
   return tick(angles, reference, period_);
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles, const Vector& reference,
-                                                               double elapsed) noexcept -> const Tick& {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller, Guard>::tick(const Angles& angles, const Vector& reference,
+                                                                      double elapsed) noexcept -> const Tick& {
   if constexpr (is_scalar)
-    if (!guard_.accept(angles, reference, elapsed)) [[unlikely]]
+    if (!fault_guard_.accept(angles, reference, elapsed)) [[unlikely]]
       return hold();
   const Angles measured = encoder_.read(angles);
   kinematics_.update(measured);
   return finish_tick(measured, reference, rate());
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::tick(const Angles& angles,
-                                                               const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at,
-                                                               const Vector& reference) noexcept -> const Tick& {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller, Guard>::tick(const Angles& angles,
+                                                                      const mechanism::KinematicsCacheOf<Mechanism, Scalar>& at,
+                                                                      const Vector& reference) noexcept -> const Tick& {
   if (!exact_encoders_) return tick(angles, reference);
   if constexpr (is_scalar)
-    if (!guard_.accept(angles, reference, period_)) [[unlikely]]
+    if (!fault_guard_.accept(angles, reference, period_)) [[unlikely]]
       return hold();
   kinematics_.update(at);
   return finish_tick(angles, reference, rate());
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE void Servo<Mechanism, Object, Controller>::reset(const Angles& start) noexcept {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE void Servo<Mechanism, Object, Controller, Guard>::reset(const Angles& start) noexcept {
   object::reset(object_);
   control::reset(controller_);
   drive_.reset();
   delay_.reset(torque_at_rest(start));
   tick_ = {};
   tick_.tip = kinematics_.tip();
-  guard_.reset();
-  if constexpr (is_scalar) guard_.torque = delay_.initial();
+  fault_guard_.reset();
+  if constexpr (is_scalar) fault_guard_.torque = delay_.initial();
+  if constexpr (guarded) {
+    compensation_ = delay_.initial();
+    guard_.reset();
+  }
   count_ = 0;
   if constexpr (is_scalar) object::start(object_, tick_.tip);
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::limit(Vector& wanted, const Vector& share) noexcept -> Angles {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller, Guard>::limit(Vector& wanted, const Vector& share) noexcept -> Angles {
   const Vector asked = wanted - share;
   Vector motors = drive_.limit_force(asked);
   const Angles torque = kinematics_.torque(motors);
@@ -314,8 +370,8 @@ PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::limit(Vector& wanted, 
   return kinematics_.torque(wanted);
 }
 
-template <class Mechanism, class Object, class Controller>
-PALPATE_INLINE auto Servo<Mechanism, Object, Controller>::torque_at_rest(const Angles& start) -> Angles {
+template <class Mechanism, class Object, class Controller, class Guard>
+PALPATE_INLINE auto Servo<Mechanism, Object, Controller, Guard>::torque_at_rest(const Angles& start) -> Angles {
   kinematics_.update(start);
   const Angles torque = kinematics_.torque(gravity_compensation_);
   return drive_.torque_scale(torque) * torque;

@@ -9,6 +9,7 @@
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
+#include "palpate/guard/any_guard.hpp"
 #include "palpate/mechanism/conditioning.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/object/any_object.hpp"
@@ -26,6 +27,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 
   object::AnyObject object;
   control::AnyController controller;
+  guard::AnyGuard<Mechanism> guard;  ///< none by default; not in SIMD lanes
 
   plant::JointFriction<dof> friction;
   plant::HumanArm human_arm;
@@ -242,7 +244,8 @@ template <class Servo, class Plant, class Vector>
 template <class Mechanism, class Plant, class Monitor>
 void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
          Monitor& monitor) noexcept {
-  Servo<Mechanism, object::AnyObject, control::AnyController> servo(setup, setup.object, setup.controller);
+  Servo<Mechanism, object::AnyObject, control::AnyController, guard::AnyGuard<Mechanism>> servo(setup, setup.object, setup.controller,
+                                                                                                setup.guard);
   actuation::TickSchedule<double> clock(setup.period, setup.jitter, setup.seed);
   for (int k = 0;; ++k, clock.tick()) {
     if (!is_bounded(plant, setup.speed_limit)) return monitor.mark_diverged(k);

@@ -18,7 +18,7 @@ from palpate.files import as_path, check_suffix, load_toml, read_utf8, write_jso
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
-from palpate.simulation.linear_loop import scenario_arm
+from palpate.simulation.linear_loop import require_linear_parts, scenario_arm
 from palpate.stability.maps.pose_loops import PoseLoops
 from palpate.stability.maps.reachable_poses import reachable_poses, shoulder
 
@@ -186,6 +186,7 @@ def workspace(
 
 def _require_mappable(s: Scenario, device: Device) -> None:
     """Raise StabilityError unless the scenario has walls that a workspace can map."""
+    require_linear_parts(s)
     if device.dof < 3:
         raise StabilityError(
             f"{device.name} has {device.dof} of the three joints that a workspace map needs; "

@@ -1,0 +1,281 @@
+"""Comparison of guards and of plain walls on one axis of a device, by running its servo loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate import _core
+from palpate.arrays import Array
+from palpate.checks import not_negative, positive
+from palpate.devices import Device, load
+from palpate.errors import PoseError, StabilityError
+from palpate.files import check_suffix, write_json
+from palpate.metrics.device_performance import tip_inertia
+from palpate.simulation.guards import set_guard
+
+__all__ = ["GuardComparison", "GuardRow", "TipAxis", "compare_guards", "tip_axis"]
+
+LADDER: Final = (500.0, 1e3, 2e3, 3.5e3, 5e3, 1e4, 2e4)  # N/m
+IMPACTS: Final = (0.02, 0.1, 0.3)  # m/s
+DURATION: Final = 2.0  # s
+LAST: Final = 0.25  # of the duration, in which the tip must rest
+REST: Final = 15e-6  # m: largest swing of a tip at rest, unless one count is more
+FELT: Final = 0.9  # least share of the stiffness that a wall must show
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class TipAxis:
+    """One direction of a device's tip as a mass with friction and an encoder.
+
+    Attributes:
+        mass: apparent mass, kg.
+        damping: viscous friction, N s/m.
+        coulomb: dry friction, N.
+        count: largest motion of the tip along the direction in one count of a joint, m; 0 without encoder.
+    """
+
+    mass: float
+    damping: float
+    coulomb: float
+    count: float
+
+
+@dataclass(frozen=True)
+class GuardRow:
+    """One way to render a wall, and how far it reaches.
+
+    Attributes:
+        name: of the way.
+        stiffness: largest tested one, N/m, up to which the tip rests after every impact and at least 90 % is felt; 0:
+            none.
+        felt: force at rest over stiffness times depth there, the least of the impacts; nan for none.
+        jump: largest change of the force in one tick there, N; nan for none.
+        swing: half the range of the tip over the last quarter of the run, at the largest tested stiffness, m; inf: it
+            diverges.
+        guarantee: what is guaranteed for every passive operator.
+    """
+
+    name: str
+    stiffness: float
+    felt: float
+    jump: float
+    swing: float
+    guarantee: str
+
+
+@dataclass(frozen=True)
+class GuardComparison:
+    """Comparison of guards on one axis of a device.
+
+    Attributes:
+        device: name.
+        axis: the direction of the tip as a mass.
+        period: T, s; delay: servo periods.
+        stiffnesses: tested, N/m; impacts: speeds, m/s; push: force that presses, N.
+        rows: of every way.
+    """
+
+    device: str
+    axis: TipAxis
+    period: float
+    delay: int
+    stiffnesses: tuple[float, ...]
+    impacts: tuple[float, ...]
+    push: float
+    rows: tuple[GuardRow, ...]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the comparison as JSON; an infinite or unknown number is null. Return the path."""
+        table = asdict(self)
+        for row in table["rows"]:
+            row.update({key: None for key, value in row.items() if isinstance(value, float) and not np.isfinite(value)})
+        return write_json(check_suffix(path, (".json",), "a comparison"), table)
+
+
+def compare_guards(
+    device: Device | str,
+    pose: ArrayLike | None = None,
+    direction: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    axis: TipAxis | None = None,
+    period: float | str | None = None,
+    delay: int = 0,
+    push: float | str = 1.0,
+    stiffnesses: Sequence[float] = LADDER,
+    impacts: Sequence[float] = IMPACTS,
+    progress: Progress | None = None,
+) -> GuardComparison:
+    """Compare a plain wall, damped walls and guards on one axis of a device.
+
+    The servo loop of the core runs each of them for 2 s, on a wall of each stiffness, after an impact at each speed,
+    pressed by a constant force. The device is the mass, friction and encoder of one direction of its tip, so that the
+    tip cannot slide away.
+
+    Args:
+        device: or its name in the catalog, or its file.
+        pose: (dof,), rad; the mechanism's working pose if not given.
+        direction: of the wall's normal (3,); x for a device with one joint.
+        axis: in place of that of the device.
+        period: T, s; that of the device if not given.
+        delay: servo periods from the computation of a force to its application.
+        push: N.
+        stiffnesses: N/m, rising.
+        impacts: m/s.
+        progress: called with a text and the fraction done.
+
+    Raises:
+        PoseError: the pose is singular.
+        DeviceError: the device cannot be read.
+        StabilityError: an argument is out of range.
+    """
+    chosen = load(device) if isinstance(device, str) else device
+    at = chosen.model.working_pose if pose is None else pose
+    along = axis if axis is not None else tip_axis(chosen, at, (1.0, 0.0, 0.0) if chosen.dof == 1 else direction)
+    time = chosen.servo_period if period is None else positive(period, "period", "s")
+    if not 0 <= delay <= 64:
+        raise StabilityError(f"delay must be 0 to 64 servo periods, not {delay}")
+    force = not_negative(push, "push", "N")
+    if not stiffnesses or not impacts or min(stiffnesses) <= 0.0:
+        raise StabilityError("stiffnesses must be positive and impacts given: at least one of each")
+    report = progress or (lambda _text, _fraction: None)
+    ways = _ways(along, time)
+    rows = []
+    for number, (name, damping, guard, guarantee) in enumerate(ways):
+        report(name, number / len(ways))
+        rows.append(_row(_Axis(along, time, delay, force), name, damping, guard, guarantee, stiffnesses, impacts))
+    return GuardComparison(chosen.name, along, time, delay, tuple(stiffnesses), tuple(impacts), force, tuple(rows))
+
+
+def tip_axis(device: Device, pose: ArrayLike, direction: ArrayLike) -> TipAxis:
+    """Return one direction e of a device's tip as a mass, at a pose (dof,), rad.
+
+    The mass is 1/(e . L^-1 e) of the tip's inertia L. Frictions are those of the tip that moves along e: viscous
+    e . J^-T B J^-1 e, dry sum_i f_i |J^-1 e|_i.
+
+    Raises:
+        PoseError: the pose is singular, or the device cannot move along the direction.
+    """
+    q, e = np.asarray(pose, dtype=float), np.asarray(direction, dtype=float)
+    e = e / np.linalg.norm(e)
+    jacobian = device.jacobian(q)
+    speeds = np.linalg.pinv(jacobian) @ e
+    if np.linalg.norm(jacobian @ speeds - e) > 1e-6:
+        raise PoseError("direction: the device cannot move its tip along it; give another")
+    mobility = e @ jacobian @ np.linalg.solve(device.mass_matrix(q), jacobian.T @ e)
+    if device.dof == 3:
+        tip_inertia(device, q)  # refuses a singular pose
+    counts = np.abs(e @ jacobian) * device.encoder_step
+    return TipAxis(
+        float(1.0 / mobility),
+        float(np.sum(device.viscous * speeds**2)),
+        float(np.sum(device.coulomb * np.abs(speeds))),
+        float(counts.max()),
+    )
+
+
+def _ways(axis: TipAxis, period: float) -> list[tuple[str, float, dict[str, Any] | None, str]]:
+    """Return name, damping of the wall (N s/m), guard and guarantee of each way to render it."""
+    unit = axis.mass / period
+    colgate = f"stiffness up to 2 b/T = {2.0 * axis.damping / period:.4g} N/m"
+
+    def bound(coulomb: float) -> dict[str, Any]:
+        return {"kind": "energy_bound", "damping": [axis.damping], "coulomb": [coulomb], "lateness": 0.0}
+
+    def half(velocity: str) -> dict[str, Any]:
+        return {"kind": "half_sample", "velocity": velocity, "horizon": 0.5, "observer": 1000.0}
+
+    ways: list[tuple[str, float, dict[str, Any] | None, str]] = [
+        ("no guard", 0.0, None, colgate),
+        ("damper of 0.1 m/T", 0.1 * unit, None, "none"),
+        ("damper of 0.4 m/T", 0.4 * unit, None, "none"),
+        ("passivity controller, cap 0.1 m/T", 0.0, {"kind": "passivity_controller", "cap": 0.1}, "none"),
+        ("passivity controller, cap 0.5 m/T", 0.0, {"kind": "passivity_controller", "cap": 0.5}, "none"),
+        ("half-sample, backward difference", 0.0, half("backward"), "none"),
+        ("half-sample, adaptive window", 0.0, half("adaptive_window"), "none"),
+        ("half-sample, observer", 0.0, half("observer"), "none"),
+    ]
+    if axis.damping > 0.0:
+        ways.append(("energy bound", 0.0, bound(0.0), "every stiffness, if b is true"))
+        if axis.coulomb > 0.0:
+            guarantee = "every stiffness, if b and f_c are true"
+            ways.append(("energy bound, dry friction", 0.0, bound(0.8 * axis.coulomb), guarantee))
+    return ways
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """The loop of one axis of the tip, pressed by a force, N."""
+
+    axis: TipAxis
+    period: float
+    delay: int
+    push: float
+
+    def press(self, stiffness: float, damping: float, guard: dict[str, Any] | None, impact: float) -> _Press:
+        """Return what a run on a wall shows after an impact."""
+        device = load("slider")
+        setup = device.setup()
+        setup.mechanism = device.model.create({"mass.tip": (self.axis.mass,)})
+        friction = setup.friction
+        friction.viscous = np.array([self.axis.damping])
+        friction.coulomb = friction.breakaway = np.array([self.axis.coulomb])
+        setup.friction = friction
+        setup.encoder_step = np.array([self.axis.count])
+        setup.start, setup.start_speed = np.zeros(1), np.array([impact])
+        setup.period, setup.delay, setup.substeps = self.period, self.delay, 2
+        wall = _core.SpringWallParameters()
+        wall.kind, wall.point, wall.normal = wall.Kind.half_space, np.zeros(3), np.array([-1.0, 0.0, 0.0])
+        setup.wall = wall
+        setup.stiffness, setup.damping = np.full(3, stiffness), np.full(3, damping)
+        set_guard(setup, guard)
+        ticks = round(DURATION / self.period)
+        push = np.zeros((ticks + 1, 3))
+        push[:, 0] = self.push
+        rows, count, unstable = setup.run(np.zeros((ticks + 1, 3)), push)
+        rows = np.asarray(rows)[:count]
+        if unstable >= 0 or not np.isfinite(rows).all():
+            return _Press(np.inf, 0.0, np.inf)
+        tip, force = rows[:, 0], -rows[:, 5]  # the command is that of the motors on the tip
+        end = slice(len(tip) - round(LAST * len(tip)), None)
+        depth = float(tip[end].mean())
+        felt = float(force[end].mean()) / (stiffness * depth) if depth > 0.0 else 0.0
+        return _Press(float(np.ptp(tip[end])) / 2.0, felt, float(np.abs(np.diff(force)).max()))
+
+
+@dataclass(frozen=True)
+class _Press:
+    """Swing of the tip at the end, m; share of the stiffness that is felt; largest change of the force in a tick, N."""
+
+    swing: float
+    felt: float
+    jump: float
+
+
+def _row(
+    loop: _Axis,
+    name: str,
+    damping: float,
+    guard: dict[str, Any] | None,
+    guarantee: str,
+    stiffnesses: Sequence[float],
+    impacts: Sequence[float],
+) -> GuardRow:
+    """Return how far one way to render a wall reaches."""
+    rest = max(REST, loop.axis.count)
+    best, felt, jump = 0.0, float("nan"), float("nan")
+    worst: Array = np.zeros(0)
+    reaches = True
+    for stiffness in stiffnesses:
+        presses = [loop.press(stiffness, damping, guard, speed) for speed in impacts]
+        worst = np.array([max(one.swing for one in presses), min(one.felt for one in presses)])
+        reaches = reaches and bool(worst[0] <= rest and worst[1] >= FELT)
+        if reaches:
+            best, felt, jump = stiffness, float(worst[1]), max(one.jump for one in presses)
+    return GuardRow(name, best, felt, jump, float(worst[0]), guarantee)

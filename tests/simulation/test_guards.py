@@ -1,0 +1,226 @@
+"""Guards of a scenario: what they guarantee on any object, what they refuse, and that no linear verdict is claimed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import palpate
+import pytest
+from palpate import devices, metrics, stability
+from palpate.errors import ScenarioError, StabilityError
+from palpate.scenario import Scenario
+from palpate.simulation import Trace, build_simulation, resolve, simulate
+from palpate.sweeps import sweep
+
+CATALOG = Path(devices.__file__).parent
+VISCOUS, COULOMB = np.array([0.05, 0.001, 0.01]), np.array([5e-3, 2e-3, 3e-3])
+OBJECTS: dict[str, dict[str, Any]] = {
+    "wall": {"kind": "wall", "normal": [0, 0, 1], "stiffness": "6 N/mm"},
+    "mesh": {
+        "kind": "mesh",
+        "mesh": {"shape": "box", "edge": "60 mm", "divisions": 4, "rotation": ["0 deg", "20 deg", "0 deg"]},
+        "surface": {"stiffness": "6 N/mm", "static_friction": 0.6, "dynamic_friction": 0.4},
+    },
+    "body": {
+        "kind": "body",
+        "position": ["0 mm", "0 mm", "-9 mm"],
+        "body": {
+            "shape": "block",
+            "size": ["40 mm", "40 mm", "20 mm"],
+            "young": "600 kPa",
+            "spacing": "10 mm",
+            "radius": "8 mm",
+        },
+    },
+}
+BOUND = {"kind": "energy_bound", "viscous": 1.0, "coulomb": 1.0}
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return the file of the arm with dry friction in its joints."""
+    text = (CATALOG / "phantom-premium-1.5a.toml").read_text(encoding="utf-8")
+    values = ", ".join(f'"{value} N*m"' for value in COULOMB)
+    path = tmp_path_factory.mktemp("device") / "dry-arm.toml"
+    path.write_text(text.replace("[friction]", f'[friction]\ncoulomb = {{ value = [{values}], source = "assumed" }}'))
+    return str(path)
+
+
+def press(arm: str, touched: dict[str, Any], guard: dict[str, Any] | None, **other: Any) -> Scenario:
+    """A press of 1 N on an object 1 mm below the tip, which then slides, and is pressed less and more."""
+    table = [[0.0, 0.0, 0.0, -1.0], [0.2, 0.1, 0.0, -1.0], [0.3, 0.0, 0.0, -0.2], [0.4, 0.0, 0.0, -1.5]]
+    rows = [[f"{t} s", *(f"{force} N" for force in forces)] for t, *forces in table]
+    return Scenario.from_dict(
+        {
+            "device": {"name": arm, **other.pop("device", {})},
+            "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+            "servo": {"period": "1 ms", "topology": "impedance_display", **other.pop("servo", {})},
+            "operator": {"kind": "force", "shape": "table", "table": rows},
+            "object": {"position": ["0 mm", "0 mm", "-1 mm"], **touched},
+            **({} if guard is None else {"guard": guard}),
+            "run": {"duration": "0.5 s"},
+            **other,
+        }
+    )
+
+
+def energy(scenario: Scenario, trace: Trace) -> np.ndarray[Any, Any]:
+    """Return the energy that display and friction have absorbed at each sample (n,), J; late ticks count as T + J."""
+    device, q = scenario.load_device(), trace["angle"]
+    step = device.encoder_step if scenario.device.encoder else np.zeros(3)
+    measured = np.where(step > 0.0, np.rint(q / np.where(step > 0.0, step, 1.0)) * step, q)
+    hold = np.einsum("nij,i->nj", device.jacobian(measured), build_simulation(scenario).hold)
+    own, moved = (trace["torque"] - hold)[:-1], np.diff(q, axis=0)
+    longest = scenario.period + scenario.servo.jitter
+    return np.cumsum((-own * moved + VISCOUS / longest * moved**2 + COULOMB * np.abs(moved)).sum(axis=1))
+
+
+@pytest.mark.parametrize("kind", list(OBJECTS))
+@pytest.mark.parametrize(
+    "case", [{}, {"servo": {"jitter": "0.9 ms"}}, {"device": {"encoder": True, "saturation": True}}]
+)
+def test_an_energy_bound_never_delivers_more_than_the_friction_dissipates(
+    arm: str, kind: str, case: dict[str, Any]
+) -> None:
+    """Law: on a wall, a mesh with friction and a body; with late ticks, counts and drive limits; without a fault."""
+    scenario = press(arm, OBJECTS[kind], BOUND, **case)
+    trace = simulate(scenario)
+    assert trace.unstable_from is None
+    assert len(trace) == 501
+    assert energy(scenario, trace).min() >= -1e-14
+    assert np.abs(trace["object_force"]).max() > 0.5
+    reduced = np.linalg.norm(trace["command_force"], axis=1) < 0.99 * np.linalg.norm(trace["object_force"], axis=1)
+    assert reduced.any()
+
+
+def test_without_the_bound_the_same_press_delivers_energy(arm: str) -> None:
+    scenario = press(arm, OBJECTS["wall"], None)
+    assert energy(scenario, simulate(scenario)).min() < -1e-4
+
+
+@pytest.mark.parametrize("kind", list(OBJECTS))
+@pytest.mark.parametrize("case", [{}, {"servo": {"jitter": "0.9 ms"}}])
+def test_a_passivity_controller_takes_back_what_the_display_delivers(arm: str, kind: str, case: dict[str, Any]) -> None:
+    """Law: on any object it delivers under a tenth of the energy that the loop without it does, and takes it back."""
+    scenario = press(arm, OBJECTS[kind], {"kind": "passivity_controller"}, **case)
+    trace, bare = simulate(scenario), simulate(press(arm, OBJECTS[kind], None, **case))
+    assert trace.unstable_from is None
+    own = energy(scenario, trace)
+    assert energy(scenario, bare).min() < -0.03
+    assert own.min() > 0.1 * energy(scenario, bare).min()
+    assert own[-1] > 0.0
+
+
+def test_the_trace_tells_which_friction_the_bound_takes_from_the_device(arm: str) -> None:
+    trace = simulate(press(arm, OBJECTS["wall"], {"kind": "energy_bound"}))
+    found = trace.metadata["guard"]
+    assert found["kind"] == "energy_bound"
+    assert found["damping"] == pytest.approx(0.8 * VISCOUS)
+    assert found["coulomb"] == pytest.approx(0.8 * COULOMB)
+
+
+def slider(guard: Any, **other: Any) -> dict[str, Any]:
+    """The catalog's slider leans on a wall with 1 N."""
+    return {
+        "device": {"name": "slider", **other.pop("device", {})},
+        "servo": {"topology": "impedance_display", **other.pop("servo", {})},
+        "operator": {"kind": "force", "force": ["1 N", "0 N", "0 N"]},
+        "object": {"kind": "wall", "normal": [-1, 0, 0], "stiffness": "2 N/mm"},
+        "guard": guard,
+        "run": {"duration": "1 s"},
+        **other,
+    }
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (slider({"kind": ["energy_bound", "half_sample"]}), "guard.kind: a loop has one guard"),
+        (slider([{"kind": "energy_bound"}, {"kind": "half_sample"}]), "guard: a loop has one guard"),
+        (slider({"kind": "half_sample", "cap": 0.3}), 'guard.cap has no meaning for kind = "half_sample"'),
+        (slider({"kind": "half_sample", "observer": "300 rad/s"}), 'observer belongs to velocity = "observer"'),
+        (slider({"kind": "energy_bound", "viscous": 1.5}), "guard.viscous: 1.5; it must be above 0 and at most 1"),
+        (slider({"kind": "energy_bound"}, device={"model": "linear"}), "guard.kind: an energy bound relies on dry"),
+        (
+            slider({"kind": "half_sample"}, servo={"topology": "force_tracking"}, operator={"kind": "none"})
+            | {"reference": {"force": ["1 N", "0 N", "0 N"]}},
+            "guard.kind: in force_tracking the motors supply energy by design",
+        ),
+    ],
+)
+def test_a_guard_that_does_not_fit_is_refused_with_one_sentence(tables: dict[str, Any], message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_dict(tables)
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_device_without_viscous_friction_has_no_energy_bound(tmp_path: Path) -> None:
+    text = (CATALOG / "slider.toml").read_text(encoding="utf-8")
+    (tmp_path / "bare.toml").write_text(text.replace("0.05 N*s/m", "0 N*s/m"))
+    with pytest.raises(ScenarioError, match=r"relies on viscous friction of each joint, and joint 1 .* has none"):
+        Scenario.from_dict(slider({"kind": "energy_bound"}, device={"name": str(tmp_path / "bare.toml")}))
+
+
+@pytest.mark.parametrize("guard", [{"kind": "passivity_controller"}, {"kind": "half_sample"}, BOUND])
+def test_no_linear_analysis_is_claimed_for_a_guarded_loop(guard: dict[str, Any]) -> None:
+    """Law: the linear loop is that without the guard, so the run alone is judged and every analysis refuses."""
+    tables = slider(guard, object={"kind": "spring", "stiffness": "2 N/mm"})
+    trace = simulate(tables)
+    assert "a guard makes the loop nonlinear" in str(trace.verdict.linear)
+    assert "spectral radius" not in str(trace.verdict)
+    for analysis in (stability.certify, stability.zwidth, metrics.measure_performance):
+        with pytest.raises(StabilityError, match=r"guard\.kind: a guard makes the loop nonlinear"):
+            analysis(tables)
+    unguarded = simulate({**tables, "guard": {"kind": "none"}})
+    assert "the linear loop is unstable" in str(unguarded.verdict.linear)
+
+
+def test_half_sample_prediction_extends_the_spring_to_its_exact_limit() -> None:
+    """Golden: with a backward difference the slider is stable up to 3448 N/m, without prediction up to 100 N/m."""
+    for stiffness, decays in (("3.4 N/mm", True), ("3.5 N/mm", False)):
+        spring = {"kind": "spring", "stiffness": stiffness}
+        tip = simulate(slider({"kind": "half_sample"}, object=spring, run={"duration": "4 s"}))["tip"][:, 0]
+        assert bool(np.ptp(tip[-1000:]) < np.ptp(tip[:1000])) is decays
+
+
+def test_a_guard_is_a_key_of_a_sweep() -> None:
+    found = sweep(slider({"kind": "none"}), {"guard.kind": ["none", "passivity_controller", "half_sample"]})
+    assert np.isnan(found["linear"][1:]).all() or (found["linear"][1:] == 0.0).all()
+    assert found["linear"][0] != 0.0
+    for index in range(3):
+        assert found.verdict(index) == found.simulate(index).verdict.state
+
+
+def test_a_guard_is_resolved_with_the_numbers_of_the_device(arm: str, tmp_path: Path) -> None:
+    resolve(press(arm, OBJECTS["wall"], BOUND, servo={"jitter": "0.2 ms"}), tmp_path / "loop")
+    found = json.loads((tmp_path / "loop" / "loop.json").read_text("utf-8"))
+    assert found["guard"] == {
+        "kind": "energy_bound",
+        "damping": pytest.approx(VISCOUS.tolist()),
+        "coulomb": pytest.approx(COULOMB.tolist()),
+        "lateness": 2e-4,
+    }
+
+
+def test_a_stepped_loop_has_the_guard(arm: str) -> None:
+    scenario = press(arm, OBJECTS["wall"], {"kind": "half_sample", "velocity": "adaptive_window"})
+    stepped = palpate.Loop(scenario).run()
+    assert np.array_equal(stepped["torque"], simulate(scenario)["torque"])
+
+
+def test_guards_compare_as_published_on_the_arms_axis() -> None:
+    """Golden: largest of 0.5 to 20 N/mm with a swing of at most 15 um and 90 % felt; T = 1 ms, counts of 25 um."""
+    axis = metrics.TipAxis(mass=0.045, damping=0.35, coulomb=0.04, count=25e-6)
+    found = metrics.compare_guards("slider", axis=axis, period=1e-3)
+    reach = {row.name: row.stiffness for row in found.rows}
+    assert reach["no guard"] == 1e3
+    assert reach["half-sample, backward difference"] == 1e4
+    assert reach["half-sample, observer"] == 1e4
+    assert reach["passivity controller, cap 0.5 m/T"] >= 1e4
+    bounds = [row for row in found.rows if row.name.startswith("energy bound")]
+    assert len(bounds) == 2
+    assert all(row.swing <= 15e-6 for row in bounds)

@@ -39,9 +39,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                 "run": {"duration": "2 s" if effort.quick else "20 s"},
             }
         )
-        passes = [
-            experiment.setup.time_ticks(experiment.reference, experiment.operator, False) for _ in range(PASSES)
-        ]
+        passes = [experiment.setup.time_ticks(experiment.reference, experiment.operator, False) for _ in range(PASSES)]
         seconds = np.min(passes, axis=0)
         rows.append(
             {

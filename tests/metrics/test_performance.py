@@ -225,3 +225,16 @@ def test_performance_from_the_command_line(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "performance.json").read_text("utf-8"))
     assert written["directions"][0]["static_stiffness_N_per_m"] == pytest.approx(1000, rel=0.01)
     assert (tmp_path / "performance.html").read_text("utf-8").count("<svg") == 2
+
+
+def test_guards_are_compared_from_the_command_line(tmp_path: Path) -> None:
+    """One line for each way to render a wall, with what it guarantees; the scenario gives device, pose and normal."""
+    scenario = SCENARIOS / "slider-wall-stable.toml"
+    done = CliRunner().invoke(app, ["performance", str(scenario), "--guards", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "no guard: no wall" in done.output
+    assert "guarantee: every stiffness, if b is true" in done.output
+    written = json.loads((tmp_path / "guards.json").read_text("utf-8"))
+    assert written["axis"]["mass"] == pytest.approx(0.06)
+    assert len(written["rows"]) == 9
+    assert written["rows"][0]["felt"] is None

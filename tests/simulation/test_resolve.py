@@ -218,6 +218,11 @@ def organ(**surface: Any) -> dict[str, Any]:
         wall(object={"kind": "spring", "stiffness": "50 N/m", "damping": "0.02 N*s/m", "coupling": "bilinear"}),
         wall(operator={"kind": "fixed"}),
         wall(object={"kind": "none"}),
+        wall(guard={"kind": "energy_bound"}, servo={"topology": "impedance_display", "jitter": "0.3 ms"}),
+        wall(guard={"kind": "passivity_controller", "cap": 0.3}, object={"kind": "spring", "stiffness": "500 N/m"}),
+        wall(
+            guard={"kind": "half_sample", "velocity": "observer", "horizon": 1.5}, device={"name": "slider", "delay": 1}
+        ),
         organ(),
         organ(field="continuous", static_friction=0.4, damping="0.01 N*s/m", shading="30 deg"),
         organ(static_friction=0.8, dynamic_friction=0.6, viscous="0.1 N*s/m"),

@@ -15,7 +15,7 @@ from palpate.errors import PalpateError
 from palpate.metrics.performance import measure_performance
 from palpate.scenario import Scenario
 from palpate.simulation import ContactResult
-from palpate.stability import PassivityController, certify, zwidth
+from palpate.stability import certify, zwidth
 
 Array = NDArray[np.float64]
 PERIOD = 5e-4
@@ -232,21 +232,17 @@ def test_an_object_of_the_user_replaces_a_body_and_a_mesh() -> None:
     assert not trace["object_force"].any()
 
 
-def test_a_passivity_controller_stands_before_an_object() -> None:
+def test_a_guard_stands_behind_an_object_of_the_user() -> None:
     hard = {**WALL, "object": {"kind": "none"}, "operator": {"kind": "force", "force": ["-0.5 N", "0 N", "0 N"]}}
+    guarded = {**hard, "guard": {"kind": "passivity_controller"}}
 
     def wall(tip: Any) -> Array:
         return np.array([1500.0 * min(tip.position[0] + 1e-3, 0.0), 0.0, 0.0])
 
-    bare = simulate(hard, object=wall)
-    damped = simulate(hard, object=PassivityController(1e-3, 40.0, object=wall))
+    bare, damped = simulate(hard, object=wall), simulate(guarded, object=wall)
     late = slice(len(bare) // 2, None)
     assert np.ptp(damped["tip"][late, 0]) < 0.5 * np.ptp(bare["tip"][late, 0])
-    same(damped, simulate(hard, object=PassivityController(1e-3, 40.0, object=wall)))
-    with pytest.raises(PalpateError, match="needs the object behind it"):
-        simulate(hard, object=PassivityController(1e-3, 40.0))
-    with pytest.raises(PalpateError, match="normal must be three finite numbers"):
-        PassivityController(1e-3, 40.0, normal=(0.0, 0.0, 0.0))
+    same(damped, simulate(guarded, object=wall))
 
 
 @pytest.mark.parametrize("judge", [certify, zwidth, measure_performance])

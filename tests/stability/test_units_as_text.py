@@ -65,7 +65,6 @@ CALLS: dict[str, tuple[Callable[..., Any], str]] = {
     "wall_limit": (stability.wall_limit, "mass damping period virtual_damping"),
     "wall_polynomial": (stability.wall_polynomial, "mass damping period stiffness virtual_damping"),
     "wall_spectral_radius": (lambda **x: stability.wall_spectral_radius(MASS, **x), "stiffness virtual_damping period"),
-    "PassivityController": (lambda **x: vars(stability.PassivityController(**x)), "period max_damping credit"),
     "MeasuredResponse": (measured, "period virtual_damping"),
 }
 

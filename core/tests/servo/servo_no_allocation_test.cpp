@@ -82,6 +82,32 @@ TEST(NoAllocation, InATickOfAWorkspaceControllerAndOfANormalizedOne) {
   }
 }
 
+TEST(NoAllocation, InATickWithAGuard) {
+  using palpate::guard::EnergyBound, palpate::guard::HalfSample, palpate::guard::PassivityController, palpate::guard::VelocityEstimate;
+  using Guard = palpate::guard::AnyGuard<Premium>;
+  const Premium arm(palpate::plant::phantom_premium_1_5a());
+  const Joints<3> pose(0.0, 2.2305, 3.2776);
+  palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
+  setup.encoder.step = Joints<3>::Constant(1e-4);
+  setup.delay = 1;
+  setup.start = pose;
+  const palpate::object::SpringWall wall(
+      {.kind = palpate::object::SpringWall::Kind::half_space, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(500.0)});
+  for (const Guard& guard : {Guard(PassivityController<Premium>()), Guard(EnergyBound<Premium>({.damping = Joints<3>::Constant(0.01)})),
+                             Guard(HalfSample<Premium>({.velocity = VelocityEstimate::adaptive_window})),
+                             Guard(HalfSample<Premium>({.velocity = VelocityEstimate::observer}))}) {
+    palpate::servo::Servo<Premium, palpate::object::AnyObject, palpate::control::AnyController, Guard> servo(setup, wall, {}, guard);
+    double commanded = 0.0;
+    const long before = allocations;
+    for (int k = 0; k < 1000; ++k) {
+      const Joints<3> q = pose + 0.05 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+      commanded += servo.tick(q, Vector3<>::Zero()).command.norm();
+    }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(commanded, 1.0);
+  }
+}
+
 TEST(NoAllocation, InATickOnAMesh) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);

@@ -15,7 +15,6 @@ from palpate.files import default_name, write_folder
 
 if TYPE_CHECKING:
     from palpate.metrics import DeviceMeasures
-    from palpate.scenario import Scenario
 
 GuardsFlag = Annotated[
     bool,
@@ -70,7 +69,7 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         device, start = loaded.load_device(), loaded.start
         pose = device.inverse(start.tip) if start.tip is not None else start.pose
         found = compare_guards(
-            device, pose, _normal(loaded), period=loaded.period, delay=loaded.device.delay, progress=tell
+            device, pose, loaded.object.normal, period=loaded.period, delay=loaded.device.delay, progress=tell
         )
         folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"guards.json": found.save})
@@ -93,11 +92,6 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
             f"  {row.name}: {reach}; the stiffest {swing}; guarantee: {row.guarantee}", markup=False, soft_wrap=True
         )
     print_paths(paths)
-
-
-def _normal(scenario: Scenario) -> tuple[float, float, float]:
-    """Return the normal of the scenario's wall, or z."""
-    return scenario.object.normal if scenario.object.normal is not None else (0.0, 0.0, 1.0)
 
 
 def _device(m: DeviceMeasures) -> str:

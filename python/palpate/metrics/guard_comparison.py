@@ -102,7 +102,7 @@ class GuardComparison:
 def compare_guards(
     device: Device | str,
     pose: ArrayLike | None = None,
-    direction: ArrayLike = (0.0, 0.0, 1.0),
+    direction: ArrayLike | None = None,
     *,
     axis: TipAxis | None = None,
     period: float | str | None = None,
@@ -121,7 +121,7 @@ def compare_guards(
     Args:
         device: or its name in the catalog, or its file.
         pose: (dof,), rad; the mechanism's working pose if not given.
-        direction: of the wall's normal (3,); x for a device with one joint.
+        direction: of the wall's normal (3,); z if not given, or y or x if the device cannot move along it.
         axis: in place of that of the device.
         period: T, s; that of the device if not given.
         delay: servo periods from the computation of a force to its application.
@@ -137,7 +137,7 @@ def compare_guards(
     """
     chosen = load(device) if isinstance(device, str) else device
     at = chosen.model.working_pose if pose is None else pose
-    along = axis if axis is not None else tip_axis(chosen, at, (1.0, 0.0, 0.0) if chosen.dof == 1 else direction)
+    along = axis if axis is not None else tip_axis(chosen, at, _movable(chosen, at) if direction is None else direction)
     time = chosen.servo_period if period is None else positive(period, "period", "s")
     if not 0 <= delay <= 64:
         raise StabilityError(f"delay must be 0 to 64 servo periods, not {delay}")
@@ -178,6 +178,14 @@ def tip_axis(device: Device, pose: ArrayLike, direction: ArrayLike) -> TipAxis:
         float(np.sum(device.coulomb * np.abs(speeds))),
         float(counts.max()),
     )
+
+
+def _movable(device: Device, pose: ArrayLike) -> Array:
+    """Return the first of z, y and x along which the device can move its tip."""
+    jacobian = device.jacobian(pose)
+    across = np.eye(3) - jacobian @ np.linalg.pinv(jacobian)  # what cannot be reached of each axis
+    free = [number for number in (2, 1, 0) if np.linalg.norm(across[number]) <= 1e-6]
+    return np.asarray(np.eye(3)[free[0] if free else 2], dtype=float)
 
 
 def _ways(axis: TipAxis, period: float) -> list[tuple[str, float, dict[str, Any] | None, str]]:

@@ -32,7 +32,6 @@ from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
 from palpate.stability.passivity import (
     CouplingVerdict,
     EnergyObserver,
-    PassivityController,
     certify_coupling,
     coulomb_amplitude,
     coupling_damping,
@@ -63,7 +62,6 @@ __all__ = [
     "Lyapunov",
     "MeasuredResponse",
     "MeasuredVerdict",
-    "PassivityController",
     "Routh",
     "StabilityError",
     "StabilityInterval",

@@ -1,7 +1,6 @@
 """Passivity of a sampled display: walls, virtual couplings, and observers of the generated energy."""
 
-from palpate.stability.passivity.energy import naive_energy, zoh_energy
-from palpate.stability.passivity.passivity_controller import EnergyObserver, PassivityController
+from palpate.stability.passivity.energy import EnergyObserver, naive_energy, zoh_energy
 from palpate.stability.passivity.sampled_wall import (
     coulomb_amplitude,
     coupling_damping,
@@ -23,7 +22,6 @@ from palpate.stability.passivity.two_port import (
 __all__ = [
     "CouplingVerdict",
     "EnergyObserver",
-    "PassivityController",
     "certify_coupling",
     "coulomb_amplitude",
     "coupling_damping",

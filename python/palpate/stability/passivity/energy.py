@@ -6,13 +6,39 @@ the displacement before it. Its sign can be wrong, so an observer based on it ma
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.errors import StabilityError
 
-__all__ = ["naive_energy", "zoh_energy"]
+__all__ = ["EnergyObserver", "naive_energy", "zoh_energy"]
+
+
+@dataclass
+class EnergyObserver:
+    """Exact work of sampled and held forces on the tip.
+
+    Attributes:
+        energy: energy delivered to the tip, J; negative while the display has absorbed more than it delivered.
+    """
+
+    energy: float = 0.0
+    _force: float = 0.0
+    _position: float | None = None
+
+    def update(self, position: float) -> float:
+        """Add the work up to a sample with the tip at ``position`` (m) and return the energy (J)."""
+        if self._position is not None:
+            self.energy += self._force * (position - self._position)
+        self._position = position
+        return self.energy
+
+    def set_force(self, force: float) -> None:
+        """Set the force (N) on the tip that is held from this sample on."""
+        self._force = force
 
 
 def zoh_energy(force: ArrayLike, position: ArrayLike) -> float:

@@ -40,6 +40,13 @@ def build(
     spacing: Annotated[
         str | None, typer.Option("--spacing", help="Edge length of the tetrahedra in a filled surface.")
     ] = None,
+    tip_radius: Annotated[
+        str | None, typer.Option("--tip-radius", help="Of a sphere, for which the spacing is chosen.")
+    ] = None,
+    depth: Annotated[
+        str | None, typer.Option("--depth", help="Of its presses; default: a quarter of its radius.")
+    ] = None,
+    accuracy: Annotated[str | None, typer.Option("--accuracy", help="Of its force; default: 5%.")] = None,
     mesher: Annotated[
         Literal["stuffing", "ftetwild"],
         typer.Option("--mesher", help="Of a surface: stuffing (deterministic) or ftetwild (extra mesher)."),
@@ -81,12 +88,15 @@ def build(
             "regions": region or [],
             "surface_layer": surface_layer,
             "spacing": spacing,
+            "tip_radius": tip_radius,
+            "depth": depth,
+            "accuracy": accuracy,
             "modes": modes,
         }
         if boundary and any(interior.values()):
             raise BodyError(
                 "--boundary: boundary elements have one material, no mesh of the interior and no modes: leave out "
-                "--region, --surface-layer, --spacing and --modes, or leave out --boundary"
+                "--region, --surface-layer, --spacing, --tip-radius and --modes, or leave out --boundary"
             )
         body = (
             build_boundary(source, **common)

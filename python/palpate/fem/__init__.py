@@ -3,6 +3,7 @@
 from palpate.fem.body import Body
 from palpate.fem.boundary_build import build_boundary
 from palpate.fem.builder import build
+from palpate.fem.contact_accuracy import force_error, spacing_for
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hyperelastic import HyperelasticModel, Strain
 from palpate.fem.indentation import ContactHistory, Indentation
@@ -35,6 +36,7 @@ __all__ = [
     "build",
     "build_boundary",
     "fill",
+    "force_error",
     "grid",
     "half_space",
     "load",
@@ -42,6 +44,7 @@ __all__ = [
     "parse_selector",
     "phantom",
     "read_volume",
+    "spacing_for",
     "sphere",
 ]
 

@@ -16,6 +16,7 @@ from palpate.fem.body import Body
 from palpate.fem.checks import positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.condensation import Condensation, check_memory
+from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
@@ -49,6 +50,9 @@ def build(
     touch: str | Selector | None = None,
     unit: str | None = None,
     spacing: float | str | None = None,
+    tip_radius: float | str | None = None,
+    depth: float | str | None = None,
+    accuracy: float | str | None = None,
     mesher: Mesher = "stuffing",
     order: int = 2,
     modes: int = 0,
@@ -72,6 +76,9 @@ def build(
         unit: of the coordinates in a file; required for a file.
         spacing: mean edge of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent, or
             half the thickness of a thin body.
+        tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
+        depth: of its presses, m or text; None for a quarter of its radius.
+        accuracy: of its force, such as "5%" (default).
         mesher: of a surface, "stuffing" (deterministic) or "ftetwild"; see `fill`.
         order: 2 for quadratic tetrahedra, 1 for linear ones, which lock as Poisson's ratio approaches 0.5.
         modes: number of vibration modes to compute for `Body.modal`.
@@ -88,6 +95,7 @@ def build(
     check_mesher(mesher)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
+    spacing = _chosen_spacing(spacing, tip_radius, depth, accuracy)
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, surface_layer)
     dirichlet = dirichlet_regions(fixed)
@@ -229,6 +237,22 @@ def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[Close
     for text in surface.warnings:
         warnings.warn(f"{name}: {text}", BodyWarning, stacklevel=4)
     return surface, name
+
+
+def _chosen_spacing(
+    spacing: float | str | None,
+    tip_radius: float | str | None,
+    depth: float | str | None,
+    accuracy: float | str | None,
+) -> float | str | None:
+    """Return the spacing for a tip if one is given. Raise BodyError if that contradicts `spacing`."""
+    if tip_radius is None:
+        if depth is not None or accuracy is not None:
+            raise BodyError("tip_radius: a depth or an accuracy chooses the spacing for a tip: give its radius too")
+        return spacing
+    if spacing is not None:
+        raise BodyError("spacing: it follows from tip_radius and accuracy: leave out one of them")
+    return spacing_for(tip_radius, depth, accuracy)
 
 
 def _spacing_of(surface: ClosedSurface, spacing: float | str | None) -> float:

@@ -23,6 +23,7 @@ from palpate.fem.checks import (
     positive,
 )
 from palpate.fem.condensed_body import CondensedBody
+from palpate.fem.contact_accuracy import force_error
 from palpate.fem.errors import BodyError, BodyWarning
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
@@ -36,6 +37,8 @@ class Indentation(NamedTuple):
 
     force: Array  # of the body on the tip (3,), N
     displacement: Array  # of the contact nodes (n, 3), m
+    nodes: int  # in contact
+    error: float | None  # of a sphere's force by the mesh, relative (`force_error`); None if it is not known
 
 
 class ContactHistory(NamedTuple):
@@ -68,7 +71,8 @@ class IndentableBody(CondensedBody):
             tip: "sphere" or "flat".
 
         Returns:
-            The force on the tip (3,), N, and the displacement of the contact nodes (n, 3), m, at equilibrium.
+            The force on the tip (3,), N, the displacement of the contact nodes (n, 3), m, at equilibrium, the number of
+            nodes in contact, and the error of a sphere's force by the mesh (None if unknown).
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -88,8 +92,16 @@ class IndentableBody(CondensedBody):
             history = self._settle_hyperelastic(self.core, center, normal, deep, size, tip)
         else:
             history = self._ramp(center, normal, deep, size, tip)
-        _warn_of_few_nodes(deep, int(history.nodes[-1]))
-        return Indentation(history.force[-1], self.displacement())
+        nodes = int(history.nodes[-1])
+        error = self._force_error(nodes) if tip == "sphere" else None
+        _warn_of_few_nodes(deep, nodes, error)
+        return Indentation(history.force[-1], self.displacement(), nodes, error)
+
+    def _force_error(self, nodes: int) -> float | None:
+        """Return the relative error of a sphere's force by the mesh; None for models other than the compliance."""
+        if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.record.get("order") != 2:
+            return None
+        return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
 
     def _indentation_axis(self, x: Array, size: float, deep: float) -> tuple[Array, Array]:
         """Return the surface point nearest to `x` (3,), m, and the unit normal there (3,); raise as `indent`."""
@@ -265,7 +277,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:
     return row
 
 
-def _warn_of_few_nodes(deep: float, count: int) -> None:
+def _warn_of_few_nodes(deep: float, count: int, error: float | None) -> None:
     """Warn if fewer than four nodes are in contact at a positive depth."""
     if deep > 0 and count == 0:
         warnings.warn(
@@ -276,8 +288,9 @@ def _warn_of_few_nodes(deep: float, count: int) -> None:
         )
     elif deep > 0 and count < 4:
         warnings.warn(
-            f"only {count} of the body's nodes are in contact, too few for an accurate force: use a finer mesh, a "
-            "larger tip or a larger depth",
+            f"only {count} of the body's nodes are in contact, too few for an accurate force"
+            f"{'' if error is None else f' (error up to {100 * error:.0f} %)'}: use a finer mesh, a larger tip or a "
+            "larger depth",
             BodyWarning,
             stacklevel=3,
         )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
 from palpate.simulation.trace import Trace
 
@@ -17,6 +18,8 @@ JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1
 MIN_SWEEP = 10e-3  # m, path length from which a run counts as a sweep
 FEW = 4  # nodes under the tip, below which the force is unreliable
 HOLDING = ("modal", "viscoelastic", "mass_spring")  # models that hold each force over the tick that ends at its sample
+
+_ESTIMATED = ("compliance", "viscoelastic", "modal", "signed_distance")  # models with a known error by the mesh
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class PalpationMetrics:
         deepest_force: magnitude of the object force at that moment; the largest force may occur at another.
         stiffness: force over deflection at that moment, N/m.
         nodes: number of nodes in contact at that moment.
+        mesh_error: relative error of that force by the mesh (`palpate.fem.force_error`) for a sphere on the kinds
+            "compliance", "viscoelastic", "modal" and "signed_distance"; None otherwise.
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.
@@ -54,6 +59,7 @@ class PalpationMetrics:
     deepest_force: float
     stiffness: float
     nodes: int
+    mesh_error: float | None
     path: float
     path_stiffness_median: float | None
     path_stiffness_max: float | None
@@ -110,6 +116,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         deepest_force=float(magnitude[at]),
         stiffness=float(magnitude[at] / depth[at]) if depth[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
+        mesh_error=_mesh_error(trace, int(nodes[at, 0])),
         path=float(np.sum(np.linalg.norm(move, axis=1)[contact[1:] & contact[:-1]])),
         path_stiffness_median=float(np.median(path_stiffness)) if swept else None,
         path_stiffness_max=float(np.max(path_stiffness)) if swept else None,
@@ -126,6 +133,14 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
     )
+
+
+def _mesh_error(trace: Trace, nodes: int) -> float | None:
+    choice = trace.scenario.get("object", {}).get("body") or {}
+    kind = choice.get("kind", "compliance")
+    if choice.get("tip", "sphere") != "sphere" or kind not in _ESTIMATED:
+        return None
+    return force_error(nodes, signed_distance=kind == "signed_distance")
 
 
 def work_so_far(trace: Trace) -> Array:

@@ -182,6 +182,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         f"presses the body in by {found.deepest * 1e3:.3g} mm with {at_depth}"
         f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found, trace)} at the end"
     )
+    if found.mesh_error is not None:
+        text += f"; the mesh adds an error of up to {100 * found.mesh_error:.0f} % to that force ({found.nodes} nodes)"
     if found.nodes < FEW:
         text += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
     if found.unsolved:

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <palpate/actuation/delay.hpp>
 #include <palpate/actuation/drive_limits.hpp>
 #include <palpate/actuation/encoder.hpp>
@@ -67,6 +69,47 @@ TEST(Delay, GivesBackWhatWentInPeriodsAgo) {
     Delay<double> delay(periods, -1.0);
     for (int k = 0; k < 200; ++k) EXPECT_EQ(delay.pass(k), k < periods ? -1.0 : k - periods);
   }
+}
+
+// Law: under a constant command the temperature rises exponentially to (applied / continuous)^2; the limit is the peak up to 0.9 of the
+// admissible temperature and falls linearly to the continuous force at 1. A reset drive is cold.
+TEST(Drive, TheTemperatureAndTheLimitFollowTheirLaw) {
+  DriveLimits<1> limits;
+  limits.peak_force = 4.0;
+  limits.continuous_force = 2.0;
+  limits.thermal_time = 0.5;
+  const double period = 1e-3;
+  Drive<1> drive(limits, period);
+  for (const int round : {1, 2}) {
+    EXPECT_EQ(drive.temperature(), 0.0) << round;
+    double temperature = 0.0;
+    int fading = 0;
+    for (int k = 0; k < 2000; ++k) {
+      const double share = std::clamp((1.0 - temperature) / 0.1, 0.0, 1.0), expected = 2.0 + 2.0 * share;
+      ASSERT_NEAR(drive.force_limit(), expected, 1e-12) << k;
+      ASSERT_NEAR(drive.limit_force({0.0, 100.0, 0.0})[1], expected, 1e-12) << k;
+      temperature += (1.0 - std::exp(-period / 0.5)) * (expected * expected / 4.0 - temperature);
+      ASSERT_NEAR(drive.temperature(), temperature, 1e-12) << k;
+      if (expected == 4.0) {
+        ASSERT_NEAR(temperature, 4.0 * (1.0 - std::exp(-period * (k + 1) / 0.5)), 1e-12);
+      }
+      fading += share < 1.0 ? 1 : 0;
+    }
+    EXPECT_GT(fading, 1000);
+    drive.reset();
+  }
+}
+
+TEST(Drive, OneLimitedJointLimitsAllTorques) {
+  for (int joint = 0; joint < 3; ++joint) {
+    DriveLimits<3> limits;
+    limits.peak_torque[joint] = 0.1;
+    const Drive<3> drive(limits, 1e-3);
+    EXPECT_TRUE(drive.limits());
+    EXPECT_NEAR(drive.torque_scale(Joints<3>(0.4, -0.4, 0.4)), 0.25, 1e-15);
+    EXPECT_EQ(drive.torque_scale(Joints<3>(0.1, -0.1, 0.1)), 1.0);
+  }
+  EXPECT_FALSE(Drive<3>(DriveLimits<3>{}, 1e-3).limits());
 }
 
 }  // namespace

@@ -69,4 +69,23 @@ TEST(StiffnessNormalization, HoldsTheLastContactAndPassesForcesBeforeTheFirst) {
   EXPECT_EQ(apply(normalization, ContactResult{}, pull).reference, pull);
 }
 
+// In contact the deflection is the force over the stiffness, also of a damped force; the depth replaces it outside only.
+TEST(StiffnessNormalization, ADampedForceInContactIsScaledAsItIs) {
+  StiffnessNormalization normalization(design);
+  ContactResult contact = contact_at(1e-3, 200.0, Vector3<>::UnitZ());
+  contact.force.z() -= 0.3;
+  EXPECT_NEAR(apply(normalization, contact, {0.0, 0.0, -1.0}).object.z(), -0.5 * 1000.0 / 200.0, 1e-12);
+}
+
+// A contact that states a normal without a stiffness is scaled by the last one, and after a reset by none.
+TEST(StiffnessNormalization, TheLastStiffnessHoldsUntilAReset) {
+  StiffnessNormalization normalization(design);
+  const Vector3<> reference(0.0, 0.0, -1.0);
+  apply(normalization, contact_at(1e-3, 200.0, Vector3<>::UnitZ()), reference);
+  ContactResult unknown = contact_at(1e-3, 0.0, Vector3<>::UnitX());
+  EXPECT_NEAR(apply(normalization, unknown, reference).reference.z(), -5.0, 1e-12);
+  normalization.reset();
+  EXPECT_NEAR(apply(normalization, unknown, reference).reference.z(), -1.0, 1e-12);
+}
+
 }  // namespace

@@ -9,6 +9,7 @@
 #include <random>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace {
 
@@ -104,6 +105,35 @@ TEST(Json, SurvivesEveryChangeOfOneByte) {
 TEST(Blob, ChecksumIsThatOfZlib) {
   EXPECT_EQ(palpate::servo::crc32("123456789", 9), 0xcbf43926U);
   EXPECT_EQ(palpate::servo::crc32("", 0), 0U);
+}
+
+// Law: every code point becomes the bytes of UTF-8, at both ends of each length.
+TEST(Json, EscapesBecomeUtf8) {
+  const std::pair<const char*, const char*> golden[] = {
+      {"\\u007f", "\x7f"},
+      {"\\u0080", "\xc2\x80"},
+      {"\\u07ff", "\xdf\xbf"},
+      {"\\u0800", "\xe0\xa0\x80"},
+      {"\\uFFFF", "\xef\xbf\xbf"},
+      {"\\ud800\\udc00", "\xf0\x90\x80\x80"},
+      {"\\udbff\\udfff", "\xf4\x8f\xbf\xbf"},
+  };
+  for (const auto& [escape, bytes] : golden) EXPECT_EQ(value("\"" + std::string(escape) + "\"").text, bytes) << escape;
+  for (const char* broken : {"\\ud800\\ue000", "\\ud800\\udbff", "\\ud800", "\\udc00", "\\u12g4", "\\u123"})
+    EXPECT_NE(parse_json("\"" + std::string(broken) + "\"").error, "") << broken;
+}
+
+// Law: a limit is the largest size that is read.
+TEST(Json, LimitsAreInclusive) {
+  palpate::servo::JsonLimits limits;
+  limits.text = 13;
+  limits.members = 2;
+  EXPECT_EQ(parse_json(R"({"a":0,"b":1})", limits).error, "");
+  EXPECT_EQ(parse_json(R"({"a":0,"b":1} )", limits).error, "the text is longer than 13 bytes");
+  limits.text = 100;
+  EXPECT_EQ(parse_json(R"({"a":0,"b":1,"c":2})", limits).error, "line 1: an object has too many members");
+  for (char c = 1; c < 0x20; ++c) EXPECT_NE(parse_json(std::string("\"") + c + "\"").error, "") << static_cast<int>(c);
+  EXPECT_EQ(parse_json("\" \"").error, "");
 }
 
 }  // namespace

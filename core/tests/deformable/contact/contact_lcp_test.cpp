@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
 #include <palpate/deformable/contact/contact_lcp.hpp>
 #include <random>
 #include <vector>
@@ -101,6 +103,96 @@ TEST(ContactLcp, NeedsTwoIterationsForOneExchange) {
     ASSERT_TRUE(solver.solve());
     EXPECT_EQ(solver.iterations(), 2);
     EXPECT_EQ(solver.force(7) > 0.0, depth > 0.0);
+  }
+}
+
+/// A problem whose rows are edited beside those of a solver.
+struct Edited {
+  Eigen::MatrixXd c;
+  Eigen::VectorXd g;
+
+  void expect_solved_by(ContactLcp& solver) const {
+    ASSERT_TRUE(solver.solve());
+    const Eigen::VectorXd f = Eigen::VectorXd::NullaryExpr(g.size(), [&](auto a) { return solver.force(static_cast<int>(a)); });
+    const Eigen::VectorXd gap = c * f - g;
+    const double size = 1e-7 * (1.0 + f.norm() * g.norm());
+    ASSERT_GE(f.minCoeff(), 0.0);
+    ASSERT_GE(gap.minCoeff(), -size);
+    ASSERT_LE(f.cwiseProduct(gap).cwiseAbs().maxCoeff(), size);
+  }
+};
+
+// Law: rows that are inserted, removed or stiffened between solves leave the solution of the edited problem.
+TEST(ContactLcp, EditedRowsGiveTheSolutionOfTheEditedProblem) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  const int most = 24;
+  const Eigen::MatrixXd whole = random_compliance(most, random);
+  std::vector<int> rows = {0, 1, 2, 3, 4, 5};  // of the whole compliance
+  std::vector<double> extra(most, 0.0), depth(most);
+  for (double& g : depth) g = normal(random);
+  const auto problem = [&] {
+    const auto n = static_cast<Eigen::Index>(rows.size());
+    const auto row = [&](Eigen::Index k) { return static_cast<std::size_t>(rows[static_cast<std::size_t>(k)]); };
+    Edited out{Eigen::MatrixXd(n, n), Eigen::VectorXd(n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+      out.g[i] = depth[row(i)];
+      for (Eigen::Index j = 0; j < n; ++j)
+        out.c(i, j) = whole(static_cast<Eigen::Index>(row(i)), static_cast<Eigen::Index>(row(j))) + (i == j ? extra[row(i)] : 0.0);
+    }
+    return out;
+  };
+  ContactLcp solver;
+  load_lcp(solver, problem().c, problem().g);
+  solver.reset(6, [](int) { return true; });
+  for (int step = 0; step < 600; ++step) {
+    const int size = static_cast<int>(rows.size()), at = static_cast<int>(random() % static_cast<unsigned>(size));
+    const unsigned kind = random() % 3;
+    if (kind == 0 && size > 2) {
+      solver.remove(at);
+      rows.erase(rows.begin() + at);
+    } else if (kind == 1 && size < most) {
+      int fresh = 0;
+      while (std::find(rows.begin(), rows.end(), fresh) != rows.end()) ++fresh;
+      solver.insert(at);
+      rows.insert(rows.begin() + at, fresh);
+      const Edited now = problem();
+      for (int b = 0; b <= size; ++b) solver.compliance(at, b) = solver.compliance(b, at) = now.c(at, b);
+      solver.depth(at) = now.g[at];
+    } else {
+      const auto row = static_cast<std::size_t>(rows[static_cast<std::size_t>(at)]);
+      extra[row] = 0.3 * std::abs(normal(random));
+      solver.set_diagonal(at, whole(rows[static_cast<std::size_t>(at)], rows[static_cast<std::size_t>(at)]) + extra[row]);
+    }
+    for (double& g : depth) g += 0.3 * normal(random);
+    const Edited now = problem();
+    for (int a = 0; a < static_cast<int>(rows.size()); ++a) solver.depth(a) = now.g[a];
+    now.expect_solved_by(solver);
+    if (HasFatalFailure()) FAIL() << "step " << step;
+  }
+}
+
+// Law: of two rows with the same compliance and depth one carries the force; if that one is removed the other does.
+TEST(ContactLcp, TheTwinOfARemovedRowTakesItsForce) {
+  std::mt19937 random(8);
+  Eigen::MatrixXd c = random_compliance(4, random);
+  c.row(3) = c.row(1);
+  c.col(3) = c.col(1);
+  c(3, 3) = c(1, 1);
+  const Eigen::VectorXd g = c * Eigen::Vector4d(0.5, 1.0, 0.7, 0.0);
+  for (const int gone : {1, 3}) {
+    ContactLcp solver;
+    load_lcp(solver, c, g);
+    solver.reset(4, [](int) { return true; });
+    ASSERT_TRUE(solver.solve());
+    EXPECT_NEAR(solver.force(1) + solver.force(3), 1.0, 1e-9);
+    EXPECT_NEAR(solver.force(0), 0.5, 1e-9);
+    solver.remove(gone);
+    for (int a = 0, from = 0; from < 4; ++from)
+      if (from != gone) solver.depth(a++) = g[from];
+    ASSERT_TRUE(solver.solve());
+    EXPECT_NEAR(solver.force(gone == 1 ? 2 : 1), 1.0, 1e-9) << gone;
+    EXPECT_NEAR(solver.force(0), 0.5, 1e-9);
   }
 }
 

@@ -50,4 +50,10 @@ TEST(TipGeometry, AnEdgeOfRadiusZeroIsTheLimitOfARoundedOne) {
   EXPECT_NEAR(sharp.distance({6e-3, 0.0, 3e-3}), 1e-3, 1e-8);
 }
 
+TEST(TipGeometry, ARimIsAtMostAsLargeAsTheCylinder) {
+  const TipGeometry round = TipGeometry::cylinder(5e-3, 1.0, Vector3<>::UnitZ());
+  EXPECT_EQ(round.rim, 5e-3);
+  EXPECT_NEAR(round.distance({0.0, 0.0, -2e-3}), 2e-3, 1e-12);
+}
+
 }  // namespace

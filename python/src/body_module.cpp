@@ -31,6 +31,7 @@ using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::devic
 using Matrix = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Tensor = nb::ndarray<const double, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 template <int width>
 using IndexRows = nb::ndarray<const std::int32_t, nb::shape<-1, width>, nb::c_contig, nb::device::cpu>;
 
@@ -287,7 +288,8 @@ struct SignedDistanceCore : BodyInLoop {
 
   /// Force on a contact node along its inward normal, N.
   [[nodiscard]] double inward_force(std::size_t k) const {
-    return -body.node_force(static_cast<int>(k)).dot(body.nodes().normal(body.contact_nodes()[k]));
+    const auto c = static_cast<int>(k);
+    return -body.node_force(c).dot(body.nodes().normal(body.contact().contact_node(c)));
   }
 };
 
@@ -301,20 +303,61 @@ palpate::deformable::ContactSurface contact_surface(const Points& vertices, cons
   return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, numbers(modulus)};
 }
 
+/// Step the tips of a body along their paths; see "simulate_tips".
+auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers, const Points& axes, const Numbers& radii,
+               const Numbers& lengths, const Numbers& rims) {
+  using palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
+  SignedDistanceContact& contact = body.contact();
+  const std::size_t n = centers.shape(0), count = static_cast<std::size_t>(contact.tip_count());
+  for (const std::size_t size : {centers.shape(1), axes.shape(0), radii.shape(0), lengths.shape(0), rims.shape(0)})
+    if (size != count) throw nb::value_error("the paths and shapes do not match the number of tips");
+  auto [rows, row] = new_array<double>({n, count, result_width});
+  const nb::gil_scoped_release unlocked;
+  std::array<SignedDistanceContact::PlacedTip, static_cast<std::size_t>(SignedDistanceContact::max_tips)> tips;
+  const auto list = points(axes);
+  for (std::size_t t = 0; t < count; ++t)
+    tips[t].shape = rims.data()[t] > 0.0 ? TipGeometry::cylinder(radii.data()[t], rims.data()[t], list[t])
+                                         : TipGeometry::capsule(radii.data()[t], lengths.data()[t], list[t]);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t t = 0; t < count; ++t)
+      tips[t].center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * (count * i + t));
+    contact.step(tips.data());
+    for (std::size_t t = 0; t < count; ++t, row += result_width) write_result(contact.last(static_cast<int>(t)), row);
+  }
+  return rows;
+}
+
 void bind_signed_distance(nb::module_& m) {
   nb::class_<SignedDistanceCore, BodyInLoop>(m, "SignedDistanceBody")
       .def(
           "__init__",
           [](SignedDistanceCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double sideways) {
-            using palpate::deformable::Compliance;
+             const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double poisson,
+             const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instantaneous_ratio,
+             double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic) {
+            using palpate::deformable::Compliance, palpate::deformable::SignedDistanceContact;
             auto nodes = BodyCore<Compliance>::fitting(at, normals, areas, compliance);
             if (modulus.shape(0) != at.shape(0)) throw nb::value_error("the sizes of the body's arrays do not match");
-            const auto surface = contact_surface(vertices, triangles, node, modulus);
+            if (frequencies.shape(0) > 0 && (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0)))
+              throw nb::value_error("the sizes of the modes do not match the compliance");
+            if (tips < 1 || tips > SignedDistanceContact::max_tips) throw nb::value_error("a body has 1 to 8 tips");
+            auto surface = contact_surface(vertices, triangles, node, modulus);
+            surface.poisson = poisson;
+            const palpate::object::SignedDistanceOptions options{
+                .sideways = sideways,
+                .friction = {mu_static, mu_dynamic},
+                .period = period,
+                .modes = {shapes.data(), numbers(frequencies), alpha, beta},
+                .instantaneous_ratio = instantaneous_ratio,
+                .retardation_time = retardation_time,
+                .tips = tips,
+            };
             new (self) SignedDistanceCore(
-                std::make_shared<const palpate::object::SignedDistanceBody::Data>(std::move(nodes), compliance.data(), surface, sideways));
+                std::make_shared<const palpate::object::SignedDistanceBody::Data>(std::move(nodes), compliance.data(), surface, options));
           },
-          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a, "sideways"_a = 1.0)
+          "points"_a, "normals"_a, "areas"_a, "compliance"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a, "poisson"_a, "shapes"_a,
+          "frequencies"_a, "period"_a = 1e-3, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
+          "retardation_time"_a = 1.0, "sideways"_a = 1.0, "tips"_a = 1, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
       .def(
           "simulate_path",
           [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
@@ -330,10 +373,10 @@ void bind_signed_distance(nb::module_& m) {
       .def(
           "contact_forces",
           [](const SignedDistanceCore& self) {
-            const auto n = static_cast<std::size_t>(self.body.last().nodes);
+            const auto n = static_cast<std::size_t>(self.body.contact().contact_count());
             auto [nodes, i] = new_array<std::int64_t>({n});
             auto [forces, f] = new_array<double>({n});
-            std::copy_n(self.body.contact_nodes(), n, i);
+            for (std::size_t k = 0; k < n; ++k) i[k] = self.body.contact().contact_node(static_cast<int>(k));
             for (std::size_t k = 0; k < n; ++k) f[k] = self.inward_force(k);
             return nb::make_tuple(nodes, forces);
           },
@@ -341,13 +384,24 @@ void bind_signed_distance(nb::module_& m) {
       .def(
           "friction_forces",
           [](const SignedDistanceCore& self) {
-            return new_points(static_cast<std::size_t>(self.body.last().nodes), [&](std::size_t k) {
-              const palpate::math::Vector3<>& n = self.body.nodes().normal(self.body.contact_nodes()[k]);
+            return new_points(static_cast<std::size_t>(self.body.contact().contact_count()), [&](std::size_t k) {
+              const palpate::math::Vector3<>& n = self.body.nodes().normal(self.body.contact().contact_node(static_cast<int>(k)));
               return palpate::math::Vector3<>(self.body.sideways() *
                                               (self.body.node_force(static_cast<int>(k)) + self.inward_force(k) * n));
             });
           },
           "Return the parts of the forces across the normals that load the body, at the contact nodes of the last step (n, 3), N.")
+      .def(
+          "simulate_tips",
+          [](SignedDistanceCore& self, const Tensor& centers, const Points& axes, const Numbers& radii, const Numbers& lengths,
+             const Numbers& rims) { return step_tips(self.body, centers, axes, radii, lengths, rims); },
+          "centers"_a, "axes"_a, "radii"_a, "lengths"_a, "rims"_a,
+          "Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length, or a cylinder where its rim is "
+          "positive. "
+          "Return rows as `simulate_path` for each step and tip (m, tips, 15).")
+      .def_prop_ro(
+          "has_memory", [](const SignedDistanceCore& self) { return self.body.has_memory(); },
+          "Whether the force depends on the past: inertia or creep.")
       .def("reset", [](SignedDistanceCore& self) { self.body.reset(); });
 }
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from palpate import _core
 from palpate import fem as bodies
+from palpate.errors import PalpateError, PoseError
 from palpate.fem import Body, BodyError, block
 from palpate.fem.checks import TipShape
 from palpate.scenario import Scenario
+from palpate.scenario.body import BodyChoice
 
 TOP = 0.02
 AT = [0.0203, 0.0196, TOP]
@@ -114,21 +116,80 @@ def test_sideways_displacement_counts_by_its_fraction(body: Body) -> None:
             body.signed_distance(sideways_fraction=bad)
 
 
-def test_friction_is_refused(body: Body) -> None:
-    with pytest.raises(BodyError, match="signed_distance has no friction"):
-        body.with_friction(0.3)
+def test_friction_rises_to_the_cone_and_takes_work_on_a_closed_path(body: Body) -> None:
+    """Dragged there and back: at most mu times the normal forces, and the tip works whenever the surface slips."""
+    mu = 0.5
+    rough = body.with_friction(mu)
+    depth = np.concatenate([np.linspace(-5e-4, 2e-3, 300), np.full(1200, 2e-3), np.linspace(2e-3, -5e-4, 300)])
+    way = np.concatenate([np.zeros(300), np.linspace(0.0, 2.5e-3, 600), np.linspace(2.5e-3, 0.0, 600), np.zeros(300)])
+    path = np.stack([0.0203 + way, np.full(1800, 0.0196), TOP + 10e-3 - depth], axis=1)
+    felt = rough.simulate_path(path, 10e-3)
+    normal = (felt.force - felt.friction)[:, 2]
+    assert (np.linalg.norm(felt.friction, axis=1) <= 1.1 * mu * normal).all()  # forces are tilted by the sphere's slope
+    assert felt.friction[899, 0] == pytest.approx(-mu * normal[899], rel=0.06)
+    work = path_work(felt, path)
+    assert not felt.force[-1].any()
+    assert work.sum() > 0.1 * np.abs(work).sum()
+    assert (np.cumsum(work) > felt.energy[1:] - 1e-3 * felt.energy.max()).all()
+    assert rough.indent(AT, 8e-3, 1e-3).force == pytest.approx(body.indent(AT, 8e-3, 1e-3).force, rel=1e-6)
+
+
+def test_a_standard_linear_solid_relaxes_by_the_closed_form(body: Body) -> None:
+    """Held at one depth: 1 + (ratio - 1) exp(-ratio t / retardation time), with the layer of the contact as well."""
+    time, ratio = "0.2 s", 2.5
+    solid = body.viscoelastic("1 ms", instantaneous_ratio=ratio, retardation_time=time, contact="signed_distance")
+    still = np.tile([*AT[:2], TOP + 10e-3 - 1.5e-3], (1000, 1))
+    felt = solid.simulate_path(still, 10e-3).force[:, 2]
+    at_rest = body.indent(AT, 10e-3, 1.5e-3).force[2]
+    t = 1e-3 * np.arange(1, 1001)
+    assert felt == pytest.approx(at_rest * (1.0 + (ratio - 1.0) * np.exp(-ratio * t / 0.2)), rel=0.03)
+    assert solid.indent(AT, 10e-3, 1.5e-3).force[2] == pytest.approx(at_rest, rel=1e-6)
+
+
+def test_a_closed_path_over_a_solid_that_creeps_takes_work(body: Body) -> None:
+    solid = body.viscoelastic("1 ms", instantaneous_ratio=2.5, retardation_time="0.2 s", contact="signed_distance")
+    s = np.linspace(0.0, 2 * np.pi, 2001)
+    lift = TOP + 6e-3 - 3e-3 * np.sin(s / 2) ** 2
+    path = np.stack([0.02 + 12e-3 * np.cos(s), 0.02 + 12e-3 * np.sin(2 * s), lift], axis=1)
+    felt = solid.simulate_path(path, 5e-3)
+    work = path_work(felt, path)
+    assert work.sum() > 0.05 * np.abs(work).sum()
+    assert (np.cumsum(work) - felt.energy[1:]).min() > -1e-3 * felt.energy.max()
 
 
 def test_a_contact_surface_that_does_not_match_is_refused(body: Body) -> None:
     vertices, triangles, node, modulus = body._contact_patches()
     arrays = body._arrays()
+    none = (np.empty((0, 0), dtype=np.float32), np.empty(0))
     for wrong in ((vertices, triangles, node[1:], modulus), (vertices, triangles, node, modulus[1:])):
         with pytest.raises(ValueError, match="match"):
-            _core.SignedDistanceBody(*arrays, *wrong, 1.0)
+            _core.SignedDistanceBody(*arrays, *wrong, 0.45, *none)
 
 
-def test_a_scenario_takes_the_kind() -> None:
-    text = """
+def test_two_tips_share_one_body(body: Body) -> None:
+    """The second tip pushes the surface away from the first; a tip that starts inside is lost and the other is not."""
+    steps = np.linspace(0.0, 2e-3, 200)[:, None]
+    down = np.array([0.0, 0.0, -1.0])
+    one, two = np.array([0.015, 0.02, TOP + 5e-3]) + steps * down, np.array([0.025, 0.02, TOP + 5e-3]) + steps * down
+    alone = body.simulate_path(one, 5e-3)
+    both = body.simulate_tips(np.stack([one, two], axis=1), [5e-3, "5 mm"])
+    assert 0.5 * alone.force[-1, 2] < both[0].force[-1, 2] < 0.97 * alone.force[-1, 2]
+    assert both[0].energy[-1] == both[1].energy[-1] > alone.energy[-1]
+    inside = np.tile([0.02, 0.02, 0.01], (200, 1))
+    found = body.simulate_tips(np.stack([one, inside], axis=1), [5e-3, 2e-3])
+    assert found[1].lost.all()
+    assert found[0].force == pytest.approx(alone.force, rel=1e-6, abs=1e-9)
+    lying = body.simulate_tips(one[:, None], [5e-3], segments=[[0.0, "8 mm", 0.0]])[0]
+    assert lying.force[-1, 2] > 1.5 * alone.force[-1, 2]
+    with pytest.raises(BodyError, match="signed distance"):
+        Body(body.contents).simulate_tips(one[:, None], [5e-3])
+    with pytest.raises(PoseError, match="1 to 8 tips"):
+        body.simulate_tips(np.zeros((4, 9, 3)), [5e-3] * 9)
+
+
+def choice_of(lines: str) -> BodyChoice:
+    """Return [object.body] of a scenario with a block and further lines."""
+    text = f"""
         device.name = "phantom-premium-1.5a"
         start.pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
         servo.period = "1 ms"
@@ -141,11 +202,19 @@ def test_a_scenario_takes_the_kind() -> None:
         young = "10 kPa"
         spacing = "5 mm"
         radius = "8 mm"
-        kind = "signed_distance"
-        sideways_fraction = 0.65
+        {lines}
         [run]
         duration = "0.1 s"
     """
     choice = Scenario.from_text(text, "press.toml", None).object.body
     assert choice is not None
-    assert (choice.kind, choice.options) == ("signed_distance", {"sideways_fraction": 0.65})
+    return choice
+
+
+def test_a_scenario_takes_the_kind_and_the_contact() -> None:
+    choice = choice_of('kind = "signed_distance"\nsideways_fraction = 0.65\nstatic_friction = 0.4')
+    assert (choice.kind, choice.options) == ("signed_distance", {"sideways_fraction": 0.65, "static_friction": 0.4})
+    choice = choice_of('kind = "modal"\nmodes = 20\ncontact = "signed_distance"')
+    assert choice.contact == "signed_distance"
+    with pytest.raises(PalpateError, match="contact has no meaning for mass_spring"):
+        choice_of('kind = "mass_spring"\ncontact = "signed_distance"')

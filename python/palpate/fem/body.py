@@ -23,7 +23,7 @@ from palpate.fem.checks import (
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.free_form import FreeFormLaw, check_fit
 from palpate.fem.indentation import IndentableBody
-from palpate.fem.model_spec import COMPLIANCE, LAWS, Law, ModelSpec
+from palpate.fem.model_spec import COMPLIANCE, CONTACTS, LAWS, ContactLaw, Law, ModelSpec
 from palpate.fem.storage import BodyData
 
 _MAX_MEMORY = 4e9  # bytes of a mass-spring model
@@ -52,6 +52,7 @@ class Body(IndentableBody):
                 compliance=(self.compliance / np.float32(times)).astype(np.float32),
                 young=self.contents.young * times,
                 frequencies=self.contents.frequencies * np.sqrt(times),
+                residual_frequencies=self.contents.residual_frequencies * np.sqrt(times),
                 record={**self.record, "scaled_stiffness": times * self.record.get("scaled_stiffness", 1.0)},
             ),
             self.kind.friction,
@@ -77,6 +78,7 @@ class Body(IndentableBody):
         rayleigh_beta: float | str = 0.0,
         instantaneous_ratio: float | str = 1.0,
         retardation_time: float | str = 1.0,
+        contact: ContactLaw = "node_normals",
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -85,10 +87,12 @@ class Body(IndentableBody):
         The damping matrix is `rayleigh_alpha`, 1/s, times the mass plus `rayleigh_beta`, s, times the stiffness. A mode
         of w rad/s has the damping ratio (rayleigh_alpha / w + rayleigh_beta w) / 2. The residual compliance of the
         truncated modes has no inertia. With `instantaneous_ratio` above 1 the material is a standard linear solid, as
-        in `viscoelastic`.
+        in `viscoelastic`. With `contact="signed_distance"` the tip presses along its own normals, as in
+        `signed_distance`, and forces in all directions drive the same modes and the residual vectors of the contact
+        loads, which converge under an imposed motion of the tip (see `palpate.fem.vibration`).
 
         Raises:
-            BodyError: the body was built without modes, or a number is out of range.
+            BodyError: the body was built without modes, a number is out of range, or the contact is unknown.
         """
         if len(self.contents.frequencies) == 0:
             raise BodyError(
@@ -102,7 +106,12 @@ class Body(IndentableBody):
             "instantaneous_ratio": stiffness_ratio(instantaneous_ratio),
             "retardation_time": positive(retardation_time, "s", "retardation_time"),
         }
-        body = self._with_model("modal", options, static_friction, dynamic_friction)
+        by_distance = _by_signed_distance(contact)
+        given = options | ({"contact": contact} if by_distance else {})
+        body = self._with_model("modal", given, static_friction, dynamic_friction)
+        if by_distance:
+            body.core = body._signed_distance_core()
+            return body
         body.core = _core.ModalBody(
             *self._arrays(),
             np.ascontiguousarray(self.contents.shapes),
@@ -122,6 +131,7 @@ class Body(IndentableBody):
         *,
         instantaneous_ratio: float | str,
         retardation_time: float | str,
+        contact: ContactLaw = "node_normals",
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -129,14 +139,19 @@ class Body(IndentableBody):
 
         The instantaneous stiffness is `instantaneous_ratio` (at least 1) times the long-term stiffness. Under a
         constant force the body creeps with the time constant `retardation_time`, s or text. At a constant depth the
-        force relaxes with `retardation_time / instantaneous_ratio`. Poisson's ratio is constant.
+        force relaxes with `retardation_time / instantaneous_ratio`. Poisson's ratio is constant. `contact` as in
+        `modal`.
 
         Raises:
-            BodyError: a number is out of range.
+            BodyError: a number is out of range, or the contact is unknown.
         """
         tick, ratio = tick_period(period), stiffness_ratio(instantaneous_ratio)
         time = positive(retardation_time, "s", "retardation_time")
         options = {"period": tick, "instantaneous_ratio": ratio, "retardation_time": time}
+        if _by_signed_distance(contact):
+            body = self._with_model("viscoelastic", options | {"contact": contact}, static_friction, dynamic_friction)
+            body.core = body._signed_distance_core()
+            return body
         body = self._with_model("viscoelastic", options, static_friction, dynamic_friction)
         body.core = _core.StandardLinearSolidBody(*self._arrays(), ratio, time, tick, *body.kind.friction)
         return body
@@ -153,15 +168,15 @@ class Body(IndentableBody):
 
         The force converges for contact radii from a third of the node spacing, on curved surfaces and at edges; see
         docs/validation/deformable-bodies.md. A sphere needs no `outward` direction. Beyond about one radius of depth a
-        thick body is pushed through, and the contact is lost. The model has no state, so it ignores the `period`, and
-        it has no friction.
+        thick body is pushed through, and the contact is lost. The model has no state, so it ignores the `period`. With
+        friction the contact's layer shears too, so a tangential force builds up as in a Cattaneo-Mindlin contact.
 
         With `sideways_fraction` below 1 the contact counts only this fraction of the displacement across the normals at
         rest. 1 is linear elasticity. A fraction of 0.65 was closer to neo-Hookean forces at depths above a tenth of the
         body on the few shapes tried.
 
         Raises:
-            BodyError: the body has friction, or the fraction is not between 0 and 1.
+            BodyError: a friction coefficient is out of range, or the fraction is not between 0 and 1.
         """
         fraction = number(sideways_fraction, "", "sideways_fraction")
         if not 0.0 <= fraction <= 1.0:
@@ -169,11 +184,7 @@ class Body(IndentableBody):
         options = {} if period is None else {"period": tick_period(period)}
         options |= {} if fraction == 1.0 else {"sideways_fraction": fraction}
         body = self._with_model("signed_distance", options, static_friction, dynamic_friction)
-        if body.kind.friction[0] > 0.0:
-            raise BodyError(
-                "signed_distance has no friction: set static_friction to 0, or use the body without this model"
-            )
-        body.core = _core.SignedDistanceBody(*self._arrays(), *self._contact_patches(), fraction)
+        body.core = body._signed_distance_core()
         return body
 
     def mass_spring(
@@ -343,3 +354,10 @@ class Body(IndentableBody):
         elif dynamic_friction is not None:
             friction = friction_coefficients(friction[0], dynamic_friction)
         return type(self)(self.contents, ModelSpec(name, options, friction))
+
+
+def _by_signed_distance(contact: str) -> bool:
+    """Return whether a contact is by signed distance; raise BodyError if it is unknown."""
+    if contact not in CONTACTS:
+        raise BodyError(f"contact: {contact!r} is not one of {', '.join(CONTACTS)}")
+    return contact == "signed_distance"

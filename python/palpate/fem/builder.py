@@ -23,6 +23,7 @@ from palpate.fem.material import Material, Region, SurfaceLayer
 from palpate.fem.mesh_estimate import check_memory_before, check_parts
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
+from palpate.fem.vibration import Modes
 from palpate.fem.vibration import modes as find_modes
 from palpate.fem.volume import (
     SURFACES,
@@ -168,13 +169,14 @@ def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stag
     check_memory(count, condensation.memory, memory)
     stages.begin("condensing", str(condensation))
     compliance = condensation.compliance()
-    frequencies, shapes = np.empty(0), np.empty((len(compliance), 0), dtype=np.float32)
+    nothing = np.empty((len(compliance), 0), dtype=np.float32)
+    found = Modes(np.empty(0), nothing, np.empty(0), nothing)
     if modes:
         stages.begin("modes", f"computing {modes} modes")
-        frequencies, shapes = find_modes(elements, modes)
+        found = find_modes(elements, modes)
     seconds = stages.end()
     record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": versions()}
-    return _body_data(elements, compliance, frequencies, shapes, record)
+    return _body_data(elements, compliance, found, record)
 
 
 def _record(elements: Elements, condensation: Condensation) -> dict[str, Any]:
@@ -305,7 +307,7 @@ def _check_source(source: object, unit: str | None) -> None:
     unit_of_length(unit)
 
 
-def _body_data(elements: Elements, compliance: Any, frequencies: Any, shapes: Any, record: dict[str, Any]) -> BodyData:
+def _body_data(elements: Elements, compliance: Any, modes: Modes, record: dict[str, Any]) -> BodyData:
     faces = elements.volume.surface
     used, triangles = np.unique(faces, return_inverse=True)
     inside = np.ones(len(elements.volume.points), dtype=bool)
@@ -319,8 +321,10 @@ def _body_data(elements: Elements, compliance: Any, frequencies: Any, shapes: An
         normals=elements.normals,
         areas=elements.areas,
         compliance=compliance,
-        frequencies=frequencies,
-        shapes=shapes,
+        frequencies=modes.frequencies,
+        shapes=modes.shapes,
+        residual_frequencies=modes.residual_frequencies,
+        residual_shapes=modes.residual_shapes,
         vertices=elements.volume.points,
         tetrahedra=elements.volume.tetrahedra,
         young=elements.young.mean(axis=1),

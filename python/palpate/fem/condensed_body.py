@@ -199,6 +199,33 @@ class CondensedBody:
         """C++ contact model of one tip."""
         return _core.ComplianceBody(*self._arrays(), *self.kind.friction)
 
+    def _signed_distance_core(self, tips: int = 1) -> _core.SignedDistanceBody:
+        """Return a core with contact by signed distance for 1 to 8 tips, from the options of the kind, at rest."""
+        static, dynamic = self.kind.friction
+        numbers = {name: value for name, value in self.kind.options.items() if isinstance(value, float | int)}
+        shapes, frequencies = np.empty((0, 0), dtype=np.float32), np.empty(0)
+        if self.kind.name == "modal":
+            data = self.contents
+            residual = data.residual_shapes.reshape(len(data.shapes), -1)
+            shapes = np.hstack([data.shapes, residual])
+            frequencies = np.concatenate([data.frequencies, data.residual_frequencies])
+        return _core.SignedDistanceBody(
+            *self._arrays(),
+            *self._contact_patches(),
+            self._recorded("poisson"),
+            shapes,
+            frequencies,
+            period=numbers.get("period", 1e-3),
+            rayleigh_alpha=numbers.get("rayleigh_alpha", 0.0),
+            rayleigh_beta=numbers.get("rayleigh_beta", 0.0),
+            instantaneous_ratio=numbers.get("instantaneous_ratio", 1.0),
+            retardation_time=numbers.get("retardation_time", 1.0),
+            sideways=numbers.get("sideways_fraction", 1.0),
+            tips=tips,
+            static_friction=static,
+            dynamic_friction=dynamic,
+        )
+
     def _recorded(self, key: str) -> float:
         try:
             return float(self.record[key])

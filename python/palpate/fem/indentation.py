@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +25,12 @@ from palpate.fem.checks import (
 from palpate.fem.condensed_body import CondensedBody
 from palpate.fem.contact_accuracy import force_error
 from palpate.fem.errors import BodyError, BodyWarning
+from palpate.fem.model_spec import ModelSpec
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
 _NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
+_MAX_TIPS = 8
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
 
@@ -81,8 +83,8 @@ class IndentableBody(CondensedBody):
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
             BodyError: the tip loses contact, or a body under large displacements finds no equilibrium.
         """
-        if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
-            return type(self)(self.contents).indent(point, radius, depth, tip=tip)
+        if static := self._static_body():
+            return static.indent(point, radius, depth, tip=tip)
         x = point_of(point)
         size, deep = positive(radius, "m", "radius"), indentation_depth(depth)
         target, normal = self._indentation_axis(x, size, deep)
@@ -102,6 +104,16 @@ class IndentableBody(CondensedBody):
         if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.record.get("order") != 2:
             return None
         return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
+
+    def _static_body(self) -> Self | None:
+        """Return the body without inertia, creep and friction with the same contact, or None if it has none of them."""
+        if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
+            return type(self)(self.contents)
+        if isinstance(self.core, _core.SignedDistanceBody) and (self.core.has_memory or self.kind.friction[0] > 0.0):
+            static = type(self)(self.contents, ModelSpec("signed_distance", _static_options(self.kind)))
+            static.core = static._signed_distance_core()
+            return static
+        return None
 
     def _indentation_axis(self, x: Array, size: float, deep: float) -> tuple[Array, Array]:
         """Return the surface point nearest to `x` (3,), m, and the unit normal there (3,); raise as `indent`."""
@@ -218,6 +230,47 @@ class IndentableBody(CondensedBody):
             _warn_of_unsolved(rows)
         return _history(rows)
 
+    def simulate_tips(
+        self, paths: ArrayLike, radii: ArrayLike, *, segments: ArrayLike | None = None
+    ) -> list[ContactHistory]:
+        """Move several tips along their paths on this body, from rest, and return the contact of each.
+
+        The tips share the body's displacement: one presses what another has moved. The contact must be by signed
+        distance.
+
+        Args:
+            paths: centers of the 1 to 8 tips, one period per sample (m, tips, 3), m or text.
+            radii: of the tips (tips,), m or text.
+            segments: from the center of each tip to the far end of its axis (tips, 3), m; None for spheres. A tip
+                consists of the points within its radius of that segment (a capsule).
+
+        Raises:
+            PoseError: the paths or segments have the wrong shape or a number that is not finite.
+            BodyError: there are more than 8 tips, a radius is not positive, or the contact is not by signed distance.
+        """
+        if not isinstance(self.core, _core.SignedDistanceBody):
+            raise BodyError(
+                'several tips need the contact by signed distance: signed_distance(), or contact="signed_distance"'
+            )
+        centers = np.ascontiguousarray(lengths(paths, "paths"))
+        if centers.ndim != 3 or centers.shape[2] != 3 or not 1 <= centers.shape[1] <= _MAX_TIPS:
+            raise PoseError(
+                f"paths are (m, tips, 3) numbers in m of 1 to {_MAX_TIPS} tips; these have shape {centers.shape}"
+            )
+        check_finite(centers, "paths")
+        count = centers.shape[1]
+        sizes = np.array([positive(radius, "m", "radii") for radius in np.ravel(np.asarray(radii, dtype=object))])
+        axes = np.zeros((count, 3)) if segments is None else np.ascontiguousarray(lengths(segments, "segments"))
+        if len(sizes) != count or axes.shape != (count, 3):
+            raise PoseError(f"{count} paths need {count} radii and segments, not {len(sizes)} and {axes.shape}")
+        check_finite(axes, "segments")
+        along = np.linalg.norm(axes, axis=1)
+        axes = np.where(along[:, None] > 0.0, axes / np.maximum(along, 1e-300)[:, None], [0.0, 0.0, 1.0])
+        core = self._signed_distance_core(count)
+        rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along, np.zeros(count))
+        _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
+        return [_history(rows[:, tip]) for tip in range(count)]
+
     def pressure(self) -> Array:
         """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
 
@@ -243,6 +296,10 @@ class IndentableBody(CondensedBody):
         for node, force, friction in zip(nodes, forces, self.core.friction_forces(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (friction - force * self.normals[node])
         return total.reshape(-1, 3)
+
+
+def _static_options(kind: ModelSpec) -> dict[str, float | str]:
+    return {name: value for name, value in kind.options.items() if name == "sideways_fraction"}
 
 
 def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:

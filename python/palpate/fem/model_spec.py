@@ -7,6 +7,8 @@ from typing import Final, Literal, NamedTuple, get_args
 
 Law = Literal["neo-hookean", "corotational"]
 LAWS: Final = get_args(Law)
+ContactLaw = Literal["node_normals", "signed_distance"]
+CONTACTS: Final = get_args(ContactLaw)
 
 # option: (unit in which it is printed, that unit per SI unit)
 _UNITS: Final = {

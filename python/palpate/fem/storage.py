@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,13 +20,14 @@ from palpate.files.hdf5_output import write_hdf5
 from palpate.files.json_text import load_table
 
 _FORMAT: Final = "palpate body"
-VERSION: Final = 4
+VERSION: Final = 5
 _UNITS: Final = {
     "points": "m",
     "areas": "m^2",
     "compliance": "m/N",
     "normals": "1",
     "frequencies": "rad/s",
+    "residual_frequencies": "rad/s",
     "vertices": "m",
     "young": "Pa",
 }
@@ -41,6 +42,8 @@ _ARRAYS: Final = {
     "compliance": ("f", 2),
     "frequencies": ("f", 1),
     "shapes": ("f", 2),
+    "residual_frequencies": ("f", 1),
+    "residual_shapes": ("f", 2),
     "vertices": ("f", 2),
     "tetrahedra": ("iu", 2),
     "young": ("f", 1),
@@ -61,10 +64,12 @@ _RANGES: Final = {
     "areas": (1e-18, 1e2),
     "young": (1e-3, 1e15),
     "frequencies": (1e-9, 1e12),
+    "residual_frequencies": (1e-9, 1e12),
     "points": (-1e4, 1e4),
     "vertices": (-1e4, 1e4),
     "compliance": (-1e6, 1e6),
     "shapes": (-1e12, 1e12),
+    "residual_shapes": (-1e12, 1e12),
 }
 
 
@@ -86,6 +91,8 @@ class BodyData:
     young: Array  # mean Young's modulus of each tetrahedron (t,), Pa
     dirichlet: Flags  # whether each vertex is fixed (v,)
     record: Mapping[str, Any]  # inputs, sizes, times and versions of the build
+    residual_frequencies: Array = field(default_factory=lambda: np.empty(0))  # of `vibration.modes` (r,), rad/s
+    residual_shapes: Single = field(default_factory=lambda: np.empty((0, 0), dtype=np.float32))  # (3n, r), 1/sqrt(kg)
 
 
 def check_target(path: str | Path) -> None:
@@ -104,7 +111,7 @@ def check_target(path: str | Path) -> None:
 def write(contents: BodyData, path: str | Path) -> Path:
     """Write a body to `path` (.h5) atomically. Raise as `check_target`."""
     check_target(path)
-    arrays = {field.name: getattr(contents, field.name) for field in fields(contents) if field.name != "record"}
+    arrays = {entry.name: getattr(contents, entry.name) for entry in fields(contents) if entry.name != "record"}
 
     def fill(store: Any) -> None:
         store.attrs["format"] = _FORMAT
@@ -175,6 +182,8 @@ def _check(c: BodyData, file: Path) -> None:
         and c.compliance.dtype == np.float32
         and c.shapes.shape == (3 * n, len(c.frequencies))
         and c.shapes.dtype == np.float32
+        and (c.residual_shapes.shape == (3 * n, len(c.residual_frequencies)) or c.residual_shapes.size == 0)
+        and c.residual_shapes.dtype == np.float32
         and c.tetrahedra.shape == (len(c.young), 4)
         and c.vertices.shape == (len(c.dirichlet), 3)
     )

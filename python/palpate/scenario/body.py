@@ -45,7 +45,7 @@ _SLOW: Final = {"update_interval": Option("s", POSITIVE), "nodes_per_tip": Optio
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
-    "signed_distance": {"sideways_fraction": Option("")},
+    "signed_distance": {"sideways_fraction": Option(""), **_FRICTION},
     "modal": {**_DAMPING, **_CREEP, **_FRICTION},
     "mass_spring": {**_DAMPING, **_FRICTION},
     "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
@@ -53,6 +53,8 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
+WITH_CONTACT: Final = ("modal", "viscoelastic")  # kinds whose contact is a choice
+ContactLaw = Literal["node_normals", "signed_distance"]
 # shape: its keys, with an example of a required one
 _SHAPES: Final[dict[str, dict[str, str]]] = {
     "file": {"file": '"liver.h5"'},
@@ -83,6 +85,7 @@ class BodyChoice(Section):
         modes: number of vibration modes, for the kind "modal".
         contrast, depth, diameter, layer_thickness, layer_young: of the phantom, as `palpate.fem.phantom`.
         kind: material model, a key of `KINDS`; "neo-hookean" and "corotational" are for large displacements.
+        contact: "signed_distance" or "node_normals", of the kinds "modal" and "viscoelastic"; None: "node_normals".
         options: of the kind, in SI: any other key of the table.
         origin: point in the body frame that lies at [object] position, m. Default: the center of the top of a block or
             phantom, the origin of the frame of a file.
@@ -107,6 +110,7 @@ class BodyChoice(Section):
     layer_thickness: OneLength | None = None
     layer_young: Pressure | None = None
     kind: str = "compliance"
+    contact: ContactLaw | None = None
     origin: Position3 | None = None
     rotation: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
@@ -182,6 +186,8 @@ class BodyChoice(Section):
             if getattr(self, key) is not None:
                 hint = "; free_form takes control_spacing" if (key, self.kind) == ("spacing", "free_form") else ""
                 raise ValueError(f'{key} has no meaning for shape = "{self.shape}"{hint}')
+        if self.contact is not None and self.kind not in WITH_CONTACT:
+            raise ValueError(f"contact has no meaning for {self.kind}, only for {', '.join(WITH_CONTACT)}")
         for key, option in KINDS[self.kind].items():
             if option.needed and key not in self.options:
                 example = f'"20 {option.unit}"' if option.unit else "2.0"

@@ -123,7 +123,8 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
             _make(choice, path, tell)
         _read(_state(path))
         field = "object.body.kind"
-        options = tuple(sorted(choice.options.items()))
+        chosen = {} if choice.contact is None else {"contact": choice.contact}
+        options = tuple(sorted({**choice.options, **chosen}.items()))
         return _of_kind(_state(path), choice.stiffness_scale, choice.kind, options, scenario.period)
     except PalpateError as problem:
         key, _, sentence = str(problem).partition(": ")  # the message about a number begins with its name
@@ -200,7 +201,7 @@ def _read(state: tuple[str, int, int]) -> Body:
 
 @lru_cache(maxsize=4)
 def _of_kind(
-    state: tuple[str, int, int], scale: float, kind: str, options: tuple[tuple[str, float], ...], period: float
+    state: tuple[str, int, int], scale: float, kind: str, options: tuple[tuple[str, Any], ...], period: float
 ) -> Body:
     body = _read(state) if scale == 1.0 else _read(state).scaled_stiffness(scale)
     from palpate.fem import Law

@@ -217,6 +217,105 @@ TEST(SignedDistanceContact, HasNoForceForATipThatBeginsInside) {
   }
 }
 
+using Tips = std::array<SignedDistanceContact::PlacedTip, 2>;
+
+SignedDistanceContact two_tips_on(const SurfaceBody& body) {
+  return {body.nodes, body.compliance, body.patches, {}, nullptr, 2};
+}
+
+// Betti 1872: a motion of one tip changes the force on the other as the other way round. The forces are the gradient of one energy.
+TEST(SignedDistanceContact, TwoTipsAreReciprocal) {
+  const SurfaceBody body = contact_bodies::soft(shapes::ball(4, 10e-3), 1e4, 6e-3, 8e-3);
+  SignedDistanceContact contact = two_tips_on(body);
+  const Vector3<> one = 13e-3 * Vector3<>(0.45, 0.1, 1.0).normalized(), two = 12.3e-3 * Vector3<>(-0.45, -0.1, 1.0).normalized();
+  const auto settle = [&](const Vector3<>& a, const Vector3<>& b) {
+    const Tips tips{{{TipGeometry::sphere(5e-3), a}, {TipGeometry::sphere(4e-3), b}}};
+    for (int k = 0; k < 20; ++k) contact.step(tips.data());
+  };
+  for (int k = 0; k <= 60; ++k) settle(one * (1.4 - 0.4 * k / 60.0), two * (1.4 - 0.4 * k / 60.0));
+  const double step = 2e-5;
+  Eigen::Matrix3d on_two, on_one;
+  Eigen::Matrix<double, 6, 1> slope;
+  for (int a = 0; a < 6; ++a) {
+    const Vector3<> first = a < 3 ? Vector3<>(step * Vector3<>::Unit(a)) : Vector3<>(Vector3<>::Zero());
+    const Vector3<> second = a < 3 ? Vector3<>(Vector3<>::Zero()) : Vector3<>(step * Vector3<>::Unit(a - 3));
+    settle(one + first, two + second);
+    const double high = contact.last().energy;
+    const Vector3<> far = contact.last(a < 3 ? 1 : 0).force;
+    settle(one - first, two - second);
+    slope[a] = (high - contact.last().energy) / (2.0 * step);
+    (a < 3 ? on_two : on_one).col(a % 3) = (far - contact.last(a < 3 ? 1 : 0).force) / (2.0 * step);
+  }
+  settle(one, two);
+  ASSERT_TRUE(contact.last(0).touching && contact.last(1).touching);
+  EXPECT_LT((on_two - on_one.transpose()).norm(), 0.02 * on_two.norm());
+  EXPECT_LT((slope.head<3>() + contact.last(0).force).norm(), 5e-3 * contact.last(0).force.norm());
+  EXPECT_LT((slope.tail<3>() + contact.last(1).force).norm(), 5e-3 * contact.last(1).force.norm());
+}
+
+// Far apart each tip has the force of a tip alone, in any order; in one place both share it. Two layers are stiffer than one.
+TEST(SignedDistanceContact, TwoTipsApartAndInOnePlace) {
+  const SurfaceBody body = contact_bodies::soft(shapes::ball(4, 10e-3), 1e4, 6e-3, 1e-3);
+  SignedDistanceContact alone = contact_of(body), both = two_tips_on(body), swapped = two_tips_on(body), same = two_tips_on(body);
+  const TipGeometry tip = TipGeometry::sphere(5e-3);
+  for (int k = 0; k <= 100; ++k) {
+    const Vector3<> up(0.2e-3, 0.1e-3, 15e-3 - 2e-5 * k);
+    const Tips apart{{{tip, up}, {tip, -up}}}, turned{{{tip, -up}, {tip, up}}}, here{{{tip, up}, {tip, up}}};
+    const Vector3<> force = alone.step(tip, up).force;
+    both.step(apart.data());
+    swapped.step(turned.data());
+    same.step(here.data());
+    EXPECT_LT((both.last(0).force - force).norm(), 1e-3 * force.norm() + 1e-9);
+    EXPECT_LT((both.last(1).force - swapped.last(0).force).norm(), 1e-3 * force.norm() + 1e-9);
+    if (k < 20) continue;
+    EXPECT_LT((same.last(0).force - same.last(1).force).norm(), 1e-3 * force.norm());
+    EXPECT_GT(2.0 * same.last(0).force.norm(), force.norm());
+    EXPECT_LT(2.0 * same.last(0).force.norm(), 1.7 * force.norm());
+  }
+}
+
+TEST(SignedDistanceContact, OnlyTheTipThatBeginsInsideIsLost) {
+  const SurfaceBody body = contact_bodies::soft(shapes::ball(4, 10e-3), 1e4, 6e-3, 4e-3);
+  SignedDistanceContact alone = contact_of(body), both = two_tips_on(body);
+  for (int k = 0; k <= 100; ++k) {
+    const Tips tips{{{TipGeometry::sphere(5e-3), {0.0, 0.0, 15e-3 - 2e-5 * k}}, {TipGeometry::sphere(2e-3), {1e-3, 0.0, -2e-3}}}};
+    alone.step(tips[0].shape, tips[0].center);
+    both.step(tips.data());
+    EXPECT_FALSE(both.last(0).lost);
+    EXPECT_TRUE(both.last(1).lost);
+    EXPECT_EQ(both.last(1).force.norm(), 0.0);
+    EXPECT_EQ(both.last(0).force, alone.last().force);
+  }
+  EXPECT_TRUE(both.last(0).touching);
+}
+
+// Two tips on closed paths about each other gain no work, on a box with edges.
+TEST(SignedDistanceContact, NoClosedPathOfTwoTipsGainsWork) {
+  const SurfaceBody body = contact_bodies::soft(shapes::box({10e-3, 10e-3, 10e-3}, 5), 1e4, 6e-3, 4e-3);
+  SignedDistanceContact contact = two_tips_on(body);
+  std::array<Vector3<>, 2> force{Vector3<>::Zero(), Vector3<>::Zero()}, place{Vector3<>::Zero(), Vector3<>::Zero()};
+  double gained = 0.0, exchanged = 0.0;
+  constexpr int ticks = 8000;
+  for (int k = 0; k <= ticks; ++k) {
+    const double s = 2.0 * M_PI * k / ticks, down = 3.5e-3 * std::pow(std::sin(0.5 * s), 2);
+    const Tips tips{
+        {{TipGeometry::sphere(5e-3), {3e-3 * std::cos(s), 9e-3 * std::sin(2.0 * s), 16e-3 - down}},
+         {TipGeometry::capsule(4e-3, 3e-3, Vector3<>::UnitZ()), {-8e-3 * std::cos(2.0 * s), 3e-3 * std::cos(s), 15e-3 - down}}}};
+    contact.step(tips.data());
+    for (std::size_t t = 0; t < 2; ++t) {
+      const ContactResult& a = contact.last(static_cast<int>(t));
+      const double work = k > 0 ? 0.5 * (a.force + force[t]).dot(tips[t].center - place[t]) : 0.0;
+      gained += work;
+      exchanged += std::abs(work);
+      force[t] = a.force;
+      place[t] = tips[t].center;
+    }
+  }
+  EXPECT_EQ(force[0].norm() + force[1].norm(), 0.0);
+  EXPECT_GT(exchanged, 1e-5);
+  EXPECT_LT(gained, 1e-5 * exchanged);
+}
+
 // A copy in a loop is at rest, and its force does not depend on the direction that the tip brings along.
 TEST(SignedDistanceBody, IgnoresTheDirectionOfASphere) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
@@ -229,7 +328,7 @@ TEST(SignedDistanceBody, IgnoresTheDirectionOfASphere) {
         for (std::size_t b = 0; b < 3; ++b)
           full.push_back(body.compliance.block(static_cast<std::int32_t>(i), static_cast<std::int32_t>(j))[3 * a + b]);
   palpate::object::SignedDistanceBody one(
-      std::make_shared<const palpate::object::SignedDistanceBody::Data>(body.nodes, full.data(), body.surface, 1.0));
+      std::make_shared<const palpate::object::SignedDistanceBody::Data>(body.nodes, full.data(), body.surface));
   const auto copy = one.clone_at_rest();
   palpate::deformable::Tip tip;
   tip.radius = 5e-3;

@@ -14,12 +14,13 @@
 
 namespace palpate::deformable {
 
-/// Forces of up to `capacity` places, one per node: x of all places, then y, then z, single precision.
+/// Forces or displacements of up to `capacity` places: x of all places, then y, then z, single precision.
 class PlaceForces {
  public:
   static constexpr int capacity = 256;  // a multiple of 16
 
   [[nodiscard]] const float* axis(int a) const noexcept { return value_.data() + a * capacity; }
+  [[nodiscard]] float* axis(int a) noexcept { return value_.data() + a * capacity; }
   [[nodiscard]] Vector3<> get(int k) const noexcept { return {value_[at(k, 0)], value_[at(k, 1)], value_[at(k, 2)]}; }
   void set(int k, const Vector3<>& force) noexcept {
     for (int a = 0; a < 3; ++a) value_[at(k, a)] = static_cast<float>(force[a]);
@@ -81,6 +82,18 @@ class NearCompliance {
       const detail::Floats *s = detail::as_floats(unit.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * capacity),
                            *c1 = detail::as_floats(row(k, 1) + b * capacity), *c2 = detail::as_floats(row(k, 2) + b * capacity);
       for (int j = 0; j < n; ++j) detail::as_floats(out)[j] += s[j] * (d0 * c0[j] + d1 * c1[j] + d2 * c2[j]);
+    }
+  }
+
+  /// Add the displacements of the first `count` places by a force on place k to `sum`; the compliance is symmetric.
+  void add_displacements(int k, const Vector3<>& force, int count, PlaceForces& sum) const noexcept {
+    const int n = detail::in_registers(count);
+    const auto f0 = static_cast<float>(force[0]), f1 = static_cast<float>(force[1]), f2 = static_cast<float>(force[2]);
+    for (int a = 0; a < 3; ++a) {
+      detail::Floats* out = detail::as_floats(sum.axis(a));
+      const detail::Floats *c0 = detail::as_floats(row(k, 0) + a * capacity), *c1 = detail::as_floats(row(k, 1) + a * capacity),
+                           *c2 = detail::as_floats(row(k, 2) + a * capacity);
+      for (int j = 0; j < n; ++j) out[j] += f0 * c0[j] + f1 * c1[j] + f2 * c2[j];
     }
   }
 

@@ -11,23 +11,34 @@
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/contact/tip_geometry.hpp"
+#include "palpate/deformable/linear/body_motion.hpp"
 #include "palpate/deformable/linear/full_compliance.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// Nodes near a tip with their compliance and forces. The first engaged() of count() places carry forces.
+/// Nodes near the tips with their compliance and forces. A place is a pair of a node and a tip; the first engaged() of count() places carry
+/// forces.
 ///
-/// The list reaches ahead of the tip by `margin` radii, so that a node is known before it comes into contact. A tick copies the compliance
-/// of the nodes that the tip may reach at once, and of one more. A node that is not engaged is evaluated again only when the tip and the
-/// body may have closed its clearance; the body near the tip is taken to move at most 1.5 times as far as the tip.
+/// The list reaches ahead of each tip by `margin` radii, so that a node is known before it comes into contact. A tick copies the compliance
+/// of the nodes that a tip may reach at once, and of one more. A place that is not engaged is evaluated again only when the tips and the
+/// body may have closed its clearance; the body near a tip is taken to move at most 1.5 times as far as the tips. On a body that moves by
+/// itself every place is evaluated.
 class NearNodes {
  public:
   static constexpr int capacity = PlaceForces::capacity;
 
   struct Place {
     std::int32_t node = 0;
-    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip on the node; of the last tick, N
+    int tip = 0;
+    bool rubs = false;                                                    // since the last tick at least: friction acts
+    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip's points on the node; of the last tick, N
+    Vector3<> traction = Vector3<>::Zero();                               // friction on the node, across `direction`, N
+    Vector3<> last_traction = Vector3<>::Zero();                          // of the last tick, as far as the layer still carries it, N
+    Vector3<> last_relative = Vector3<>::Zero();                          // displacement less the tip's center at the last tick, m
+    Vector3<> free = Vector3<>::Zero();                                   // displacement at the end of the period without force, m
+    double layer_energy = 0.0;                                            // of the points in contact, J
+    double last_stiffness = 0.0;                                          // of the points in contact in the last tick, N/m
     Vector3<> change = Vector3<>::Zero();                                 // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();                           // m
     Vector3<> target = Vector3<>::Zero();                                 // resultant of the node's points, N
@@ -36,69 +47,92 @@ class NearNodes {
     double clear_until = 0.0;                                             // value of `travelled_` up to which the node is clear, m
   };
 
-  NearNodes(const SurfaceNodes& nodes, const FullCompliance& compliance)
-      : nodes_(&nodes), compliance_(&compliance), place_of_(static_cast<std::size_t>(nodes.size()), -1) {}
+  /// A tip and the points that it can press. Set by the contact before update().
+  struct Tip {
+    TipGeometry shape;
+    const PatchPoints* points = nullptr;
+    Vector3<> center = Vector3<>::Zero(), last_move = Vector3<>::Zero();  // m
+    Vector3<> deflection = Vector3<>::Zero();                             // mean displacement of the body under the tip, m
+    Vector3<> force = Vector3<>::Zero();                                  // on the body, N
+    Vector3<> listed_center = Vector3<>::Zero(), listed_deflection = Vector3<>::Zero();
+    double way = 0.0;   // of the last tick, m
+    bool jump = false;  // every node near the tip is copied at once
+    bool lost = false;  // in the body without contact
+  };
+
+  /// `motion` may be null: the body is static.
+  NearNodes(const SurfaceNodes& nodes, const FullCompliance& compliance, const BodyMotion* motion, int tips)
+      : nodes_(&nodes),
+        compliance_(&compliance),
+        motion_(motion),
+        tips_(static_cast<std::size_t>(tips)),
+        place_of_(static_cast<std::size_t>(nodes.size()) * tips_.size(), -1) {}
+
+  [[nodiscard]] int tip_count() const noexcept { return static_cast<int>(tips_.size()); }
+  [[nodiscard]] Tip& tip(int t) noexcept { return tips_[at(t)]; }
+  [[nodiscard]] const Tip& tip(int t) const noexcept { return tips_[at(t)]; }
+  [[nodiscard]] const Tip& tip_of(const Place& place) const noexcept { return tips_[at(place.tip)]; }
 
   [[nodiscard]] int count() const noexcept { return count_; }
   [[nodiscard]] int engaged() const noexcept { return engaged_; }
   [[nodiscard]] Place& place(int k) noexcept { return places_[at(k)]; }
   [[nodiscard]] const Place& place(int k) const noexcept { return places_[at(k)]; }
 
-  /// Update the list for a tip at `center` that has moved by `way` [m] since the last tick. `deflection` is the body's mean displacement
-  /// under the tip [m]. After a `jump` all nodes are copied at once. Return false if more nodes are near than places.
-  bool update(const TipGeometry& tip, const PatchPoints& points, const Vector3<>& center, const Vector3<>& deflection, double way,
-              bool jump) noexcept {
-    travelled_ += 2.5 * way;
-    const double ahead = margin * tip.radius;
-    if (jump || (center - listed_center_).norm() + (deflection - listed_deflection_).norm() > 0.25 * ahead) {
-      listed_center_ = center;
-      listed_deflection_ = deflection;
-      drop_far(tip, points, 1.5 * ahead);
-      list(tip, points, ahead);
+  /// Update the list for the tips' centers. Return false if more nodes are near than places.
+  bool update() noexcept {
+    for (const Tip& tip : tips_) travelled_ += 2.5 * tip.way;
+    for (int t = 0; t < tip_count(); ++t) {
+      Tip& tip = tips_[at(t)];
+      const double ahead = margin * tip.shape.radius;
+      const double moved = (tip.center - tip.listed_center).norm() + (tip.deflection - tip.listed_deflection).norm();
+      if (!tip.jump && moved <= 0.25 * ahead) continue;
+      tip.listed_center = tip.center;
+      tip.listed_deflection = tip.deflection;
+      drop_far(t, 1.5 * ahead);
+      list(t, ahead);
     }
     bool all_known = true;
     for (bool one_more = true; pending_count_ > 0;) {
       const auto end = pending_.begin() + pending_count_;
       const auto nearest = std::min_element(pending_.begin(), end, [](const Pending& a, const Pending& b) { return a.gap < b.gap; });
-      const bool urgent = jump || nearest->gap < 2.5 * way + 0.25 * ahead;
+      const Tip& tip = tips_[at(nearest->tip)];
+      const bool urgent = tip.jump || nearest->gap < 2.5 * tip.way + 0.25 * margin * tip.shape.radius;
       if (!urgent && !one_more) break;
       one_more = urgent && one_more;
       if (count_ == capacity) {
         all_known = nearest->gap > 0.0;
         break;
       }
-      enter(nearest->node);
+      enter(nearest->node, nearest->tip);
       *nearest = pending_[at(--pending_count_)];
     }
     return all_known;
   }
 
   void clear() noexcept {
-    while (count_ > 0) place_of_[at(places_[at(--count_)].node)] = -1;
+    while (count_ > 0) {
+      --count_;
+      slot(places_[at(count_)].node, places_[at(count_)].tip) = -1;
+    }
     engaged_ = pending_count_ = 0;
     forces_ = scratch_ = {};
     travelled_ = 0.0;
-    listed_center_.setZero();
-    listed_deflection_.setZero();
+    std::fill(tips_.begin(), tips_.end(), Tip());
   }
 
-  /// Set all forces to zero.
-  void release_all() noexcept {
-    for (int k = 0; k < engaged_; ++k) {
-      place(k).force.setZero();
-      place(k).last_force.setZero();
-      place(k).clear_until = 0.0;
-    }
-    engaged_ = 0;
-    forces_ = {};
+  /// Release the body from a tip.
+  void release(int tip) noexcept {
+    for (int k = engaged_ - 1; k >= 0; --k)
+      if (place(k).tip == tip) disengage(k);
   }
 
-  /// Place of the node nearest to `center` at rest, or -1.
-  [[nodiscard]] int nearest(const Vector3<>& center) const noexcept {
+  /// Place of a tip's node nearest to it at rest, or -1.
+  [[nodiscard]] int nearest(int tip) const noexcept {
     int found = -1;
     double least = std::numeric_limits<double>::infinity();
     for (int k = 0; k < count_; ++k) {
-      const double square = (nodes_->point(place(k).node) - center).squaredNorm();
+      if (place(k).tip != tip) continue;
+      const double square = (nodes_->point(place(k).node) - tips_[at(tip)].center).squaredNorm();
       if (square >= least) continue;
       least = square;
       found = k;
@@ -106,26 +140,35 @@ class NearNodes {
     return found;
   }
 
-  [[nodiscard]] bool certainly_clear(int k) const noexcept { return place(k).clear_until > travelled_; }
+  /// Number of engaged places of a tip.
+  [[nodiscard]] int engaged(int tip) const noexcept {
+    int number = 0;
+    for (int k = 0; k < engaged_; ++k) number += place(k).tip == tip ? 1 : 0;
+    return number;
+  }
+
+  [[nodiscard]] bool certainly_clear(int k) const noexcept { return motion_ == nullptr && place(k).clear_until > travelled_; }
   void set_clearance(int k, double clearance) noexcept { place(k).clear_until = travelled_ + clearance; }
 
   void engage(int k) noexcept {
-    place(k).force.setZero();
-    place(k).last_force.setZero();
-    place(k).change.setZero();
+    clear_forces(place(k));
     swap(k, engaged_++);
   }
   void disengage(int k) noexcept {
-    place(k).force.setZero();
-    place(k).last_force.setZero();
-    place(k).change.setZero();
+    clear_forces(place(k));
     set_force(k);
     place(k).clear_until = travelled_;
     swap(k, --engaged_);
   }
 
-  void set_force(int k) noexcept { forces_.set(k, place(k).force); }
+  void set_force(int k) noexcept { forces_.set(k, place(k).force + place(k).traction); }
+  /// Displacement of a place by the forces, m.
   [[nodiscard]] Vector3<> displacement(int k) const noexcept { return copy_.displacement(k, forces_, engaged_); }
+  /// Add the displacements of the engaged places by a force on place k to `sum`.
+  void add_displacements(int k, const Vector3<>& force, PlaceForces& sum) const noexcept {
+    copy_.add_displacements(k, force, engaged_, sum);
+  }
+  [[nodiscard]] Matrix3<> self_compliance(int k) const noexcept { return copy_.block(k, k); }
 
   /// Second set of forces: set it for every engaged place, then call finish_scratch().
   void finish_scratch() noexcept {
@@ -141,49 +184,67 @@ class NearNodes {
   static constexpr int max_pending = 1024;
   struct Pending {
     std::int32_t node;
+    int tip;
     double gap;
   };
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
 
-  /// Distance of a node's patch from the tip, m, with the node anywhere between rest and the mean displacement.
-  [[nodiscard]] double gap(const TipGeometry& tip, const PatchPoints& points, std::int32_t node) const noexcept {
-    const Vector3<> y = nodes_->point(node) - listed_center_;
-    double least = tip.distance(y);
-    if (listed_deflection_.squaredNorm() > 0.0)
-      for (const double share : {0.5, 1.0}) least = std::min(least, tip.distance(y + share * listed_deflection_));
-    return least - points.reach(node);
+  [[nodiscard]] std::int32_t& slot(std::int32_t node, int tip) noexcept { return place_of_[at(node) * tips_.size() + at(tip)]; }
+
+  static void clear_forces(Place& p) noexcept {
+    p.force.setZero();
+    p.last_force.setZero();
+    p.change.setZero();
+    p.traction.setZero();
+    p.last_traction.setZero();
+    p.rubs = false;
   }
 
-  void drop_far(const TipGeometry& tip, const PatchPoints& points, double beyond) noexcept {
+  /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement.
+  [[nodiscard]] double gap(const Tip& tip, std::int32_t node) const noexcept {
+    const Vector3<> y = nodes_->point(node) - tip.listed_center;
+    double least = tip.shape.distance(y);
+    if (tip.listed_deflection.squaredNorm() > 0.0)
+      for (const double share : {0.5, 1.0}) least = std::min(least, tip.shape.distance(y + share * tip.listed_deflection));
+    return least - tip.points->reach(node);
+  }
+
+  void drop_far(int tip, double beyond) noexcept {
     for (int k = count_ - 1; k >= engaged_; --k) {
-      if (gap(tip, points, place(k).node) <= beyond) continue;
+      if (place(k).tip != tip || gap(tips_[at(tip)], place(k).node) <= beyond) continue;
       swap(k, count_ - 1);
-      place_of_[at(place(--count_).node)] = -1;
+      --count_;
+      slot(place(count_).node, tip) = -1;
     }
   }
 
-  /// List the nodes within `ahead` [m] of the tip that have no place.
-  void list(const TipGeometry& tip, const PatchPoints& points, double ahead) noexcept {
-    const double shaft = tip.shape == TipGeometry::Shape::capsule ? tip.length : 2.0 * tip.radius + listed_deflection_.norm();
-    Vector3<> low = listed_center_, high = listed_center_;
-    const Vector3<> other = listed_center_ + shaft * tip.axis;
-    for (const Vector3<>& p : {other, Vector3<>(listed_center_ - listed_deflection_), Vector3<>(other - listed_deflection_)}) {
+  /// List the nodes within `ahead` [m] of a tip that have no place.
+  void list(int t, double ahead) noexcept {
+    const Tip& tip = tips_[at(t)];
+    const TipGeometry& shape = tip.shape;
+    const double shaft = shape.shape == TipGeometry::Shape::capsule ? shape.length : 2.0 * shape.radius + tip.listed_deflection.norm();
+    Vector3<> low = tip.listed_center, high = tip.listed_center;
+    const Vector3<> other = tip.listed_center + shaft * shape.axis;
+    for (const Vector3<>& p : {other, Vector3<>(tip.listed_center - tip.listed_deflection), Vector3<>(other - tip.listed_deflection)}) {
       low = low.cwiseMin(p);
       high = high.cwiseMax(p);
     }
-    pending_count_ = 0;
-    nodes_->query_box(low, high, tip.radius + ahead + points.max_reach(), [&](std::int32_t node) {
-      if (place_of_[at(node)] >= 0 || pending_count_ == max_pending) return;
-      const double distance = gap(tip, points, node);
-      if (distance < ahead) pending_[at(pending_count_++)] = {node, distance};
+    const auto kept = std::remove_if(pending_.begin(), pending_.begin() + pending_count_, [t](const Pending& p) { return p.tip == t; });
+    pending_count_ = static_cast<int>(kept - pending_.begin());
+    nodes_->query_box(low, high, shape.radius + ahead + tip.points->max_reach(), [&](std::int32_t node) {
+      if (slot(node, t) >= 0 || pending_count_ == max_pending) return;
+      const double distance = gap(tip, node);
+      if (distance < ahead) pending_[at(pending_count_++)] = {node, t, distance};
     });
   }
 
-  void enter(std::int32_t node) noexcept {
-    place_of_[at(node)] = count_;
+  void enter(std::int32_t node, int tip) noexcept {
+    slot(node, tip) = count_;
     place(count_) = {};
     place(count_).node = node;
+    place(count_).tip = tip;
+    if (motion_ != nullptr) place(count_).free = motion_->free_displacement(node);
     node_[at(count_)] = node;
     forces_.set(count_, Vector3<>::Zero());
     ++count_;
@@ -194,8 +255,8 @@ class NearNodes {
     if (k == l) return;
     std::swap(places_[at(k)], places_[at(l)]);
     std::swap(node_[at(k)], node_[at(l)]);
-    place_of_[at(node_[at(k)])] = k;
-    place_of_[at(node_[at(l)])] = l;
+    slot(place(k).node, place(k).tip) = k;
+    slot(place(l).node, place(l).tip) = l;
     set_force(k);
     set_force(l);
     copy_.swap(k, l, count_);
@@ -203,10 +264,11 @@ class NearNodes {
 
   const SurfaceNodes* nodes_;
   const FullCompliance* compliance_;
-  std::vector<std::int32_t> place_of_;  // by node; -1: none
+  const BodyMotion* motion_;
+  std::vector<Tip> tips_;
+  std::vector<std::int32_t> place_of_;  // by node and tip; -1: none
   int count_ = 0, engaged_ = 0, pending_count_ = 0;
-  double travelled_ = 0.0;  // way of the tip times 2.5, m
-  Vector3<> listed_center_ = Vector3<>::Zero(), listed_deflection_ = Vector3<>::Zero();
+  double travelled_ = 0.0;  // way of the tips times 2.5, m
   std::array<Place, static_cast<std::size_t>(capacity)> places_;
   std::array<std::int32_t, static_cast<std::size_t>(capacity)> node_{};
   std::array<Pending, static_cast<std::size_t>(max_pending)> pending_;

@@ -8,19 +8,12 @@
 #include <cstdint>
 #include <vector>
 
+#include "palpate/deformable/contact/dry_friction.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/linear/creep.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// Coulomb friction coefficients between a tip and a body. Zero disables friction.
-struct DryFriction {
-  double mu_static = 0.0;   ///< while at least part of the contact sticks
-  double mu_dynamic = 0.0;  ///< from full sliding until the whole contact sticks again; at most `mu_static`
-
-  [[nodiscard]] explicit operator bool() const noexcept { return mu_static > 0.0; }
-};
 
 /// Coulomb friction of a rigid tip on an elastic surface with partial slip. Each contact node carries a tangential force q_i in its tangent
 /// plane, bounded by the friction cone; where the bound is reached, the node slips relative to the tip:

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "palpate/deformable/contact/float_pack.hpp"
+#include "palpate/deformable/linear/creep.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -19,6 +20,7 @@ struct ContactSurface {
   std::vector<std::array<std::int32_t, 3>> triangles;  ///< counterclockwise seen from outside
   std::vector<std::int32_t> node;                      ///< contact node of each vertex; -1: fixed
   std::vector<double> modulus;                         ///< E / (1 - nu^2) at each contact node, Pa
+  double poisson = 0.45;                               ///< Poisson's ratio nu
 };
 
 /// Contact points of the patches of a surface. A patch belongs to a node: the third of each adjacent triangle next to it. Its points move
@@ -176,12 +178,17 @@ class PatchPoints {
 
 /// Contact points of a surface for both kinds of tips.
 struct ContactPatches {
-  PatchPoints round;  ///< for a capsule or sphere
-  PatchPoints flat;   ///< for a cylinder
+  PatchPoints round;         ///< for a capsule or sphere
+  PatchPoints flat;          ///< for a cylinder
+  double shear_ratio = 1.0;  ///< shear stiffness over normal stiffness of the layer, 2 (1 - nu) / (2 - nu) (Mindlin 1949)
+  Creep creep;               ///< of the layer; the points' stiffness is that of a period
 
   ContactPatches() = default;
-  explicit ContactPatches(const ContactSurface& surface)
-      : round(surface, PatchPoints::sphere_beta, 1), flat(surface, PatchPoints::flat_beta, 3) {}
+  explicit ContactPatches(const ContactSurface& surface, const Creep& law = {})
+      : round(surface, PatchPoints::sphere_beta * law.period_ratio, 1),
+        flat(surface, PatchPoints::flat_beta * law.period_ratio, 3),
+        shear_ratio(2.0 * (1.0 - surface.poisson) / (2.0 - surface.poisson)),
+        creep(law) {}
 };
 
 }  // namespace palpate::deformable

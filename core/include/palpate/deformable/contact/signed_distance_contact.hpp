@@ -5,138 +5,186 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/contact/contact_newton.hpp"
 #include "palpate/deformable/contact/contact_result.hpp"
+#include "palpate/deformable/contact/layer_creep.hpp"
+#include "palpate/deformable/contact/layer_friction.hpp"
 #include "palpate/deformable/contact/near_compliance.hpp"
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/contact/press_points.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/contact/tip_geometry.hpp"
+#include "palpate/deformable/linear/body_motion.hpp"
 #include "palpate/deformable/linear/full_compliance.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// Frictionless contact of a rigid tip with a static linear body, without a direction that anybody chooses.
+/// Contact of rigid tips with a linear body, without a direction that anybody chooses.
 ///
-/// The tip at c presses the points of the nodes' patches (PatchPoints) along its own normals. With the forces F_i on the nodes and their
+/// A tip at c presses the points of the nodes' patches (PatchPoints) along its own normals. With the forces F_i on the nodes and their
 /// displacements u = C F, the forces minimize one energy,
 ///   Pi(F; c) = 1/2 F.C F + sum over the points q of 1/2 kappa_q w_q max(0, depth(x_q + u - c))^2,
 /// and the force on the tip is its negative gradient by c: closed paths that begin and end free gain no work, on any mesh. The weight w
-/// falls from 1 to 0 where a point's surface looks away from the tip by 90 to 120 degrees.
+/// falls from 1 to 0 where a point's surface looks away from the tip by 90 to 120 degrees. All tips share this energy.
 ///
-/// Each iteration solves for one number per node, the change of its force along the direction of its points' resultant:
+/// Each iteration solves for one number per place, the change of its force along the direction of its points' resultant:
 ///   (d_i.C_ij d_j + 1/h_i) delta = right-hand side,   h_i the stiffness of the node's points in contact,
 /// a positive definite system; the directions follow by fixed point. Start from the forces extrapolated over the last two ticks: one
-/// iteration per tick is typical, `max_iterations` bound it.
+/// iteration per tick is typical, `max_iterations` bound it. Friction (LayerFriction) is found between the iterations, and its tractions
+/// move the nodes in all directions.
+///
+/// On a body with memory (BodyMotion) C is the compliance of one period, and u contains the displacement at its end without force.
 ///
 /// Beyond about one radius of depth a thick body is pushed through: the energy has no minimum near the last one. The result is then
 /// `lost`, without force, until the tip is outside again. Stored energy is lost, none is gained.
-class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Padding): one object per tip
+class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Padding): one object per body
  public:
-  static constexpr int capacity = PlaceForces::capacity;  ///< nodes near the tip; further ones are ignored and `solved` is false
+  static constexpr int capacity = PlaceForces::capacity;  ///< places near the tips; further ones are ignored and `solved` is false
   static constexpr int max_iterations = 8;
+  static constexpr int max_tips = static_cast<int>(LayerFriction::max_tips);
 
-  /// The arguments must outlive the contact.
-  SignedDistanceContact(const SurfaceNodes& nodes, const FullCompliance& compliance, const ContactPatches& patches)
-      : nodes_(&nodes), patches_(&patches), near_(nodes, compliance) {}
-  SignedDistanceContact(const SurfaceNodes&&, const FullCompliance&, const ContactPatches&) = delete;
-  SignedDistanceContact(const SurfaceNodes&, const FullCompliance&&, const ContactPatches&) = delete;
-  SignedDistanceContact(const SurfaceNodes&, const FullCompliance&, const ContactPatches&&) = delete;
+  /// A tip and its place.
+  struct PlacedTip {
+    TipGeometry shape;
+    Vector3<> center = Vector3<>::Zero();  ///< m
+  };
 
-  /// Move the tip's center to `center` [m] and find the forces. Does not allocate.
+  /// The first three arguments must outlive the contact. `motion` is null for a static body; `tips` is at most `max_tips`.
+  SignedDistanceContact(const SurfaceNodes& nodes, const FullCompliance& compliance, const ContactPatches& patches,
+                        DryFriction friction = {}, std::unique_ptr<BodyMotion> motion = nullptr, int tips = 1)
+      : nodes_(&nodes),
+        patches_(&patches),
+        motion_(std::move(motion)),
+        near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips)),
+        friction_(friction, patches.shear_ratio) {
+    if (patches.creep.delayed_ratio > 0.0) layers_ = {LayerCreep(patches.round, patches.creep), LayerCreep(patches.flat, patches.creep)};
+  }
+  SignedDistanceContact(const SurfaceNodes&&, const FullCompliance&, const ContactPatches&, DryFriction = {},
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+  SignedDistanceContact(const SurfaceNodes&, const FullCompliance&&, const ContactPatches&, DryFriction = {},
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+  SignedDistanceContact(const SurfaceNodes&, const FullCompliance&, const ContactPatches&&, DryFriction = {},
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+
+  /// Advance by one period with the first tip's center at `center` [m]. Does not allocate. Other tips stay where they are.
   const ContactResult& step(const TipGeometry& tip, const Vector3<>& center) noexcept {
-    result_ = {};
-    const bool flat = tip.shape == TipGeometry::Shape::cylinder;
-    points_ = flat ? &patches_->flat : &patches_->round;
-    const Vector3<> move = started_ ? Vector3<>(center - center_) : Vector3<>::Zero();
-    const bool jump = !started_ || move.norm() > max_smooth_move * tip.radius || tip.shape != tip_.shape || tip.radius != tip_.radius;
-    tip_ = tip;
-    center_ = center;
-    result_.solved = near_.update(tip, *points_, center, deflection_, move.norm(), jump);
-    check_inside(!started_ || jump);
+    placed_[0] = {tip, center};
+    return step(placed_.data());
+  }
+
+  /// Advance by one period with all tips. Does not allocate. Return the result of the first one.
+  const ContactResult& step(const PlacedTip* tips) noexcept {
+    bool jump = !started_;
+    for (int t = 0; t < near_.tip_count(); ++t) jump = place_tip(t, tips[t]) || jump;
+    const bool solved = near_.update();
+    for (LayerCreep& layer : layers_) layer.begin_period();
+    for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
-    if (!lost_) {
-      const Vector3<> force = force_;
-      const double energy = last_energy_;
-      predict(move);
-      iterate(jump);
-      if (!jump) check_pushed_through(move, energy, force);
-    }
-    last_move_ = move;
-    last_energy_ = result_.energy;
-    report();
-    return result_;
+    Forces before{};
+    for (int t = 0; t < near_.tip_count(); ++t) before[at(t)] = near_.tip(t).force;
+    predict();
+    const bool converged = iterate(jump);
+    sum_forces();
+    if (!jump) check_pushed_through(before);
+    finish_tick();
+    report(solved && converged);
+    return results_[0];
   }
 
   void reset() noexcept {
     near_.clear();
-    started_ = lost_ = false;
-    deflection_.setZero();
-    last_move_.setZero();
-    last_energy_ = 0.0;
-    force_.setZero();
-    matrix_size_ = -1;
-    result_ = {};
+    friction_.reset();
+    for (LayerCreep& layer : layers_) layer.reset();
+    if (motion_) motion_->reset();
+    started_ = false;
+    last_energy_ = tick_energy_ = 0.0;
+    newton_.reset();
+    results_.fill({});
   }
 
-  [[nodiscard]] const ContactResult& last() const noexcept { return result_; }
+  [[nodiscard]] const ContactResult& last(int tip = 0) const noexcept { return results_[at(tip)]; }
+  [[nodiscard]] int tip_count() const noexcept { return near_.tip_count(); }
 
   /// Number of iterations of the last step.
   [[nodiscard]] int iterations() const noexcept { return iterations_; }
 
-  /// Node in contact k < last().nodes, and the force of the tip on it, N.
+  /// Places in contact, of all tips; with one tip they are last().nodes.
+  [[nodiscard]] int contact_count() const noexcept { return near_.engaged(); }
+  /// Node and tip of place k < contact_count(), and the force of the tip on the node, N.
   [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return near_.place(k).node; }
-  [[nodiscard]] const Vector3<>& node_force(int k) const noexcept { return near_.place(k).force; }
+  [[nodiscard]] int contact_tip(int k) const noexcept { return near_.place(k).tip; }
+  [[nodiscard]] Vector3<> node_force(int k) const noexcept { return near_.place(k).force + near_.place(k).traction; }
+  /// The same without friction.
+  [[nodiscard]] const Vector3<>& normal_force(int k) const noexcept { return near_.place(k).force; }
 
  private:
   static constexpr double max_smooth_move = 0.02;  // of the radius per tick; beyond it every node near the tip is evaluated
-  static constexpr double tolerance = 1e-3;        // of the last change of the force; the error is about a tenth of it
   static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
-  static constexpr double rounding = 1e-7;         // of positions, relative to the radius
-  static constexpr double max_turn = 4e-4;         // square of the change of a direction that renews the matrix
 
   using Place = NearNodes::Place;
+  using Forces = std::array<Vector3<>, static_cast<std::size_t>(max_tips)>;
 
-  /// Extrapolate the forces by the share of the last move that this move repeats.
-  void predict(const Vector3<>& move) noexcept {
-    const double square = last_move_.squaredNorm();
-    const double share = square > 0.0 ? std::clamp(move.dot(last_move_) / square, -1.0, 1.0) : 0.0;
+  [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
+
+  /// Move a tip. Return whether it jumps.
+  bool place_tip(int t, const PlacedTip& to) noexcept {
+    NearNodes::Tip& tip = near_.tip(t);
+    const Vector3<> move = started_ ? Vector3<>(to.center - tip.center) : Vector3<>::Zero();
+    tip.way = move.norm();
+    tip.jump = !started_ || tip.way > max_smooth_move * to.shape.radius || to.shape.shape != tip.shape.shape ||
+               to.shape.radius != tip.shape.radius;
+    tip.points = to.shape.shape == TipGeometry::Shape::cylinder ? &patches_->flat : &patches_->round;
+    tip.shape = to.shape;
+    tip.center = to.center;
+    const double square = tip.last_move.squaredNorm();
+    repeated_[at(t)] = square > 0.0 ? std::clamp(move.dot(tip.last_move) / square, -1.0, 1.0) : 0.0;
+    tip.last_move = move;
+    return tip.jump;
+  }
+
+  /// Extrapolate the forces by the share of its tip's last move that this move repeats.
+  void predict() noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      const Vector3<> old = p.force, next = old + share * (old - p.last_force);
+      const Vector3<> old = p.force, next = old + repeated_[at(p.tip)] * (old - p.last_force);
       if (next.dot(old) > 0.0) p.force = next;
       p.last_force = old;
       near_.set_force(k);
     }
   }
 
-  void iterate(bool thorough) noexcept {
+  /// Find the forces. Return whether they are acceptable.
+  bool iterate(bool thorough) noexcept {
     double lowest = std::numeric_limits<double>::infinity(), last_error = 0.0;
     int halvings = 0;
     bool factored = false;
     for (int k = 0; k < near_.engaged(); ++k) near_.place(k).change.setZero();
     for (iterations_ = 1; iterations_ <= max_iterations; ++iterations_) {
       const double energy = evaluate(thorough);
-      if (energy > lowest + 1e-6 * std::abs(lowest) && halvings < 3) {
+      if (!friction_ && energy > lowest + 1e-6 * std::abs(lowest) && halvings < 3) {
         ++halvings;
         halve_last_change();
         continue;
       }
       lowest = energy;
       halvings = 0;
-      if (assemble() || !factored) factored = factor();
+      if (newton_.assemble(near_) || !factored) factored = newton_.factor(near_);
       if (!factored) break;
-      const double error = newton_step();
+      double error = newton_.step(near_);
+      if (friction_) error = std::max(error, 0.3 * friction_.sweep(near_) / (ContactNewton::tolerance * newton_.force().norm() + 1e-30));
       factored = iterations_ < 3 || error < 0.3 * last_error;
       last_error = error;
       if (error <= 1.0) break;
     }
     iterations_ = std::min(iterations_, max_iterations);
-    result_.energy = lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
-    result_.solved = result_.solved && last_error <= acceptable;
+    tick_energy_ = lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
+    return last_error <= acceptable;
   }
 
   void halve_last_change() noexcept {
@@ -157,7 +205,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (p.stiffness == 0.0 && p.force.squaredNorm() == 0.0) near_.disengage(k);
     }
     for (int k = near_.engaged(); k < near_.count(); ++k) {
-      if (!thorough && near_.certainly_clear(k)) continue;
+      if ((!thorough && near_.certainly_clear(k)) || near_.tip_of(near_.place(k)).lost) continue;
       energy += evaluate_node(k);
       if (near_.place(k).stiffness > 0.0) near_.engage(k);
     }
@@ -167,179 +215,158 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Evaluate the displacement of a node and its points' resultant and stiffness. Return the energy of its force and its points.
   double evaluate_node(int k) noexcept {
     Place& p = near_.place(k);
-    p.displacement = near_.displacement(k);
-    const Vector3<> at = nodes_->point(p.node) + p.displacement - center_;
-    const double gap = tip_.distance(at) - points_->reach(p.node);
+    const NearNodes::Tip& tip = near_.tip_of(p);
+    const Vector3<> moved = near_.displacement(k);
+    p.displacement = p.free + moved;
+    const Vector3<> at = nodes_->point(p.node) + p.displacement - tip.center;
+    const double gap = tip.shape.distance(at) - tip.points->reach(p.node);
     near_.set_clearance(k, std::max(gap, 0.0));
     p.target.setZero();
     p.stiffness = 0.0;
-    const double energy = gap > 0.0 ? 0.0 : press_points(p, at);
-    return energy + 0.5 * p.force.dot(p.displacement);
+    p.layer_energy = gap > 0.0 ? 0.0 : press_points<false>(p, tip, at, layer_of(tip));
+    return p.layer_energy + 0.5 * p.force.dot(moved);
   }
 
-  /// Press the points of a node at `at` relative to the tip [m]. Return their energy.
-  double press_points(Place& p, const Vector3<>& at) const noexcept {
-    using Scalar = detail::FloatPack;
-    const auto load = [this](std::size_t number, std::size_t q) { return Scalar(*detail::as_floats(points_->coordinate(number) + q)); };
-    Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-    Scalar stiffness(0.0), energy(0.0);
-    for (std::size_t q = points_->begin(p.node); q < points_->end(p.node); q += detail::float_lanes) {
-      const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
-      const Vector3<Scalar> normal(load(3, q), load(4, q), load(5, q));
-      const auto in = tip_.evaluate<Scalar>(y, normal);
-      const Scalar depth = max_of(in.depth, Scalar(0.0));
-      const Scalar facing = (in.away[0] * normal[0] + in.away[1] * normal[1]) + in.away[2] * normal[2];
-      const Scalar x = min_of(max_of(Scalar(1.0) - Scalar(2.0) * facing, Scalar(0.0)), Scalar(1.0));
-      const Scalar pressed = load(6, q) * (x * x * (Scalar(3.0) - Scalar(2.0) * x));
-      const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
-      const Scalar push = pressed * depth;
-      for (int a = 0; a < 3; ++a) force[a] += push * in.away[a] + turned * in.bend[a];
-      stiffness += select(in.depth > Scalar(0.0), pressed, Scalar(0.0));
-      energy += push * depth;
-    }
-    double total = 0.0;
-    for (int l = 0; l < detail::float_lanes; ++l) {
-      for (int a = 0; a < 3; ++a) p.target[a] += static_cast<double>(force[a].v[l]);
-      p.stiffness += static_cast<double>(stiffness.v[l]);
-      total += 0.5 * static_cast<double>(energy.v[l]);
-    }
-    return total;
+  /// Creep of the layer under a tip, or null.
+  [[nodiscard]] LayerCreep* layer_of(const NearNodes::Tip& tip) noexcept {
+    LayerCreep& layer = layers_[tip.points == &patches_->flat ? 1 : 0];
+    return layer.active() ? &layer : nullptr;
   }
 
-  /// Update the directions and, if needed, the matrix. Return whether it is new.
-  bool assemble() noexcept {
-    int size = 0;
-    bool stale = false;
-    for (int k = 0; k < near_.engaged(); ++k) {
-      Place& p = near_.place(k);
-      if (p.stiffness == 0.0) continue;
-      const double length = p.target.norm();
-      if (length > 0.0) p.direction = p.target / length;
-      const auto a = static_cast<std::size_t>(size++);
-      stale = stale || row_node_[a] != p.node || row_place_[a] != k || (p.direction - row_direction_[a]).squaredNorm() > max_turn;
-      row_place_[a] = k;
-    }
-    if (!stale && size == matrix_size_) return false;
-    matrix_size_ = size;
-    system_.resize(size);
-    for (int k = 0; k < near_.engaged(); ++k) near_.set_scratch(k, near_.place(k).direction);
-    near_.finish_scratch();
-    for (int a = 0; a < size; ++a) {
-      const auto r = static_cast<std::size_t>(a);
-      const int k = row_place_[r];
-      row_node_[r] = near_.place(k).node;
-      row_direction_[r] = near_.place(k).direction;
-      near_.along(k, row_direction_[r], line_.data());
-      float* column = system_.column(a);
-      for (int b = a; b < size; ++b) column[b] = line_[static_cast<std::size_t>(row_place_[static_cast<std::size_t>(b)])];
-    }
-    return true;
+  /// Record the creep of a place's layer at the end of the period.
+  void settle_layer(Place& p) noexcept {
+    const NearNodes::Tip& tip = near_.tip_of(p);
+    LayerCreep* const layer = layer_of(tip);
+    if (layer == nullptr) return;
+    p.layer_energy = press_points<true>(p, tip, nodes_->point(p.node) + p.displacement - tip.center, layer);
+    layer->mark(p.node);
   }
 
-  bool factor() noexcept {
-    for (int a = 0; a < matrix_size_; ++a) {
-      const auto r = static_cast<std::size_t>(a);
-      row_value_[r] = 1.0 / std::max(near_.place(row_place_[r]).stiffness, 1e-9);
+  /// Find out whether a tip is inside the body at rest without contact; keep that until it is outside and clear of the surface.
+  void check_inside(int t, bool first) noexcept {
+    NearNodes::Tip& tip = near_.tip(t);
+    if (tip.lost) {
+      const int nearest = near_.nearest(t);
+      if (nearest < 0 ? !first : !(height_over(near_.place(nearest).node, tip) > 0.0 && clear_of_rest(t))) return;
+      tip.lost = false;
     }
-    return system_.factor(row_value_.data());
-  }
-
-  /// Change the forces once. Return the size of the change relative to the tolerance.
-  double newton_step() noexcept {
-    double aside = 0.0;
-    for (int k = 0; k < near_.engaged(); ++k) {
-      Place& p = near_.place(k);
-      const Vector3<> missing = p.target - p.force;
-      p.change = p.stiffness > 0.0 ? Vector3<>(missing - missing.dot(p.direction) * p.direction) : Vector3<>(-p.force);
-      near_.set_scratch(k, p.change);
-      aside = std::max(aside, p.change.squaredNorm());
-    }
-    near_.finish_scratch();
-    const bool turned = aside > 1e-10 * force_.squaredNorm();
-    for (int a = 0; a < matrix_size_; ++a) {
-      const auto r = static_cast<std::size_t>(a);
-      const Place& p = near_.place(row_place_[r]);
-      row_value_[r] = p.direction.dot(p.target - p.force) / std::max(p.stiffness, 1e-9);
-      if (turned) row_value_[r] -= p.direction.dot(near_.scratch_displacement(row_place_[r]));
-    }
-    system_.solve(row_value_.data());
-    for (int a = 0; a < matrix_size_; ++a) {
-      const auto r = static_cast<std::size_t>(a);
-      Place& p = near_.place(row_place_[r]);
-      p.change += row_value_[r] * p.direction;
-    }
-    Vector3<> total = Vector3<>::Zero(), change = Vector3<>::Zero();
-    double largest = 0.0, stiffest = 0.0;
-    for (int k = 0; k < near_.engaged(); ++k) {
-      Place& p = near_.place(k);
-      p.force += p.change;
-      near_.set_force(k);
-      total += p.force;
-      change += p.change;
-      largest = std::max(largest, p.change.squaredNorm());
-      stiffest = std::max(stiffest, p.stiffness);
-    }
-    force_ = total;
-    return std::max(change.norm(), 0.3 * std::sqrt(largest)) / (tolerance * total.norm() + rounding * tip_.radius * stiffest + 1e-30);
-  }
-
-  /// Find out whether the tip is inside the body at rest without contact; keep that until it is outside and clear of the surface.
-  void check_inside(bool first) noexcept {
-    if (lost_) {
-      const int nearest = near_.nearest(center_);
-      if (nearest < 0 ? !first : !(height_over(near_.place(nearest).node) > 0.0 && clear_of_rest())) return;
-      lost_ = false;
-    }
-    if (near_.engaged() > 0) return;
-    int node = -1;
-    if (near_.count() > 0)
-      node = near_.place(near_.nearest(center_)).node;
+    if (near_.engaged(t) > 0) return;
+    std::int32_t node = -1;
+    if (const int nearest = near_.nearest(t); nearest >= 0)
+      node = near_.place(nearest).node;
     else if (first)
-      node = nodes_->nearest(center_, std::numeric_limits<float>::max());
-    lost_ = node >= 0 && height_over(node) < -max_sunk * tip_.radius;
+      node = nodes_->nearest(tip.center, std::numeric_limits<float>::max());
+    tip.lost = node >= 0 && height_over(node, tip) < -max_sunk * tip.shape.radius;
   }
 
-  /// Whether no point of the body at rest is in the tip.
-  [[nodiscard]] bool clear_of_rest() noexcept {
+  /// Whether no point of the body is in a tip that does not touch it.
+  [[nodiscard]] bool clear_of_rest(int t) noexcept {
     for (int k = 0; k < near_.count(); ++k) {
+      if (near_.place(k).tip != t) continue;
       evaluate_node(k);
       if (near_.place(k).stiffness > 0.0) return false;
     }
     return true;
   }
 
-  [[nodiscard]] double height_over(std::int32_t node) const noexcept { return (center_ - nodes_->point(node)).dot(nodes_->normal(node)); }
-
-  /// Release the body if the tip has been pushed through: its center is below the surface at rest, and the energy has dropped by more than
-  /// the tip's work and a tenth.
-  void check_pushed_through(const Vector3<>& move, double energy, const Vector3<>& force) noexcept {
-    const double work = 0.5 * move.dot(force + force_), drop = energy + work - result_.energy;
-    if (!(energy > 0.0 && drop > 0.1 * (energy + std::abs(work)))) return;
-    const int nearest = near_.nearest(center_);
-    if (nearest < 0 || height_over(near_.place(nearest).node) > 0.0) return;
-    lost_ = true;
-    near_.release_all();
-    result_.energy = 0.0;
+  [[nodiscard]] double height_over(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
+    return (tip.center - nodes_->point(node)).dot(nodes_->normal(node));
   }
 
-  void report() noexcept {
-    result_.lost = lost_;
-    double total = 0.0;
-    Vector3<> way = Vector3<>::Zero(), sum = Vector3<>::Zero();
+  /// Release the body from a tip that has been pushed through: its center is below the surface at rest, and the energy of the tick has
+  /// dropped by more than the tips' work and a tenth. Of several tips, those whose force has halved are released.
+  void check_pushed_through(const Forces& before) noexcept {
+    double work = 0.0;
+    for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(before[at(t)] + near_.tip(t).force);
+    const double drop = last_energy_ + work - tick_energy_, allowed = motion_ ? 0.5 : 0.1;
+    if (!(last_energy_ > 0.0 && drop > allowed * (last_energy_ + std::abs(work)))) return;
+    for (int t = 0; t < near_.tip_count(); ++t) {
+      NearNodes::Tip& tip = near_.tip(t);
+      const int nearest = near_.nearest(t);
+      if (nearest < 0 || height_over(near_.place(nearest).node, tip) > 0.0) continue;
+      if (near_.tip_count() > 1 && tip.force.squaredNorm() > 0.25 * before[at(t)].squaredNorm()) continue;
+      tip.lost = true;
+      near_.release(t);
+      if (near_.tip_count() == 1) tick_energy_ = 0.0;
+    }
+    sum_forces();
+  }
+
+  /// Sum the forces of each tip on the body, and on the first one without friction.
+  void sum_forces() noexcept {
+    for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).force.setZero();
+    for (int k = 0; k < near_.engaged(); ++k) near_.tip(near_.place(k).tip).force += node_force(k);
+  }
+
+  /// Record the state of friction and body at the end of the tick.
+  void finish_tick() noexcept {
+    last_energy_ = stored_energy_ = tick_energy_;
+    if (!friction_ && !motion_) return;
+    double layers = 0.0;
+    BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
+    for (int k = 0; k < near_.engaged(); ++k) {
+      Place& p = near_.place(k);
+      const Vector3<> force = node_force(k), moved = near_.displacement(k);
+      p.displacement = p.free + moved;
+      period.compliance_work += force.dot(moved);
+      period.free_work += force.dot(p.free);
+      settle_layer(p);
+      layers += p.layer_energy + friction_.energy(p);
+    }
+    if (friction_) friction_.finish(near_);
+    stored_energy_ = layers + 0.5 * period.compliance_work;
+    if (!motion_) return;
+    period.count = gather_loads();
+    stored_energy_ = layers + motion_->advance(period);
+    for (int k = 0; k < near_.count(); ++k) {
+      Place& p = near_.place(k);
+      p.free = motion_->next_free(p.node, p.free, near_.displacement(k));
+    }
+  }
+
+  /// List the forces of all tips by node. Return their number.
+  int gather_loads() noexcept {
+    int count = 0;
     for (int k = 0; k < near_.engaged(); ++k) {
       const Place& p = near_.place(k);
-      const double size = p.force.norm();
-      sum += p.force;
-      total += size;
-      way += size * p.displacement;
-      if (p.stiffness > 0.0) way += (size / p.stiffness) * p.force;
+      int a = count;
+      if (near_.tip_count() > 1)
+        for (a = 0; a < count && load_node_[at(a)] != p.node;) ++a;
+      if (a == count) {
+        load_node_[at(a)] = p.node;
+        loads_[at(count++)].setZero();
+      }
+      loads_[at(a)] += node_force(k);
     }
-    result_.nodes = near_.engaged();
-    result_.touching = total > 0.0;
-    result_.force = -sum;
-    force_ = sum;
-    result_.deflection = result_.touching ? Vector3<>(way / total) : Vector3<>::Zero();
-    deflection_ = result_.deflection;
+    return count;
+  }
+
+  void report(bool solved) noexcept {
+    std::array<double, static_cast<std::size_t>(max_tips)> total{};
+    for (int t = 0; t < near_.tip_count(); ++t) {
+      ContactResult& result = results_[at(t)] = {};
+      result.solved = solved;
+      result.lost = near_.tip(t).lost;
+      result.energy = stored_energy_;
+      result.force = -near_.tip(t).force;
+      result.sliding = friction_ && friction_.sliding(t);
+    }
+    for (int k = 0; k < near_.engaged(); ++k) {
+      const Place& p = near_.place(k);
+      ContactResult& result = results_[at(p.tip)];
+      const double size = p.force.norm();
+      total[at(p.tip)] += size;
+      ++result.nodes;
+      result.friction -= p.traction;
+      result.deflection += size * p.displacement;
+      if (p.stiffness > 0.0) result.deflection += (size / p.stiffness) * p.force;
+    }
+    for (int t = 0; t < near_.tip_count(); ++t) {
+      ContactResult& result = results_[at(t)];
+      result.touching = total[at(t)] > 0.0;
+      result.deflection = result.touching ? Vector3<>(result.deflection / total[at(t)]) : Vector3<>::Zero();
+      near_.tip(t).deflection = result.deflection;
+    }
   }
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
@@ -347,22 +374,22 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
 
-  alignas(64) Rows<float> line_{};
-  LayeredSystem system_;
+  ContactNewton newton_;
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
-  const PatchPoints* points_ = nullptr;
+  std::unique_ptr<BodyMotion> motion_;
   NearNodes near_;
-  double last_energy_ = 0.0;
-  Vector3<> center_ = Vector3<>::Zero(), last_move_ = Vector3<>::Zero(), deflection_ = Vector3<>::Zero(), force_ = Vector3<>::Zero();
-  TipGeometry tip_;
-  ContactResult result_;
-  Rows<double> row_value_{};
-  Rows<Vector3<>> row_direction_{};
-  int iterations_ = 0, matrix_size_ = -1;
-  Rows<int> row_place_{};
-  Rows<std::int32_t> row_node_{};
-  bool started_ = false, lost_ = false;
+  LayerFriction friction_;
+  std::array<LayerCreep, 2> layers_;              // of the round and the flat points, or empty
+  double last_energy_ = 0.0, tick_energy_ = 0.0;  // minimum of the tick's energy: last tick, this tick, J
+  double stored_energy_ = 0.0;                    // of body and layers at the end of the tick, J
+  std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
+  std::array<double, static_cast<std::size_t>(max_tips)> repeated_{};  // share of a tip's last move
+  std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
+  Rows<Vector3<>> loads_{};
+  int iterations_ = 0;
+  Rows<std::int32_t> load_node_{};
+  bool started_ = false;
 };
 
 }  // namespace palpate::deformable

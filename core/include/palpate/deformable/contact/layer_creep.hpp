@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "palpate/deformable/contact/float_pack.hpp"
+#include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/linear/creep.hpp"
+
+namespace palpate::deformable {
+
+/// Creep of the contact's layer at each point, on a body of a standard linear solid. A point of stiffness k under a force f is compressed
+/// by
+///   period_ratio f / k + decay e   at the end of a period,   e' = decay e + gain f / k,
+/// the law of the body itself (Creep). A point out of contact forgets its e as time passes.
+class LayerCreep {
+ public:
+  LayerCreep() = default;
+  LayerCreep(const PatchPoints& points, const Creep& creep)
+      : creep_(creep),
+        state_(points.size() > 0 ? points.end(points.size() - 1) / 16 + 1 : 0),
+        time_(static_cast<std::size_t>(points.size())) {}
+
+  [[nodiscard]] bool active() const noexcept { return !time_.empty(); }
+
+  /// Compression e of the points as of the last write(), m.
+  [[nodiscard]] const float* state() const noexcept { return state_.data()->value.data(); }
+  [[nodiscard]] float* state() noexcept { return state_.data()->value.data(); }
+
+  /// Factor of a node's state() that gives the compression at the end of this period without force.
+  [[nodiscard]] float remaining(std::int32_t node) const noexcept {
+    const std::int64_t passed = now_ - time_[static_cast<std::size_t>(node)];
+    return static_cast<float>(passed == 1 ? creep_.decay : std::pow(creep_.decay, static_cast<double>(passed)));
+  }
+  /// Compression by a period's force, relative to the compression of the period in excess of the remaining one.
+  [[nodiscard]] float gain() const noexcept { return static_cast<float>(creep_.gain / creep_.period_ratio); }
+  /// Energy of a point of the period's stiffness k [J] is k (series x^2 + delayed e^2) / 2, with the period's excess compression x.
+  [[nodiscard]] float series() const noexcept { return static_cast<float>((1.0 - creep_.delayed_ratio) / creep_.period_ratio); }
+  [[nodiscard]] float delayed() const noexcept {
+    return static_cast<float>(creep_.delayed_ratio > 0.0 ? creep_.period_ratio / creep_.delayed_ratio : 0.0);
+  }
+
+  void begin_period() noexcept { ++now_; }
+  /// Mark a node's state as that of this period's end.
+  void mark(std::int32_t node) noexcept { time_[static_cast<std::size_t>(node)] = now_; }
+
+  void reset() noexcept {
+    state_.assign(state_.size(), detail::FloatLine());
+    time_.assign(time_.size(), 0);
+    now_ = 0;
+  }
+
+ private:
+  Creep creep_;
+  std::vector<detail::FloatLine> state_;
+  std::vector<std::int64_t> time_;  // by node: period of its state
+  std::int64_t now_ = 0;
+};
+
+}  // namespace palpate::deformable

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+
+#include "palpate/deformable/contact/float_pack.hpp"
+#include "palpate/deformable/contact/layer_creep.hpp"
+#include "palpate/deformable/contact/near_nodes.hpp"
+#include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::deformable {
+
+/// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness, and return the energy of
+/// the points, J. With `settle` record the creep of the layer at the end of the period instead, and return the energy that it stores then.
+/// `layer` is null without creep.
+template <bool settle>
+double press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
+  using Scalar = detail::FloatPack;
+  const PatchPoints& points = *tip.points;
+  const auto load = [&points](std::size_t number, std::size_t q) { return Scalar(*detail::as_floats(points.coordinate(number) + q)); };
+  Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
+  Scalar stiffness(0.0), energy(0.0);
+  const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
+  for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += detail::float_lanes) {
+    const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
+    const Vector3<Scalar> normal(load(3, q), load(4, q), load(5, q));
+    const auto in = tip.shape.evaluate<Scalar>(y, normal);
+    Scalar excess = in.depth, crept(0.0);
+    if (layer != nullptr) {
+      crept = remaining * Scalar(*detail::as_floats(layer->state() + q));
+      excess -= crept;
+    }
+    const Scalar depth = max_of(excess, Scalar(0.0));
+    const Scalar facing = (in.away[0] * normal[0] + in.away[1] * normal[1]) + in.away[2] * normal[2];
+    const Scalar x = min_of(max_of(Scalar(1.0) - Scalar(2.0) * facing, Scalar(0.0)), Scalar(1.0));
+    const Scalar weight = x * x * (Scalar(3.0) - Scalar(2.0) * x), pressed = load(6, q) * weight;
+    if constexpr (settle) {
+      crept += Scalar(static_cast<double>(layer->gain())) * depth * select(weight > Scalar(0.0), Scalar(1.0), Scalar(0.0));
+      *detail::as_floats(layer->state() + q) = crept.v;
+      energy += load(6, q) * (weight * Scalar(static_cast<double>(layer->series())) * depth * depth +
+                              Scalar(static_cast<double>(layer->delayed())) * crept * crept);
+      continue;
+    }
+    const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
+    const Scalar push = pressed * depth;
+    for (int a = 0; a < 3; ++a) force[a] += push * in.away[a] + turned * in.bend[a];
+    stiffness += select(excess > Scalar(0.0), pressed, Scalar(0.0));
+    energy += push * depth;
+  }
+  double total = 0.0;
+  for (int l = 0; l < detail::float_lanes; ++l) {
+    if constexpr (!settle) {
+      for (int a = 0; a < 3; ++a) p.target[a] += static_cast<double>(force[a].v[l]);
+      p.stiffness += static_cast<double>(stiffness.v[l]);
+    }
+    total += 0.5 * static_cast<double>(energy.v[l]);
+  }
+  return total;
+}
+
+}  // namespace palpate::deformable

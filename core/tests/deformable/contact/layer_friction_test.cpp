@@ -1,0 +1,100 @@
+// Friction of a contact by signed distance: Cattaneo and Mindlin, the cone, closed paths, and the frame.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <palpate/deformable/contact/signed_distance_contact.hpp>
+
+#include "support/contact_bodies.hpp"
+
+namespace {
+
+using contact_bodies::SurfaceBody;
+using palpate::deformable::ContactResult, palpate::deformable::DryFriction, palpate::deformable::SignedDistanceContact,
+    palpate::deformable::TipGeometry, palpate::math::Vector3;
+
+// Mindlin 1949: T = mu N (1 - (1 - 16 a G d / (3 mu N (2 - nu)))^(3/2)) while the annulus slips, mu N beyond; back from there by half.
+TEST(LayerFriction, SphereOnHalfSpaceMatchesMindlin) {
+  const double modulus = 20e3, shear = 5e3, radius = 20e-3, depth = 0.3e-3, mu = 0.4;
+  const SurfaceBody space = contact_bodies::half_space(16, 8e-3, modulus);
+  SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{mu, mu});
+  const TipGeometry tip = TipGeometry::sphere(radius);
+  for (int k = 0; k <= 40; ++k) contact.step(tip, {0.0, 0.0, radius - depth * k / 40.0});
+  const double full = 3.0 * 1.5 * mu * contact.last().force.z() / (16.0 * std::sqrt(radius * depth) * shear);  // displacement of full slip
+  const auto share = [full](double way) { return way < full ? 1.0 - std::pow(1.0 - way / full, 1.5) : 1.0; };
+  const auto at = [&](double way) {
+    const ContactResult& a = contact.step(tip, {way, 0.0, radius - depth});
+    EXPECT_LE(a.friction.norm(), mu * a.force.norm() * 1.02);
+    return -a.friction.x() / (mu * a.force.z());
+  };
+  for (int k = 1; k <= 120; ++k) EXPECT_NEAR(at(1.2 * full * k / 120.0), share(1.2 * full * k / 120.0), 0.06) << k;
+  EXPECT_TRUE(contact.last().sliding);
+  at((1.2 - 1e-4) * full);  // every node sticks at the reversal
+  EXPECT_FALSE(contact.last().sliding);
+  for (int k = 1; k <= 60; ++k) EXPECT_NEAR(at(1.2 * full - full * k / 60.0), 1.0 - 2.0 * share(0.5 * full * k / 60.0), 0.08) << k;
+}
+
+// From free to free friction takes work, whatever the path: over a smooth body and over edges, for all shapes of tips.
+TEST(LayerFriction, NoClosedPathGainsWork) {
+  for (const bool round_body : {true, false}) {
+    const SurfaceBody body =
+        contact_bodies::soft(round_body ? shapes::ball(3, 10e-3) : shapes::box({10e-3, 10e-3, 10e-3}, 4), 1e4, 6e-3, 4e-3);
+    for (const TipGeometry& tip : {TipGeometry::sphere(5e-3), TipGeometry::capsule(4e-3, 3e-3, Vector3<>::UnitZ()),
+                                   TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ())})
+      for (const double mu : {0.3, 1.2}) {
+        SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{mu, 0.7 * mu});
+        const double above = 10e-3 + (tip.shape == TipGeometry::Shape::cylinder ? 0.0 : tip.radius);
+        Vector3<> force = Vector3<>::Zero(), place = Vector3<>::Zero();
+        double work = 0.0, exchanged = 0.0, behind = 0.0, largest = 0.0;
+        constexpr int ticks = 4000;
+        for (int k = 0; k <= ticks; ++k) {
+          const double s = 2.0 * M_PI * k / ticks;
+          const Vector3<> next(4e-3 * std::sin(3.0 * s), 3e-3 * std::sin(2.0 * s), above + 1e-3 - 3e-3 * std::pow(std::sin(0.5 * s), 2));
+          const ContactResult& a = contact.step(tip, next);
+          const double step = k > 0 ? -0.5 * (a.force + force).dot(next - place) : 0.0;
+          work += step;
+          exchanged += std::abs(step);
+          largest = std::max(largest, a.energy);
+          behind = std::max(behind, a.energy - work);
+          force = a.force;
+          place = next;
+          for (int c = 0; c < a.nodes; ++c) {
+            const Vector3<> normal = contact.normal_force(c);
+            ASSERT_LE((contact.node_force(c) - normal).norm(), mu * normal.norm() * (1.0 + 1e-6) + 1e-12);
+          }
+        }
+        EXPECT_EQ(force.norm(), 0.0);
+        EXPECT_GT(work, 0.02 * exchanged);
+        EXPECT_LT(behind, 2e-3 * largest);  // the body never stores more than the tip has worked
+      }
+  }
+}
+
+TEST(LayerFriction, DoesNotDependOnTheFrameNorOnTheOrderOfTheNodes) {
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3<>(0.3, -0.7, 0.4).normalized()).toRotationMatrix();
+  const shapes::Shape ball = shapes::ball(3, 10e-3);
+  shapes::Shape other = shapes::moved(ball, [&turn](const Vector3<>& v) { return Vector3<>(turn * v); });
+  const auto last = static_cast<std::int32_t>(other.vertices.size()) - 1;
+  std::reverse(other.vertices.begin(), other.vertices.end());
+  for (auto& t : other.triangles)
+    for (auto& v : t) v = last - v;
+  const auto body_of = [](const shapes::Shape& shape) {
+    return SurfaceBody(shape, 1e4, [&shape](std::size_t i, std::size_t j) {
+      return Eigen::Matrix3d(6e-3 * std::exp(-(shape.vertices[i] - shape.vertices[j]).norm() / 4e-3) * Eigen::Matrix3d::Identity());
+    });
+  };
+  const SurfaceBody one = body_of(ball), two = body_of(other);
+  SignedDistanceContact first(one.nodes, one.compliance, one.patches, DryFriction{0.5, 0.4}),
+      second(two.nodes, two.compliance, two.patches, DryFriction{0.5, 0.4});
+  double largest = 0.0;
+  for (int k = 0; k < 400; ++k) {
+    const double s = k / 400.0;
+    const Vector3<> at = (15.1e-3 - 3e-3 * std::sin(M_PI * s)) * Vector3<>(std::sin(s), 0.2 * s, std::cos(s)).normalized();
+    const ContactResult& a = first.step(TipGeometry::sphere(5e-3), at);
+    const ContactResult& b = second.step(TipGeometry::sphere(5e-3), turn * at);
+    largest = std::max(largest, a.force.norm());
+    EXPECT_LT((turn * a.force - b.force).norm(), 2e-3 * largest + 1e-9);
+  }
+  EXPECT_GT(largest, 0.05);
+}
+
+}  // namespace

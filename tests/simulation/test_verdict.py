@@ -258,3 +258,30 @@ def test_the_resolution_of_the_tip_is_two_counts_of_every_joint() -> None:
     np.testing.assert_array_equal(resolution(Scenario.from_dict(PRESS), device, angles), [0.0, 0.0])
     assert lossy(with_counts, device)
     assert not lossy(Scenario.from_dict(PRESS), device.frictionless())
+
+
+def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"force": ["0 N", "0 N", "-0.3 N"]},
+        "object": {
+            "kind": "body",
+            "position": ["0 mm", "0 mm", "-4 mm"],
+            "body": {
+                "shape": "block",
+                "size": ["40 mm", "40 mm", "30 mm"],
+                "young": "2 kPa",
+                "spacing": "8 mm",
+                "radius": "4 mm",
+                "kind": "signed_distance",
+            },
+        },
+        "run": {"duration": "0.15 s"},
+    }
+    trace = palpate.simulate(tables)
+    assert trace["touching"].any()
+    assert trace["contact_lost"][-1, 0] == 1.0
+    assert trace.verdict.state is State.CONTACT_LOST
+    assert "pushed through the body" in trace.verdict.reason

@@ -101,7 +101,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     return {
         "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
         "beyond": leaves_reach(trace, scenario, window),
-        "pressed": one_sided and _pressed(trace, scenario, touching, last),
+        "pressed": one_sided and (pushed_through(trace) is not None or _pressed(trace, scenario, touching, last)),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "lossy": lossy(scenario, device),
         "generated": generated,
@@ -182,6 +182,14 @@ def _apart(trace: Recorded, touching: Flags) -> float:
     pressed = presses(load, -trace["object_force"][np.maximum(last, 0)]) & (force > BAND * force.max())
     since = last >= 0
     return float(np.count_nonzero(since & ~touching & pressed) / np.count_nonzero(since))
+
+
+def pushed_through(trace: Recorded) -> float | None:
+    """Return the time from which on a tip is in a body without contact until the end; None if it is not."""
+    if "contact_lost" not in trace or not trace["contact_lost"][-1, 0] > 0.0:
+        return None
+    there = np.flatnonzero(trace["contact_lost"][:, 0] <= 0.0)
+    return float(trace.time[there[-1] + 1 if len(there) else 0])
 
 
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:

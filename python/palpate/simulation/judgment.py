@@ -9,7 +9,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import evidence
+from palpate.simulation.evidence import evidence, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
 from palpate.simulation.verdict import (
@@ -178,6 +178,8 @@ def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None
 
 def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     """Return when the tip left the object, and the reason."""
+    if (pushed := pushed_through(trace)) is not None:
+        return pushed, f"the tip is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
         return None, "the tip never touches the object"

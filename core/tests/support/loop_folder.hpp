@@ -179,6 +179,14 @@ inline std::string force_object(Files& to, const std::string& kind) {
          R"( "lateral_force": 0.05})";
 }
 
+/// Return the guard of the loop with an object of the given kind, as a member of the document; empty: none.
+inline std::string guard(const std::string& kind) {
+  if (kind == "wall") return R"(, "guard": {"kind": "energy_bound", "damping": [0.4], "coulomb": [0.008], "lateness": 0.0001})";
+  if (kind == "mesh") return R"(, "guard": {"kind": "passivity_controller", "cap": 0.5})";
+  if (kind == "scene") return R"(, "guard": {"kind": "half_sample", "velocity": "observer", "horizon": 0.5, "observer": 500})";
+  return "";
+}
+
 /// A slider that pushes with 0.3 N along x against an object of the given kind for `ticks` periods.
 inline Files valid(const std::string& kind, std::size_t ticks = 100) {
   Files to;
@@ -198,7 +206,7 @@ inline Files valid(const std::string& kind, std::size_t ticks = 100) {
       R"( "speed_limit": 1000, "friction": {"viscous": [0.5], "coulomb": [0.01], "breakaway": [0.02], "stribeck_speed": [0.01]},)"
       R"( "human_arm": {"mass": 0.1, "damping": 4.5, "stiffness": 20, "tissue": false, "tissue_stiffness": 0, "tissue_damping": 0, "rest":)"
       R"( [0, 0, 0]}}, "object": )" +
-      object +
+      object + guard(kind) +
       R"(, "controller": {"kind": "state_space", "order": 1, "a": [0.5], "b": [0, 0, 0, 0, 0, 0], "c": [0, 0, 0], "d": [1, 0, 0, -1, 0, 0,)"
       R"( 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1], "antiwindup": [0, 0, 0]}, "run": {"ticks": )" +
       std::to_string(ticks) + R"(, "record_every": 1, "reference": null, "operator_force": )" + blob(to, "operator_force", push, 3) + "}}";

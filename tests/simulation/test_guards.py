@@ -120,6 +120,9 @@ def test_the_trace_tells_which_friction_the_bound_takes_from_the_device(arm: str
     assert found["kind"] == "energy_bound"
     assert found["damping"] == pytest.approx(0.8 * VISCOUS)
     assert found["coulomb"] == pytest.approx(0.8 * COULOMB)
+    summary = metrics.summarize(trace)
+    assert summary["guard"] == found
+    assert "relies on the device's friction, 0.04, 0.0008, 0.008 N*m*s/rad and" in summary["verdict"]
 
 
 def slider(guard: Any, **other: Any) -> dict[str, Any]:

@@ -81,9 +81,25 @@ def _summarize(trace: Trace) -> dict[str, Any]:
             colon = "" if details[0].startswith("to 5 %") else ":"
             summary["verdict"] = f"{trace.verdict.state.label}{colon} {details[0]}"
         details = details[1:]
-    summary["verdict"] = "; ".join([summary["verdict"], *details])
+    summary["verdict"] = "; ".join([summary["verdict"], *details, *_guard(trace, scenario)])
+    if "guard" in trace.metadata:
+        summary["guard"] = trace.metadata["guard"]
     summary["warnings"] = [*_drive(trace, scenario), *_reach(trace, scenario)]
     return {key: _plain(value) for key, value in summary.items()}
+
+
+def _guard(trace: Trace, scenario: Scenario | None) -> list[str]:
+    """Return the guard of the run, with the friction that it takes from the device."""
+    found = trace.metadata.get("guard")
+    if found is None or scenario is None:
+        return []
+    name = str(found["kind"]).replace("_", " ")
+    if found["kind"] != "energy_bound":
+        return [f"guard: {name}"]
+    force = scenario.load_device().torque_unit
+    speed = "m" if force == "N" else "rad"
+    viscous, dry = (", ".join(f"{value:.3g}" for value in found[key]) for key in ("damping", "coulomb"))
+    return [f"guard: {name} that relies on the device's friction, {viscous} {force}*s/{speed} and {dry} {force}"]
 
 
 def _plain(value: Any) -> Any:

@@ -109,8 +109,22 @@ def test_overlapping_parts_are_filled_once() -> None:
 
 def test_a_plate_thinner_than_the_spacing_is_refused_with_one_that_fits() -> None:
     plate = trimesh.creation.box((0.06, 0.06, 0.002))
-    with pytest.raises(BodyError, match=r"too thin for them, so use a smaller spacing, such as 0\.9"):
+    with pytest.raises(BodyError, match=r"too thin for a spacing of 12 mm: use a smaller one, such as 0\.9"):
         bodies.fill(plate.vertices, plate.faces, "12 mm")
+
+
+def test_a_cone_keeps_its_apex() -> None:
+    cone = trimesh.creation.cone(0.03, 0.06, sections=48)
+    filled = bodies.fill(cone.vertices, cone.faces, "8 mm")
+    assert np.linalg.norm(filled.points - [0.0, 0.0, 0.06], axis=1).min() < 1e-12
+
+
+def test_a_body_that_falls_apart_at_its_neck_is_refused() -> None:
+    half = [[0.001, 0.015], [0.02, 0.02], [0.02, 0.05], [0.0, 0.05]]
+    profile = [[r, -z] for r, z in half[::-1]] + half
+    bell = trimesh.creation.revolve(profile, sections=24)
+    with pytest.raises(BodyError, match="fill 2 pieces of a surface of 1 part: it is too thin in places"):
+        bodies.fill(bell.vertices, bell.faces, "9 mm")
 
 
 def test_small_holes_are_closed_with_a_warning() -> None:

@@ -19,6 +19,7 @@ from palpate.fem.errors import BodyError
 from palpate.fem.winding_number import WindingNumber
 
 _LARGEST_HOLE: Final = 0.02  # of the area of the surface
+_SAMPLE: Final = 500  # triangles at which intersecting parts are looked for
 _FEATURE: Final = np.cos(np.radians(35.0))  # of the angle between normals at a sharp edge
 
 
@@ -172,14 +173,17 @@ class ClosedSurface:
         return np.asarray(np.linalg.norm(points - self.nearest(points)[0], axis=1))
 
     def inside(self, points: Array) -> Flags:
-        """Return whether points (n, 3) lie inside (n,): by the nearest triangle, or by winding number."""
-        return np.asarray(self.signed(points) > 0.0 if self.simple else self.winding_number(points) > 0.5)
+        """Return whether points (n, 3) lie inside (n,)."""
+        return np.asarray(self.winding_number(points) > 0.5)
 
     @cached_property
     def simple(self) -> bool:
-        """Whether no parts of the surface intersect and no edge has more than two triangles."""
-        core = _core.TriangleMesh(self.vertices, self.triangles, False)
-        return bool(core.usable) and core.self_intersections()[0] == 0
+        """Whether the winding number is 1 below and 0 above a sample of the triangles: no parts intersect."""
+        big = np.linalg.norm(_area_vectors(self.vertices, self.triangles), axis=1) > 1e-10 * self.extent**2
+        chosen = np.flatnonzero(big)[:: max(1, int(big.sum()) // _SAMPLE)]
+        centers, step = self.vertices[self.triangles[chosen]].mean(axis=1), 1e-6 * self.extent * self._unit[chosen]
+        below, above = self.winding_number(centers - step), self.winding_number(centers + step)
+        return bool(((below == 1.0) & (above == 0.0)).all())
 
     def signed(self, points: Array) -> Array:
         """Return the distance of points (n, 3) near the surface (n,), m, positive inside.
@@ -238,6 +242,23 @@ class ClosedSurface:
         one, two = order[:-1][same], order[1:][same]
         cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
         return np.unique(halves[one[cosine < _FEATURE]], axis=0)
+
+    def spikes(self, least: float) -> Indices:
+        """Return the vertices, with edges of `least`, m, or more, whose triangles all turn 35 degrees from the normal.
+
+        The apex of a cone is one, without a sharp edge.
+        """
+        normal = self._vertex_normals / np.maximum(np.linalg.norm(self._vertex_normals, axis=1), 1e-300)[:, None]
+        cosine, edge = np.full(len(self.vertices), -1.0), np.full(len(self.vertices), np.inf)
+        corners = self.vertices[self.triangles]
+        length = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)  # of the edge before each corner
+        for i in range(3):
+            vertex = self.triangles[:, i]
+            np.maximum.at(cosine, vertex, np.einsum("ij,ij->i", self._unit, normal[vertex]))
+            np.minimum.at(edge, vertex, np.minimum(length[:, i], length[:, (i + 1) % 3]))
+        flat = (cosine >= _FEATURE) | (cosine < 0.0)
+        flat[self.sharp_edges] = True
+        return np.flatnonzero(~flat & (edge >= least))
 
 
 def parts_of(faces: Indices) -> Indices:

@@ -114,7 +114,10 @@ class Elements:
             if region.surface:
                 inside &= self.surface_nodes
             if not inside.any():
-                raise BodyError(f"fixed: no node of the body lies in {region}; it extends {_bounds(self.nodes)}")
+                raise BodyError(
+                    f"fixed: no node of the body lies in {region}; it extends {_bounds(self.nodes)}: use a larger "
+                    "region, or a finer mesh"
+                )
             dirichlet |= inside
         return dirichlet
 

@@ -80,19 +80,18 @@ def _snap(surface: ClosedSurface, points: Array, cells: Indices, on: Flags, spac
     """
     sharp = np.zeros(len(points), dtype=bool)
     edges = _long_lines(surface.vertices, surface.sharp_edges, _LONG * spacing)
-    if len(edges) == 0:
-        return points, sharp
     rows = np.flatnonzero(on)
-    corners = surface.vertices[_corners(surface.vertices, edges)]
+    corners = surface.vertices[np.append(_corners(surface.vertices, edges), surface.spikes(0.5 * spacing))]
     jobs: list[tuple[int, Array]] = []
     if len(corners):
         distance, nearest = cKDTree(points[rows]).query(corners)
         order = np.lexsort((np.arange(len(corners)), distance))
         jobs += [(int(rows[nearest[i]]), corners[i]) for i in order if distance[i] < 2.0 * _REACH * spacing]
-    samples = _samples(surface.vertices, edges, 0.05 * spacing)
-    distance, nearest = cKDTree(samples).query(points[rows])
-    order = np.lexsort((rows, distance))
-    jobs += [(int(rows[i]), samples[nearest[i]]) for i in order if distance[i] < _REACH * spacing]
+    if len(edges):
+        samples = _samples(surface.vertices, edges, 0.05 * spacing)
+        distance, nearest = cKDTree(samples).query(points[rows])
+        order = np.lexsort((rows, distance))
+        jobs += [(int(rows[i]), samples[nearest[i]]) for i in order if distance[i] < _REACH * spacing]
     around = _cells_around(cells, len(points))
     points = points.copy()
     for vertex, target in jobs:

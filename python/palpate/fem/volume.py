@@ -54,6 +54,7 @@ np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
+_THICK: Final = 1.3  # thicknesses, largest spacing
 _VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
 
 
@@ -275,6 +276,12 @@ def check_mesher(mesher: str) -> None:
 def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source: str) -> Volume:
     """Fill a closed surface with edges of about `step`, m; see `fill`."""
     _check_count(6.0 * 2.0**0.5 * surface.volume / step**3, source)  # count of regular tetrahedra
+    thick = surface.thickness
+    if mesher == "stuffing" and step > _THICK * thick:
+        raise BodyError(
+            f"spacing: {source}: the body is {1e3 * thick:.2g} mm thick on average, too thin for a spacing of "
+            f"{1e3 * step:.3g} mm: use a smaller one, such as {1e3 * thick / 2.0:.2g} mm"
+        )
     try:
         if mesher == "ftetwild":
             points, cells = tetrahedra(surface.vertices, surface.triangles.astype(np.int32), step)
@@ -292,7 +299,15 @@ def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source:
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BodyWarning)  # of its size, given before
-        return Volume(points, cells, source)
+        volume = Volume(points, cells, source)
+    pieces, parts = int(volume.parts.max()) + 1, int(surface.parts.max()) + 1
+    if pieces > parts:
+        raise BodyError(
+            f"spacing: {source}: tetrahedra of {1e3 * step:.3g} mm fill {pieces} pieces of a surface of {parts} "
+            f"part{'s'[: parts != 1]}: it is too thin in places, so use a smaller spacing, such as "
+            f"{1e3 * step / 2.0:.2g} mm"
+        )
+    return volume
 
 
 def _stuffed(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:

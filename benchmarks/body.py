@@ -42,6 +42,10 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     rows += [_row("compliance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
     exact = body.signed_distance()
     rows += [_row("signed_distance", exact, CELLS, pressed, ticks, ASKED_DISTANCE[pressed]) for pressed in ASKED]
+    rough = body.signed_distance(static_friction=0.5, dynamic_friction=0.4)
+    rows += [_row("signed_distance, friction", rough, CELLS, pressed, ticks, None) for pressed in ASKED]
+    moving = body.modal(PERIOD, rayleigh_beta=1e-4, contact="signed_distance")
+    rows.append(_row("modal, signed distance, 300 modes", moving, CELLS, 10, ticks, None))
     creeping = body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time="0.1 s")
     rows.append(_row("viscoelastic", creeping, CELLS, 10, ticks, None))
     tell("300 modes", 0.6)

@@ -148,6 +148,11 @@ class NearNodes {
   }
 
   [[nodiscard]] bool certainly_clear(int k) const noexcept { return motion_ == nullptr && place(k).clear_until > travelled_; }
+  /// Whether a place was farther from its tip, when last evaluated, than tips and body are expected to move in some ticks.
+  [[nodiscard]] bool is_far(int k) const noexcept {
+    const Tip& tip = tip_of(place(k));
+    return place(k).clear_until - travelled_ > 0.02 * tip.shape.radius + 10.0 * tip.way;
+  }
   void set_clearance(int k, double clearance) noexcept { place(k).clear_until = travelled_ + clearance; }
 
   void engage(int k) noexcept {

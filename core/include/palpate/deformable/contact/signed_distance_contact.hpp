@@ -124,6 +124,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] const Vector3<>& normal_force(int k) const noexcept { return near_.place(k).force; }
 
  private:
+  static constexpr int far_interval = 4;           // ticks between evaluations of the motion of a node away from the tips
   static constexpr double max_smooth_move = 0.02;  // of the radius per tick; beyond it every node near the tip is evaluated
   static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
 
@@ -318,8 +319,10 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     if (!motion_) return;
     period.count = gather_loads();
     stored_energy_ = layers + motion_->advance(period);
+    ++tick_;
     for (int k = 0; k < near_.count(); ++k) {
       Place& p = near_.place(k);
+      if (k >= near_.engaged() && motion_->costly() && (k + tick_) % far_interval != 0 && near_.is_far(k)) continue;
       p.free = motion_->next_free(p.node, p.free, near_.displacement(k));
     }
   }
@@ -387,7 +390,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   std::array<double, static_cast<std::size_t>(max_tips)> repeated_{};  // share of a tip's last move
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
-  int iterations_ = 0;
+  int iterations_ = 0, tick_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;
 };

@@ -32,6 +32,9 @@ class BodyMotion {
   /// The same after advance(), from the node's free displacement in the last period and its displacement by that period's forces [m].
   [[nodiscard]] virtual Vector3<> next_free(std::int32_t node, const Vector3<>& free, const Vector3<>& by_forces) const noexcept = 0;
 
+  /// Whether next_free() takes as long as free_displacement().
+  [[nodiscard]] virtual bool costly() const noexcept { return false; }
+
   /// Advance by one period. Return the energy at its end, kinetic and elastic, J.
   virtual double advance(const Period& period) noexcept = 0;
 

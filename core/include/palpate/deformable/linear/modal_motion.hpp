@@ -97,6 +97,8 @@ class ModalMotion final : public BodyMotion {
     return free_displacement(node);
   }
 
+  [[nodiscard]] bool costly() const noexcept override { return true; }
+
   double advance(const Period& period) noexcept override {
     std::fill(modal_force_.begin(), modal_force_.end(), detail::FloatLine());
     float* const push = modal_force_.data()->value.data();

@@ -99,3 +99,30 @@ def test_a_loop_keeps_a_share_of_the_optimal_robustness_and_an_unstable_one_none
 def test_a_command_without_cost_is_refused() -> None:
     with pytest.raises(DesignError, match="D12 and D21 of full rank"):
         h_infinity(scalar_problem(0.9, 0.0, 0.0, 1.0), 1, 1)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_controller_keeps_its_level_on_any_problem(seed: int) -> None:
+    """Three exogenous inputs and outputs, full feedthrough also from command to measurement, mixed coordinates."""
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(3, 3))
+    a *= 1.1 / np.abs(np.linalg.eigvals(a)).max()
+    b, c, d = rng.normal(size=(3, 4)), rng.normal(size=(4, 3)), 0.3 * rng.normal(size=(4, 4))
+    d[:3, 3] += [1.0, -0.5, 0.8]
+    d[3, :3] += [0.7, 1.0, -0.6]
+    design = h_infinity(control.StateSpace(a, b, c, d, 1.0), 1, 1)
+    k = design.controller
+    e = 1.0 / (1.0 - float(k.D[0, 0]) * d[3, 3])  # u = e (C_k x_k + D_k (C_2 x + D_21 w))
+    into_u = e * np.hstack([k.D @ c[3:], k.C, k.D @ d[3:, :3]])
+    into_y = np.hstack([c[3:], np.zeros((1, k.nstates)), d[3:, :3]]) + d[3, 3] * into_u
+    n = 3 + k.nstates
+    loop_a = np.block([[a, np.zeros((3, k.nstates))], [np.zeros((k.nstates, 3)), k.A]])
+    loop_a = loop_a + np.vstack([b[:, 3:] @ into_u[:, :n], k.B @ into_y[:, :n]])
+    loop_b = np.vstack([b[:, :3] + b[:, 3:] @ into_u[:, n:], k.B @ into_y[:, n:]])
+    loop_c = np.hstack([c[:3], np.zeros((3, k.nstates))]) + d[:3, 3:] @ into_u[:, :n]
+    loop_d = d[:3, :3] + d[:3, 3:] @ into_u[:, n:]
+    assert np.abs(np.linalg.eigvals(loop_a)).max() < 1.0
+    z = np.exp(1j * np.linspace(0.0, np.pi, 150))
+    gains = [np.linalg.norm(loop_c @ np.linalg.solve(x * np.eye(n) - loop_a, loop_b) + loop_d, 2) for x in z]
+    assert max(gains) <= design.level * (1.0 + 1e-3)
+    assert max(gains) >= 0.9 * design.level  # the least level is nearly reached

@@ -19,6 +19,7 @@ from palpate import fem
 from palpate.errors import OutputError, PalpateError, RecordingError
 from palpate.fem.errors import BodyError
 from palpate.files import hdf5_output
+from palpate.files.hdf5_input import Hdf5Reader
 from palpate.identification.recording import Recording
 from palpate.simulation.trace import Trace, TraceError
 from palpate.sweeps import SweepError, merge, open_sweep
@@ -337,3 +338,49 @@ def test_a_foreign_or_partial_file_does_not_hide_its_kind(tmp_path: Path) -> Non
         Trace.load(tmp_path / "sweep.h5")
     with pytest.raises(SweepError, match="not JSON"):
         Plan.of_text("")
+
+
+def test_a_reader_refuses_what_is_of_another_kind(tmp_path: Path) -> None:
+    """Type, size of an element, dimensions, text and attributes; and reads what is right."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["numbers"] = np.arange(6.0).reshape(2, 3)
+        file["letters"] = np.array([b"ab", b"cd"])
+        file["wide"] = np.arange(3, dtype=np.longdouble)
+        file["scalar"] = 3.0
+        file["words"] = "Δ"
+        file["chunked"] = h5py.Empty("f8")
+        file.create_group("group")
+        file.attrs.update({"text": "Δ", "number": 2, "truth": True, "list": [1.0, 2.0]})
+    with Hdf5Reader(path, OutputError, "thing", "make it again") as reader:
+        np.testing.assert_array_equal(reader.array("numbers", "f", 2), np.arange(6.0).reshape(2, 3))
+        assert (reader.text("words"), reader.text_attribute("text"), reader.number_attribute("number")) == (
+            "Δ",
+            "Δ",
+            2.0,
+        )
+        assert reader.text_attribute("none", default="d") == "d"
+        assert (reader.has("numbers"), reader.has("group"), reader.has("none")) == (True, False, False)
+        assert reader.names("none", optional=True) == []
+        begin, size = reader.place("numbers", "<f8")
+        assert path.read_bytes()[begin : begin + size] == np.arange(6.0).tobytes()
+        wrong: list[tuple[Callable[[], object], str]] = [
+            (lambda: reader.array("letters"), "letters has the type"),
+            (lambda: reader.array("wide"), "wide has the type"),
+            (lambda: reader.array("numbers", "i"), "numbers has the type float64"),
+            (lambda: reader.array("numbers", "f", 1), r"numbers has the shape \(2, 3\)"),
+            (lambda: reader.array("scalar"), r"scalar has the shape \(\)"),
+            (lambda: reader.array("chunked"), "chunked has the shape None"),
+            (lambda: reader.text("numbers"), "numbers is no text"),
+            (lambda: reader.text("letters"), "letters is no text"),
+            (lambda: reader.text_attribute("number"), "the attribute number of / is no text"),
+            (lambda: reader.number_attribute("text"), "the attribute text of / is no number"),
+            (lambda: reader.number_attribute("truth"), "the attribute truth of / is no number"),
+            (lambda: reader.number_attribute("list"), "the attribute list of / has the shape"),
+            (lambda: reader.names("numbers"), "numbers is no group"),
+            (lambda: reader.names("none"), "none is missing"),
+            (lambda: reader.place("numbers", "<f4"), "numbers is not contiguous, or not of the type <f4"),
+        ]
+        for read, says in wrong:
+            with pytest.raises(OutputError, match=f"not a complete thing: {says}.*; make it again"):
+                read()

@@ -85,3 +85,9 @@ def test_sweep_passes_the_band_once_per_channel():
 def test_impossible_signals_say_why(call, says):
     with pytest.raises(RecordingError, match=says):
         call()
+
+
+@pytest.mark.parametrize("clock", [0.0, -0.01, np.inf, np.nan])
+def test_a_clock_is_a_positive_time(clock):
+    with pytest.raises(RecordingError, match="the clock must be a positive time"):
+        prbs([1.0], clock)

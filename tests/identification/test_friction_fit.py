@@ -8,6 +8,7 @@ from identify_data import premium_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
+from palpate.identification.friction import _block_covariance
 
 ARM = devices.load("phantom-premium-1.5a")
 
@@ -40,3 +41,20 @@ def test_matching_needs_to_know_the_loop():
         identify.friction_by_matching(replace(recording, excitation=None), ARM)
     with pytest.raises(RecordingError, match="its excitation and its servo"):
         identify.friction_by_matching(replace(recording, metadata={}), ARM)
+
+
+def test_the_covariance_is_that_of_the_blocks():
+    """With independent noise it is the one of least squares; the freedom is the blocks less the parameters."""
+    rng = np.random.default_rng(3)
+    slope = rng.normal(size=(20_000, 2, 3)) * [1.0, 2.0, 0.5]
+    rest = 0.1 * rng.normal(size=(20_000, 2))
+    covariance, freedom = _block_covariance(slope, rest, 1e-2)
+    assert freedom == 20_000 // 50 - 3
+    expected = 0.01 * np.linalg.inv(np.einsum("nij,nik->jk", slope, slope))
+    np.testing.assert_allclose(np.diag(covariance), np.diag(expected), rtol=0.25)
+    blocks = [slope[k : k + 50].reshape(100, 3).T @ rest[k : k + 50].ravel() for k in range(0, 20_000, 50)]
+    inverse = expected / 0.01
+    exact = inverse @ sum(np.outer(m, m) for m in blocks) @ inverse * 400 / 397
+    np.testing.assert_allclose(covariance, exact)
+    with pytest.raises(RecordingError, match=r"3\.9 s are too short"):
+        _block_covariance(slope[:390], rest[:390], 1e-2)

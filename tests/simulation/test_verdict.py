@@ -285,3 +285,11 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
     assert trace["contact_lost"][-1, 0] == 1.0
     assert trace.verdict.state is State.CONTACT_LOST
     assert "pushed through the body" in trace.verdict.reason
+
+
+@pytest.mark.parametrize(("friction", "hides"), [(0.0, False), (0.4, True)])
+def test_dry_friction_of_a_surface_may_hide_what_the_linear_loop_does(friction: float, hides: bool) -> None:
+    mesh = {"shape": "box", "edge": "40 mm", "divisions": 2, "radius": "2 mm"}
+    surface = {"stiffness": "100 N/m", "static_friction": friction, "dynamic_friction": friction}
+    scenario = Scenario.from_dict({**PRESS, "object": {"kind": "mesh", "mesh": mesh, "surface": surface}})
+    assert lossy(scenario, scenario.load_device().frictionless()) is hides

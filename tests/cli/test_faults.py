@@ -33,7 +33,7 @@ from palpate.report import Page
 from palpate.sweeps import SweepError, store
 from palpate.sweeps.run import _result
 from slider_text import SLIDER_TEXT
-from typer import Typer
+from typer import Exit, Typer
 from typer.testing import CliRunner
 
 from experiments.hosseini2004 import reproduce
@@ -286,6 +286,31 @@ def test_an_interrupt_in_a_callback_is_neither_printed_nor_lost(capfd: pytest.Ca
     with pytest.raises(KeyboardInterrupt):
         command()
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("restored")
+def test_an_interrupt_that_a_library_replaces_by_another_error_is_an_interrupt() -> None:
+    """As code of pybind11 does while it converts an argument; an error without an interrupt stays itself."""
+
+    def convert(number: int | None) -> None:
+        try:
+            if number is not None:
+                signal.raise_signal(number)
+        except KeyboardInterrupt:
+            raise TypeError("incompatible function arguments") from None
+        raise ValueError("a mistake")
+
+    def end() -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise Exit(1)
+
+    with pytest.raises(KeyboardInterrupt), control_c():
+        convert(signal.SIGINT)
+    with pytest.raises(ValueError, match="a mistake"), control_c():
+        convert(None)
+    with pytest.raises(Exit), control_c():
+        end()
 
 
 @pytest.mark.usefixtures("restored")

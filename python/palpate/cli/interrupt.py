@@ -3,7 +3,7 @@
 Some libraries catch any exception of an import (trimesh: `except BaseException`), and so a KeyboardInterrupt in it.
 Python itself drops one during the release of an import lock, and prints and drops one in a finalizer or a weak
 reference's callback. The interrupt therefore waits until no import and no HDF5 output runs, and one that Python dropped
-is raised again.
+is raised again. Compiled code that converts an argument may replace it by another exception, such as a TypeError.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
+import typer
+
 _AGAIN: Final = 0.02  # s
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _HELD: Final = ("<frozen importlib", "hdf5_output.py")  # files of code that an exception must not leave
@@ -26,7 +28,7 @@ def control_c() -> Iterator[None]:
     """Let Ctrl-C and SIGTERM raise KeyboardInterrupt within the block.
 
     Raises:
-        KeyboardInterrupt: at the end of the block also for a signal that a library dropped.
+        KeyboardInterrupt: at the end of the block also for a signal that a library dropped or replaced.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -44,6 +46,13 @@ def control_c() -> Iterator[None]:
     with _handlers(heard), _unraisable():
         try:
             yield
+        except typer.Exit:
+            dropped = False
+            raise
+        except Exception:
+            if dropped:
+                raise KeyboardInterrupt from None
+            raise
         except BaseException:
             dropped = False
             raise

@@ -7,7 +7,7 @@ import pytest
 from palpate import _core
 from palpate import fem as bodies
 from palpate.errors import PalpateError, PoseError
-from palpate.fem import Body, BodyError, block
+from palpate.fem import Body, BodyError, BodyWarning, block
 from palpate.fem.checks import TipShape
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
@@ -185,6 +185,13 @@ def test_two_tips_share_one_body(body: Body) -> None:
         Body(body.contents).simulate_tips(one[:, None], [5e-3])
     with pytest.raises(PoseError, match="1 to 8 tips"):
         body.simulate_tips(np.zeros((4, 9, 3)), [5e-3] * 9)
+
+
+def test_a_tip_above_more_nodes_than_the_contact_has_is_named() -> None:
+    fine = bodies.build(block((0.04, 0.04, 0.01), (2.4e-3, 2.4e-3, 5e-3)), young=10e3, fixed="z < 0.001 mm", order=1)
+    assert len(fine.nodes) > 256
+    with pytest.warns(BodyWarning, match="more than 256 nodes are near the tip"):
+        fine.signed_distance().indent([0.02, 0.02, 0.01], 2.0, 1e-3)
 
 
 def choice_of(lines: str) -> BodyChoice:

@@ -160,15 +160,15 @@ class IndentableBody(CondensedBody):
         steps = int(np.ceil(_STEPS_PER_RADIUS * deep / size)) + 1
         left = np.append(np.linspace(deep, 0.0, steps + 1), np.zeros(_STILL_STEPS))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", BodyWarning)  # the last steps decide
+            warnings.simplefilter("ignore", BodyWarning)  # the last step decides
             history = self.simulate_path(center + np.outer(left, normal), size, outward=normal, tip=tip)
-        if history.lost[-1]:
-            until = 1e3 * (deep - left[np.argmax(history.lost)])
-            raise BodyError(
-                f"depth: the tip is pushed through the body at {until:.3g} mm: use a smaller depth or a larger tip, or "
-                "the body without signed_distance"
-            )
-        return history
+        if not history.lost[-1]:
+            return self.simulate_path(center[None], size, outward=normal, tip=tip)
+        until = 1e3 * (deep - left[np.argmax(history.lost)])
+        raise BodyError(
+            f"depth: the tip is pushed through the body at {until:.3g} mm: use a smaller depth or a larger tip, or "
+            "the body without signed_distance"
+        )
 
     def _settle_hyperelastic(
         self, core: _core.HyperelasticBody, center: Array, normal: Array, deep: float, size: float, tip: TipShape
@@ -359,8 +359,8 @@ def _warn_of_unsolved(rows: Array) -> None:
     rows[:, _SOLVED] = 1.0
     if unsolved:
         warnings.warn(
-            f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 %: use shorter steps, a smaller "
-            "depth, or a coarser mesh",
+            f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 %, or more than 256 nodes are near "
+            "the tip: use shorter steps, a smaller depth or tip, or a coarser mesh",
             BodyWarning,
             stacklevel=4,
         )

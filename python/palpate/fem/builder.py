@@ -20,7 +20,7 @@ from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
-from palpate.fem.mesh_estimate import check_memory_before, check_parts
+from palpate.fem.mesh_estimate import check_memory_before, check_parts, estimate
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import Modes
@@ -37,6 +37,7 @@ from palpate.fem.volume import (
 )
 
 _LARGEST = 1e3  # m, extent of a body
+_NODES = 4e4  # of a body whose spacing is not given; about a minute and 2 GB
 
 
 def build(
@@ -76,7 +77,7 @@ def build(
         touch: region of the contact surface; None for the whole surface.
         unit: of the coordinates in a file; required for a file.
         spacing: mean edge of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent, or
-            half the thickness of a thin body.
+            half the thickness of a thin body, with at most 40,000 nodes.
         tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
         depth: of its presses, m or text; None for a quarter of its radius.
         accuracy: of its force, such as "5%" (default).
@@ -258,9 +259,15 @@ def _chosen_spacing(
 
 
 def _spacing_of(surface: ClosedSurface, spacing: float | str | None) -> float:
-    """Return the edges of the tetrahedra, m: a fifteenth of the extent, or half the thickness of a thin body."""
+    """Return the edges of the tetrahedra, m.
+
+    By default a fifteenth of the extent, or half the thickness of a thin body, but not more than `_NODES` nodes.
+    """
     if spacing is None:
-        return min(surface.extent / 15.0, max(surface.thickness / 2.0, surface.extent / 60.0))
+        step = min(surface.extent / 15.0, max(surface.thickness / 2.0, surface.extent / 60.0))
+        while estimate(surface, step, 2).nodes > _NODES and step < surface.extent:
+            step *= 1.05
+        return step
     step = positive(spacing, "m", "spacing")
     if step > surface.extent:
         raise BodyError(

@@ -19,6 +19,7 @@ from palpate.fem.errors import BodyError
 from palpate.fem.winding_number import WindingNumber
 
 _LARGEST_HOLE: Final = 0.02  # of the area of the surface
+_ALL_HOLES: Final = 0.1
 _SAMPLE: Final = 500  # triangles at which intersecting parts are looked for
 _FEATURE: Final = np.cos(np.radians(35.0))  # of the angle between normals at a sharp edge
 
@@ -86,8 +87,8 @@ class ClosedSurface:
             )
         seams = sum(area <= 1e-9 * total for area in areas)
         holes = len(loops) - seams
-        if max(areas) > _LARGEST_HOLE * total:
-            raise BodyError(self._hole_message(faces, loops, max(areas) / total))
+        if max(areas) > _LARGEST_HOLE * total or sum(areas) > _ALL_HOLES * total:
+            raise BodyError(self._hole_message(faces, max(areas) / total, sum(areas) / total))
         if seams:
             self.repairs.append(_count(seams, "seam", "of vertices on an edge closed"))
         if holes:
@@ -95,14 +96,15 @@ class ClosedSurface:
             self.warnings.append(self.repairs[-1])
         return np.vstack([points, np.array(centers)]), np.concatenate([faces, *fans])
 
-    def _hole_message(self, faces: Indices, loops: list[Indices], share: float) -> str:
+    def _hole_message(self, faces: Indices, largest: float, whole: float) -> str:
         count = np.unique(np.sort(_half_edges(faces), axis=1), axis=0, return_counts=True)[1]
         open_edges = int((count == 1).sum())
         if not open_edges:
             return "the surface has one side only (as a Moebius band), so it encloses no volume: mesh again"
         return (
-            f"the surface has {open_edges} edges at a border, so it encloses no volume: close it; its largest hole has "
-            f"{100.0 * share:.2g} % of the area, and holes below {100.0 * _LARGEST_HOLE:g} % are closed"
+            f"the surface has {open_edges} edges at a border, so it encloses no volume: close it; its holes have "
+            f"{100.0 * whole:.3g} % of the area, the largest {100.0 * largest:.3g} %, and holes below "
+            f"{100.0 * _LARGEST_HOLE:g} %, together {100.0 * _ALL_HOLES:g} %, are closed"
         )
 
     def _orient(self, points: Array, faces: Indices, flipped: int) -> Indices:

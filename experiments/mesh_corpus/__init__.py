@@ -1,0 +1,1 @@
+"""Filling and pressing of many surfaces, clean and defective."""

@@ -1227,6 +1227,11 @@ class SliderSetup:
         Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
         """
 
+    def set_workspace_controller(self, mechanism: Slider, friction: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
+        """
+
     @property
     def mechanism(self) -> Slider: ...
 
@@ -1551,6 +1556,11 @@ class FiveBarSetup:
     def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
         """
         Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        """
+
+    def set_workspace_controller(self, mechanism: FiveBar, friction: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], parameters: WorkspaceParameters) -> None:
+        """
+        Use a workspace controller that knows this mechanism and viscous friction; set the period before.
         """
 
     @property

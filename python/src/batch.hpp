@@ -8,9 +8,9 @@
 namespace palpate::batch {
 
 /// Runs a servo::JobQueue of the mechanism at `index` in the registry, compiled for one width: 2 lanes run everywhere, 4 need AVX2, 8 need
-/// AVX-512 (F, DQ, VL).
+/// AVX-512 (F, DQ, VL). `workspace`: of loops with a workspace controller instead of a state space.
 template <int lanes>
-void run_lanes(std::size_t index, const void* queue, int ticks, const double* reference, const double* operator_force);
+void run_lanes(std::size_t index, bool workspace, const void* queue, int ticks, const double* reference, const double* operator_force);
 
 /// The widest that this machine and this build have.
 int most_lanes();

@@ -7,14 +7,21 @@
 namespace palpate::batch {
 
 template <int lanes>
-void run_lanes(std::size_t index, const void* queue, int ticks, const double* reference, const double* operator_force);
+void run_lanes(std::size_t index, bool workspace, const void* queue, int ticks, const double* reference, const double* operator_force);
 
 template <>
-void run_lanes<PALPATE_LANES>(std::size_t index, const void* queue, int ticks, const double* reference, const double* operator_force) {
+void run_lanes<PALPATE_LANES>(std::size_t index, bool workspace, const void* queue, int ticks, const double* reference,
+                              const double* operator_force) {
   mechanism::Registry::for_each([=]<class Mechanism>() {
-    if (index == mechanism::Registry::index_of<Mechanism>())
-      servo::simulate_side_by_side<Mechanism, PALPATE_LANES>(*static_cast<const servo::JobQueue<Mechanism>*>(queue), ticks, reference,
-                                                             operator_force);
+    using Linear = control::StateSpace;
+    using Workspace = control::WorkspaceController<Mechanism>;
+    if (index != mechanism::Registry::index_of<Mechanism>()) return;
+    if (workspace)
+      servo::simulate_side_by_side<Mechanism, Workspace, PALPATE_LANES>(*static_cast<const servo::JobQueue<Mechanism, Workspace>*>(queue),
+                                                                        ticks, reference, operator_force);
+    else
+      servo::simulate_side_by_side<Mechanism, Linear, PALPATE_LANES>(*static_cast<const servo::JobQueue<Mechanism, Linear>*>(queue), ticks,
+                                                                     reference, operator_force);
   });
 }
 

@@ -76,7 +76,7 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
   using Setup = LoopSetup<Mechanism>;
   check_signals(reference, operator_force);
   if (!palpate::servo::runs_in_lanes(base.complete()))
-    throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear controller");
+    throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear or a workspace controller");
   struct Own {
     const double* data;
     int width;

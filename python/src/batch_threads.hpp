@@ -6,11 +6,12 @@
 #include <optional>
 #include <palpate/servo/batch.hpp>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 namespace palpate::batch {
 
-using RunLanes = void (*)(std::size_t, const void*, int, const double*, const double*);
+using RunLanes = void (*)(std::size_t, bool, const void*, int, const double*, const double*);
 
 inline RunLanes lanes_of(int lanes) {
 #if defined(PALPATE_LANES_8)
@@ -24,9 +25,11 @@ inline RunLanes lanes_of(int lanes) {
 }
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
-template <class Mechanism, class Setup, class Cell>
+template <class Mechanism, class Controller, class Setup, class Cell>
 class JobScheduler {
  public:
+  using Job = servo::BatchJob<Mechanism, Controller>;
+
   JobScheduler(const Setup& base, const Cell& cell, std::ptrdiff_t count, std::atomic<std::ptrdiff_t>& taken, double* rows)
       : setup_(base), cell_(cell), count_(count), taken_(taken), rows_(rows) {}
 
@@ -36,7 +39,7 @@ class JobScheduler {
     return look();
   }
 
-  servo::JobQueue<Mechanism> queue() {
+  servo::JobQueue<Mechanism, Controller> queue() {
     return {[](void* self) { return static_cast<JobScheduler*>(self)->next(); }, this};
   }
 
@@ -52,7 +55,7 @@ class JobScheduler {
     return true;
   }
 
-  const servo::BatchJob<Mechanism>* next() {
+  const Job* next() {
     if (!look()) return nullptr;
     const servo::BatchKey shape(setup_);
     if (shape_ && shape != *shape_) return nullptr;  // it waits until the lanes are empty
@@ -69,12 +72,13 @@ class JobScheduler {
   std::ptrdiff_t at_ = 0;
   bool at_hand_ = false;
   std::optional<servo::BatchKey> shape_;
-  std::optional<servo::BatchJob<Mechanism>> beginning_;
+  std::optional<Job> beginning_;
 };
 
-template <class Mechanism, class Setup, class Cell>
-void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
-               double* rows, int threads, int lanes) {
+/// As run_cells(), with one kind of controller.
+template <class Mechanism, class Controller, class Setup, class Cell>
+void run_cells_with(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
+                    const double* operator_force, double* rows, int threads, int lanes) {
   int wide = most_lanes();
   while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
   const RunLanes run = lanes_of(wide);
@@ -82,10 +86,10 @@ void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ti
   static_assert(index < mechanism::Registry::size, "batches run the mechanisms of the registry");
   std::atomic<std::ptrdiff_t> taken = 0;
   const auto work = [&] {
-    JobScheduler<Mechanism, Setup, Cell> cells(base, cell, count, taken, rows);
+    JobScheduler<Mechanism, Controller, Setup, Cell> cells(base, cell, count, taken, rows);
     while (cells.begin()) {
-      const servo::JobQueue<Mechanism> queue = cells.queue();
-      run(index, &queue, ticks, reference, operator_force);
+      const servo::JobQueue<Mechanism, Controller> queue = cells.queue();
+      run(index, !std::is_same_v<Controller, control::StateSpace>, &queue, ticks, reference, operator_force);
     }
   };
   const auto most = static_cast<int>((count + wide - 1) / wide);
@@ -93,6 +97,16 @@ void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ti
   for (int i = 1; i < std::min(threads, most); ++i) others.emplace_back(work);
   work();
   for (std::thread& other : others) other.join();
+}
+
+template <class Mechanism, class Setup, class Cell>
+void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
+               double* rows, int threads, int lanes) {
+  using Workspace = control::WorkspaceController<Mechanism>;
+  if (servo::has_workspace_controller(base))
+    run_cells_with<Mechanism, Workspace>(base, cell, count, ticks, reference, operator_force, rows, threads, lanes);
+  else
+    run_cells_with<Mechanism, control::StateSpace>(base, cell, count, ticks, reference, operator_force, rows, threads, lanes);
 }
 
 }  // namespace palpate::batch

@@ -136,7 +136,7 @@ void bind_loop(nb::module_& m, const char* name) {
   nb::class_<Setup> setup(m, (prefix + "Setup").c_str());
   bind_object(setup);
   bind_guards<Mechanism>(setup);
-  if constexpr (dof == 3) {
+  if constexpr (dof <= 3) {
     setup.def(
         "set_workspace_controller",
         [](Setup& s, const Mechanism& mechanism, const palpate::math::Joints<dof>& friction,

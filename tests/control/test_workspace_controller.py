@@ -142,6 +142,15 @@ def test_a_step_settles_near_the_bound_of_the_drive_at_every_pose(stiffness: flo
         assert steady <= 1e-4
 
 
+@pytest.mark.parametrize(("stiffness", "largest"), [(3500.0, 1e-3), (10000.0, 4e-3)])
+def test_the_mean_displayed_force_with_counts_is_exact(stiffness: float, largest: float) -> None:
+    """The tip moves among a few counts; the integrator makes the mean error fall as one over the window, here 0.4 s."""
+    for pose in (POSE, OTHER, *poses(2, 1.0 / stiffness)):
+        own = tables(pose, stiffness, 1.0, saturation=True, encoder=True) | {"run": {"duration": "0.7 s"}}
+        force = palpate.simulate(own)["object_force"]
+        assert np.abs(force[-800:].mean(axis=0) - 1.0).max() <= largest
+
+
 def test_unmodeled_rotors_overshoot_little() -> None:
     for pose in poses(40 if NIGHTLY else 3, 1e-3):
         assert measured(pose, 1000.0, 1.0, name="phantom-premium-1.5a-rotors")[2] <= 0.05
@@ -178,11 +187,55 @@ def test_options_are_read_resolved_and_checked(tmp_path: Path) -> None:
     assert palpate.simulate(own).metadata["controller"]["kind"] == "workspace"
     with pytest.raises(DesignError, match="share must be above 0"):
         workspace(ARM, PERIOD, share=1.5)
-    with pytest.raises(DesignError, match="needs three"):
-        workspace(load("slider"), PERIOD)
     with pytest.raises(DesignError, match="is no option"):
         workspace(ARM, PERIOD, speed=1.0)
-    with pytest.raises(ScenarioError, match="needs three joints"):
-        Scenario.from_dict(own | {"device": {"name": "slider"}, "start": {}})
     with pytest.raises(ScenarioError, match="divides by the stiffness in any case"):
         Scenario.from_dict(own | {"controller": {"kind": "workspace", "normalize": "1 N/mm"}})
+
+
+FEWER = {
+    "slider": ({"name": "slider"}, {}, [1.0, 0.0, 0.0]),
+    "haply-2diy": ({"name": "haply-2diy"}, {"tip": ["10 mm", "120 mm", "0 mm"]}, [1.0, -0.7, 0.0]),
+}
+
+
+@pytest.mark.parametrize("name", FEWER)
+def test_a_device_with_fewer_joints_follows_where_its_tip_can_move(name: str) -> None:
+    """The same settling for every stiffness, no overshoot, no steady error, and the linear model for small motions."""
+    device, start, direction = FEWER[name]
+    force = 0.3 * np.array(direction)
+    own = {
+        "device": device,
+        "start": start,
+        "servo": {"period": "0.5 ms"},
+        "reference": {"shape": "step", "force": [f"{f!r} N" for f in force.tolist()]},
+        "controller": {"kind": "workspace"},
+        "run": {"duration": "0.2 s"},
+    }
+    settled = []
+    for stiffness in (200.0, 1000.0, 5000.0):
+        trace = palpate.simulate(own | {"object": {"kind": "spring", "stiffness": f"{stiffness!r} N/m"}})
+        along = trace["object_force"] @ force / (force @ force)
+        across = trace["object_force"] - np.outer(along, force)
+        settled.append(PERIOD * (int(np.flatnonzero(np.abs(along - 1.0) > 0.05)[-1]) + 1))
+        assert along.max() < 1.01
+        assert np.abs(trace["object_force"][-1] - force).max() < 1e-3 * np.linalg.norm(force)
+        assert np.abs(across).max() < 0.01 * np.linalg.norm(force)
+    assert max(settled) <= 0.020
+    assert max(settled) - min(settled) <= 0.001
+    assert palpate.stability.certify(own | {"object": {"kind": "spring", "stiffness": "1 N/mm"}}).stable
+
+
+def test_the_linear_model_of_a_linkage_is_the_small_motion_of_the_core() -> None:
+    scenario = {
+        "device": {"name": "haply-2diy"},
+        "start": {"tip": ["10 mm", "120 mm", "0 mm"]},
+        "servo": {"period": "0.5 ms"},
+        "reference": {"shape": "step", "force": ["0.1 mN", "-0.2 mN", "0 N"]},
+        "object": {"kind": "spring", "stiffness": "1 N/mm"},
+        "run": {"duration": "60 ms"},
+    }
+    linkage = load("haply-2diy")
+    law = workspace(linkage, PERIOD).linearized(linkage.inverse([0.01, 0.12, 0.0]))
+    own, linear = (palpate.simulate(scenario, one) for one in (workspace(linkage, PERIOD), law))
+    assert own["object_force"] == pytest.approx(linear["object_force"], abs=1e-3 * 1e-4)

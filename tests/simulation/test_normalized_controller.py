@@ -29,6 +29,9 @@ PERIOD = 5e-4
 LQG = {"kind": "lqg", "normalize": True}
 
 
+ARM = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+
+
 def press(**changes: Any) -> dict[str, Any]:
     """Return tables of a step of 0.5 N on a spring at the pose of the thesis; `changes` replace tables."""
     tables: dict[str, Any] = {
@@ -116,10 +119,10 @@ def test_the_linear_loop_does_not_depend_on_the_stiffness() -> None:
 
 
 class Switching:
-    """Wall along z whose stiffness changes at random every few ticks."""
+    """Wall along z whose stiffness changes at random every few ticks; the controller is told `wrong` times it."""
 
-    def __init__(self, every: int, seed: int) -> None:
-        self.every, self.seed = every, seed
+    def __init__(self, every: int, seed: int, wrong: float = 1.0) -> None:
+        self.every, self.seed, self.wrong = every, seed, wrong
 
     def reset(self) -> None:
         self.generator, self.tick = np.random.default_rng(self.seed), 0
@@ -132,7 +135,8 @@ class Switching:
         self.tick += 1
         depth = float(self.start - tip.position[2])
         force = [0.0, 0.0, -self.stiffness * max(depth, 0.0)]
-        return ContactResult(force, (0.0, 0.0, -max(depth, 0.0)), (0.0, 0.0, 1.0), depth, self.stiffness, depth > 0.0)
+        told = self.wrong * self.stiffness
+        return ContactResult(force, (0.0, 0.0, -max(depth, 0.0)), (0.0, 0.0, 1.0), depth, told, depth > 0.0)
 
 
 @pytest.mark.parametrize("every", [1, 10, 100])
@@ -154,6 +158,26 @@ def test_a_stiffness_that_switches_at_random_keeps_the_deflection_bounded(
     assert depth.max() <= 1.05 * 0.5 / 200.0
 
 
+@pytest.mark.parametrize("every", [1, 30, 100])
+@pytest.mark.parametrize("wrong", [0.8, 1.0, 1.2])
+@pytest.mark.parametrize("operator", [{}, {"operator": ARM}])
+def test_a_switching_stiffness_that_is_known_wrongly_keeps_the_deflection_bounded(
+    every: int, wrong: float, operator: dict[str, Any]
+) -> None:
+    """With counts, limits, unknown rotors, and a hand of 0.15 kg or none; at rest force and reference agree."""
+    tables = press(
+        device={"name": "phantom-premium-1.5a-rotors", "encoder": True, "saturation": True},
+        reference={"shape": "step", "force": ["0 N", "0 N", "-0.5 N"]},
+        controller={"kind": "workspace"},
+        run={"duration": "0.5 s"},
+        **operator,
+    )
+    trace = palpate.simulate(tables, object=Switching(every, every, wrong))
+    depth = -(trace["tip"] - trace["tip"][0])[:, 2]
+    assert trace.completed
+    assert depth.max() <= 1.05 * 0.5 / 200.0
+
+
 def test_outside_a_wall_the_signed_depth_brings_the_tip_to_it() -> None:
     wall = {"kind": "wall", "stiffness": "3.5 N/mm", "normal": [0, 0, 1], "position": ["0 mm", "0 mm", "-5 mm"]}
     tables = press(object=wall, reference={"shape": "step", "force": ["0 N", "0 N", "-1 N"]}, run={"duration": "0.3 s"})
@@ -166,8 +190,11 @@ def test_outside_a_wall_the_signed_depth_brings_the_tip_to_it() -> None:
     assert np.abs(free["tip"] - free["tip"][0]).max() < 1e-5  # without a reference nothing draws the tip to the wall
 
 
+@pytest.mark.parametrize("controller", [{**LQG, "windup_time": "0.2 s"}, {"kind": "workspace"}])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_slide_over_polygons_of_random_stiffness_keeps_contact_and_depth(seed: int) -> None:
+def test_a_slide_over_polygons_of_random_stiffness_keeps_contact_and_depth(
+    seed: int, controller: dict[str, Any]
+) -> None:
     tables = Scenario.from_file(SLIDE).to_dict()
     random = np.exp(np.random.default_rng(seed).uniform(np.log(50.0), np.log(10e3), 768))
     surface = tables["object"]["surface"]
@@ -181,7 +208,7 @@ def test_a_slide_over_polygons_of_random_stiffness_keeps_contact_and_depth(seed:
         ["0.2 s", "0 N", "0 N", "-0.5 N"],
         ["0.25 s", "0.8 N", "0.16 N", "-0.5 N"],
     ]
-    tables |= {"controller": {**LQG, "windup_time": "0.2 s"}, "run": {"duration": "0.9 s"}}
+    tables |= {"controller": controller, "run": {"duration": "0.9 s"}}
     trace = palpate.simulate(tables)
     start = int(np.flatnonzero(trace["touching"][:, 0])[0])
     assert trace.completed

@@ -24,6 +24,14 @@ TEST(Premium, AdvancedCacheEqualsTheCacheAtTheSum) {
   }
 }
 
+TEST(Premium, VelocityProductIsTheDerivativeOfTheVelocityAtConstantSpeeds) {
+  const Joints<3> q(0.4, 2.0, 3.1), qd(1.5, -2.0, 3.0);
+  const double h = 1e-6;
+  const palpate::math::Vector3<> slope =
+      (arm.velocity(arm.kinematics(Joints<3>(q + h * qd)), qd) - arm.velocity(arm.kinematics(Joints<3>(q - h * qd)), qd)) / (2 * h);
+  EXPECT_LT((arm.velocity_product(arm.kinematics(q), qd) - slope).norm(), 1e-8);
+}
+
 // The size of the Jacobian without forming it is that of the Jacobian.
 TEST(Premium, JacobianSizeIsThatOfTheJacobian) {
   States states;

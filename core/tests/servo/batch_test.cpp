@@ -58,7 +58,8 @@ TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
   const std::vector<double> nothing(3 * (ticks + 1), 0.0);
   for (const int count : {1, 3, 23}) {
     JobScheduler cells{count, std::vector<double>(static_cast<std::size_t>(width * count)), 0, {}};
-    palpate::servo::simulate_side_by_side<Slider, 4>({&JobScheduler::next, &cells}, ticks, nothing.data(), nothing.data());
+    palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, 4>({&JobScheduler::next, &cells}, ticks, nothing.data(),
+                                                                                   nothing.data());
     int lost = 0;
     for (int i = 0; i < count; ++i) {
       std::vector<double> trace(static_cast<std::size_t>(palpate::servo::record_width<1>) * (ticks + 1));
@@ -81,7 +82,8 @@ TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
 TEST(Batch, ASingleLoopHasTheOutcomeOfItsLane) {
   const std::vector<double> zeros(3 * (ticks + 1), 0.0);
   JobScheduler cells{23, std::vector<double>(static_cast<std::size_t>(width * 23)), 0, {}};
-  palpate::servo::simulate_side_by_side<Slider, 4>({&JobScheduler::next, &cells}, ticks, zeros.data(), zeros.data());
+  palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, 4>({&JobScheduler::next, &cells}, ticks, zeros.data(),
+                                                                                 zeros.data());
   for (int i = 0; i < 23; ++i) {
     std::vector<double> row(width);
     palpate::servo::simulate_outcome(cell(i), ticks, zeros.data(), zeros.data(), row.data());

@@ -36,7 +36,7 @@ OPTIONS: Final = {
 
 @dataclass(frozen=True)
 class WorkspaceController:
-    """Workspace controller of a device with three joints.
+    """Workspace controller of a device; with fewer than three joints, in the directions in which the tip can move.
 
     Attributes:
         device: as the controller knows it: kinematics, inertia, gravity and viscous friction.
@@ -65,11 +65,6 @@ class WorkspaceController:
     kind: Final = "workspace"
 
     def __post_init__(self) -> None:
-        if self.device.dof != 3:
-            raise DesignError(
-                f"workspace: {self.device.name} has {self.device.dof} joint(s); a workspace controller needs three, "
-                'take "lqg" instead'
-            )
         if not (self.period > 0 and np.isfinite(self.period)):
             raise DesignError(f"workspace: the servo period must be positive, not {self.period:g} s")
         if fault := self.parameters.fault():
@@ -112,10 +107,11 @@ class WorkspaceController:
         jacobian = self.device.jacobian(q)
         if np.linalg.cond(jacobian) > 1e9:
             raise PoseError("workspace: the pose is singular, so the tip's inertia is not defined")
-        inverse: Array = np.asarray(np.linalg.inv(jacobian), dtype=float)
+        reach = _directions(jacobian)
+        inverse: Array = np.asarray(np.linalg.pinv(jacobian) @ reach, dtype=float)  # (dof, dof)
         inertia = inverse.T @ self.device.mass_matrix(q) @ inverse
         friction = inverse.T @ np.diag(self.device.viscous) @ inverse
-        scale = np.diag(1.0 / np.asarray(self.stiffness))
+        scale = reach.T @ np.diag(1.0 / np.asarray(self.stiffness))
         g, t = self.gains, self.period
         correct = np.eye(5)
         correct[:3, 0] -= g.observer
@@ -132,24 +128,31 @@ class WorkspaceController:
         a = (step + np.outer(push, law) + np.outer(follow, model)) @ correct
         b = (step + np.outer(push, law) + np.outer(follow, model)) @ entry + np.outer(push + follow, ahead)
         c, d = law @ correct, law @ entry + ahead
-        weight = self._gravity_slope(q, inverse)
-        eye = np.eye(3)
-        big_c = np.kron(c, inertia) + np.kron(np.eye(5)[4], friction)
+        weight = reach.T @ self._gravity_slope(q, inverse)
+        eye = np.eye(len(inertia))
+        big_c = reach @ (np.kron(c, inertia) + np.kron(np.eye(5)[4], friction))
         big_b = np.hstack([np.kron(b[:, :1], eye) @ scale, np.kron(b[:, 1:], eye) @ scale])
-        big_d = np.hstack([d[0] * inertia @ scale, (d[1] * inertia + weight) @ scale])
+        big_d = reach @ np.hstack([d[0] * inertia @ scale, (d[1] * inertia + weight) @ scale])
         system = control.StateSpace(np.kron(a, eye), big_b, big_c, big_d, t)
-        back = np.kron(push[:, None], np.linalg.inv(inertia))
+        back = np.kron(push[:, None], np.linalg.inv(inertia)) @ reach.T
         return Controller(system, back, self.kind, self.notes).normalized(self.stiffness)
 
     def _gravity_slope(self, pose: Array, inverse: Array) -> Array:
-        """Return the derivative of the tip force that balances gravity by the tip position, (3, 3), N/m."""
+        """Return the derivative of the tip force that balances gravity by the tip position, (3, dof), N/m."""
 
         def force(q: Array) -> Array:
-            return np.asarray(np.linalg.solve(self.device.jacobian(q).T, self.device.gravity(q)), dtype=float)
+            return np.asarray(np.linalg.pinv(self.device.jacobian(q)).T @ self.device.gravity(q), dtype=float)
 
         h = 1e-5
-        slope = np.array([(force(pose + h * e) - force(pose - h * e)) / (2 * h) for e in np.eye(3)]).T
+        slope = np.array([(force(pose + h * e) - force(pose - h * e)) / (2 * h) for e in np.eye(len(pose))]).T
         return np.asarray(slope @ inverse, dtype=float)
+
+
+def _directions(jacobian: Array) -> Array:
+    """Return an orthonormal basis (3, dof) of the directions in which a tip with this Jacobian (3, dof) can move."""
+    if jacobian.shape[1] == 3:
+        return np.eye(3)
+    return np.asarray(np.linalg.svd(jacobian)[0][:, : jacobian.shape[1]], dtype=float)
 
 
 def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceController:
@@ -161,7 +164,7 @@ def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceC
         **options: attributes of `WorkspaceController`, numbers in SI or text with a unit.
 
     Raises:
-        DesignError: an unknown option, a value out of range, or a device without three joints.
+        DesignError: an unknown option, or a value out of range.
     """
     unknown = sorted(set(options) - set(OPTIONS))
     if unknown:

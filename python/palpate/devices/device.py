@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
+from palpate.devices.flexible_mode import FlexibleMode
 from palpate.devices.mechanisms import MECHANISMS, Mechanism
 from palpate.errors import DeviceError, PoseError
 from palpate.units import array_to_si
@@ -135,6 +136,14 @@ class Device:
         return self.parameters.many("drive.peak_torque", self.dof, np.inf)
 
     @property
+    def flexible(self) -> FlexibleMode | None:
+        """Lowest flexible mode between motors and tip; None: the device is taken as rigid."""
+        if "flexible.frequency" not in self.parameters.values:
+            return None
+        one = self.parameters.one
+        return FlexibleMode(one("flexible.frequency"), one("flexible.tip_share"), one("flexible.damping_ratio"))
+
+    @property
     def joint_limits(self) -> tuple[Array, Array]:
         """Least and largest joint coordinates, (dof,) each, rad; infinite if the file gives none."""
         many = self.parameters.many
@@ -146,6 +155,11 @@ class Device:
         return self.parameters.one("servo_period")
 
     # variants
+
+    def rigid(self) -> Device:
+        """Return the same device without its flexible mode."""
+        values = {key: value for key, value in self.parameters.values.items() if not key.startswith("flexible.")}
+        return self if self.flexible is None else replace(self, parameters=Parameters(values))
 
     def frictionless(self) -> Device:
         """Return the same device without viscous and dry friction."""
@@ -184,12 +198,22 @@ class Device:
         device.check()
         return device
 
+    def _check_flexible(self) -> None:
+        keys = [f"flexible.{name}" for name in ("frequency", "tip_share", "damping_ratio")]
+        missing = [key for key in keys if key not in self.parameters.values]
+        if missing and len(missing) < len(keys):
+            raise DeviceError(f"{missing[0]} is missing: a flexible mode has frequency, tip_share and damping_ratio")
+        mode = self.flexible
+        if mode is not None and not (mode.tip_share < 1.0 and mode.damping_ratio < 1.0):
+            raise DeviceError("flexible.tip_share and flexible.damping_ratio must be below 1")
+
     def check(self) -> None:
         """Raise DeviceError unless friction and inertia are physical."""
         for name in ("viscous", "coulomb", "breakaway", "stribeck_speed"):
             value = getattr(self, name)
             if not np.all(np.isfinite(value)) or np.any(value < 0):
                 raise DeviceError(f"friction.{name} must be finite and not negative, not {value.tolist()}")
+        self._check_flexible()
         low, high = self.joint_limits
         if np.any(low >= high):
             raise DeviceError(f"limits.lower {low.tolist()} must be below limits.upper {high.tolist()} for every joint")

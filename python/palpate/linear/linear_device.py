@@ -119,7 +119,11 @@ class LinearDevice:
             DeviceError: there is no such device.
         """
         device = load(device)
-
+        if device.flexible is not None:
+            raise StabilityError(
+                f"{device.name} has a {device.flexible}, which acts between motors and tip: judge a scenario with "
+                "palpate.stability.certify, or pass device.rigid()"
+            )
         direction = np.asarray(along, dtype=float)
         length = float(np.linalg.norm(direction))
         if direction.shape != (3,) or not np.isfinite(length) or length == 0.0:

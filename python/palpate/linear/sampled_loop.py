@@ -8,6 +8,7 @@ from scipy.linalg import expm
 from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.devices import Device
+from palpate.linear.flexible_tip import couple_tip
 from palpate.linear.linear_device import HumanArm, couple_arm
 
 
@@ -15,6 +16,8 @@ def sampled_plants(
     device: Device, poses: Array, arm: HumanArm | None, rest_force: Array, period: float
 ) -> tuple[Array, Array, Array]:
     """Return (A, B, C), each (n, ., .), of a device at rest in n poses, from sampled torques to joint angles.
+
+    The angles are those of the encoders. With a flexible mode the operator moves the tip behind it.
 
     Args:
         device: dof joints.
@@ -30,7 +33,12 @@ def sampled_plants(
     a_q, a_v = (np.array([pair[i] for pair in slopes]) for i in range(2))
     geometric_stiffness = np.einsum("k,nkij->nij", rest_force, device.tip_hessian(poses))
     moving_rows = jacobian[:, np.linalg.norm(jacobian, axis=(0, 2)) > 0, :]
-    m, d, s = inertia, -inertia @ a_v, -inertia @ a_q - geometric_stiffness
+    m, d, s = inertia, -inertia @ a_v, -inertia @ a_q
+    if device.flexible is None:
+        s = s - geometric_stiffness
+    else:
+        m, d, s, moving_rows = couple_tip(m, d, s, moving_rows, device.flexible)
+        s[:, dof:, dof:] -= geometric_stiffness
     if arm is not None:
         m, d, s, _ = couple_arm(m, d, s, moving_rows, arm)
     size = m.shape[-1]

@@ -61,6 +61,7 @@ class DeviceChoice(Section):
         encoder: whether angles are whole encoder counts.
         saturation: whether the drive has its force and torque limits.
         delay: servo periods from the computation of a torque to its application.
+        rigid: whether the lowest flexible mode of the device is left out; only then can such a device be simulated.
     """
 
     name: str = Field(examples=['"phantom-premium-1.5a"'])
@@ -69,6 +70,7 @@ class DeviceChoice(Section):
     encoder: Flag = False
     saturation: Flag = False
     delay: Annotated[Whole, between(0, 64, " servo periods")] = 0
+    rigid: Flag = False
 
     @field_validator("name")
     @classmethod
@@ -357,8 +359,6 @@ class Scenario(Section):
     def _check_workspace(self, device: Device) -> None:
         if self.controller.kind != "workspace":
             return
-        if device.dof != 3:
-            raise ValueError(f'controller.kind: "workspace" needs three joints, and {device.name} has {device.dof}')
         if self.device.model != "nonlinear" or self.device.kinematics != "nonlinear":
             raise ValueError(
                 'controller.kind: "workspace" knows the mechanism itself; leave out device.model and device.kinematics'
@@ -479,7 +479,8 @@ class Scenario(Section):
 
     def load_device(self) -> Device:
         """Return the device that [device] names."""
-        return load(self.device.name)
+        device = load(self.device.name)
+        return device.rigid() if self.device.rigid else device
 
     def to_dict(self) -> dict[str, Any]:
         """Return tables that JSON can hold, values as text with units; `Scenario.from_dict` reads them back, equal."""

@@ -92,6 +92,12 @@ class Simulation:
     def of(cls, scenario: Scenario, controller: Any = None, object: Any = None) -> Simulation:
         """Return the simulation of a scenario; `controller` and `object` replace those of the scenario."""
         device = scenario.load_device()
+        if device.flexible is not None:
+            raise scenario.mistake(
+                "device.name",
+                f"{device.name} has a {device.flexible}, and the simulated plant is rigid; judge the loop with "
+                "palpate certify, or write device.rigid = true to simulate without the mode",
+            )
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         _check_limits(device, start)
         hold = np.zeros(3)

@@ -31,6 +31,8 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
     sentences.append(_operator(s))
     if s.device.model == "nonlinear":
         sentences.append("Small motions about the pose: the device is linearized exactly there.")
+    if device.flexible is not None:
+        sentences.append(f"The {device.flexible}, is linear and alike in every direction.")
     if s.object.kind == "wall":
         sentences.append("The tip stays in the wall; the operator controls motions along the surface.")
     if s.controller.normalizes:

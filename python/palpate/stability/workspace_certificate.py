@@ -56,6 +56,7 @@ def workspace_loops(
 ) -> Array:
     """Return the loops in contact about rest at poses (n, 3), rad, as matrices of one tick (n, m, m), m = 15 + 3 delay.
 
+    A flexible mode of the device adds six states: the motion of the tip beside that of the encoders.
     The state per axis is deflection times bandwidth, velocity, the delayed commands as the tip acceleration that they
     give at their pose, over bandwidth, and the estimate in the units of the motion.
 
@@ -75,7 +76,9 @@ def workspace_loops(
     real = controller.device if device is None else device
     stiffness = np.diag(controller.stiffness)
     rate, late = controller.bandwidth, 3 * delay
-    unit = np.kron(np.diag([rate, 1.0, *[1.0 / rate] * delay, rate, 1.0, 1.0 / rate]), np.eye(3))
+    sides = 1 if real.flexible is None else 2
+    scales = [*[rate] * sides, *[1.0] * sides, *[1.0 / rate] * delay, rate, 1.0, 1.0 / rate]
+    unit = np.kron(np.diag(scales), np.eye(3))
     loops = []
     for q in np.atleast_2d(np.asarray(poses, dtype=float)):
         jacobian = real.jacobian(q)
@@ -84,8 +87,8 @@ def workspace_loops(
         law = controller.linearized(q)
         a, entry, out = assemble_loop((plant[0][0], plant[1][0], plant[2][0]), jacobian, hold, law, delay)
         closed = a + entry @ stiffness @ out
-        size = 6 + late + ESTIMATE  # the reference model follows and does not feed back
-        to_tip = np.kron(np.eye(2), jacobian)
+        size = 6 * sides + late + ESTIMATE  # the reference model follows and does not feed back
+        to_tip = np.kron(np.eye(2 * sides), jacobian)
         to_acceleration = np.kron(np.eye(delay), jacobian @ np.linalg.inv(controller.device.mass_matrix(q)))
         into = unit @ block_diag(to_tip, to_acceleration, np.eye(ESTIMATE))
         loops.append(into @ closed[:size, :size] @ np.linalg.inv(into))

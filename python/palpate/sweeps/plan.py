@@ -271,13 +271,10 @@ def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
 
 
 def _runs_in_lanes(tables: Mapping[str, Any], axes: tuple[Axis, ...]) -> bool:
-    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls, linear controllers.
-
-    A loop with a guard does not.
-    """
+    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls without a guard."""
     s = Scenario.from_dict(tables)
     guarded = s.guard.kind != "none" or any(axis.path.startswith("guard.") for axis in axes)
-    return s.contact_kind in ("none", "spring", "wall") and s.controller.kind != "workspace" and not guarded
+    return s.contact_kind in ("none", "spring", "wall") and not guarded
 
 
 @lru_cache(maxsize=8)

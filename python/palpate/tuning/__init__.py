@@ -2,6 +2,7 @@
 
 from palpate.tuning.axis import OPERATORS, AxisData, AxisDesign, tune_axis
 from palpate.tuning.designer import design
+from palpate.tuning.flexible import flexible_bands
 from palpate.tuning.outcome import ControllerDesign
 from palpate.tuning.presses import drive_bound
 from palpate.tuning.specification import Specification
@@ -14,5 +15,6 @@ __all__ = [
     "Specification",
     "design",
     "drive_bound",
+    "flexible_bands",
     "tune_axis",
 ]

@@ -21,6 +21,8 @@ from palpate.control import Controller, Margins, Robustness, WorkspaceController
 from palpate.control.stability_margins import peak_gain
 from palpate.devices import Device
 from palpate.devices.device import Parameters
+from palpate.devices.flexible_mode import FlexibleMode
+from palpate.linear.flexible_tip import sampled_axis
 from palpate.linear.linear_device import HumanArm, couple_arm
 
 __all__ = ["OPERATORS", "AxisData", "AxisDesign", "tune_axis"]
@@ -46,6 +48,8 @@ RUN: Final = 0.5  # s, of a step response
 SAMPLING: Final = "sampling"
 ENCODER: Final = "encoder"
 OPERATOR: Final = "operator"
+FLEXIBLE: Final = "flexible mode"
+DETUNED: Final = (0.9, 1.0, 1.1)  # of the mode's frequency
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,13 @@ class AxisData:
         masses: of the tip in the workspace, the extremes and between, kg.
         count: inertia of the tip times the tip motion of one encoder count, kg m; 0: no encoder.
         operators: that must be stable; each also without operator.
+        mode: lowest flexible mode; None: a rigid device.
     """
 
     masses: tuple[float, ...]
     count: float
     operators: tuple[HumanArm, ...] = OPERATORS
+    mode: FlexibleMode | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class AxisDesign:
 
     Attributes:
         options: of `palpate.control.workspace`.
-        limit: constraint that forbids a larger bandwidth: "sampling", "encoder" or "operator".
+        limit: constraint that forbids a larger bandwidth: "sampling", "encoder", "operator" or "flexible mode".
         reason: the same in words, with its number.
         margins: of the bare loop.
         count_force: change of the command by one encoder count, N.
@@ -99,7 +105,8 @@ def tune_axis(period: float, delay: int, data: AxisData) -> AxisDesign | None:
 
     Constraints: every operator and every inertia of `INERTIA` is stable, the disk margin is at least 0.6, the loop is
     stable with two more samples of delay and with half the gain, and an encoder count changes the command by at most
-    0.3 N. The reference model is then the fastest whose overshoot is at most 5 % with any inertia of `INERTIA`.
+    0.3 N. A flexible mode is stable with 0.9 to 1.1 of its frequency and every inertia. The reference model is then
+    the fastest whose overshoot is at most 5 % with any inertia of `INERTIA`.
 
     Args:
         period: s.
@@ -138,7 +145,7 @@ def first_limit(period: float, delay: int, data: AxisData) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
-class _Law:
+class AxisLaw:
     """Acceleration of one axis from reference and deflection, m; states: the estimate (3), the reference model (2)."""
 
     a: Array
@@ -147,26 +154,44 @@ class _Law:
     d: Array
 
 
+_UNIT_MASS: Final = Device(
+    "unit mass", "", "tip_device", Parameters({"mass.apparent": (1.0,) * 3, "friction.viscous": (0.0,) * 3})
+)
+
+
+def unit_law(controller: WorkspaceController) -> AxisLaw:
+    """Return the law of one axis of a workspace controller, linear, for a mass of 1 kg."""
+    return _law(replace(controller, device=_UNIT_MASS, stiffness=(1.0,) * 3))
+
+
+def _law(controller: WorkspaceController) -> AxisLaw:
+    s = controller.linearized(np.zeros(3)).system
+    return AxisLaw(s.A[::3, ::3], s.B[::3, ::3], s.C[0, ::3], s.D[0, ::3])
+
+
+def unit_radii(axes: list[tuple[Array, Array]], law: AxisLaw, delay: int) -> Array:
+    """Return the spectral radii (n,) of the loops of axes (A, B) of one size, from known acceleration to deflection."""
+    return _radii((np.array([a for a, _ in axes]), np.array([b for _, b in axes])), law, delay)
+
+
 class _Axis:
     """Loops of one axis around a workspace controller."""
 
     def __init__(self, period: float, delay: int, data: AxisData) -> None:
         self.period, self.delay, self.data = period, delay, data
-        parameters = Parameters({"mass.apparent": (1.0,) * 3, "friction.viscous": (0.0,) * 3})
-        self._known = workspace(Device("unit mass", "", "tip_device", parameters), period, stiffness=1.0)
+        self._known = workspace(_UNIT_MASS, period, stiffness=1.0)
         self._held = _held_axes(period, data)
+        self._modes = _flexible_axes(period, data.mode)
 
-    def law(self, options: dict[str, float]) -> _Law:
+    def law(self, options: dict[str, float]) -> AxisLaw:
         """Return the law of the core, linear, for a mass of 1 kg."""
-        controller: WorkspaceController = replace(self._known, **options)  # type: ignore[arg-type]
-        s = controller.linearized(np.zeros(3)).system
-        return _Law(s.A[::3, ::3], s.B[::3, ::3], s.C[0, ::3], s.D[0, ::3])
+        return _law(replace(self._known, **options))  # type: ignore[arg-type]
 
-    def count_force(self, law: _Law) -> float:
+    def count_force(self, law: AxisLaw) -> float:
         """Return the change of the command by one encoder count, N."""
         return abs(float(law.d[1])) * self.data.count
 
-    def loop(self, law: _Law, delay: int) -> control.StateSpace:
+    def loop(self, law: AxisLaw, delay: int) -> control.StateSpace:
         """Return the loop gain of the bare axis."""
         a, b = _double_integrator(self.period)
         n = 2 + delay
@@ -188,7 +213,7 @@ class _Axis:
             self.period,
         )
 
-    def violation(self, law: _Law) -> _Violation | None:
+    def violation(self, law: AxisLaw) -> _Violation | None:
         """Return the first constraint that a law does not meet; None: it meets all."""
         if (force := self.count_force(law)) > MOST_COUNT_FORCE:
             return _Violation(
@@ -200,6 +225,10 @@ class _Axis:
         bare = self.loop(law, self.delay)
         if any(_radius(bare, gain) >= 1.0 for gain in np.linspace(LEAST_GAIN, 1.0, 4)[:-1]):
             return _Violation(SAMPLING, f"the loop must be stable with {LEAST_GAIN:g} of its gain")
+        for plants, names in self._modes:
+            radius = _radii(plants, law, self.delay)
+            if radius.max() >= 1.0:
+                return _Violation(FLEXIBLE, f"unstable with {names[int(np.argmax(radius))]}")
         for plants, names in self._held:
             radius = _radii(plants, law, self.delay)
             if radius.max() >= 1.0:
@@ -251,13 +280,13 @@ class _Axis:
             low, high = (middle, high) if overshoot(middle) <= MOST_OVERSHOOT else (low, middle)
         return {**options, "reference": _floored(low * bandwidth)}, overshoot(low)
 
-    def settling(self, law: _Law) -> float:
+    def settling(self, law: AxisLaw) -> float:
         """Return the settling time of a step without limits of the drive, s."""
         outside = np.flatnonzero(np.abs(self.step(law, 1.0) - 1.0) > BAND)
         count = int(outside[-1]) + 1
         return count * self.period if count < round(RUN / self.period) else float("nan")
 
-    def step(self, law: _Law, inertia: float) -> Array:
+    def step(self, law: AxisLaw, inertia: float) -> Array:
         """Return the deflection of a unit step with a share of the known inertia, one per sample."""
         a, b = _double_integrator(self.period)
         state, model = np.zeros(2), np.zeros(5)
@@ -308,6 +337,16 @@ def _held_axes(period: float, data: AxisData) -> list[tuple[tuple[Array, Array],
     return [((np.array(a), np.array(b)), names) for a, b, names in groups.values()]
 
 
+def _flexible_axes(period: float, mode: FlexibleMode | None) -> list[tuple[tuple[Array, Array], list[str]]]:
+    """Return free axes with a mode, detuned, with every inertia, as `_held_axes`; empty for a rigid device."""
+    if mode is None:
+        return []
+    pairs = list(product(DETUNED, INERTIA))
+    axes = [sampled_axis(replace(mode, frequency=f * mode.frequency), inertia, period) for f, inertia in pairs]
+    names = [f"a mode of {f * mode.frequency:.4g} Hz and {inertia:g} of the known inertia" for f, inertia in pairs]
+    return [((np.array([a for a, _ in axes]), np.array([b for _, b in axes])), names)]
+
+
 def _named(arm: HumanArm | None, mass: float, inertia: float) -> str:
     tip = f"a tip of {1e3 * mass:.3g} g whose inertia is {inertia:g} of the known one"
     if arm is None:
@@ -316,7 +355,7 @@ def _named(arm: HumanArm | None, mass: float, inertia: float) -> str:
     return f"an operator of {arm.mass:g} kg, {arm.damping:g} N s/m and {arm.stiffness:g} N/m{grip}, at {tip}"
 
 
-def _radii(plants: tuple[Array, Array], law: _Law, delay: int) -> Array:
+def _radii(plants: tuple[Array, Array], law: AxisLaw, delay: int) -> Array:
     """Return the spectral radii of the loops around a stack of axes."""
     a, b = plants
     count, n = b.shape
@@ -337,7 +376,7 @@ def _radii(plants: tuple[Array, Array], law: _Law, delay: int) -> Array:
     return np.asarray(np.abs(np.linalg.eigvals(matrix)).max(axis=1), dtype=float)
 
 
-def _share(loop: control.StateSpace, crossover: float, delay: int, period: float, law: _Law) -> Robustness:
+def _share(loop: control.StateSpace, crossover: float, delay: int, period: float, law: AxisLaw) -> Robustness:
     """Return the robustness of the bare axis beside the optimum, for one axis of three."""
     n = 2 + delay
     wide = np.zeros((n, 3))

@@ -116,6 +116,7 @@ def axis_data(s: Specification, poses: Array) -> AxisData:
         (float(masses.min()), float(np.median(masses)), float(masses.max())),
         float(np.median(steps.max(axis=1))),
         s.operators,
+        s.device.flexible,
     )
 
 

@@ -1,39 +1,41 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "palpate/control/controller.hpp"
 #include "palpate/control/stiffness_normalization.hpp"
 #include "palpate/control/workspace_gains.hpp"
-#include "palpate/math/dual.hpp"
+#include "palpate/math/pack.hpp"
+#include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/mechanism/mechanism.hpp"
+#include "palpate/mechanism/tip_inverse.hpp"
 
 namespace palpate::control {
 
-/// Force tracking that responds alike at every pose and for every stiffness of the object.
+/// Force tracking that responds alike at every pose and for every stiffness of the object. Runs in SIMD lanes.
 ///
 /// - Reference and object force are divided by the object's stiffness (StiffnessNormalization): the controller positions the tip.
-/// - The tip's inertia L(q) = J^-T M J^-1 is decoupled (Khatib 1987), and gravity, Coriolis forces and friction are fed forward.
+/// - The tip's inertia L(q) = J^+T M J^+ is decoupled (Khatib 1987), and gravity, Coriolis forces and friction are fed forward.
 /// - A reference model moves to the target in nearly least time within the drive's limit of the tick (Workman 1987).
 /// - An observer per axis estimates deflection, velocity and a constant disturbance. It is driven by the force that was applied, so that a
 ///   limit winds nothing up. The disturbance is the integrator.
+/// - With fewer than three joints, all of this happens in the directions in which the tip can move (range of J).
 ///
 /// With d = F_object/K, r = F_ref/K, model (x_r, v_r, a_r) and estimate (x, v, w):
 ///   a = a_r + k_p (x_r - x) + k_d (v_r - v) - w
-///   u = J^-T (M J^-1 (a - J' qd_r) + C qd_r + N + friction qd_r) - gravity compensation,   qd_r = J^-1 v_r
-template <class Mechanism>
+///   u = J^+T (M J^+ (a - J' qd_r) + C qd_r + N + friction qd_r) - gravity compensation,   qd_r = J^+ v_r
+template <class Mechanism, class Number = double>
 class WorkspaceController {
-  static_assert(Mechanism::dof == 3, "palpate: a workspace controller needs a mechanism with three joints");
+  static_assert(Mechanism::dof <= 3, "palpate: a workspace controller needs a mechanism with at most three joints");
 
  public:
-  using Scalar = double;
-  static constexpr int dof = 3;
+  using Scalar = Number;
+  static constexpr int dof = Mechanism::dof;
+  using Vector = Vector3<Scalar>;
+  using Angles = Joints<dof, Scalar>;
 
   WorkspaceController() = default;
   /// @param mechanism  as the controller knows it
@@ -43,72 +45,99 @@ class WorkspaceController {
   WorkspaceController(const Mechanism& mechanism, const Joints<dof>& friction, const WorkspaceParameters& p, double period)
       : mechanism_(mechanism), friction_(friction), parameters_(p), gains_(p, period), period_(period), normalization_(p.stiffness) {}
 
+  /// Return the same controller for a lane scalar.
+  template <class Other>
+  [[nodiscard]] WorkspaceController<Mechanism, Other> cast() const {
+    WorkspaceController<Mechanism, Other> out;
+    out.mechanism_ = mechanism_;
+    out.friction_ = friction_;
+    out.parameters_ = parameters_;
+    out.gains_ = gains_;
+    out.period_ = period_;
+    out.normalization_ = BasicStiffnessNormalization<Other>(normalization_.design_stiffness());
+    return out;
+  }
+
+  /// Set the state of one lane; all lanes share the parameters.
+  void set_lane(int lane, const WorkspaceController<Mechanism>& one) {
+    using math::set_lane;
+    normalization_.set_lane(lane, one.normalization_);
+    kinematics_.set_lane(lane, one.kinematics_);
+    set_lane(started_, lane, one.started_);
+    set_lane(position_, lane, one.position_);
+    set_lane(velocity_, lane, one.velocity_);
+    set_lane(disturbance_, lane, one.disturbance_);
+    set_lane(model_position_, lane, one.model_position_);
+    set_lane(model_velocity_, lane, one.model_velocity_);
+  }
+
   [[nodiscard]] const WorkspaceGains& gains() const noexcept { return gains_; }
 
   /// Return the tip force [N] for the signals of a tick; zero at a singular pose.
-  Vector3<> command(const TickInput& input) noexcept {
-    const Joints<dof> q = Eigen::Map<const Joints<dof>>(input.angles);
-    const auto cache = mechanism_.kinematics(q);
+  Vector command(const BasicTickInput<Scalar>& input) noexcept {
+    kinematics_.update(mechanism_, Eigen::Map<const Angles>(input.angles));
+    const auto& cache = kinematics_.current;
     jacobian_ = mechanism_.jacobian(cache);
-    const double size = jacobian_.squaredNorm(), determinant = jacobian_.determinant();
-    singular_ = !(determinant * determinant > 1e-18 * size * size * size);
-    if (singular_) {
-      started_ = false;
-      return Vector3<>::Zero();
-    }
-    inverse_ = jacobian_.inverse();
+    const Condition<Scalar> regular = inverse_.update(jacobian_);
     const auto dynamics = mechanism_.dynamics(cache);
     const auto [reference, object] = normalization_.apply(input);
-    const Vector3<> target = reference.cwiseQuotient(parameters_.stiffness), deflection = object.cwiseQuotient(parameters_.stiffness);
-    observe(deflection);
+    const Vector target = inverse_.reachable(jacobian_, Vector(reference.cwiseQuotient(parameters_.stiffness.template cast<Scalar>())));
+    observe(inverse_.reachable(jacobian_, Vector(object.cwiseQuotient(parameters_.stiffness.template cast<Scalar>()))));
 
-    const Joints<dof> none = Joints<dof>::Zero();
-    const Vector3<> weight = to_tip(-dynamics.generalized_force(none, none));
-    const Vector3<> model_acceleration = plan(target - model_position_, weight - input.reference, input.force_limit,
-                                              [&](const Vector3<>& a) { return to_tip(dynamics.inertia_torque(inverse_ * a)); });
+    const Angles none = Angles::Constant(0.0);
+    const Vector weight = inverse_.to_tip(Angles(-dynamics.generalized_force(none, none)));
+    const Vector pulled = inverse_.reachable(jacobian_, input.reference);
+    const Vector model_acceleration =
+        plan(Vector(target - model_position_), Vector(weight - pulled), input.force_limit,
+             [&](const Vector& a) { return inverse_.to_tip(dynamics.inertia_torque(inverse_.to_joints(a))); });
     acceleration_ = model_acceleration + gains_.position * (model_position_ - position_) + gains_.velocity * (model_velocity_ - velocity_) -
                     disturbance_;
-    const Joints<dof> speed = inverse_ * model_velocity_;
-    const Joints<dof> torque = dynamics.inertia_torque(inverse_ * (acceleration_ - turning(q, speed))) -
-                               dynamics.generalized_force(none, speed) + friction_.cwiseProduct(speed);
-    command_ = to_tip(torque) - input.gravity_compensation;
+    const Angles speed = inverse_.to_joints(model_velocity_);
+    const Vector turning = mechanism_.velocity_product(cache, speed);
+    Angles torque = dynamics.inertia_torque(inverse_.to_joints(Vector(acceleration_ - turning))) - dynamics.generalized_force(none, speed);
+    for (int i = 0; i < dof; ++i) torque[i] += friction_[i] * speed[i];
+    // In directions in which the tip cannot move, the operator's share is all of the force.
+    const Vector force = inverse_.to_tip(torque) - input.gravity_compensation + (input.reference - pulled);
+    command_ = select_each(regular, force, Vector(Vector::Constant(0.0)));
     model_position_ += period_ * (model_velocity_ + 0.5 * period_ * model_acceleration);
     model_velocity_ += period_ * model_acceleration;
-    cache_ = cache;
+    started_ = regular;
     return command_;
   }
 
   /// Predict the next sample with the force that the drive gave [N].
-  void applied(const Vector3<>& force) noexcept {
-    if (singular_) return;
-    Vector3<> acceleration = acceleration_ + disturbance_;
-    if (const Vector3<> missing = force - command_; !missing.isZero(0.0))  // J M^-1 J^T times it
-      acceleration += jacobian_ * (mechanism_.dynamics(cache_).inverse() * Joints<dof>(jacobian_.transpose() * missing));
+  void applied(const Vector& force) noexcept {
+    Vector acceleration = acceleration_ + disturbance_;
+    const Vector missing = force - command_;
+    Condition<Scalar> differs = missing[0] != Scalar(0.0);
+    for (int i = 1; i < 3; ++i) differs = differs | (missing[i] != Scalar(0.0));
+    if (any(differs)) {  // J M^-1 J^T times it
+      const Angles more = mechanism_.dynamics(kinematics_.current).inverse() * math::transposed_product(jacobian_, missing);
+      acceleration = select_each(differs, Vector(acceleration + math::product(jacobian_, more)), acceleration);
+    }
     position_ += period_ * (velocity_ + 0.5 * period_ * acceleration);
     velocity_ += period_ * acceleration;
   }
 
   void reset() noexcept {
     normalization_.reset();
+    kinematics_ = Kinematics(rest());
     started_ = false;
-    singular_ = false;
   }
 
  private:
-  [[nodiscard]] Vector3<> to_tip(const Joints<dof>& torque) const noexcept { return inverse_.transpose() * torque; }
+  template <class, class>
+  friend class WorkspaceController;
+  using Kinematics = mechanism::IncrementalKinematics<Mechanism, Scalar>;
 
-  /// Correct the estimate by the measured deflection [m]. The first one starts the estimate and the model.
-  void observe(const Vector3<>& deflection) noexcept {
-    if (!started_) {
-      started_ = true;
-      position_ = model_position_ = deflection;
-      velocity_ = model_velocity_ = disturbance_ = Vector3<>::Zero();
-      return;
-    }
-    const Vector3<> error = deflection - position_;
-    position_ += gains_.observer[0] * error;
-    velocity_ += gains_.observer[1] * error;
-    disturbance_ += gains_.observer[2] * error;
+  /// Correct the estimate by the measured deflection [m]. The first one, and the first after a singular pose, starts estimate and model.
+  void observe(const Vector& deflection) noexcept {
+    const Vector zero = Vector::Constant(0.0), error = deflection - position_;
+    position_ = select_each(started_, Vector(position_ + gains_.observer[0] * error), deflection);
+    velocity_ = select_each(started_, Vector(velocity_ + gains_.observer[1] * error), zero);
+    disturbance_ = select_each(started_, Vector(disturbance_ + gains_.observer[2] * error), zero);
+    model_position_ = select_each(started_, model_position_, deflection);
+    model_velocity_ = select_each(started_, model_velocity_, zero);
   }
 
   /// Return the acceleration of the reference model [m/s^2]: proximate time-optimal, within the share of the drive's limit.
@@ -117,55 +146,61 @@ class WorkspaceController {
   /// @param limit     of the motors, N
   /// @param inertia   force of an acceleration, N
   template <class Inertia>
-  [[nodiscard]] Vector3<> plan(const Vector3<>& way, const Vector3<>& constant, double limit, Inertia inertia) const noexcept {
-    const double kp = gains_.reference_position, kd = gains_.reference_velocity, distance = way.norm();
-    Vector3<> speed = (kp / kd) * way;
-    if (distance > 0.0 && std::isfinite(limit)) {
-      const Vector3<> direction = way / distance;
-      const double braking = available(inertia(-direction), constant, limit), linear = 0.5 * braking * kd * kd / (kp * kp);
-      if (distance > linear) speed = (std::sqrt(2.0 * braking * distance) - (kp / kd) * linear) * direction;
+  [[nodiscard]] Vector plan(const Vector& way, const Vector& constant, const Scalar& limit, Inertia inertia) const noexcept {
+    using std::sqrt;
+    const double kp = gains_.reference_position, kd = gains_.reference_velocity, linear_time = 0.5 * kd * kd / (kp * kp);
+    const Scalar none = 0.0;
+    Vector speed = (kp / kd) * way;
+    const auto bounded = is_finite(limit);
+    if (!any(bounded)) return kd * (speed - model_velocity_);
+    // Near the target, even the least braking force stops the model in its linear range; elsewhere roots and divisions follow.
+    const Scalar near = (least_share * parameters_.share * linear_time) * limit;
+    const auto far = bounded & (near * near < inertia(way).squaredNorm());
+    if (any(far)) {
+      const Scalar distance = sqrt(way.squaredNorm());
+      const Vector direction = way * (1.0 / distance);
+      const Scalar braking = available(inertia(Vector(-direction)), constant, limit), linear = braking * linear_time;
+      const Scalar fastest = sqrt(2.0 * braking * distance) - (kp / kd) * linear;
+      speed = select_each(far & (linear < distance), Vector(direction * fastest), speed);
     }
-    Vector3<> wanted = kd * (speed - model_velocity_);
-    const double size = wanted.norm();
-    if (!(size > 0.0) || !std::isfinite(limit)) return wanted;
-    const Vector3<> along = wanted / size;
-    return std::min(size, available(inertia(along), constant, limit)) * along;
+    const Vector wanted = kd * (speed - model_velocity_);
+    const Vector force = inertia(wanted);
+    const auto exceeds = bounded & (limit * limit < Vector(constant + force * (1.0 / parameters_.share)).squaredNorm());
+    if (!any(exceeds)) return wanted;
+    const Scalar size = sqrt(wanted.squaredNorm());
+    const Vector along = wanted * (1.0 / size);
+    const Scalar most = min_of(size, available(inertia(along), constant, limit));
+    return select_each(exceeds & (none < size), Vector(along * most), wanted);
   }
 
   /// Return the share of the acceleration along one direction that the motors can give: |constant + a force| <= limit.
   /// @param force  of a unit acceleration in this direction, N s^2/m
-  [[nodiscard]] double available(const Vector3<>& force, const Vector3<>& constant, double limit) const noexcept {
-    const double a = force.squaredNorm(), b = constant.dot(force), c = constant.squaredNorm() - limit * limit;
-    const double least = 0.05 * limit / std::sqrt(a);  // the motors hold nearly their limit already: go slowly
-    const double most = c < 0.0 ? (-b + std::sqrt(b * b - a * c)) / a : 0.0;
-    return parameters_.share * std::max(most, least);
+  [[nodiscard]] Scalar available(const Vector& force, const Vector& constant, const Scalar& limit) const noexcept {
+    using std::sqrt;
+    const Scalar none = 0.0, per_a = 1.0 / force.squaredNorm(), b = constant.dot(force), c = constant.squaredNorm() - limit * limit;
+    const Scalar least = (least_share * limit) * sqrt(per_a);  // the motors hold nearly their limit already: go slowly
+    const Scalar root = sqrt(max_of(b * b - c * force.squaredNorm(), none));
+    const Scalar most = select(c < none, (root - b) * per_a, none);
+    return parameters_.share * max_of(most, least);
   }
 
-  /// Return J' qd [m/s^2]: acceleration of the tip at constant joint speeds.
-  [[nodiscard]] Vector3<> turning(const Joints<dof>& q, const Joints<dof>& speed) const noexcept {
-    using Variable = Dual<1>;
-    Joints<dof, Variable> moving, constant;
-    for (int i = 0; i < dof; ++i) {
-      moving[i] = Variable(q[i]);
-      moving[i].gradient[0] = speed[i];
-      constant[i] = Variable(speed[i]);
-    }
-    const Vector3<Variable> velocity = mechanism_.velocity(mechanism_.kinematics(moving), constant);
-    return {velocity[0].gradient[0], velocity[1].gradient[0], velocity[2].gradient[0]};
-  }
+  static constexpr double least_share = 0.05;  // of the limit that always accelerates the model
+
+  [[nodiscard]] static auto rest() { return Mechanism().kinematics(Angles(Angles::Constant(0.0))); }
 
   Mechanism mechanism_{};
   Joints<dof> friction_ = Joints<dof>::Zero();
   WorkspaceParameters parameters_;
   WorkspaceGains gains_;
   double period_ = 1e-3;
-  StiffnessNormalization normalization_;
-  bool started_ = false, singular_ = false;
-  Vector3<> position_ = Vector3<>::Zero(), velocity_ = Vector3<>::Zero(), disturbance_ = Vector3<>::Zero();  // estimate
-  Vector3<> model_position_ = Vector3<>::Zero(), model_velocity_ = Vector3<>::Zero();
-  Vector3<> acceleration_ = Vector3<>::Zero(), command_ = Vector3<>::Zero();  // of this tick
-  Eigen::Matrix3d jacobian_ = Eigen::Matrix3d::Identity(), inverse_ = Eigen::Matrix3d::Identity();
-  mechanism::KinematicsCacheOf<Mechanism> cache_ = Mechanism().kinematics(Joints<dof>(Joints<dof>::Zero()));  // of this tick
+  BasicStiffnessNormalization<Scalar> normalization_;
+  Kinematics kinematics_ = Kinematics(rest());
+  Condition<Scalar> started_ = false;
+  Vector position_ = Vector::Constant(0.0), velocity_ = Vector::Constant(0.0), disturbance_ = Vector::Constant(0.0);  // estimate
+  Vector model_position_ = Vector::Constant(0.0), model_velocity_ = Vector::Constant(0.0);
+  Vector acceleration_ = Vector::Constant(0.0), command_ = Vector::Constant(0.0);  // of this tick
+  TipJacobian<dof, Scalar> jacobian_ = TipJacobian<dof, Scalar>::Constant(0.0);    // of this tick
+  mechanism::TipInverse<dof, Scalar> inverse_;                                     // of this tick
 };
 
 }  // namespace palpate::control

@@ -159,6 +159,20 @@ class MechanismDefaults {
     return self().jacobian(q) * qd;
   }
 
+  /// Acceleration of the tip at constant joint speeds [m/s^2], J' qd: the derivative of `velocity` along qd.
+  template <class Scalar>
+  [[nodiscard]] Vector3<Scalar> velocity_product(const Angles<Scalar>& q, const Angles<Scalar>& qd) const {
+    using Variable = Dual<1, Scalar>;
+    Joints<dof, Variable> moving, constant;
+    for (int i = 0; i < dof; ++i) {
+      moving[i] = Variable(q[i]);
+      moving[i].gradient[0] = qd[i];
+      constant[i] = Variable(qd[i]);
+    }
+    const Vector3<Variable> velocity = self().velocity(self().kinematics(moving), constant);
+    return {velocity[0].gradient[0], velocity[1].gradient[0], velocity[2].gradient[0]};
+  }
+
   /// Joint torques [N*m] of a tip force [N], J^T force.
   template <class Scalar>
   [[nodiscard]] Angles<Scalar> apply_jacobian_transpose(const Angles<Scalar>& q, const Vector3<Scalar>& force) const {
@@ -280,6 +294,7 @@ concept HasDynamicFunctions = requires(const M& m, const Joints<M::dof>& q, cons
   m.advance_small(cache, q);
   { M::is_small(q) } -> std::convertible_to<bool>;
   { m.velocity(cache, q) } -> std::convertible_to<Vector3<>>;
+  { m.velocity_product(cache, q) } -> std::convertible_to<Vector3<>>;
   { m.dynamics(cache, m.inertia_parameters(0.1)).generalized_force(q, q) } -> std::convertible_to<Joints<M::dof>>;
   { m.dynamics(cache).inverse() * q } -> std::convertible_to<Joints<M::dof>>;
   { m.coriolis(q, q) } -> std::convertible_to<JointMatrix<M::dof>>;

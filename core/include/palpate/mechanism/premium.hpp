@@ -182,6 +182,18 @@ class Premium {
             at.yaw.cosine * radial - at.yaw.sine * tangential};
   }
 
+  /// Acceleration of the tip at constant joint speeds [m/s^2], J' qd.
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Vector3<Scalar> velocity_product(const KinematicsCache<Scalar>& at, const Angles<Scalar>& qd) const {
+    const Scalar squared2 = qd[1] * qd[1], squared3 = qd[2] * qd[2];
+    const Scalar reach = l1_ * at.upper.cosine + l2_ * at.fore.sine;
+    const Scalar radial_speed = l2_ * at.fore.cosine * qd[2] - l1_ * at.upper.sine * qd[1];
+    const Scalar tangential = 2.0 * radial_speed * qd[0];
+    const Scalar radial = -(l2_ * at.fore.sine * squared3 + l1_ * at.upper.cosine * squared2) - reach * (qd[0] * qd[0]);
+    return {at.yaw.cosine * tangential + at.yaw.sine * radial, l2_ * at.fore.cosine * squared3 - l1_ * at.upper.sine * squared2,
+            at.yaw.cosine * radial - at.yaw.sine * tangential};
+  }
+
   /// Joint torques [N*m] of a tip force [N], J^T force, without forming J.
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Angles<Scalar> apply_jacobian_transpose(const KinematicsCache<Scalar>& at,

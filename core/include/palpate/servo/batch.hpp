@@ -4,9 +4,11 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/state_space.hpp"
+#include "palpate/control/workspace_controller.hpp"
 #include "palpate/math/pack.hpp"
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/servo/servo.hpp"
@@ -16,29 +18,42 @@
 namespace palpate::servo {
 
 /// One loop at its first tick, and the row of outcome_width<dof> that receives its outcome.
-template <class Mechanism>
+/// @tparam Controller  a control::StateSpace or a control::WorkspaceController<Mechanism>
+template <class Mechanism, class Controller = control::StateSpace>
 struct BatchJob {
-  Servo<Mechanism, object::SpringWall, control::StateSpace> servo;
+  Servo<Mechanism, object::SpringWall, Controller> servo;
   detail::MovingPlant<Mechanism> plant;
+  Vector3<> tip;  ///< at the first tick, m
   actuation::TickSchedule<double> clock;
   double speed_limit;
   int window_start;
   double* row;
 
   BatchJob(const SimulationSetup<Mechanism>& s, double* row)
-      : servo(s, *s.object.template get_if<object::SpringWall>(), *s.controller.template get_if<control::StateSpace>()),
+      : servo(s, *s.object.template get_if<object::SpringWall>(), *s.controller.template get_if<Controller>()),
         plant(s),
+        tip(plant.tip()),
         clock(s.period, s.jitter, s.seed),
         speed_limit(s.speed_limit),
         window_start(s.window_start),
         row(row) {}
 };
 
-/// Return true if the loop can run in lanes: a moving device, a spring or wall, a linear controller and no guard.
+/// Return true if the loop has a workspace controller.
+template <class Mechanism>
+[[nodiscard]] bool has_workspace_controller(const SimulationSetup<Mechanism>& s) noexcept {
+  if constexpr (Mechanism::dof <= 3)
+    return s.controller.template get_if<control::WorkspaceController<Mechanism>>() != nullptr;
+  else
+    return false;
+}
+
+/// Return true if the loop can run in lanes: a moving device, a spring or wall, a linear or a workspace controller, and no
+/// guard.
 template <class Mechanism>
 [[nodiscard]] bool runs_in_lanes(const SimulationSetup<Mechanism>& s) noexcept {
   return !s.fixed && !s.linear && !s.guard.active() && s.object.template get_if<object::SpringWall>() &&
-         s.controller.template get_if<control::StateSpace>();
+         (s.controller.template get_if<control::StateSpace>() || has_workspace_controller(s));
 }
 
 /// Properties that loops of one base setup must share to run side by side.
@@ -57,9 +72,9 @@ struct BatchKey {
 
 /// Source of the loops: `next(owner)` returns the next one, with the same BatchKey as those before; null if there is none. The result is
 /// valid until the next call, and after a null until the queue is destroyed.
-template <class Mechanism>
+template <class Mechanism, class Controller = control::StateSpace>
 struct JobQueue {
-  const BatchJob<Mechanism>* (*next)(void* owner) = nullptr;
+  const BatchJob<Mechanism, Controller>* (*next)(void* owner) = nullptr;
   void* owner = nullptr;
 };
 
@@ -108,13 +123,15 @@ class SignalTable {
 };
 
 /// Runs loops in the lanes of a pack. Each lane is at its own tick: when its loop ends or diverges, it takes the next.
-template <class Mechanism, int lanes>
+template <class Mechanism, class Controller, int lanes>
 class LaneRunner {
  public:
   using Scalar = Pack<lanes>;
   using Where = Mask<lanes>;
+  using Job = BatchJob<Mechanism, Controller>;
+  using LaneController = decltype(std::declval<const Controller&>().template cast<Scalar>());
 
-  LaneRunner(const JobQueue<Mechanism>& queue, const BatchJob<Mechanism>& first, int ticks)
+  LaneRunner(const JobQueue<Mechanism, Controller>& queue, const Job& first, int ticks)
       : queue_(queue), last_(&first), ticks_(ticks), fastest_(first.speed_limit), servo_(first.servo), monitor_(ticks, first.window_start) {
     begin(0, first);
     rows_[0] = first.row;
@@ -163,7 +180,7 @@ class LaneRunner {
   /// Put the next loop into a lane; if there is none, the last one again, without a row.
   void refill(int lane) noexcept {
     if (queue_.next != nullptr) {
-      if (const BatchJob<Mechanism>* next = queue_.next(queue_.owner)) {
+      if (const Job* next = queue_.next(queue_.owner)) {
         last_ = next;
         rows_[static_cast<std::size_t>(lane)] = next->row;
         ++running_;
@@ -174,19 +191,19 @@ class LaneRunner {
     begin(lane, *last_);
   }
 
-  void begin(int lane, const BatchJob<Mechanism>& one) noexcept {
+  void begin(int lane, const Job& one) noexcept {
     servo_.set_lane(lane, one.servo);
     plant_.set_lane(lane, one.plant);
     clock_.set_lane(lane, one.clock);
-    monitor_.set_lane(lane, one.plant.angles(), one.plant.tip());
+    monitor_.set_lane(lane, one.plant.angles(), one.tip);
     tick_.set(lane, 0.0);
   }
 
-  JobQueue<Mechanism> queue_;
-  const BatchJob<Mechanism>* last_;
+  JobQueue<Mechanism, Controller> queue_;
+  const Job* last_;
   int ticks_;
   double fastest_;
-  Servo<Mechanism, object::BasicSpringWall<Scalar>, control::BasicStateSpace<Scalar>> servo_;
+  Servo<Mechanism, object::BasicSpringWall<Scalar>, LaneController> servo_;
   MovingPlant<Mechanism, Scalar> plant_;
   actuation::TickSchedule<Scalar> clock_;
   StabilityMonitor<Mechanism, Pack<lanes>> monitor_;
@@ -199,10 +216,10 @@ class LaneRunner {
 }  // namespace detail
 
 /// Run the loops of a queue in lanes, samples 0 to `ticks`, until it is empty. All have one BatchKey and a moving plant.
-template <class Mechanism, int lanes>
-void simulate_side_by_side(const JobQueue<Mechanism>& queue, int ticks, const double* reference, const double* operator_force) {
-  if (const BatchJob<Mechanism>* first = queue.next(queue.owner))
-    detail::LaneRunner<Mechanism, lanes>(queue, *first, ticks).run(reference, operator_force);
+template <class Mechanism, class Controller, int lanes>
+void simulate_side_by_side(const JobQueue<Mechanism, Controller>& queue, int ticks, const double* reference, const double* operator_force) {
+  if (const BatchJob<Mechanism, Controller>* first = queue.next(queue.owner))
+    detail::LaneRunner<Mechanism, Controller, lanes>(queue, *first, ticks).run(reference, operator_force);
 }
 
 namespace detail {

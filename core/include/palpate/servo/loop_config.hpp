@@ -66,7 +66,7 @@ class LoopConfig {
     out.period = period_;
     out.object = object_;
     out.controller = controller_;
-    if constexpr (Mechanism::dof == 3) {
+    if constexpr (Mechanism::dof <= 3) {
       if (workspace_)
         out.controller = control::WorkspaceController<Mechanism>(out.mechanism, joints(known_friction_), *workspace_, period_);
     }
@@ -292,7 +292,7 @@ class LoopConfigLoader {
   }
 
   void read_workspace(const Section& from) {
-    if (config_.dof != 3) return from.fail("kind", "is \"workspace\", which needs a mechanism with three joints");
+    if (config_.dof > 3) return from.fail("kind", "is \"workspace\", which needs a mechanism with at most three joints");
     control::WorkspaceParameters p;
     p.bandwidth = from.positive("bandwidth");
     p.damping = from.positive("damping");

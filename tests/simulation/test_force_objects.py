@@ -134,7 +134,9 @@ def test_the_verdict_of_a_law_agrees_with_its_runs(delay: int) -> None:
 
 def test_a_viscous_field_has_the_verdict_of_its_damper() -> None:
     gentle, strong = (slider(field("viscous", damping=f"{b} N*s/m")) for b in (3, 1000))
-    assert certify(gentle).verdict.state is State.STABLE
+    found = certify(gentle)
+    assert found.verdict.state is State.STABLE
+    assert "142 times as damped (426 N s/m)" in found.claim
     assert palpate.simulate(gentle).verdict.state is State.SETTLED
     assert certify(strong).verdict.state is State.UNSTABLE
     assert palpate.simulate(strong).verdict.state in (State.UNSTABLE, State.BOUNDED_OSCILLATION)

@@ -197,6 +197,8 @@ def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
     if math.isinf(factor):
         return "of any stiffness"
     stiffest = factor * float(np.linalg.eigvalsh(loop.stiffness).max())
+    if stiffest == 0.0:
+        return f"{factor:.4g} times as damped ({factor * float(np.linalg.eigvalsh(loop.damping).max()):.4g} N s/m)"
     damped = " and as damped" if np.any(loop.damping) else ""
     return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
 

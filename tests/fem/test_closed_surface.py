@@ -79,6 +79,15 @@ def test_a_sphere_within_a_sphere_is_a_cavity() -> None:
     assert surface.inside(np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])).tolist() == [False, True]
 
 
+def test_blocks_with_a_common_edge_are_two_shells() -> None:
+    block = trimesh.creation.box((0.02, 0.02, 0.02))
+    other = block.copy().apply_translation([0.02, 0.02, 0.0])
+    both = trimesh.util.concatenate([block, other])
+    surface = closed(both.vertices, both.faces)
+    assert (surface.shells, int(surface.parts.max()) + 1) == (2, 1)
+    assert closed(SPHERE.vertices, SPHERE.faces).shells == 1
+
+
 def test_a_large_hole_and_a_single_side_are_refused() -> None:
     with pytest.raises(BodyError, match=r"edges at a border.*holes below 2 %, together 10 %, are closed"):
         closed(SPHERE.vertices, SPHERE.faces[SPHERE.triangles_center[:, 2] < 0.02])

@@ -161,6 +161,17 @@ class ClosedSurface:
         return parts_of(self.triangles)
 
     @cached_property
+    def shells(self) -> int:
+        """Number of shells: sets of triangles connected through edges of two triangles."""
+        edges = np.sort(_half_edges(self.triangles), axis=1)
+        order = np.lexsort(edges.T[::-1])
+        new = np.append(True, (edges[order][1:] != edges[order][:-1]).any(axis=1))
+        first = np.flatnonzero(new & np.append(new, [True, True])[2:] & ~np.append(new, True)[1:])
+        a, b = order[first] // 3, order[first + 1] // 3
+        graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(len(self.triangles),) * 2)
+        return int(connected_components(graph, directed=False)[0])
+
+    @cached_property
     def winding_number(self) -> WindingNumber:
         """Winding number."""
         return WindingNumber(self.vertices, self.triangles)

@@ -300,7 +300,7 @@ def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BodyWarning)  # of its size, given before
         volume = Volume(points, cells, source)
-    pieces, parts = int(volume.parts.max()) + 1, int(surface.parts.max()) + 1
+    pieces, parts = int(volume.parts.max()) + 1, surface.shells
     if pieces > parts:
         raise BodyError(
             f"spacing: {source}: tetrahedra of {1e3 * step:.3g} mm fill {pieces} pieces of a surface of {parts} "

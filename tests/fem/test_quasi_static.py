@@ -32,14 +32,14 @@ def centre(x: float, y: float, depth: float) -> Array:
     return np.array([x, y, 0.03 + RADIUS - depth])
 
 
-def test_a_small_press_is_the_condensed_body_of_the_same_mesh() -> None:
-    linear = bodies.build(VOLUME, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1)
-    for tip, radius in (("sphere", RADIUS), ("flat", 6e-3)):
-        top = RADIUS if tip == "sphere" else 0.0
-        path = np.array([[0.021, 0.018, 0.03 + top - 2e-5]])
-        expected = linear.simulate_path(path, radius, outward=UP, tip=tip)  # type: ignore[arg-type]
-        force, _ = pressed().indent(path[0] - [0, 0, top - 2e-5], radius, 2e-5, outward=UP, tip=tip)  # type: ignore[arg-type]
-        assert force[2] == pytest.approx(expected.force[0, 2], rel=5e-3)
+@pytest.mark.parametrize("poisson", [0.3, 0.49])
+def test_a_small_press_is_that_of_quadratic_elements(poisson: float) -> None:
+    """A flat end, against linear elasticity on the same cells."""
+    solid = QuasiStaticSolver(HyperelasticModel(VOLUME, Material(8e3, poisson), BOTTOM, TOP))
+    flat = bodies.build(VOLUME, young=8e3, poisson=poisson, fixed=BOTTOM, touch=TOP)
+    expected = flat.simulate_path([[0.02, 0.02, 0.03 - 2e-5]], 10e-3, outward=UP, tip="flat").force[0, 2]
+    force, _ = solid.indent(MIDDLE, 10e-3, 2e-5, outward=UP, tip="flat")
+    assert force[2] == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
@@ -60,14 +60,14 @@ SLIM = block((0.02, 0.02, 0.03), 0.005)
 
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
-def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law, tip: TipShape) -> None:
+def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_quarter(law: Law, tip: TipShape) -> None:
     """Under the forces alone it would fall, so its exact tangent is no longer positive: at rest still.
 
     The force is that of the solid's own assembly; a sphere's is the slope of its energy (a flat end's edge stores some
     of its own); a body pressed in ticks feels the same.
     """
     solid = HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP, law=law)
-    column, point, depths = QuasiStaticSolver(solid), [0.012, 0.01, 0.03], (9.7e-3, 10e-3, 10.3e-3)
+    column, point, depths = QuasiStaticSolver(solid), [0.012, 0.01, 0.03], (7.7e-3, 8e-3, 8.3e-3)
     held = []
     for depth in depths:
         force, displacement = column.indent(point, RADIUS, depth, outward=UP, tip=tip)
@@ -83,7 +83,7 @@ def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_third(law: Law,
 
 def test_a_press_through_which_the_tip_loses_the_body_is_refused() -> None:
     column = QuasiStaticSolver(HyperelasticModel(SLIM, MATERIAL, BOTTOM, TOP))
-    with pytest.raises(BodyError, match=r"depth: at 15 mm .*in contact was at 1\d.* mm: use a smaller depth"):
+    with pytest.raises(BodyError, match=r"depth: at 15 mm .*in contact was at \d.* mm: use a smaller depth"):
         column.indent([0.01, 0.01, 0.03], RADIUS, 15e-3, outward=UP, tip="flat")
     slim = bodies.build(SLIM, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, order=1).hyperelastic("1 ms")
     with pytest.raises(BodyError, match=r"depth: at 20 mm .*in contact was at"):
@@ -96,14 +96,14 @@ def test_far_in_a_press_ends_at_rest_or_says_that_it_does_not() -> None:
     solid = QuasiStaticSolver(HyperelasticModel(low, MATERIAL, BOTTOM, half_space("z", ">", 0.02 - 1e-9)))
     body = bodies.build(low, young=8e3, poisson=0.4, fixed=BOTTOM, touch="z > 19.999 mm", order=1).hyperelastic("1 ms")
     top, held = [0.02, 0.02, 0.02], []
-    for depth in (12.95e-3, 13.05e-3):
+    for depth in (6.35e-3, 6.45e-3):
         solid.indent(top, RADIUS, depth, outward=UP)
         held.append(solid.core.energy())
-    force = body.indent(top, RADIUS, 13e-3).force
+    force = body.indent(top, RADIUS, 6.4e-3).force
     assert force[2] == pytest.approx((held[1] - held[0]) / 1e-4, rel=1e-3)
-    assert solid.indent(top, RADIUS, 13e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
+    assert solid.indent(top, RADIUS, 6.4e-3, outward=UP)[0] == pytest.approx(force, rel=1e-3, abs=1e-4 * force[2])
     for depth in ("14 mm", "15 mm", "16 mm"):
-        with pytest.raises(BodyError, match=rf"depth: at {depth} .*in contact was at 1\d.* mm: use a smaller"):
+        with pytest.raises(BodyError, match=rf"depth: at {depth} .*in contact was at \d.* mm: use a smaller"):
             body.indent(top, RADIUS, depth)
 
 
@@ -169,7 +169,7 @@ def test_tips_never_get_out_more_than_they_put_in(tips: int) -> None:
             mean = 0.5 * (felt.force[1:] + felt.force[:-1])
             work = np.concatenate([[0.0], np.cumsum(-(mean * np.diff(path, axis=0)).sum(axis=(1, 2)))])
             most = felt.potential.max()
-            assert most > 1e-4
+            assert most > 3e-5
             assert (felt.tank_energy >= 0).all()
             assert (felt.potential >= 0).all()
             assert work.min() > -0.01 * most
@@ -181,7 +181,7 @@ def test_tips_never_get_out_more_than_they_put_in(tips: int) -> None:
                 account = felt.potential[a : b + 1] + felt.tank_energy[a : b + 1]
                 assert np.abs(work[a : b + 1] - work[a] - account).max() < 0.01 * most
             deepest = max(deepest, most)
-    assert deepest > 5e-4
+    assert deepest > 2e-4
 
 
 def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:

@@ -283,7 +283,7 @@ class Body(IndentableBody):
     ) -> Self:
         """Return the same body under large displacements, without inertia.
 
-        The body consists of linear tetrahedra (`palpate.fem.HyperelasticModel`), solved as by
+        The body consists of smoothed linear tetrahedra (`palpate.fem.HyperelasticModel`), solved as by
         `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `update_interval`, s or text,
         rounded to whole ticks. From the next update on, the ticks use its local model of the `nodes_per_tip` nodes
         around the tip (4 to 64). Update and ticks run synchronously, so results are reproducible. Friction acts in one

@@ -1,4 +1,4 @@
-"""Hyperelastic solid of linear tetrahedra under large displacements, without inertia."""
+"""Hyperelastic solid of smoothed linear tetrahedra under large displacements, without inertia."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Strain(NamedTuple):
 class HyperelasticModel:
     """Hyperelastic solid of N points under large displacements.
 
-    Linear tetrahedra lock as Poisson's ratio approaches 0.5, and are too stiff in bending. See
-    docs/theory/large-displacements.md.
+    The deformation gradient is smoothed over edges and the volume change over nodes (ES/NS-FEM), so Poisson's ratio may
+    approach 0.5. See docs/theory/large-displacements.md.
 
     Args:
         volume: tetrahedral mesh.

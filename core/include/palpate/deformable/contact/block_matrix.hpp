@@ -15,38 +15,48 @@ namespace palpate::deformable {
 /// Sixteen columns (right-hand sides) processed side by side in vector registers.
 using Columns [[gnu::vector_size(64)]] = float;
 
-/// Symmetric sparse matrix of 3 x 3 blocks in single precision. Each block row belongs to one node; only blocks (i, j) with i <= j are
-/// stored. Multiplies one column (Number = float) or sixteen (Number = Columns); entries are numbered 3 x node + axis. Not thread-safe:
-/// multiply() uses a workspace of the object.
+/// Symmetric sparse matrix B + G^T G in single precision. B has 3 x 3 blocks: each block row belongs to one node, and only blocks (i, j)
+/// with i <= j are stored. Each row of G is a sparse vector; the product G^T G is not formed. Multiplies one column (Number = float) or
+/// sixteen (Number = Columns); entries are numbered 3 x node + axis. Not thread-safe: multiply() uses a workspace of the object.
 class BlockMatrix {
  public:
+  using Pair = std::pair<std::int32_t, std::int32_t>;
+
   BlockMatrix() = default;
 
-  /// Allocate the sparsity pattern. `pairs` lists the nodes (i, j), i <= j, in ascending order; every (i, i) must be included.
-  BlockMatrix(std::int32_t nodes, const std::vector<std::pair<std::int32_t, std::int32_t>>& pairs)
-      : begin_(static_cast<std::size_t>(nodes) + 1), input_(static_cast<std::size_t>(nodes)), output_(static_cast<std::size_t>(nodes)) {
-    for (const auto& [i, j] : pairs) {
-      ++begin_[static_cast<std::size_t>(i) + 1];
-      column_.push_back(j);
-    }
-    for (std::size_t i = 0; i + 1 < begin_.size(); ++i) begin_[i + 1] += begin_[i];
+  /// Allocate the sparsity pattern. `pairs` lists the nodes (i, j), i <= j, of B in ascending order; every (i, i) must be included.
+  /// `factors` lists the (row, node) of G in ascending order.
+  BlockMatrix(std::int32_t nodes, const std::vector<Pair>& pairs, const std::vector<Pair>& factors = {})
+      : begin_(static_cast<std::size_t>(nodes) + 1),
+        factor_begin_(factors.empty() ? 1 : static_cast<std::size_t>(factors.back().first) + 2),
+        factor_(factors.size()),
+        input_(static_cast<std::size_t>(nodes)),
+        output_(static_cast<std::size_t>(nodes)) {
+    fill(pairs, begin_, column_);
+    fill(factors, factor_begin_, factor_column_);
     block_.resize(column_.size() + 1);  // one padding block: four() reads four floats at a time
   }
 
   [[nodiscard]] std::size_t nodes() const noexcept { return begin_.empty() ? 0 : begin_.size() - 1; }
-  void set_zero() noexcept { std::fill(block_.begin(), block_.end(), Block{}); }
+  void set_zero() noexcept {
+    std::fill(block_.begin(), block_.end(), Block{});
+    std::fill(factor_.begin(), factor_.end(), Four{});
+  }
 
   /// Return the index of the block of nodes i <= j. The block must exist.
-  [[nodiscard]] std::size_t block_index(std::int32_t i, std::int32_t j) const noexcept {
-    const auto line = static_cast<std::size_t>(i);
-    const auto from = column_.begin() + begin_[line], to = column_.begin() + begin_[line + 1];
-    return static_cast<std::size_t>(std::lower_bound(from, to, j) - column_.begin());
+  [[nodiscard]] std::size_t block_index(std::int32_t i, std::int32_t j) const noexcept { return find(begin_, column_, i, j); }
+  /// Return the index of the entry of G in `row` at `node`. The entry must exist.
+  [[nodiscard]] std::size_t factor_index(std::int32_t row, std::int32_t node) const noexcept {
+    return find(factor_begin_, factor_column_, row, node);
   }
+  [[nodiscard]] std::size_t factor_rows() const noexcept { return factor_begin_.size() - 1; }
 
   /// The nine entries of a block, row-major.
   [[nodiscard]] float* block(std::size_t at) noexcept { return block_[at].data(); }
   [[nodiscard]] const float* block(std::size_t at) const noexcept { return block_[at].data(); }
-  /// The diagonal block of a node.
+  /// The three values of an entry of G, and a zero.
+  [[nodiscard]] float* factor(std::size_t at) noexcept { return reinterpret_cast<float*>(&factor_[at]); }
+  /// The diagonal block of a node, without G^T G.
   [[nodiscard]] const float* diagonal_block(std::size_t node) const noexcept {
     return block_[static_cast<std::size_t>(begin_[node])].data();
   }
@@ -56,6 +66,13 @@ class BlockMatrix {
   void for_each_in_row(std::int32_t i, Visit visit) const noexcept {
     for (std::int32_t k = begin_[static_cast<std::size_t>(i)]; k < begin_[static_cast<std::size_t>(i) + 1]; ++k)
       visit(column_[static_cast<std::size_t>(k)], block_[static_cast<std::size_t>(k)].data());
+  }
+
+  /// Call visit(node, values) for each entry of a row of G.
+  template <class Visit>
+  void for_each_factor(std::size_t row, Visit visit) const noexcept {
+    for (auto k = static_cast<std::size_t>(factor_begin_[row]); k < static_cast<std::size_t>(factor_begin_[row + 1]); ++k)
+      visit(factor_column_[k], reinterpret_cast<const float*>(&factor_[k]));
   }
 
   /// Compute y = A x and `product` = x . y for each column.
@@ -78,6 +95,13 @@ class BlockMatrix {
         output_[j] += (xi[0] * first + xi[1] * second) + xi[2] * third;
       }
       output_[i] += Four{(a[0] + a[1]) + a[2], (b[0] + b[1]) + b[2], (c[0] + c[1]) + c[2], 0.0F};
+    }
+    for (std::size_t row = 0; row < factor_rows(); ++row) {
+      const auto from = static_cast<std::size_t>(factor_begin_[row]), to = static_cast<std::size_t>(factor_begin_[row + 1]);
+      Four lanes{};
+      for (std::size_t k = from; k < to; ++k) lanes += factor_[k] * input_[static_cast<std::size_t>(factor_column_[k])];
+      const float along = (lanes[0] + lanes[1]) + lanes[2];
+      for (std::size_t k = from; k < to; ++k) output_[static_cast<std::size_t>(factor_column_[k])] += along * factor_[k];
     }
     Four sum{};
     for (std::size_t i = 0; i < nodes(); ++i) {
@@ -113,12 +137,40 @@ class BlockMatrix {
       y[3 * i + 1] += b + q;
       y[3 * i + 2] += c + r;
     }
+    for (std::size_t row = 0; row < factor_rows(); ++row) {
+      const auto from = static_cast<std::size_t>(factor_begin_[row]), to = static_cast<std::size_t>(factor_begin_[row + 1]);
+      Columns along{};
+      for (std::size_t k = from; k < to; ++k) {
+        const Columns* xj = x + 3 * static_cast<std::size_t>(factor_column_[k]);
+        along += (factor_[k][0] * xj[0] + factor_[k][1] * xj[1]) + factor_[k][2] * xj[2];
+      }
+      for (std::size_t k = from; k < to; ++k) {
+        Columns* yj = y + 3 * static_cast<std::size_t>(factor_column_[k]);
+        for (int a = 0; a < 3; ++a) yj[a] += factor_[k][a] * along;
+      }
+      diagonal_part += along * along;
+    }
     product = diagonal_part + (upper_part + upper_part);
   }
 
  private:
   using Block = std::array<float, 9>;
   using Four [[gnu::vector_size(16)]] = float;
+
+  /// Write a pattern by rows. `begin` has a zero for each row and one more.
+  static void fill(const std::vector<Pair>& pairs, std::vector<std::int32_t>& begin, std::vector<std::int32_t>& column) {
+    for (const auto& [i, j] : pairs) {
+      ++begin[static_cast<std::size_t>(i) + 1];
+      column.push_back(j);
+    }
+    for (std::size_t i = 0; i + 1 < begin.size(); ++i) begin[i + 1] += begin[i];
+  }
+  static std::size_t find(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& column, std::int32_t i,
+                          std::int32_t j) noexcept {
+    const auto row = static_cast<std::size_t>(i);
+    const auto from = column.begin() + begin[row], to = column.begin() + begin[row + 1];
+    return static_cast<std::size_t>(std::lower_bound(from, to, j) - column.begin());
+  }
 
   /// Load four floats from entry `at` of a block on.
   [[nodiscard]] Four four(std::size_t block, std::size_t at) const noexcept {
@@ -127,10 +179,12 @@ class BlockMatrix {
     return out;
   }
 
-  std::vector<std::int32_t> begin_;           // index of each row in column_
-  std::vector<std::int32_t> column_;          // node of each block, ascending within a row
-  std::vector<Block> block_;                  // and one padding block of zeros
-  mutable std::vector<Four> input_, output_;  // workspace: one column, three entries and a zero per node
+  std::vector<std::int32_t> begin_;                            // index of each row in column_
+  std::vector<std::int32_t> column_;                           // node of each block, ascending within a row
+  std::vector<Block> block_;                                   // and one padding block of zeros
+  std::vector<std::int32_t> factor_begin_{0}, factor_column_;  // of G, as begin_ and column_
+  std::vector<Four> factor_;                                   // three values and a zero
+  mutable std::vector<Four> input_, output_;                   // workspace: one column, three entries and a zero per node
 };
 
 }  // namespace palpate::deformable

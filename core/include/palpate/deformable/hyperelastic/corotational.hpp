@@ -17,6 +17,7 @@ namespace palpate::deformable {
 template <class Scalar>
 class Corotational {
  public:
+  Corotational() = default;
   /// `deformation` is F; shear modulus mu and Lame's lambda, Pa.
   Corotational(const Matrix3<Scalar>& deformation, Scalar shear, Scalar lame) noexcept : shear_(shear), lame_(lame) {
     const Matrix3<Scalar>& f = deformation;
@@ -46,35 +47,52 @@ class Corotational {
     for (int i = 0; i < 3; ++i) stretch(i, i) += s;
     for (int i = 0; i < 3; ++i) rotation_tangent_.col(i) = stretch.col((i + 1) % 3).cross(stretch.col((i + 2) % 3));
     const Scalar determinant = stretch.col(0).dot(rotation_tangent_.col(0));
-    rotation_tangent_ = Matrix3<Scalar>(
-        rotation_tangent_ * ((lame_ * volume_strain_ - Scalar(2.0) * shear_) / max_of(determinant, min_relative * (s * s) * s)));
+    rotation_tangent_ = Matrix3<Scalar>(rotation_tangent_ * (Scalar(1.0) / max_of(determinant, min_relative * (s * s) * s)));
+    pressure_ = lame_ * volume_strain_;
   }
+
+  [[nodiscard]] Scalar volume_strain() const noexcept { return volume_strain_; }                      ///< tr S - 3
+  [[nodiscard]] const Matrix3<Scalar>& volume_strain_gradient() const noexcept { return rotation_; }  ///< derivative by F
+  /// Add a pressure [Pa] times the volume strain to the energy whose derivatives stress() and tangent() return, not to energy().
+  void add_pressure(Scalar pressure) noexcept { pressure_ += pressure; }
 
   [[nodiscard]] Scalar energy() const noexcept {  ///< per rest volume, J/m^3
     return shear_ * strain_.squaredNorm() + (Scalar(0.5) * lame_) * (volume_strain_ * volume_strain_);
   }
 
   /// First Piola-Kirchhoff stress, Pa.
-  [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return (Scalar(2.0) * shear_) * strain_ + (lame_ * volume_strain_) * rotation_; }
+  [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return (Scalar(2.0) * shear_) * strain_ + pressure_ * rotation_; }
 
   /// Largest fraction of the geometric stiffness, up to 1, that keeps the tangent positive semidefinite.
   [[nodiscard]] Scalar psd_geometric_fraction() const noexcept {
-    return shear_ / max_of(shear_, largest_eigenvalue(Matrix3<Scalar>(-rotation_tangent_)));
+    return shear_ / max_of(shear_, largest_eigenvalue(Matrix3<Scalar>(-geometric() * rotation_tangent_)));
   }
 
-  /// Tangent block: derivative of the stress along the shape gradient `a` of one corner by the position of the corner with shape gradient
-  /// `b`, Pa/m^2. `geometric_fraction` scales the geometric stiffness; 1 is exact.
-  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric_fraction) const noexcept {
-    const Vector3<Scalar> ra = rotation_ * a, rb = rotation_ * b;
-    Matrix3<Scalar> block =
-        ra * (lame_ * rb).transpose() + (geometric_fraction * cross_matrix(ra)) * (rotation_tangent_ * cross_matrix(rb).transpose());
-    const Scalar diagonal = Scalar(2.0) * shear_ * a.dot(b);
+  /// Part of the tangent that depends on one shape gradient.
+  struct TangentFactor {
+    Vector3<Scalar> gradient, image;
+    Matrix3<Scalar> turned;
+  };
+  [[nodiscard]] TangentFactor tangent_factor(const Vector3<Scalar>& gradient) const noexcept {
+    const Vector3<Scalar> image = rotation_ * gradient;
+    return {gradient, image, rotation_tangent_ * cross_matrix(image).transpose()};
+  }
+
+  /// Tangent block: derivative of the stress along the shape gradient of `a` by the position of the node with that of `b`, Pa/m^2.
+  /// `geometric_fraction` scales the geometric stiffness; 1 is exact.
+  [[nodiscard]] Matrix3<Scalar> tangent(const TangentFactor& a, const TangentFactor& b, Scalar geometric_fraction) const noexcept {
+    const Vector3<Scalar> axial = a.image * (geometric_fraction * geometric());
+    Matrix3<Scalar> block = (a.image * lame_) * b.image.transpose();
+    for (int i = 0; i < 3; ++i) block.col(i) += axial.cross(b.turned.col(i));
+    const Scalar diagonal = (Scalar(2.0) * shear_) * a.gradient.dot(b.gradient);
     for (int i = 0; i < 3; ++i) block(i, i) += diagonal;
     return block;
   }
 
  private:
   static constexpr double min_relative = 1e-9;  // regularization where two stretches cancel and the nearest rotation is not unique
+
+  [[nodiscard]] Scalar geometric() const noexcept { return pressure_ - Scalar(2.0) * shear_; }
 
   static Scalar quartic_slope(Scalar s, Scalar norm2, Scalar determinant_f) noexcept {
     const Scalar cube = (s * s) * s;
@@ -85,7 +103,8 @@ class Corotational {
   Matrix3<Scalar> rotation_;
   Matrix3<Scalar> strain_;            // F - R
   Scalar volume_strain_;              // tr S - 3
-  Matrix3<Scalar> rotation_tangent_;  // (lambda (tr S - 3) - 2 mu) (s I - S)^-1 in the rotated frame, Pa
+  Scalar pressure_;                   // lambda (tr S - 3), and the added pressure, Pa
+  Matrix3<Scalar> rotation_tangent_;  // (s I - S)^-1 in the rotated frame
 };
 
 }  // namespace palpate::deformable

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,22 +10,22 @@
 
 #include "palpate/deformable/contact/block_matrix.hpp"
 #include "palpate/deformable/hyperelastic/conjugate_gradients.hpp"
+#include "palpate/deformable/hyperelastic/smoothing_domains.hpp"
+#include "palpate/deformable/hyperelastic/tet_mesh.hpp"
 #include "palpate/deformable/hyperelastic/two_level_preconditioner.hpp"
 #include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// Tetrahedral mesh with Lame constants and Dirichlet conditions.
-struct TetMesh {
-  std::vector<Vector3<>> points;                        ///< rest positions, m
-  std::vector<std::array<std::int32_t, 4>> tetrahedra;  ///< point indices; positive volume
-  std::vector<double> shear, lame;                      ///< of each tetrahedron, Pa
-  std::vector<bool> fixed;                              ///< by point: whether it does not move
-};
-
 /// Quasi-static hyperelastic body of linear tetrahedra under large deformation: energy, gradient, tangent, and Newton steps towards
-/// equilibrium. `Material` is Corotational or NeoHookean; `lanes` tetrahedra are evaluated side by side.
+/// equilibrium. `Material` is Corotational or NeoHookean; `lanes` edges are evaluated side by side.
+///
+/// Selective edge- and node-based smoothing (Nguyen-Thoi, Liu, Vu-Do & Nguyen-Xuan 2009) avoids volumetric locking and reduces shear
+/// locking. With the law psi(F; mu, lambda) = psi(F; mu, 0) + lambda/2 theta(F)^2, the energy is
+///   sum_e V_e psi(F_e; mu_e, 0) + sum_i V_i lambda_i/2 theta_i^2,
+/// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i. A negative lambda
+/// stays in the first sum, so the second one is convex in theta.
 ///
 /// Vectors have entry 3 x free node + axis; point_of() maps nodes to mesh points.
 template <template <class> class Material, int lanes>
@@ -53,22 +52,14 @@ class HyperelasticModel {
     std::vector<Vector3<>> positions;
     for (std::size_t i = 0; i < static_cast<std::size_t>(free_count_); ++i)
       positions.push_back(mesh.points[static_cast<std::size_t>(point_of_[i])]);
-    std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
-    pairs.reserve(static_cast<std::size_t>(free_count_) + 6 * mesh.tetrahedra.size());
-    for (std::int32_t i = 0; i < free_count_; ++i) pairs.emplace_back(i, i);
-    for (const auto& cell : mesh.tetrahedra)
-      for (const std::int32_t p : cell)
-        for (const std::int32_t q : cell) {
-          const std::int32_t i = number[static_cast<std::size_t>(p)], j = number[static_cast<std::size_t>(q)];
-          if (i < j && j < free_count_) pairs.emplace_back(i, j);
-        }
-    std::sort(pairs.begin(), pairs.end());
-    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    tangent_ = BlockMatrix(free_count_, pairs);
+    SmoothingDomains domains(mesh, number);
+    energy_round_off_ = domains.energy_round_off;
+    tangent_ = make_tangent(domains);
     preconditioner_ = TwoLevelPreconditioner(positions);
-    const std::size_t cells = mesh.tetrahedra.size();
-    groups_.resize((cells + lanes - 1) / lanes);
-    for (std::size_t c = 0; c < groups_.size() * lanes; ++c) add_tetrahedron(mesh, number, std::min(c, cells - 1), c, c < cells);
+    add_groups(domains);
+    nodal_volume_ = std::move(domains.nodal_volume);
+    nodal_lame_ = std::move(domains.nodal_lame);
+    nodal_strain_.resize(nodal_volume_.size());
     const std::size_t unknowns = 3 * static_cast<std::size_t>(free_count_), all = 3 * mesh.points.size();
     displacement_.assign(all, 0.0);
     trial_displacement_.assign(all, 0.0);
@@ -166,45 +157,82 @@ class HyperelasticModel {
  private:
   using Scalar = Pack<lanes>;
 
-  /// `lanes` tetrahedra side by side.
+  using Indices = std::array<std::int32_t, static_cast<std::size_t>(lanes)>;
+
+  /// `lanes` edges side by side, with the same number of weights; the last edge is repeated without volume.
   struct Group {
-    std::array<std::array<std::int32_t, static_cast<std::size_t>(lanes)>, 4> node{};  // of each corner, ascending
-    std::array<std::array<std::int32_t, static_cast<std::size_t>(lanes)>, 10>
-        block{};                                    // index in the tangent of each pair of corners; -1: one is fixed
-    std::array<Vector3<Scalar>, 3> shape_gradient;  // of the shape functions of corners 1 to 3, 1/m
-    Scalar volume, shear, lame;                     // m^3, Pa, Pa
+    std::size_t weights = 0;       // number of nodes of each edge
+    std::size_t first_weight = 0;  // in weights_
+    std::size_t first_pair = 0;    // in pair_block_: pairs a <= b, by a
+    std::array<Indices, 2> ends{};
+    Scalar volume, shear, lame;  // m^3, Pa, Pa
+  };
+  struct Weight {
+    Indices node{};
+    Vector3<Scalar> gradient;         // 1/m
+    std::array<Indices, 2> factor{};  // index of the node in the tangent's factor rows of the two ends; -1: it is fixed
   };
 
-  /// Index of the corners a <= b among the ten pairs.
-  static constexpr std::size_t pair(std::size_t a, std::size_t b) noexcept { return a * (7 - a) / 2 + b; }
-
-  void add_tetrahedron(const TetMesh& mesh, const std::vector<std::int32_t>& number, std::size_t cell, std::size_t at, bool is_used) {
-    Group& group = groups_[at / lanes];
-    const auto lane = static_cast<int>(at % lanes);
-    const auto l = static_cast<std::size_t>(lane);
-    auto corners = mesh.tetrahedra[cell];
-    const auto of = [&](std::int32_t point) { return number[static_cast<std::size_t>(point)]; };
-    std::sort(corners.begin(), corners.end(), [&](std::int32_t p, std::int32_t q) { return of(p) < of(q); });
-    Eigen::Matrix3d edges;
-    for (std::size_t c = 0; c < 4; ++c) {
-      group.node[c][l] = of(corners[c]);
-      if (c > 0)
-        edges.col(static_cast<int>(c) - 1) =
-            mesh.points[static_cast<std::size_t>(corners[c])] - mesh.points[static_cast<std::size_t>(corners[0])];
-    }
-    const Eigen::Matrix3d gradients = edges.inverse();  // one per row
-    for (int c = 0; c < 3; ++c)
-      for (int a = 0; a < 3; ++a) group.shape_gradient[static_cast<std::size_t>(c)][a].set(lane, gradients(c, a));
-    const double volume = std::abs(edges.determinant()) / 6.0;
-    group.volume.set(lane, is_used ? volume : 0.0);
-    energy_round_off_ += 1e-14 * volume * (2.0 * mesh.shear[cell] + mesh.lame[cell]);
-    group.shear.set(lane, mesh.shear[cell]);
-    group.lame.set(lane, mesh.lame[cell]);
-    for (std::size_t a = 0; a < 4; ++a)
-      for (std::size_t b = a; b < 4; ++b) {
-        const std::int32_t i = group.node[a][l], j = group.node[b][l];
-        group.block[pair(a, b)][l] = j < free_count_ ? static_cast<std::int32_t>(tangent_.block_index(i, j)) : -1;
+  [[nodiscard]] BlockMatrix make_tangent(const SmoothingDomains& domains) const {
+    std::vector<BlockMatrix::Pair> pairs, factors;
+    std::vector<std::vector<std::int32_t>> above(static_cast<std::size_t>(free_count_)), around(domains.nodal_volume.size());
+    for (const EdgeDomain& edge : domains.edges)
+      for (const auto& a : edge.weights) {
+        if (a.node >= free_count_) continue;
+        for (const std::int32_t end : {edge.ends.first, edge.ends.second}) around[static_cast<std::size_t>(end)].push_back(a.node);
+        for (const auto& b : edge.weights)
+          if (a.node <= b.node && b.node < free_count_) above[static_cast<std::size_t>(a.node)].push_back(b.node);
       }
+    for (std::int32_t i = 0; i < free_count_; ++i) above[static_cast<std::size_t>(i)].push_back(i);
+    append_rows(above, pairs);
+    append_rows(around, factors);
+    return {free_count_, pairs, factors};
+  }
+
+  static void append_rows(std::vector<std::vector<std::int32_t>>& rows, std::vector<BlockMatrix::Pair>& to) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      std::sort(rows[i].begin(), rows[i].end());
+      rows[i].erase(std::unique(rows[i].begin(), rows[i].end()), rows[i].end());
+      for (const std::int32_t j : rows[i]) to.emplace_back(static_cast<std::int32_t>(i), j);
+    }
+  }
+
+  void add_groups(const SmoothingDomains& domains) {
+    for (std::size_t from = 0, to = 0; from < domains.edges.size(); from = to) {
+      const std::size_t size = domains.edges[from].weights.size();
+      while (to < domains.edges.size() && to < from + lanes && domains.edges[to].weights.size() == size) ++to;
+      Group& group = groups_.emplace_back();
+      group.weights = size;
+      group.first_weight = weights_.size();
+      group.first_pair = pair_block_.size();
+      weights_.resize(weights_.size() + size);
+      pair_block_.resize(pair_block_.size() + size * (size + 1) / 2);
+      for (int lane = 0; lane < lanes; ++lane)
+        add_edge(domains.edges[std::min(from + static_cast<std::size_t>(lane), to - 1)], group, lane,
+                 from + static_cast<std::size_t>(lane) < to);
+    }
+    materials_.resize(groups_.size());
+    tangent_factors_.resize(groups_.empty() ? 0 : groups_.back().weights);
+  }
+
+  void add_edge(const EdgeDomain& edge, Group& group, int lane, bool is_used) {
+    const auto l = static_cast<std::size_t>(lane);
+    const std::array<std::int32_t, 2> ends{edge.ends.first, edge.ends.second};
+    for (std::size_t e = 0; e < 2; ++e) group.ends[e][l] = ends[e];
+    group.volume.set(lane, is_used ? edge.volume : 0.0);
+    group.shear.set(lane, edge.shear);
+    group.lame.set(lane, edge.lame);
+    for (std::size_t a = 0, pair = group.first_pair; a < group.weights; ++a) {
+      Weight& weight = weights_[group.first_weight + a];
+      const std::int32_t i = weight.node[l] = edge.weights[a].node;
+      for (int axis = 0; axis < 3; ++axis) weight.gradient[axis].set(lane, edge.weights[a].gradient[axis]);
+      for (std::size_t e = 0; e < 2; ++e)
+        weight.factor[e][l] = i < free_count_ ? static_cast<std::int32_t>(tangent_.factor_index(ends[e], i)) : -1;
+      for (std::size_t b = a; b < group.weights; ++b) {
+        const std::int32_t j = edge.weights[b].node;
+        pair_block_[pair++][l] = j < free_count_ ? static_cast<std::int32_t>(tangent_.block_index(i, j)) : -1;
+      }
+    }
   }
 
   void evaluate_state() {
@@ -232,67 +260,123 @@ class HyperelasticModel {
 
   /// Evaluate energy [J], gradient and tangent at `displacement`; the tangent exact or positive semidefinite.
   double evaluate(const double* displacement, double* gradient, bool exact) noexcept {
+    double energy = evaluate_strains(displacement);
+    for (std::size_t i = 0; i < nodal_strain_.size(); ++i)
+      energy += 0.5 * nodal_volume_[i] * nodal_lame_[i] * nodal_strain_[i] * nodal_strain_[i];
     std::fill(gradient, gradient + unknowns(), 0.0);
     tangent_.set_zero();
-    double energy = 0.0;
-    for (const Group& group : groups_) {
-      std::array<Vector3<Scalar>, 4> corner;
-      for (std::size_t c = 0; c < 4; ++c)
-        for (std::size_t a = 0; a < 3; ++a) {
-          Scalar x;
-          for (int l = 0; l < lanes; ++l)
-            x.set(l, displacement[3 * static_cast<std::size_t>(group.node[c][static_cast<std::size_t>(l)]) + a]);
-          corner[c][static_cast<int>(a)] = x;
-        }
-      Matrix3<Scalar> deformation;  // F = I + displacement gradient
-      for (int a = 0; a < 3; ++a) {
-        const Scalar x = corner[1][a] - corner[0][a], y = corner[2][a] - corner[0][a], z = corner[3][a] - corner[0][a];
-        for (int b = 0; b < 3; ++b)
-          deformation(a, b) = (x * group.shape_gradient[0][b] + y * group.shape_gradient[1][b]) + z * group.shape_gradient[2][b] +
-                              Scalar(a == b ? 1.0 : 0.0);
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      const Group& group = groups_[g];
+      Material<Scalar>& material = materials_[g];
+      Scalar pressure;  // mean of the two ends
+      for (int l = 0; l < lanes; ++l) {
+        const auto i = static_cast<std::size_t>(group.ends[0][static_cast<std::size_t>(l)]),
+                   j = static_cast<std::size_t>(group.ends[1][static_cast<std::size_t>(l)]);
+        pressure.set(l, 0.5 * (nodal_lame_[i] * nodal_strain_[i] + nodal_lame_[j] * nodal_strain_[j]));
       }
-      const Material<Scalar> material(deformation, group.shear, group.lame);
-      const Scalar geometric_fraction = exact ? Scalar(1.0) : material.psd_geometric_fraction();
-      const Scalar stored = group.volume * material.energy();
-      for (int l = 0; l < lanes; ++l) energy += stored[l];
-      const Matrix3<Scalar> stress = material.stress() * group.volume;
-      std::array<Vector3<Scalar>, 4> force;
-      for (std::size_t c = 1; c < 4; ++c) force[c] = stress * group.shape_gradient[c - 1];
-      force[0] = -((force[1] + force[2]) + force[3]);
-      for (std::size_t c = 0; c < 4; ++c)
-        for (int l = 0; l < lanes; ++l) {
-          const std::int32_t node = group.node[c][static_cast<std::size_t>(l)];
-          if (node >= free_count_) continue;
-          for (int a = 0; a < 3; ++a) gradient[3 * static_cast<std::size_t>(node) + static_cast<std::size_t>(a)] += force[c][a][l];
+      material.add_pressure(pressure);
+      add_gradient(group, material, gradient);
+      add_tangent(group, material, exact ? Scalar(1.0) : material.psd_geometric_fraction());
+      add_factors(group, material);
+    }
+    return energy;
+  }
+
+  /// Evaluate the materials and the mean volume strain of each node. Return the energy of the edges, J.
+  double evaluate_strains(const double* displacement) noexcept {
+    std::fill(nodal_strain_.begin(), nodal_strain_.end(), 0.0);
+    double energy = 0.0;
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      const Group& group = groups_[g];
+      Matrix3<Scalar> deformation = Matrix3<Scalar>::Identity();
+      for (std::size_t a = 0; a < group.weights; ++a) {
+        const Weight& weight = weights_[group.first_weight + a];
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          Scalar u;
+          for (int l = 0; l < lanes; ++l)
+            u.set(l, displacement[3 * static_cast<std::size_t>(weight.node[static_cast<std::size_t>(l)]) + axis]);
+          for (int b = 0; b < 3; ++b) deformation(static_cast<int>(axis), b) += u * weight.gradient[b];
         }
-      // Blocks of corners 1 to 3; the blocks of corner 0 make the row sums zero.
-      std::array<Matrix3<Scalar>, 10> block;
-      for (std::size_t a = 1; a < 4; ++a)
-        for (std::size_t b = a; b < 4; ++b)
-          block[pair(a, b)] = material.tangent(group.shape_gradient[a - 1], group.shape_gradient[b - 1], geometric_fraction) * group.volume;
-      const Matrix3<Scalar>&xy = block[pair(1, 2)], &xz = block[pair(1, 3)], &yz = block[pair(2, 3)];
-      block[pair(0, 1)] = -((block[pair(1, 1)] + xy.transpose()) + xz.transpose());
-      block[pair(0, 2)] = -((xy + block[pair(2, 2)]) + yz.transpose());
-      block[pair(0, 3)] = -((xz + yz) + block[pair(3, 3)]);
-      block[pair(0, 0)] = -((block[pair(0, 1)] + block[pair(0, 2)]) + block[pair(0, 3)]);
-      for (std::size_t p = 0; p < block.size(); ++p) {
-        std::array<float, 9 * static_cast<std::size_t>(lanes)> number;
-        for (std::size_t k = 0; k < 9; ++k)
-          store_float(block[p](static_cast<int>(k / 3), static_cast<int>(k % 3)), number.data() + k * lanes);
+      }
+      materials_[g] = Material<Scalar>(deformation, group.shear, group.lame);
+      const Scalar stored = group.volume * materials_[g].energy(), change = (Scalar(0.5) * group.volume) * materials_[g].volume_strain();
+      for (int l = 0; l < lanes; ++l) {
+        energy += stored[l];
+        for (const Indices& end : group.ends) nodal_strain_[static_cast<std::size_t>(end[static_cast<std::size_t>(l)])] += change[l];
+      }
+    }
+    for (std::size_t i = 0; i < nodal_strain_.size(); ++i)
+      if (nodal_volume_[i] > 0.0) nodal_strain_[i] /= nodal_volume_[i];
+    return energy;
+  }
+
+  void add_gradient(const Group& group, const Material<Scalar>& material, double* gradient) noexcept {
+    const Matrix3<Scalar> stress = material.stress() * group.volume;
+    for (std::size_t a = 0; a < group.weights; ++a) {
+      const Weight& weight = weights_[group.first_weight + a];
+      const Vector3<Scalar> force = stress * weight.gradient;
+      for (int l = 0; l < lanes; ++l) {
+        const std::int32_t node = weight.node[static_cast<std::size_t>(l)];
+        if (node >= free_count_) continue;
+        for (int axis = 0; axis < 3; ++axis)
+          gradient[3 * static_cast<std::size_t>(node) + static_cast<std::size_t>(axis)] += force[axis][l];
+      }
+    }
+  }
+
+  /// Add the tangent at constant nodal pressures.
+  void add_tangent(const Group& group, const Material<Scalar>& material, Scalar geometric_fraction) noexcept {
+    for (std::size_t a = 0; a < group.weights; ++a)
+      tangent_factors_[a] = material.tangent_factor(weights_[group.first_weight + a].gradient);
+    for (std::size_t a = 0, pair = group.first_pair; a < group.weights; ++a) {
+      for (std::size_t b = a; b < group.weights; ++b, ++pair) {
+        const Matrix3<Scalar> block = material.tangent(tangent_factors_[a], tangent_factors_[b], geometric_fraction) * group.volume;
+        std::array<float, static_cast<std::size_t>(lanes)> number;
+        std::array<std::array<float, 9>, static_cast<std::size_t>(lanes)> by_lane;
+        for (std::size_t k = 0; k < 9; ++k) {
+          store_float(block(static_cast<int>(k / 3), static_cast<int>(k % 3)), number.data());
+          for (std::size_t l = 0; l < lanes; ++l) by_lane[l][k] = number[l];
+        }
         for (std::size_t l = 0; l < lanes; ++l) {
-          if (group.block[p][l] < 0) continue;
-          float* to = tangent_.block(static_cast<std::size_t>(group.block[p][l]));
-          for (std::size_t k = 0; k < 9; ++k) to[k] += number[k * lanes + l];
+          if (pair_block_[pair][l] < 0) continue;
+          float* to = tangent_.block(static_cast<std::size_t>(pair_block_[pair][l]));
+          for (std::size_t k = 0; k < 9; ++k) to[k] += by_lane[l][k];
         }
       }
     }
-    return energy;
+  }
+
+  /// Add the change of the nodal pressures to the tangent, in factor form: row i is sqrt(lambda_i V_i) times the derivative of theta_i.
+  void add_factors(const Group& group, const Material<Scalar>& material) noexcept {
+    std::array<Scalar, 2> scale;
+    for (std::size_t e = 0; e < 2; ++e)
+      for (int l = 0; l < lanes; ++l) {
+        const auto i = static_cast<std::size_t>(group.ends[e][static_cast<std::size_t>(l)]);
+        scale[e].set(l, std::sqrt(nodal_lame_[i] / nodal_volume_[i]));
+      }
+    const Matrix3<Scalar> change = material.volume_strain_gradient() * (Scalar(0.5) * group.volume);
+    for (std::size_t a = 0; a < group.weights; ++a) {
+      const Weight& weight = weights_[group.first_weight + a];
+      const Vector3<Scalar> values = change * weight.gradient;
+      for (std::size_t e = 0; e < 2; ++e)
+        for (int l = 0; l < lanes; ++l) {
+          const std::int32_t at = weight.factor[e][static_cast<std::size_t>(l)];
+          if (at < 0) continue;
+          float* to = tangent_.factor(static_cast<std::size_t>(at));
+          for (int axis = 0; axis < 3; ++axis) to[axis] += static_cast<float>(scale[e][l] * values[axis][l]);
+        }
+    }
   }
 
   bool exact_tangent_ = true;  // false: made positive semidefinite
   std::int32_t free_count_ = 0;
   std::vector<std::int32_t> point_of_;  // mesh point of each node, free nodes first
   std::vector<Group> groups_;
+  std::vector<Weight> weights_;
+  std::vector<Indices> pair_block_;                                        // index in the tangent; -1: a node is fixed
+  std::vector<Material<Scalar>> materials_;                                // by group, at the last evaluated displacement
+  std::vector<typename Material<Scalar>::TangentFactor> tangent_factors_;  // workspace, by weight of a group
+  std::vector<double> nodal_volume_, nodal_lame_, nodal_strain_;           // of all nodes: m^3, Pa, and mean volume strain
   BlockMatrix tangent_;
   TwoLevelPreconditioner preconditioner_;
   ConjugateGradients<float> solver_;

@@ -15,6 +15,7 @@ namespace palpate::deformable {
 template <class Scalar>
 class NeoHookean {
  public:
+  NeoHookean() = default;
   /// `deformation` is F; shear modulus mu and Lame's lambda, Pa.
   NeoHookean(const Matrix3<Scalar>& deformation, Scalar shear, Scalar lame) noexcept
       : deformation_(deformation), shear_(shear), stiffness_(lame + shear) {
@@ -22,6 +23,11 @@ class NeoHookean {
     volume_change_ = deformation.col(0).dot(cofactor_.col(0)) - Scalar(1.0);
     pressure_ = stiffness_ * volume_change_ - shear_;
   }
+
+  [[nodiscard]] Scalar volume_strain() const noexcept { return volume_change_; }                      ///< J - 1
+  [[nodiscard]] const Matrix3<Scalar>& volume_strain_gradient() const noexcept { return cofactor_; }  ///< derivative by F
+  /// Add a pressure [Pa] times the volume strain to the energy whose derivatives stress() and tangent() return, not to energy().
+  void add_pressure(Scalar pressure) noexcept { pressure_ += pressure; }
 
   [[nodiscard]] Scalar energy() const noexcept {  ///< per rest volume, J/m^3
     return Scalar(0.5) * (shear_ * (deformation_.squaredNorm() - Scalar(3.0)) + (stiffness_ * volume_change_) * volume_change_) -
@@ -38,13 +44,18 @@ class NeoHookean {
     return shear_ / max_of(shear_, max_geometric);
   }
 
-  /// Tangent block: derivative of the stress along the shape gradient `a` of one corner by the position of the corner with shape gradient
-  /// `b`, Pa/m^2. `geometric_fraction` scales the geometric stiffness; 1 is exact.
-  [[nodiscard]] Matrix3<Scalar> tangent(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar geometric_fraction) const noexcept {
-    const Vector3<Scalar> ca = cofactor_ * a, cb = stiffness_ * (cofactor_ * b);
-    const Vector3<Scalar> axial = (geometric_fraction * pressure_) * (deformation_ * b.cross(a));
-    Matrix3<Scalar> block = ca * cb.transpose() + cross_matrix(axial);
-    const Scalar diagonal = shear_ * a.dot(b);
+  /// Part of the tangent that depends on one shape gradient.
+  struct TangentFactor {
+    Vector3<Scalar> gradient, image;
+  };
+  [[nodiscard]] TangentFactor tangent_factor(const Vector3<Scalar>& gradient) const noexcept { return {gradient, cofactor_ * gradient}; }
+
+  /// Tangent block: derivative of the stress along the shape gradient of `a` by the position of the node with that of `b`, Pa/m^2.
+  /// `geometric_fraction` scales the geometric stiffness; 1 is exact.
+  [[nodiscard]] Matrix3<Scalar> tangent(const TangentFactor& a, const TangentFactor& b, Scalar geometric_fraction) const noexcept {
+    const Vector3<Scalar> axial = (geometric_fraction * pressure_) * (deformation_ * b.gradient.cross(a.gradient));
+    Matrix3<Scalar> block = (a.image * stiffness_) * b.image.transpose() + cross_matrix(axial);
+    const Scalar diagonal = shear_ * a.gradient.dot(b.gradient);
     for (int i = 0; i < 3; ++i) block(i, i) += diagonal;
     return block;
   }

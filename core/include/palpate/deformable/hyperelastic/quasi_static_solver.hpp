@@ -29,7 +29,7 @@ struct TetSurface {
 struct SolverOptions {
   int nodes_per_tip = 32;         ///< nodes with compliance columns, nearest to each tip; at most LocalModel::max_inner in total
   float newton_tolerance = 0.1F;  ///< relative error of the Newton direction, in the energy norm
-  int max_newton_steps = 30;      ///< of conjugate gradients per Newton step
+  int max_newton_steps = 60;      ///< of conjugate gradients per Newton step
   ComplianceColumnCache::RefineOptions compliance{};
 };
 
@@ -85,16 +85,19 @@ class QuasiStaticSolver {
     contact_.solve(current_, tips, 1.0, contact_nodes_.data(), contact_count_);
     contact_count_ = contact_.last().nodes;
     std::copy(contact_.contact_nodes(), contact_.contact_nodes() + contact_count_, contact_nodes_.begin());
+    collect_forces();
+    const double change = force_change();
+    const bool stalled = is_stalled(tips, change);
     assemble_load();
     const double residual = load_residual();
-    report.relative_residual = std::max(residual, force_change());
+    report.relative_residual = std::max(residual, change);
     if (residual > 1e-5) report.newton = model_.step(load_.data(), options_.newton_tolerance, options_.max_newton_steps, guess_.data());
     select_column_nodes(tips);
     place_nodes(tips);
     if (!exact_tangent_ && model_.energy() < 0.7 * indefinite_energy_) set_exact_tangent(true);
     report.compliance = columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
     linearize();
-    if (exact_tangent_ && (report.newton.indefinite || recoverable_energy() > 2.0 * model_.energy())) {
+    if (exact_tangent_ && (stalled || report.newton.indefinite || recoverable_energy() > 2.0 * model_.energy())) {
       indefinite_energy_ = model_.energy();
       set_exact_tangent(false);
       columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
@@ -116,6 +119,7 @@ class QuasiStaticSolver {
   }
 
  private:
+  static constexpr int max_stalls = 6;
   static constexpr double prediction_steps = 3.0;  // steps of tip motion ahead that the outer nodes cover
 
   void set_exact_tangent(bool exact) {
@@ -130,25 +134,38 @@ class QuasiStaticSolver {
     return sum;
   }
 
+  /// Collect the contact forces by node of the current model.
+  void collect_forces() {
+    contact_force_.fill(0.0);
+    for (int k = 0; k < contact_count_; ++k) {
+      const auto end = current_.node_ids.begin() + current_.nodes.size();
+      const auto at = std::lower_bound(current_.node_ids.begin(), end, contact_nodes_[static_cast<std::size_t>(k)]);
+      contact_force_[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.forces()[k];
+      contact_tip_[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.contact_tips()[k];
+    }
+  }
+
+  /// Count the steps with tips at rest that hardly reduce the change of the forces. Return whether they are too many.
+  bool is_stalled(const TipPair& tips, double change) {
+    bool is_held = tips.count == last_tips_.count;
+    for (std::size_t t = 0; is_held && t < static_cast<std::size_t>(tips.count); ++t)
+      is_held = tips.tip[t].center == last_tips_.tip[t].center;
+    stalls_ = !is_held ? 0 : stalls_ + (change > 1e-4 && change > 0.7 * last_change_ ? 1 : 0);
+    last_change_ = change;
+    return stalls_ > max_stalls;
+  }
+
   /// Assemble the load of the contact forces along the last normals, and the initial guess: the column combination of the force change.
   void assemble_load() {
     std::fill(load_.begin(), load_.end(), 0.0);
     std::fill(guess_.begin(), guess_.end(), 0.0F);
-    std::array<double, LocalModel::capacity> force{};
-    for (int k = 0; k < contact_count_; ++k) {
-      const auto end = current_.node_ids.begin() + current_.nodes.size();
-      const auto at = std::lower_bound(current_.node_ids.begin(), end, contact_nodes_[static_cast<std::size_t>(k)]);
-      force[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.forces()[k];
-      contact_tip_[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.contact_tips()[k];
-    }
     for (std::int32_t i = 0; i < current_.nodes.size(); ++i) {
       const auto n = static_cast<std::size_t>(i);
-      add_load(current_.node_ids[n], -force[n] * current_.nodes.normal(i));
-      const double change = force[n] - current_.force[n];
+      add_load(current_.node_ids[n], -contact_force_[n] * current_.nodes.normal(i));
+      const double change = contact_force_[n] - current_.force[n];
       if (change != 0.0 && columns_.has(current_.node_ids[n]))
         columns_.add(current_.node_ids[n], static_cast<float>(change), guess_.data());
     }
-    contact_force_ = force;
   }
 
   /// Norm of load minus internal forces, relative to the load; infinite without load.
@@ -324,6 +341,8 @@ class QuasiStaticSolver {
   HyperelasticModel<Material, lanes> model_;
   bool exact_tangent_ = true;       // false: positive semidefinite tangent in use
   double indefinite_energy_ = 0.0;  // stored energy when the exact tangent was abandoned, J
+  int stalls_ = 0;                  // steps with tips at rest that hardly reduced the change of the forces
+  double last_change_ = 0.0;        // of the contact forces in the last step, relative
   TetSurface surface_;
   SolverOptions options_;
   std::vector<Vector3<>> points_;                              // rest positions, m

@@ -78,9 +78,16 @@ class TwoLevelPreconditioner {
 
   /// Update the inverses of the diagonal blocks.
   void update(const BlockMatrix& matrix) noexcept {
-    for (std::size_t i = 0; i < block_inverse_.size(); ++i) {
-      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(matrix.diagonal_block(i)).inverse();
-      std::copy(inverse.data(), inverse.data() + 9, block_inverse_[i].begin());
+    for (std::size_t i = 0; i < block_inverse_.size(); ++i)
+      std::copy(matrix.diagonal_block(i), matrix.diagonal_block(i) + 9, block_inverse_[i].begin());
+    for (std::size_t row = 0; row < matrix.factor_rows(); ++row)
+      matrix.for_each_factor(row, [&](std::int32_t j, const float* g) {
+        auto& block = block_inverse_[static_cast<std::size_t>(j)];
+        for (std::size_t k = 0; k < 9; ++k) block[k] += g[k / 3] * g[k % 3];
+      });
+    for (auto& block : block_inverse_) {
+      const Eigen::Matrix3f inverse = Eigen::Map<const Eigen::Matrix3f>(block.data()).inverse();
+      std::copy(inverse.data(), inverse.data() + 9, block.begin());
     }
   }
 
@@ -110,6 +117,25 @@ class TwoLevelPreconditioner {
         if (share.weight != 0.0F)
           for (const std::int32_t k : touched)
             half.block<3, 3>(3 * share.point, 3 * k) += static_cast<double>(share.weight) * row[static_cast<std::size_t>(k)];
+    }
+    std::vector<Vector3<>> coarse_row(static_cast<std::size_t>(coarse_count_));
+    for (std::size_t i = 0; i < matrix.factor_rows(); ++i) {
+      touched.clear();
+      matrix.for_each_factor(i, [&](std::int32_t j, const float* g) {
+        for (const InterpolationWeight& share : interpolation_[static_cast<std::size_t>(j)]) {
+          if (share.weight == 0.0F) continue;
+          auto& sum = coarse_row[static_cast<std::size_t>(share.point)];
+          if (std::find(touched.begin(), touched.end(), share.point) == touched.end()) {
+            touched.push_back(share.point);
+            sum.setZero();
+          }
+          sum += static_cast<double>(share.weight) * Eigen::Map<const Eigen::Vector3f>(g).cast<double>();
+        }
+      });
+      for (const std::int32_t k : touched)
+        for (const std::int32_t l : touched)
+          half.block<3, 3>(3 * k, 3 * l) +=
+              (0.5 * coarse_row[static_cast<std::size_t>(k)]) * coarse_row[static_cast<std::size_t>(l)].transpose();
     }
     const Eigen::MatrixXd coarse = half + half.transpose();
     const Eigen::LLT<Eigen::MatrixXd> factor(coarse);

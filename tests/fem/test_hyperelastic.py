@@ -135,32 +135,59 @@ def test_gradient_and_tangent_are_derivatives(law: Law) -> None:
             assert np.allclose((plus.forces - minus.forces) / (2 * h), push, atol=2e-5 * np.abs(push).max())
 
 
+def smoothed_stiffness(solid: HyperelasticModel) -> Array:
+    """Assemble linear elasticity: strain averaged over the tetrahedra at an edge, divergence over those at a node."""
+    points, cells = solid.points, solid.elements.volume.tetrahedra
+    corners = np.concatenate([points[cells], np.ones((len(cells), 4, 1))], axis=2)
+    slopes = np.linalg.inv(corners)[:, :3]  # of the hat functions
+    sizes = np.abs(np.linalg.det(corners)) / 6.0
+    strain = np.zeros((len(cells), 9, points.size))  # gradient of the displacement, row by row
+    for i in range(4):
+        for a in range(3):
+            for b in range(3):
+                strain[np.arange(len(cells)), 3 * a + b, 3 * cells[:, i] + a] = slopes[:, b, i]
+    swap = np.arange(9).reshape(3, 3).T.ravel()
+    shear = 0.5 * (strain + strain[:, swap])
+    total = np.zeros((points.size, points.size))
+    edges = {tuple(sorted((c[i], c[j]))) for c in cells.tolist() for i in range(4) for j in range(i)}
+    for edge in edges:
+        at = np.isin(cells, edge).sum(axis=1) == 2
+        mean = np.tensordot(sizes[at], shear[at], 1) / sizes[at].sum()
+        total += 2.0 * MU * sizes[at].sum() / 6.0 * mean.T @ mean
+    for node in range(len(points)):
+        at = (cells == node).any(axis=1)
+        mean = np.tensordot(sizes[at], strain[at][:, [0, 4, 8]].sum(axis=1), 1) / sizes[at].sum()
+        total += LAMBDA * sizes[at].sum() / 4.0 * np.outer(mean, mean)
+    return total
+
+
 @pytest.mark.parametrize("law", LAWS)
-def test_small_loads_are_linear_finite_elements(law: Law) -> None:
+def test_small_loads_are_linear_smoothed_elements(law: Law) -> None:
+    """Against an assembly by numpy of Liu & Nguyen-Thoi's edge domains and of nodal volumes."""
     solid = shaken(law)
     load = np.zeros_like(solid.points)
     load[np.argmax(solid.points.sum(axis=1))] = [1e-6, -2e-6, 1e-6]
-    k = solid.elements.stiffness[solid.elements.free][:, solid.elements.free]
-    expected = spsolve(k.tocsc(), load.ravel()[solid.elements.free])
-    found = solid.solve_equilibrium(load).ravel()[solid.elements.free]
+    free = np.repeat(~solid.elements.dirichlet, 3)
+    expected = np.linalg.solve(smoothed_stiffness(solid)[np.ix_(free, free)], load.ravel()[free])
+    found = solid.solve_equilibrium(load).ravel()[free]
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 
 def test_a_large_bend_is_that_of_another_program() -> None:
-    """A bar under a heavy end load: scikit-fem assembles the law from the textbook, Newton by a direct solver."""
+    """A bar under a heavy end load: scikit-fem assembles the law from the textbook on quadratic elements."""
     import skfem
     from skfem.helpers import ddot, det, grad, inv, transpose
 
-    volume = block((0.06, 0.01, 0.01), 0.005)
+    volume = block((0.04, 0.01, 0.01), 0.005)
     wall = half_space("x", "<", 1e-9)
     solid = HyperelasticModel(volume, MATERIAL, wall)
     load = np.zeros_like(solid.points)
-    end = np.abs(solid.points[:, 0] - 0.06) < 1e-9
+    end = np.abs(solid.points[:, 0] - 0.04) < 1e-9
     load[end, 2] = -0.02 / end.sum()
     found = solid.solve_equilibrium(load)
 
     mesh = skfem.MeshTet(volume.points.T, volume.tetrahedra.T, sort_t=False)
-    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTetP1()), intorder=1)
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTetP2()), intorder=2)
     eye = np.eye(3)[:, :, None, None]
 
     @skfem.LinearForm
@@ -180,17 +207,19 @@ def test_a_large_bend_is_that_of_another_program() -> None:
         return ddot(MU * grad(u) + ((LAMBDA + MU) * dj * j + c * dj) * g + c * j * dg, grad(v))
 
     dofs = basis.nodal_dofs  # 3 x points
-    free = np.setdiff1d(np.arange(basis.N), dofs[:, solid.elements.dirichlet].ravel())
+    free = np.setdiff1d(np.arange(basis.N), basis.get_dofs(lambda x: x[0] < 1e-9).flatten())
     u, push = np.zeros(basis.N), np.zeros(basis.N)
     push[dofs] = load.T
-    for share in (0.25, 0.5, 0.75, 1.0):
-        for _ in range(8):
+    for share in (0.15, 0.35, 0.6, 1.0):
+        for _ in range(12):
             left = share * push - inner.assemble(basis, u=basis.interpolate(u))
+            if np.abs(left[free]).max() < 1e-7:
+                break
             k = change.assemble(basis, u=basis.interpolate(u))
             u[free] += spsolve(k[free][:, free].tocsc(), left[free])
-    assert np.abs(left[free]).max() < 1e-10
-    assert np.abs(found).max() > 0.02
-    assert np.abs(found - u[dofs].T).max() < 1e-6 * np.abs(found).max()
+    assert np.abs(left[free]).max() < 1e-7
+    assert np.abs(found).max() > 0.015
+    assert found[end].mean(axis=0) == pytest.approx(u[dofs].T[end].mean(axis=0), abs=0.03 * np.abs(found).max())
 
 
 @pytest.mark.parametrize("law", LAWS)

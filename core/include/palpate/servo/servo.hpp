@@ -210,12 +210,16 @@ class Servo {
   }
 
   /// Return the guard's command in place of a usable one [N].
-  Vector guard_command(const Angles& angles, const Vector& wanted, const Vector& moved) noexcept {
+  Vector guard_command(const Angles& angles, const Vector& wanted, const Vector& moved) noexcept
+    requires guarded
+  {
     return FaultGuard<dof>::usable(wanted) ? guard::command(guard_, angles, wanted, moved) : wanted;
   }
 
   /// Reduce the torque of the command [N*m], and the command, to the share that the guard admits.
-  void bound(const Angles& angles, Angles& torque) noexcept {
+  void bound(const Angles& angles, Angles& torque) noexcept
+    requires guarded
+  {
     compensation_ = kinematics_.torque(gravity_compensation_);
     const Angles own = torque - compensation_;
     const double share = guard::share(guard_, angles, own);

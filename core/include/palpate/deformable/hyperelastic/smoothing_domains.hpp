@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -68,30 +69,34 @@ struct SmoothingDomains {
     }
     for (std::size_t i = 0; i < nodal_lame.size(); ++i)
       if (nodal_volume[i] > 0.0) nodal_lame[i] /= nodal_volume[i];
-    std::stable_sort(uses.begin(), uses.end(), [](const Use& x, const Use& y) { return x.ends < y.ends; });
+    std::sort(uses.begin(), uses.end(), [](const Use& x, const Use& y) { return std::tie(x.ends, x.cell) < std::tie(y.ends, y.cell); });
     for (std::size_t from = 0, to = 0; from < uses.size(); from = to) {
       EdgeDomain edge;
       edge.ends = uses[from].ends;
-      std::vector<EdgeDomain::Weight> weights;
       for (; to < uses.size() && uses[to].ends == edge.ends; ++to) {
         const std::size_t c = uses[to].cell;
         const double part = volume[c] / 6.0;
         edge.volume += part;
         edge.shear += part * mesh.shear[c];
         edge.lame += part * std::min(mesh.lame[c], 0.0);
-        for (std::size_t a = 0; a < 4; ++a) weights.push_back({node(mesh.tetrahedra[c][a]), part * gradient[c][a]});
+        for (std::size_t a = 0; a < 4; ++a) {
+          const std::int32_t i = node(mesh.tetrahedra[c][a]);
+          const auto same = std::find_if(edge.weights.begin(), edge.weights.end(), [&](const auto& w) { return w.node == i; });
+          if (same == edge.weights.end())
+            edge.weights.push_back({i, part * gradient[c][a]});
+          else
+            same->gradient += part * gradient[c][a];
+        }
       }
       edge.shear /= edge.volume;
       edge.lame /= edge.volume;
-      std::stable_sort(weights.begin(), weights.end(), [](const auto& x, const auto& y) { return x.node < y.node; });
-      for (const EdgeDomain::Weight& w : weights) {
-        if (edge.weights.empty() || edge.weights.back().node != w.node) edge.weights.push_back({w.node, Vector3<>::Zero()});
-        edge.weights.back().gradient += w.gradient / edge.volume;
-      }
+      for (EdgeDomain::Weight& w : edge.weights) w.gradient /= edge.volume;
+      std::sort(edge.weights.begin(), edge.weights.end(), [](const auto& x, const auto& y) { return x.node < y.node; });
       edges.push_back(std::move(edge));
     }
-    std::stable_sort(edges.begin(), edges.end(),
-                     [](const EdgeDomain& x, const EdgeDomain& y) { return x.weights.size() < y.weights.size(); });
+    std::sort(edges.begin(), edges.end(), [](const EdgeDomain& x, const EdgeDomain& y) {
+      return std::pair(x.weights.size(), x.ends) < std::pair(y.weights.size(), y.ends);
+    });
   }
 };
 

@@ -24,7 +24,7 @@ BOTTOM, TOP = bodies.half_space("z", "<", 1e-9), bodies.half_space("z", ">", 0.0
 
 @pytest.fixture(scope="module")
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """40 x 40 x 30 mm of 8 kPa, bonded below, touched on its top, condensed from linear tetrahedra."""
+    """40 x 40 x 30 mm of 8 kPa, bonded below, touched on its top, condensed from quadratic tetrahedra."""
     path = tmp_path_factory.mktemp("body") / "block.h5"
     bodies.build(VOLUME, young=8e3, poisson=0.4, fixed=BOTTOM, touch=TOP, output=path)
     return path
@@ -45,19 +45,19 @@ def tables(block: Path, force: float, height: float, duration: str = "0.4 s", **
 
 
 def deep(block: Path, **body: Any) -> dict[str, Any]:
-    return tables(block, 1.3, 8.3e-3, "0.6 s", **body)
+    return tables(block, 1.8, 8.3e-3, "0.6 s", **body)
 
 
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 def test_a_small_press_in_the_loop_is_near_that_of_the_condensed_body(block: Path, law: str) -> None:
-    """Some hundredths of a millimetre deep: smoothed elements are softer than the linear tetrahedra condensed."""
+    """Some hundredths of a millimetre deep, where a condensed body of quadratic elements on the same cells is right."""
     flat = {"tip": "flat", "radius": "6 mm"}
     large = simulate(tables(block, 0.03, 5e-6, kind=law, **flat))
     linear = simulate(tables(block, 0.03, 5e-6, kind="compliance", **flat))
     assert 1e-5 < linear["deflection"][-1, 2] * -1 < 1e-4
     for channel, axes in (("tip", 3), ("object_force", 3), ("deflection", 1)):  # a condensed one yields along normals
         moved = (large[channel] - linear[channel])[:, -axes:]
-        assert np.abs(moved[-50:]).max() < 0.12 * np.ptp(linear[channel], axis=0).max(), channel
+        assert np.abs(moved[-50:]).max() < 0.05 * np.ptp(linear[channel], axis=0).max(), channel
 
 
 def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
@@ -73,7 +73,7 @@ def test_the_same_scenario_gives_the_same_trace(block: Path) -> None:
 
 def test_the_work_of_the_tip_is_what_the_body_holds(block: Path) -> None:
     """In, held, out again: at each tick work = stored + saved, neither below zero; both end with the contact."""
-    course = [["0 s", 0.0], ["0.25 s", -1.3], ["0.45 s", -1.3], ["0.7 s", 0.4], ["0.8 s", 0.4]]
+    course = [["0 s", 0.0], ["0.25 s", -1.8], ["0.45 s", -1.8], ["0.7 s", 0.4], ["0.8 s", 0.4]]
     reference = {"shape": "table", "table": [[t, "0 N", "0 N", f"{f:g} N"] for t, f in course]}
     trace = simulate({**deep(block), "reference": reference, "run": {"duration": "0.8 s"}})
     force, tip, on = trace["object_force"], trace["tip"], trace["touching"][:, 0] > 0
@@ -111,9 +111,9 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
     shown = pressed_at(trace, -1)
     under = np.argmin(np.linalg.norm(body.nodes - path[-1], axis=1))
     assert shown.displacement[under, 2] == pytest.approx(
-        path[-1, 2] - (8e-3 if tip == "sphere" else 0) - 0.03, abs=1.2e-3
+        path[-1, 2] - (8e-3 if tip == "sphere" else 0) - 0.03, abs=5e-4
     )
-    assert (shown.pressure @ body.contents.areas) == pytest.approx(np.linalg.norm(trace["object_force"][-1]), rel=0.25)
+    assert (shown.pressure @ body.contents.areas) == pytest.approx(np.linalg.norm(trace["object_force"][-1]), rel=0.12)
 
 
 def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
@@ -122,7 +122,7 @@ def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
     found = summarize(trace)["palpation"]
     assert found["settled"]
     depth = trace["tip"][0, 2] - trace["tip"][-1, 2] - 0.3e-3
-    assert depth > 4e-3
+    assert depth > 5e-3
     solid = QuasiStaticSolver(HyperelasticModel(VOLUME, Material(8e3, 0.4), BOTTOM, TOP))
     aside = (trace["tip"][-1] - trace["tip"][0])[:2]
     force, _ = solid.indent([0.021 + aside[0], 0.0185 + aside[1], 0.03], 8e-3, depth, outward=[0, 0, 1])
@@ -164,7 +164,7 @@ def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None
     assert rate.max() < 0.5 + 1e-9
     np.testing.assert_allclose(rate[380], 0.4, rtol=1e-6)  # slides
     stick = slice(300, 310)
-    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.1)
+    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.05)
     assert np.abs(drag - true).max() < 0.12 * load.max()
 
 
@@ -182,5 +182,5 @@ def test_friction_takes_work_and_gives_none(block: Path) -> None:
     assert (work - held)[-1] > 0.1 * most
     assert np.diff(work - held).min() > -0.01 * most
     smooth = simulate({**setup, "object": deep(block)["object"], "operator": {**HAND, "shape": "table", "table": led}})
-    assert np.ptp(smooth["tip"][:, 0]) > 1.1 * np.ptp(tip[:, 0])
+    assert np.ptp(smooth["tip"][:, 0]) > 1.2 * np.ptp(tip[:, 0])
     assert trace.completed

@@ -1,0 +1,122 @@
+"""Groups of normals, faces near a path, bounds of stiffness and samples in contact, each against a direct search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from palpate.contact import Mesh, Surface
+from palpate.errors import StabilityError
+from palpate.simulation.meshes import box_mesh
+from palpate.simulation.trace import Trace
+from palpate.stability.mesh_sites import (
+    GROUPS,
+    NEAR,
+    NORMAL_RESOLUTION,
+    contact_rows,
+    face_stiffness,
+    faces_near,
+    group_normals,
+)
+
+
+def cube(divisions: int) -> Mesh:
+    return Mesh(*box_mesh(0.04, divisions))
+
+
+def test_every_normal_is_near_that_of_its_group_and_every_stiffness_within_its_bounds() -> None:
+    rng = np.random.default_rng(0)
+    for spread, count in ((0.02, 40), (0.3, 60), (1.5, 80)):
+        normals = np.array([0.0, 0.0, 1.0]) + spread * rng.normal(size=(count, 3))
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        low = rng.uniform(100.0, 200.0, count)
+        stiffness = np.stack([low, low + rng.uniform(0.0, 50.0, count)], axis=1)
+        groups, widest = group_normals(normals, stiffness)
+        assert len(groups) <= GROUPS
+        angles = np.arccos(np.clip(normals @ np.array([normal for normal, _, _ in groups]).T, -1.0, 1.0))
+        assert angles.min(axis=1).max() <= widest + 1e-9
+        if spread == 0.02:
+            assert widest <= NORMAL_RESOLUTION
+        for k in range(count):
+            assert any(
+                angles[k, i] <= widest + 1e-9 and least <= stiffness[k, 0] and largest >= stiffness[k, 1]
+                for i, (_, least, largest) in enumerate(groups)
+            )
+        assert min(least for _, least, _ in groups) == stiffness[:, 0].min()
+        assert max(largest for _, _, largest in groups) == stiffness[:, 1].max()
+
+
+def test_normals_within_the_resolution_are_one_group_and_others_are_not() -> None:
+    angles = np.array([0.0, 0.9 * NORMAL_RESOLUTION, 1.1 * NORMAL_RESOLUTION])
+    normals = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)
+    groups, widest = group_normals(normals, np.array([[1.0, 2.0], [3.0, 9.0], [5.0, 6.0]]))
+    assert [(low, high) for _, low, high in groups] == [(1.0, 9.0), (5.0, 6.0)]
+    assert widest == pytest.approx(angles[1])
+
+
+@pytest.mark.parametrize("field", ["discrete", "continuous"])
+@pytest.mark.parametrize("where", ["one", "face", "vertex"])
+def test_the_stiffness_felt_on_a_face_lies_between_its_bounds(field: str, where: str) -> None:
+    """Bounds of a value per face spread over vertices are those of the faces around the corners."""
+    mesh, rng = cube(3), np.random.default_rng(1)
+    count = {"one": 1, "face": len(mesh.triangles), "vertex": len(mesh.vertices)}[where]
+    values = rng.uniform(100.0, 900.0, count)
+    bounds = face_stiffness(Surface(stiffness=values, field=field), mesh)
+    assert bounds.shape == (len(mesh.triangles), 2)
+    for face, corners in enumerate(mesh.triangles):
+        if where == "one":
+            expected = values
+        elif where == "vertex":
+            expected = values[corners]
+        elif field == "discrete":
+            expected = values[face : face + 1]
+        else:
+            expected = values[np.isin(mesh.triangles, corners).any(axis=1)]
+        assert tuple(bounds[face]) == (expected.min(), expected.max())
+
+
+def test_the_faces_near_a_path_touch_a_visited_one_and_lie_within_two_millimetres() -> None:
+    """Against points strewn over each face."""
+    mesh = cube(24)  # cells of 1.7 mm
+    corners = mesh.vertices[mesh.triangles]
+    path = np.linspace([-0.004, 0.0003, 0.0], [0.005, 0.0011, 0.0], 40)
+    away = np.linalg.norm(corners.mean(axis=1)[:, None] - path[None], axis=2)
+    visited = np.unique(away.argmin(axis=0))
+    found = faces_near(mesh, visited, path)
+    assert set(visited) < set(found.tolist())
+    shares = np.isin(mesh.triangles, mesh.triangles[visited]).any(axis=1)
+    assert not np.any(np.isin(np.flatnonzero(~shares), found))
+    weights = np.random.default_rng(2).dirichlet([0.7, 0.7, 0.7], 200)
+    for face in np.setdiff1d(np.flatnonzero(shares), visited):
+        distance = np.linalg.norm((weights @ corners[face])[:, None] - path, axis=2).min()
+        if not NEAR - 1e-4 < distance < NEAR + 3e-4:
+            assert (face in found) == (distance < NEAR)
+    small = faces_near(mesh, visited[:1], path[:1])
+    assert 1 < len(small) <= 1 + 12  # a corner of a cube of squares has six faces around it
+
+
+def path_trace(depth: np.ndarray, step: float = 2.0**-13) -> Trace:
+    """A proxy that moves along x by `step` a sample; it touches where the depth is positive."""
+    n = len(depth)
+    proxy = np.column_stack([step * np.arange(n), np.zeros(n), np.zeros(n)])
+    channels = {"touching": (depth > 0.0)[:, None] * 1.0, "depth": depth[:, None], "proxy": proxy}
+    return Trace.of(1e-3 * np.arange(n), channels)
+
+
+def test_samples_in_contact_are_spread_over_the_path_and_end_with_the_last() -> None:
+    depth = np.r_[np.zeros(50), np.full(401, 1e-3), np.zeros(30)]
+    assert contact_rows(path_trace(depth), 5, 480) == [50, 150, 250, 350, 450]
+    assert contact_rows(path_trace(depth), 5, 250) == [50, 100, 150, 200, 250]
+    assert contact_rows(path_trace(depth), 1, 480) == [50, 450]
+    slow = path_trace(depth)
+    slow["proxy"][:250] = slow["proxy"][250]  # still at first: time does not count, the path does
+    assert [row for row in contact_rows(slow, 5, 480) if row >= 250] == [300, 350, 400, 450]
+
+
+def test_a_first_graze_is_no_sample_and_a_run_without_contact_is_refused() -> None:
+    depth = np.r_[np.zeros(20), np.full(10, 1e-5), np.full(100, 1e-3)]
+    assert min(contact_rows(path_trace(depth), 4, 129)) == 30
+    assert min(contact_rows(path_trace(depth), 4, 25)) == 20
+    with pytest.raises(StabilityError, match="never touches the mesh"):
+        contact_rows(path_trace(np.zeros(40)), 4, 39)
+    with pytest.raises(StabilityError, match="never touches the mesh"):
+        contact_rows(path_trace(depth), 4, 19)

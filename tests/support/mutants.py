@@ -56,8 +56,8 @@ def _nodes(node: ast.AST, scope: str, constant: str) -> Iterator[tuple[Any, str,
             if not isinstance(child, ast.AST):
                 continue
             inner = _inner(child, scope)
-            if not scope and isinstance(child, ast.Assign | ast.AnnAssign):
-                target = child.target if isinstance(child, ast.AnnAssign) else child.targets[0]
+            if isinstance(node, ast.Module):
+                target = getattr(child, "target", None) or next(iter(getattr(child, "targets", [])), None)
                 constant = target.id if isinstance(target, ast.Name) else ""
             if hasattr(child, "lineno"):
                 yield child, inner if inner.endswith(")") else "", constant

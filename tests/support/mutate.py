@@ -4,8 +4,10 @@ A mutant is one small change: another comparison, sign, operator, constant or or
 guard. First each test file runs once in a copy of the repository, to record the time of its tests and the functions
 that they enter; build/mutate keeps these records until the test file changes. Then a mutant meets the tests that enter
 its function, first those of the folder that mirrors its own, until one fails. A mutant that no test notices survives;
-some survivors are equivalent. One process runs at low priority. It collects all tests once and forks for each mutant,
-whose code replaces that of the live function; a mutant outside of functions is written to the copy instead.
+some survivors are equivalent. A test that fails without the mutant too is left out. Tests that use five times their
+processor time and 30 s more count as "hang"; those that merely wait longer count as "timeout", which is no result.
+One process runs at low priority. It collects all tests once and forks for each mutant, whose code replaces that of the
+live function; a mutant outside of functions is written to the copy instead.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import argparse
 import hashlib
 import importlib.util
 import json
+import math
 import os
 import random
 import resource
@@ -38,9 +41,11 @@ PACKAGE: Final = Path("python/palpate")
 PRELOADED: Final = ("numpy", "scipy.linalg", "scipy.signal", "scipy.optimize", "h5py", "pint", "typer", "hypothesis")
 SKIPPED: Final = ("benchmarks", "core", "docs", "examples", "experiments", "support")  # folders of tests
 MEMORY: Final = 12 << 30  # bytes of address space of one run of tests
+PATIENCE: Final = 6.0  # time on the clock over processor time of one run of tests
 OWN: Final = {"palpate", "experiments", "benchmarks", "tests"} | {
     file.stem for file in Path(__file__).parent.glob("*.py")
 }
+FAILED: Final = "failed-test.txt"  # in the copy
 Place = tuple[str, str]  # file in the package, qualified name of a function
 
 
@@ -99,30 +104,48 @@ class Recorder:
 
 
 def _fork(work: Callable[[], int], seconds: float) -> int | None:
-    """Run a function in a forked process without output; return its exit code, or -1 after `seconds`."""
+    """Run a function in a forked process without output, and return its exit code.
+
+    It is -SIGXCPU after ``seconds`` of processor time, and None after `PATIENCE` times as long on the clock.
+    """
     child = os.fork()
     if child == 0:
         try:
             os.setsid()
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds)))
             for stream in (1, 2):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
             os._exit(work())
         finally:
             os._exit(98)
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE * seconds
     while time.monotonic() < end:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
-            return os.waitstatus_to_exitcode(status)
+            code = os.waitstatus_to_exitcode(status)
+            return -signal.SIGXCPU if code == -signal.SIGKILL else code  # the hard limit of processor time
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return -1
+    return None
+
+
+class Failure:
+    """Plugin of pytest that writes the name of the first test that fails to a file."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self.found = file, False
+        file.unlink(missing_ok=True)
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed and not self.found:
+            self.found = True
+            self.file.write_text(report.nodeid, "utf-8")
 
 
 def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None = None) -> int | None:
-    """Run pytest in a forked process on the copy; return its exit code, or -1 after `seconds`."""
+    """Run pytest in a forked process on the copy; return what `_fork` returns."""
 
     def work() -> int:
         os.chdir(copy)
@@ -133,7 +156,7 @@ def run_tests(copy: Path, words: list[str], seconds: float, record: Path | None 
             del sys.modules[name]
         sys.meta_path[:] = [one for one in sys.meta_path if "Redirecting" not in type(one).__name__]
         sys.dont_write_bytecode = True
-        plugins = [Recorder(str(copy / PACKAGE), str(record))] if record else []
+        plugins = [Recorder(str(copy / PACKAGE), str(record)) if record else Failure(copy / FAILED)]
         options = ["-q" if record else "-x", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}"]
         code = int(pytest.main([*options, "--hypothesis-seed=1", *words], plugins=plugins))
         found = sys.modules.get("palpate")
@@ -154,13 +177,16 @@ def copy_repository(target: Path) -> None:
     shutil.copy2(core.strip(), target / PACKAGE)
 
 
-def all_tests(copy: Path, records: Path) -> dict[str, tuple[float, set[Place]]]:
-    """Return time and entered functions of every test in a process; files without a record run once."""
+def all_tests(copy: Path, records: Path, left_out: list[str]) -> dict[str, tuple[float, set[Place]]]:
+    """Return time and entered functions of every test in a process, except in some files.
+
+    Files without a record run once.
+    """
     records.mkdir(parents=True, exist_ok=True)
     found: dict[str, tuple[float, set[Place]]] = {}
     for file in sorted((copy / "tests").rglob("test_*.py")):
         name = file.relative_to(copy / "tests")
-        if name.parts[0] in SKIPPED:
+        if name.parts[0] in SKIPPED or str(name) in left_out:
             continue
         digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
         record = records / f"{'.'.join(name.with_suffix('').parts)}.{digest}.json"
@@ -223,19 +249,14 @@ def replace_code(mutant: Mutant, changed: bytes) -> bool:
     return True
 
 
-def run_items(items: list[pytest.Item], change: Callable[[], bool], seconds: float) -> str:
-    """Run collected tests in a forked process after a change; return "killed", "survived", or "unchanged"."""
-
-    class Failed:
-        found = False
-
-        def pytest_runtest_logreport(self, report: Any) -> None:
-            self.found |= report.failed
+def run_items(copy: Path, items: list[pytest.Item], change: Callable[[], bool], seconds: float) -> int | None:
+    """Run collected tests in a forked process after a change; return what `_fork` returns, 3 if nothing changes."""
+    (copy / FAILED).unlink(missing_ok=True)
 
     def work() -> int:
         if not change():
             return 3
-        failed, config = Failed(), items[0].config
+        failed, config = Failure(copy / FAILED), items[0].config
         config.pluginmanager.register(failed)
         for item, after in zip(items, [*items[1:], None], strict=True):
             config.hook.pytest_runtest_protocol(item=item, nextitem=after)
@@ -243,28 +264,40 @@ def run_items(items: list[pytest.Item], change: Callable[[], bool], seconds: flo
                 return 1
         return 0
 
-    return {0: "survived", 3: "unchanged"}.get(_fork(work, seconds) or 0, "killed") if items else "survived"
+    return _fork(work, seconds) if items else 3
 
 
 def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], items: dict[str, pytest.Item], limit: float) -> str:
-    """Return how a mutant ends: "killed", "survived", or "no test" if none enters its function."""
+    """Return how a mutant ends: "killed", "hang", "timeout", "survived", or "no test" if none enters its function."""
     groups = chosen(mutant, tests, limit)
     if not groups:
         return "no test"
     path = copy / mutant.file
     data = path.read_bytes()
     changed = data[: mutant.begin] + mutant.text.encode() + data[mutant.end :]
-    try:
-        path.write_bytes(changed)
-        for group in groups:
-            seconds = 30.0 + 5.0 * sum(tests[name][0] for name in group)
+    result = "survived"
+    for group in groups:
+        seconds = 30.0 + 5.0 * sum(tests[name][0] for name in group)
+        try:
+            path.write_bytes(changed)
             live = [items[name] for name in group if name in items]
-            result = run_items(live, lambda: replace_code(mutant, changed), seconds)
-            if result == "killed" or (result == "unchanged" and run_tests(copy, group, seconds) != 0):
-                return "killed"
-        return "survived"
-    finally:
-        path.write_bytes(data)
+            code = run_items(copy, live, lambda: replace_code(mutant, changed), seconds)
+            if code == 3:
+                code = run_tests(copy, group, seconds)
+        finally:
+            path.write_bytes(data)
+        if code == -signal.SIGXCPU:
+            return "hang"
+        if code is None:
+            result = "timeout"
+        elif code:
+            failed = (copy / FAILED).read_text("utf-8") if (copy / FAILED).exists() else ""
+            if failed in items and run_items(copy, [items[failed]], lambda: True, seconds) != 0:
+                print(f"fails without a mutant: {failed}", flush=True)
+                del tests[failed], items[failed]
+                return judge(copy, mutant, tests, items, limit)
+            return "killed"
+    return result
 
 
 class Collected:
@@ -288,7 +321,11 @@ def main() -> int:
     parser.add_argument(
         "--limit", type=float, default=30.0, help="seconds of tests of its folder, and of others, that a mutant meets"
     )
+    parser.add_argument("--at", nargs="*", default=[], help="every mutant of these lines instead: units.py:40")
     parser.add_argument("--only", nargs="*", default=[], help="folders, or files, of the package: control units.py")
+    parser.add_argument(
+        "--without", nargs="*", default=[], help="files of tests that take long: simulation/test_resolve.py"
+    )
     parser.add_argument("--required", type=float, default=90.0, help="percent")
     given = parser.parse_args()
     os.nice(10)
@@ -303,11 +340,15 @@ def main() -> int:
     with TemporaryDirectory() as made:
         copy = Path(made).resolve()
         copy_repository(copy)
-        tests = all_tests(copy, ROOT / "build" / "mutate")
+        tests = all_tests(copy, ROOT / "build" / "mutate", given.without)
         pool = [mutant for file in wanted for mutant in mutants(copy / file, str(file))]
+        sample = rng.sample(pool, min(given.count, len(pool)))
+        if given.at:
+            lines = {f"{PACKAGE / place}" for place in given.at}
+            sample = [mutant for mutant in pool if f"{mutant.file}:{mutant.line}" in lines]
 
         def work(items: dict[str, pytest.Item]) -> None:
-            for mutant in rng.sample(pool, min(given.count, len(pool))):
+            for mutant in sample:
                 if time.monotonic() > end:
                     break
                 folder = Path(mutant.file).relative_to(PACKAGE).parts[0].removesuffix(".py")
@@ -324,8 +365,10 @@ def main() -> int:
         options = ["-q", "-s", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}", "--hypothesis-seed=1"]
         pytest.main([*options, *files], plugins=[Collected(work)])
     for folder, counts in [*sorted(results.items()), ("all", sum(results.values(), Counter()))]:
-        rate = 100.0 * counts["killed"] / max(1, counts.total())
-        print(f"{folder}: {counts['killed']} of {counts.total()} killed, {rate:.0f} %")
+        noticed, known = counts["killed"] + counts["hang"], counts.total() - counts["timeout"]
+        rate = 100.0 * noticed / max(1, known)
+        rest = ", ".join(f"{count} {result}" for result, count in sorted(counts.items()) if result != "killed")
+        print(f"{folder}: {noticed} of {known} killed, {rate:.0f} %{f' ({rest})' if rest else ''}")
     return 0 if rate >= given.required else 1
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import _core
+from palpate.arrays import Array
 from palpate.fem import Body, block, build
 
 from benchmarks.section import Effort, Progress, Rows, Section, figures
@@ -85,12 +86,21 @@ def _row(
     asked: float | None,
     size: tuple[float, float, float] = SIZE,
 ) -> dict[str, Any]:
-    """Return the times of a sphere that slides in a circle, with about `pressed` nodes in contact (Hertz)."""
+    """Return the times of a sphere that slides in a circle, as deep as about `pressed` nodes in contact need."""
     radius = 6.0 * step
-    depth = pressed * step**2 / (np.pi * radius)
     turn = np.linspace(0.0, 2.0 * np.pi, ticks)
     around = 2.3 * step * np.stack([np.cos(turn), np.sin(turn), np.zeros(ticks)], axis=1)
-    path = around + np.array([size[0] / 2, size[1] / 2, size[2] + radius - depth])
+
+    def course(depth: float, every: int = 1) -> Array:
+        return np.add(around[::every], [size[0] / 2, size[1] / 2, size[2] + radius - depth])
+
+    depth = pressed * step**2 / (np.pi * radius)  # Hertz
+    for _ in range(8):
+        met = np.median(body.simulate_path(course(depth, 10), radius, outward=[0, 0, 1]).nodes)
+        if abs(met - pressed) <= 0.05 * pressed:
+            break
+        depth *= (pressed / max(met, 1.0)) ** 0.7
+    path = course(depth)
     nodes = body.simulate_path(path, radius, outward=[0, 0, 1]).nodes
     axes = np.tile([0.0, 0.0, 1.0], (ticks, 1))
     times = []

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.linalg
 from palpate import _core
+from palpate.arrays import Array, Indices, Single
 from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.simulator import Simulation, build_simulation
 
@@ -19,6 +21,9 @@ __all__ = ["SECTION"]
 PIECES = 14  # 1,962 nodes
 RADIUS, BUMP = 0.04, 0.02  # m; of the radius
 TIP = 12e-3  # m
+MODULUS = 12.5e3  # E / (1 - nu^2), Pa
+MODES = 60
+BODY_MASS = 0.3  # kg
 PASSES = 3
 ASKED = 25.0  # us
 
@@ -43,8 +48,45 @@ def _experiment(duration: float, law: str) -> Simulation:
     )
 
 
-def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-    """Return nodes, normals, areas and the compliance of a half space, whose cost is that of any compliance."""
+@dataclass(frozen=True)
+class _Organ:
+    """Nodes, normals, areas and the compliance of a half space, whose cost is that of any compliance; triangles."""
+
+    points: Array
+    normals: Array
+    areas: Array
+    compliance: Single
+    triangles: Indices
+
+    def cores(self) -> dict[str, _core.DeformableBody]:
+        """Return a body by contact and memory."""
+        node_contact = _core.ComplianceBody(self.points, self.normals, self.areas, self.compliance)
+        count = len(self.points)
+        nodes = np.arange(count, dtype=np.int32)
+        surface = (self.points, self.triangles.astype(np.int32), nodes, np.full(count, MODULUS))
+        still = (np.zeros((3 * count, 0), dtype=np.float32), np.zeros(0))
+        arrays = (self.points, self.normals, self.areas, self.compliance, *surface, 0.45)
+        return {
+            "node contact": node_contact,
+            "signed distance": _core.SignedDistanceBody(*arrays, *still),
+            "signed distance, creep": _core.SignedDistanceBody(
+                *arrays, *still, instantaneous_ratio=2.0, retardation_time=0.1
+            ),
+            f"signed distance, {MODES} modes": _core.SignedDistanceBody(*arrays, *self._modes(), rayleigh_beta=1e-4),
+        }
+
+    def _modes(self) -> tuple[Single, Array]:
+        """Return shapes, 1/sqrt(kg), and frequencies, rad/s, of equal masses on the compliance of each axis."""
+        count, each = len(self.points), MODES // 3
+        eigenvalues, vectors = scipy.linalg.eigh(self.compliance[::3, ::3], subset_by_index=[count - each, count - 1])
+        mass = BODY_MASS / count
+        shapes = np.zeros((count, 3, each, 3), dtype=np.float32)
+        for axis in range(3):
+            shapes[:, axis, :, axis] = vectors / np.sqrt(mass)
+        return shapes.reshape(3 * count, MODES), np.repeat(1.0 / np.sqrt(eigenvalues * mass), 3)
+
+
+def _organ() -> _Organ:
     points, triangles = ball(PIECES, RADIUS, BUMP)
     a, b, c = (points[triangles[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
@@ -55,11 +97,11 @@ def _organ() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float
         np.add.at(areas, triangles[:, corner], np.linalg.norm(normal, axis=1) / 6.0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 0.3 * np.sqrt(areas.mean())
-    along = ((1.0 - 0.45**2) / (np.pi * 10e3) / apart).astype(np.float32)
+    along = (1.0 / (np.pi * MODULUS) / apart).astype(np.float32)
     full = np.zeros((3 * len(points), 3 * len(points)), dtype=np.float32)
     for axis in range(3):
         full[axis::3, axis::3] = along
-    return points, normals, areas, full
+    return _Organ(points, normals, areas, full, triangles)
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
@@ -69,41 +111,43 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     """
     duration = 3.0 if effort.quick else 20.0
     tell("a body of 2,000 nodes", 0.0)
-    points, normals, areas, full = _organ()
-    core = _core.ComplianceBody(points, normals, areas, full)
+    organ = _organ()
     rows: list[Row] = []
-    cases = [("lead–lag", duration, False), ("LQG", duration, False), ("LQG", 3.0, True)]
-    for number, (law, lasts, paced) in enumerate(cases):
+    cores = organ.cores()
+    cases = [("lead–lag", "node contact", duration, False, False), ("LQG", "node contact", duration, False, False)]
+    cases += [("LQG", kind, duration, False, drawn) for kind in cores for drawn in (False, True)][1:]
+    cases += [("LQG", kind, 3.0, True, False) for kind in cores]
+    for number, (law, kind, lasts, paced, drawn) in enumerate(cases):
         experiment = _experiment(lasts, law)
         anchor = np.array(experiment.setup.wall.point)
-        top = points[:, 2].max()
-        body = _core.PlacedBody(core, anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
-        experiment.setup.set_body(body)
-        for drawn in (False, True):
-            name = f"{law}{', paced' if paced else ''}"
-            tell(f"{name}{', drawn' if drawn else ''}", 0.1 + (2 * number + drawn) * 0.9 / (2 * len(cases)))
-            frames = _core.SurfaceFrames(full, 60.0) if drawn else None
-            if frames is not None:
-                experiment.setup.set_observer(frames)
-            seconds = np.min([_time(experiment, paced) for _ in range(PASSES)], axis=0)
-            pressed = experiment.run()[0]
-            rows.append(
-                {
-                    "loop": name,
-                    "drawn": drawn,
-                    "nodes": len(points),
-                    "pressed": int(np.median(pressed[:, -4])),
-                    "ticks": len(seconds),
-                    "median_us": 1e6 * float(np.median(seconds)),
-                    "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),
-                    "slowest_us": 1e6 * float(seconds.max()),
-                    "asked_us": ASKED,
-                }
-            )
+        top = organ.points[:, 2].max()
+        experiment.setup.set_body(
+            _core.PlacedBody(cores[kind], anchor - [0.0, 0.0, top + TIP + 2e-4], np.eye(3), TIP, False)
+        )
+        name = f"{law}, {kind}{', paced' if paced else ''}"
+        tell(f"{name}{', drawn' if drawn else ''}", 0.1 + 0.9 * number / len(cases))
+        frames = _core.SurfaceFrames(organ.compliance, 60.0) if drawn else None
+        if frames is not None:
+            experiment.setup.set_observer(frames)
+        seconds = np.min([_time(experiment, paced) for _ in range(PASSES)], axis=0)
+        pressed = experiment.run()[0]
+        rows.append(
+            {
+                "loop": name,
+                "drawn": drawn,
+                "nodes": len(organ.points),
+                "pressed": int(np.median(pressed[:, -4])),
+                "ticks": len(seconds),
+                "median_us": 1e6 * float(np.median(seconds)),
+                "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),
+                "slowest_us": 1e6 * float(seconds.max()),
+                "asked_us": ASKED,
+            }
+        )
     return Rows(rows)
 
 
-def _time(experiment: Simulation, paced: bool) -> NDArray[np.float64]:
+def _time(experiment: Simulation, paced: bool) -> Array:
     return np.asarray(experiment.setup.time_ticks(experiment.reference, experiment.operator, paced))
 
 

@@ -36,25 +36,27 @@ class NearCompliance {
  public:
   static constexpr int capacity = PlaceForces::capacity;
 
-  NearCompliance() : rows_(static_cast<std::size_t>(9 * capacity * capacity / 16)) {}
+  NearCompliance() : rows_(static_cast<std::size_t>(3 * capacity * row_length / 16)) {}
 
   /// Copy the blocks of the place k = `count` - 1, whose node is node[k], with all places.
   void enter(const FullCompliance& compliance, const std::int32_t* node, int count) noexcept {
     const int k = count - 1;
+    for (int j = 0; j < count; ++j) __builtin_prefetch(compliance.block(node[k], node[j]));
     for (int j = 0; j < count; ++j) {
       const float* block = compliance.block(node[k], node[j]);
       for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) row(k, a)[b * capacity + j] = row(j, b)[a * capacity + k] = block[3 * a + b];
+        for (int b = 0; b < 3; ++b) row(k, a)[b * axis_length + j] = row(j, b)[a * axis_length + k] = block[3 * a + b];
     }
   }
 
   /// Exchange two of `count` places.
   void swap(int k, int l, int count) noexcept {
     for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) std::swap_ranges(row(k, a) + b * capacity, row(k, a) + b * capacity + count, row(l, a) + b * capacity);
+      for (int b = 0; b < 3; ++b)
+        std::swap_ranges(row(k, a) + b * axis_length, row(k, a) + b * axis_length + count, row(l, a) + b * axis_length);
     for (int j = 0; j < count; ++j)
       for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) std::swap(row(j, a)[b * capacity + k], row(j, a)[b * capacity + l]);
+        for (int b = 0; b < 3; ++b) std::swap(row(j, a)[b * axis_length + k], row(j, a)[b * axis_length + l]);
   }
 
   /// Displacement of place k under the forces of the first `count` places; further forces up to a multiple of 8 must be zero.
@@ -62,8 +64,8 @@ class NearCompliance {
     detail::Floats x{}, y{}, z{};
     const int n = detail::in_registers(count);
     for (int b = 0; b < 3; ++b) {
-      const detail::Floats *f = detail::as_floats(forces.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * capacity),
-                           *c1 = detail::as_floats(row(k, 1) + b * capacity), *c2 = detail::as_floats(row(k, 2) + b * capacity);
+      const detail::Floats *f = detail::as_floats(forces.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * axis_length),
+                           *c1 = detail::as_floats(row(k, 1) + b * axis_length), *c2 = detail::as_floats(row(k, 2) + b * axis_length);
       for (int j = 0; j < n; ++j) {
         x += c0[j] * f[j];
         y += c1[j] * f[j];
@@ -79,8 +81,8 @@ class NearCompliance {
     for (int j = 0; j < n; ++j) detail::as_floats(out)[j] = detail::Floats{};
     const auto d0 = static_cast<float>(direction[0]), d1 = static_cast<float>(direction[1]), d2 = static_cast<float>(direction[2]);
     for (int b = 0; b < 3; ++b) {
-      const detail::Floats *s = detail::as_floats(unit.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * capacity),
-                           *c1 = detail::as_floats(row(k, 1) + b * capacity), *c2 = detail::as_floats(row(k, 2) + b * capacity);
+      const detail::Floats *s = detail::as_floats(unit.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * axis_length),
+                           *c1 = detail::as_floats(row(k, 1) + b * axis_length), *c2 = detail::as_floats(row(k, 2) + b * axis_length);
       for (int j = 0; j < n; ++j) detail::as_floats(out)[j] += s[j] * (d0 * c0[j] + d1 * c1[j] + d2 * c2[j]);
     }
   }
@@ -91,8 +93,8 @@ class NearCompliance {
     const auto f0 = static_cast<float>(force[0]), f1 = static_cast<float>(force[1]), f2 = static_cast<float>(force[2]);
     for (int a = 0; a < 3; ++a) {
       detail::Floats* out = detail::as_floats(sum.axis(a));
-      const detail::Floats *c0 = detail::as_floats(row(k, 0) + a * capacity), *c1 = detail::as_floats(row(k, 1) + a * capacity),
-                           *c2 = detail::as_floats(row(k, 2) + a * capacity);
+      const detail::Floats *c0 = detail::as_floats(row(k, 0) + a * axis_length), *c1 = detail::as_floats(row(k, 1) + a * axis_length),
+                           *c2 = detail::as_floats(row(k, 2) + a * axis_length);
       for (int j = 0; j < n; ++j) out[j] += f0 * c0[j] + f1 * c1[j] + f2 * c2[j];
     }
   }
@@ -101,16 +103,19 @@ class NearCompliance {
   [[nodiscard]] Matrix3<> block(int k, int j) const noexcept {
     Matrix3<> m;
     for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) m(a, b) = static_cast<double>(row(k, a)[b * capacity + j]);
+      for (int b = 0; b < 3; ++b) m(a, b) = static_cast<double>(row(k, a)[b * axis_length + j]);
     return m;
   }
 
  private:
+  // Odd numbers of cache lines: the entries of one column lie in different sets of the cache.
+  static constexpr int axis_length = capacity + 16, row_length = 3 * axis_length;
+
   [[nodiscard]] float* row(int k, int a) noexcept { return rows_.data()->value.data() + offset(k, a); }
   [[nodiscard]] const float* row(int k, int a) const noexcept { return rows_.data()->value.data() + offset(k, a); }
-  [[nodiscard]] static std::ptrdiff_t offset(int k, int a) noexcept { return static_cast<std::ptrdiff_t>(3 * k + a) * (3 * capacity); }
+  [[nodiscard]] static std::ptrdiff_t offset(int k, int a) noexcept { return static_cast<std::ptrdiff_t>(3 * k + a) * row_length; }
 
-  std::vector<detail::FloatLine> rows_;  // 3 capacity rows (place, axis) of 3 capacity columns (axis, place), m/N
+  std::vector<detail::FloatLine> rows_;  // 3 capacity rows (place, axis) of columns (axis, place), m/N
 };
 
 /// Dense symmetric positive definite system A + diag(D), single precision, factored by columns.
@@ -118,12 +123,12 @@ class LayeredSystem {
  public:
   static constexpr int capacity = PlaceForces::capacity;
 
-  LayeredSystem() : matrix_(static_cast<std::size_t>(capacity * capacity / 16)), factor_(matrix_.size()) {}
+  LayeredSystem() : matrix_(static_cast<std::size_t>(capacity * stride / 16)), factor_(matrix_.size()) {}
 
   [[nodiscard]] int size() const noexcept { return size_; }
   void resize(int size) noexcept { size_ = size; }
   /// Row and column `c` of A; entries from c on, up to a multiple of 8, are read.
-  [[nodiscard]] float* column(int c) noexcept { return matrix_.data()->value.data() + c * capacity; }
+  [[nodiscard]] float* column(int c) noexcept { return matrix_.data()->value.data() + c * stride; }
 
   /// Factor A + diag(`diagonal`). Return false if it is not positive definite to round-off.
   bool factor(const double* diagonal) noexcept {
@@ -176,7 +181,9 @@ class LayeredSystem {
   }
 
  private:
-  [[nodiscard]] float* factor_column(int c) noexcept { return factor_.data()->value.data() + c * capacity; }
+  static constexpr int stride = capacity + 16;  // of the columns: an odd number of cache lines
+
+  [[nodiscard]] float* factor_column(int c) noexcept { return factor_.data()->value.data() + c * stride; }
 
   int size_ = 0;
   std::vector<detail::FloatLine> matrix_, factor_;

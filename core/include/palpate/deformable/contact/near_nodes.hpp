@@ -21,9 +21,9 @@ namespace palpate::deformable {
 /// forces.
 ///
 /// The list reaches ahead of each tip by `margin` radii, so that a node is known before it comes into contact. A tick copies the compliance
-/// of the nodes that a tip may reach at once, and of one more. A place that is not engaged is evaluated again only when the tips and the
-/// body may have closed its clearance; the body near a tip is taken to move at most 1.5 times as far as the tips. On a body that moves by
-/// itself every place is evaluated.
+/// of the nodes that a tip may reach at once. It also does one of these: renew the list, copy one more node, drop one that is far. A place
+/// that is not engaged is evaluated again only when the tips and the body may have closed its clearance; the body near a tip is taken to
+/// move at most 1.5 times as far as the tips. On a body that moves by itself every place is evaluated.
 class NearNodes {
  public:
   static constexpr int capacity = PlaceForces::capacity;
@@ -81,31 +81,34 @@ class NearNodes {
   /// Update the list for the tips' centers. Return false if more nodes are near than places.
   bool update() noexcept {
     for (const Tip& tip : tips_) travelled_ += 2.5 * tip.way;
+    bool renewed = false;
     for (int t = 0; t < tip_count(); ++t) {
       Tip& tip = tips_[at(t)];
-      const double ahead = margin * tip.shape.radius;
       const double moved = (tip.center - tip.listed_center).norm() + (tip.deflection - tip.listed_deflection).norm();
-      if (!tip.jump && moved <= 0.25 * ahead) continue;
+      if (!tip.jump && moved <= 0.25 * ahead(tip)) continue;
       tip.listed_center = tip.center;
       tip.listed_deflection = tip.deflection;
-      drop_far(t, 1.5 * ahead);
-      list(t, ahead);
+      if (tip.jump || count_ > capacity / 2) drop_far(t);
+      list(t);
+      renewed = true;
     }
     bool all_known = true;
-    for (bool one_more = true; pending_count_ > 0;) {
+    for (bool one_more = !renewed; pending_count_ > 0;) {
       const auto end = pending_.begin() + pending_count_;
       const auto nearest = std::min_element(pending_.begin(), end, [](const Pending& a, const Pending& b) { return a.gap < b.gap; });
       const Tip& tip = tips_[at(nearest->tip)];
-      const bool urgent = tip.jump || nearest->gap < 2.5 * tip.way + 0.25 * margin * tip.shape.radius;
+      const bool urgent = tip.jump || nearest->gap < 2.5 * tip.way + 0.25 * ahead(tip);
       if (!urgent && !one_more) break;
-      one_more = urgent && one_more;
+      one_more = false;
       if (count_ == capacity) {
         all_known = nearest->gap > 0.0;
         break;
       }
       enter(nearest->node, nearest->tip);
       *nearest = pending_[at(--pending_count_)];
+      renewed = true;
     }
+    if (!renewed) drop_next();
     return all_known;
   }
 
@@ -114,7 +117,7 @@ class NearNodes {
       --count_;
       slot(places_[at(count_)].node, places_[at(count_)].tip) = -1;
     }
-    engaged_ = pending_count_ = 0;
+    engaged_ = pending_count_ = looked_at_ = 0;
     forces_ = scratch_ = {};
     travelled_ = 0.0;
     std::fill(tips_.begin(), tips_.end(), Tip());
@@ -215,17 +218,29 @@ class NearNodes {
     return least - tip.points->reach(node);
   }
 
-  void drop_far(int tip, double beyond) noexcept {
-    for (int k = count_ - 1; k >= engaged_; --k) {
-      if (place(k).tip != tip || gap(tips_[at(tip)], place(k).node) <= beyond) continue;
-      swap(k, count_ - 1);
-      --count_;
-      slot(place(count_).node, tip) = -1;
-    }
+  [[nodiscard]] static double ahead(const Tip& tip) noexcept { return margin * tip.shape.radius; }
+  [[nodiscard]] bool dispensable(int k) const noexcept {
+    const Tip& tip = tip_of(place(k));
+    return k >= engaged_ && gap(tip, place(k).node) > 1.5 * ahead(tip);
   }
 
-  /// List the nodes within `ahead` [m] of a tip that have no place.
-  void list(int t, double ahead) noexcept {
+  void drop(int k) noexcept {
+    swap(k, count_ - 1);
+    --count_;
+    slot(place(count_).node, place(count_).tip) = -1;
+  }
+  void drop_far(int tip) noexcept {
+    for (int k = count_ - 1; k >= engaged_; --k)
+      if (place(k).tip == tip && dispensable(k)) drop(k);
+  }
+  /// Look at one place, another at each call.
+  void drop_next() noexcept {
+    if (++looked_at_ >= count_) looked_at_ = engaged_;
+    if (looked_at_ < count_ && dispensable(looked_at_)) drop(looked_at_);
+  }
+
+  /// List the nodes near a tip that have no place.
+  void list(int t) noexcept {
     const Tip& tip = tips_[at(t)];
     const TipGeometry& shape = tip.shape;
     const double shaft = shape.shape == TipGeometry::Shape::capsule ? shape.length : 2.0 * shape.radius + tip.listed_deflection.norm();
@@ -237,10 +252,10 @@ class NearNodes {
     }
     const auto kept = std::remove_if(pending_.begin(), pending_.begin() + pending_count_, [t](const Pending& p) { return p.tip == t; });
     pending_count_ = static_cast<int>(kept - pending_.begin());
-    nodes_->query_box(low, high, shape.radius + ahead + tip.points->max_reach(), [&](std::int32_t node) {
+    nodes_->query_box(low, high, shape.radius + ahead(tip) + tip.points->max_reach(), [&](std::int32_t node) {
       if (slot(node, t) >= 0 || pending_count_ == max_pending) return;
       const double distance = gap(tip, node);
-      if (distance < ahead) pending_[at(pending_count_++)] = {node, t, distance};
+      if (distance < ahead(tip)) pending_[at(pending_count_++)] = {node, t, distance};
     });
   }
 
@@ -272,7 +287,7 @@ class NearNodes {
   const BodyMotion* motion_;
   std::vector<Tip> tips_;
   std::vector<std::int32_t> place_of_;  // by node and tip; -1: none
-  int count_ = 0, engaged_ = 0, pending_count_ = 0;
+  int count_ = 0, engaged_ = 0, pending_count_ = 0, looked_at_ = 0;
   double travelled_ = 0.0;  // way of the tips times 2.5, m
   std::array<Place, static_cast<std::size_t>(capacity)> places_;
   std::array<std::int32_t, static_cast<std::size_t>(capacity)> node_{};

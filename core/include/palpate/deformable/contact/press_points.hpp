@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <limits>
 
 #include "palpate/deformable/contact/float_pack.hpp"
 #include "palpate/deformable/contact/layer_creep.hpp"
@@ -10,21 +12,27 @@
 
 namespace palpate::deformable {
 
-/// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness, and return the energy of
-/// the points, J. With `settle` record the creep of the layer at the end of the period instead, and return the energy that it stores then.
-/// `layer` is null without creep.
+/// Points of a node in contact with a tip.
+struct PressedPoints {
+  double energy = 0.0;     ///< J
+  double clearance = 0.0;  ///< signed distance of the tip from the nearest point, m
+};
+
+/// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness. With `settle` record the
+/// creep of the layer at the end of the period instead; the energy is the one stored then. `layer` is null without creep.
 template <bool settle>
-double press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
+PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
   using Scalar = detail::FloatPack;
   const PatchPoints& points = *tip.points;
   const auto load = [&points](std::size_t number, std::size_t q) { return Scalar(*detail::as_floats(points.coordinate(number) + q)); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-  Scalar stiffness(0.0), energy(0.0);
+  Scalar stiffness(0.0), energy(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
   for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += detail::float_lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
     const Vector3<Scalar> normal(load(3, q), load(4, q), load(5, q));
     const auto in = tip.shape.evaluate<Scalar>(y, normal);
+    deepest = max_of(deepest, in.depth);
     Scalar excess = in.depth, crept(0.0);
     if (layer != nullptr) {
       crept = remaining * Scalar(*detail::as_floats(layer->state() + q));
@@ -47,15 +55,16 @@ double press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector
     stiffness += select(excess > Scalar(0.0), pressed, Scalar(0.0));
     energy += push * depth;
   }
-  double total = 0.0;
+  PressedPoints all{.clearance = std::numeric_limits<double>::max()};
   for (int l = 0; l < detail::float_lanes; ++l) {
     if constexpr (!settle) {
       for (int a = 0; a < 3; ++a) p.target[a] += static_cast<double>(force[a].v[l]);
       p.stiffness += static_cast<double>(stiffness.v[l]);
     }
-    total += 0.5 * static_cast<double>(energy.v[l]);
+    all.energy += 0.5 * static_cast<double>(energy.v[l]);
+    all.clearance = std::min(all.clearance, -static_cast<double>(deepest.v[l]));
   }
-  return total;
+  return all;
 }
 
 }  // namespace palpate::deformable

@@ -221,10 +221,11 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     p.displacement = p.free + moved;
     const Vector3<> at = nodes_->point(p.node) + p.displacement - tip.center;
     const double gap = tip.shape.distance(at) - tip.points->reach(p.node);
-    near_.set_clearance(k, std::max(gap, 0.0));
     p.target.setZero();
     p.stiffness = 0.0;
-    p.layer_energy = gap > 0.0 ? 0.0 : press_points<false>(p, tip, at, layer_of(tip));
+    const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p, tip, at, layer_of(tip));
+    p.layer_energy = pressed.energy;
+    near_.set_clearance(k, std::max(pressed.clearance, 0.0));
     return p.layer_energy + 0.5 * p.force.dot(moved);
   }
 
@@ -239,7 +240,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     const NearNodes::Tip& tip = near_.tip_of(p);
     LayerCreep* const layer = layer_of(tip);
     if (layer == nullptr) return;
-    p.layer_energy = press_points<true>(p, tip, nodes_->point(p.node) + p.displacement - tip.center, layer);
+    p.layer_energy = press_points<true>(p, tip, nodes_->point(p.node) + p.displacement - tip.center, layer).energy;
     layer->mark(p.node);
   }
 

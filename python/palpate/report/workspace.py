@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,7 +141,7 @@ def _ticks(low: float, high: float) -> list[float]:
     for steps in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(np.arange(10, 100) / 10)):
         ticks = [float(f"{d * m:.3g}") for d in decades for m in steps if low * 0.999 <= d * m <= high * 1.001]
         if len(ticks) >= 3:
-            return ticks[:: max(len(ticks) // 6, 1)]
+            return ticks[:: math.ceil(len(ticks) / 8)]
     return [float(f"{low:.3g}"), float(f"{high:.3g}")]
 
 

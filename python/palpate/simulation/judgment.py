@@ -232,6 +232,7 @@ def _oscillation(time: Array, tip: Array) -> tuple[str, float, float | None]:
     span = np.ptp(tip, axis=0)
     axis = int(np.argmax(span))
     away = tip[:, axis] - np.polynomial.Polynomial.fit(time, tip[:, axis], 1)(time) if len(time) > 2 else np.zeros(1)
+    away[np.abs(away) <= 1e-9 * span[axis]] = 0.0  # rounding of a straight motion
     crossings = int(np.count_nonzero(np.diff(np.signbit(away))))
     frequency = crossings / (2.0 * (time[-1] - time[0])) if crossings > 3 else None
     return AXES[axis], float(span[axis]) / 2.0, frequency

@@ -1,0 +1,326 @@
+"""Each measure of a run against a motion that shows it, and each threshold of the verdict against both of its sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate.simulation.evidence import (
+    _apart,
+    _drift,
+    evidence,
+    pushed_through,
+    second_differences,
+    swing,
+)
+from palpate.simulation.judgment import _lost, _oscillation, judge, judge_pushed
+from palpate.simulation.statics import force_over_stiffness, presses, steady_error
+from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import Evidence, State, decide, growth
+from palpate.simulation.windows import Window, windows
+
+PERIOD = 1e-3
+
+
+def trace(tip: np.ndarray, **channels: Any) -> Trace:
+    """A run of a tip (n, 3), in contact and not saturated, unless other channels are given."""
+    n = len(tip)
+    values = {"tip": tip, "touching": np.ones(n), "saturated": np.zeros(n), **channels}
+    return Trace.of(PERIOD * np.arange(n), values)
+
+
+def along_x(x: np.ndarray) -> np.ndarray:
+    return np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+
+
+def kinks(n: int, sizes: dict[int, float]) -> np.ndarray:
+    """A path along x whose second difference is a size at each of some samples, and else zero."""
+    bend = np.zeros(n)
+    for at, size in sizes.items():
+        bend[at] = size
+    return along_x(np.cumsum(np.cumsum(bend)))
+
+
+def test_early_prior_and_late_are_the_second_fourth_and_last_fifth_of_the_window() -> None:
+    """A kink in each fifth, first and last sample of each: what is at the edge belongs to the fifth before it."""
+    first, last, fifth = 100, 1100, 200
+    for place in (1, 90, 200):
+        sizes = {first + k * fifth + place: 10.0**-k for k in range(5)}
+        run = trace(kinks(last + 1, {50: 9.0, **sizes}))
+        found = evidence(run, None, Window(first, last), None)
+        assert (found.early[0], found.prior[0], found.late[0]) == pytest.approx((1e-1, 1e-3, 1e-4), rel=1e-6)
+
+
+def test_an_oscillation_grows_by_its_factor_per_fifth() -> None:
+    """x = exp(s t) sin(w t) in any direction: late over prior is exp(s fifth), and late over early its cube."""
+    t = PERIOD * np.arange(1001)
+    for factor in (0.5, 1.0, 1.7):
+        wave = 1e-4 * factor ** (t / 0.2) * np.sin(2 * np.pi * 50.0 * t)
+        found = evidence(trace(wave[:, None] * np.array([0.6, 0.0, -0.8])), None, Window(0, 1000), 0.9)
+        assert found.late[0] / found.prior[0] == pytest.approx(factor, rel=1e-3)
+        assert growth(found.unstable_from, found.early, found.prior, found.late)[0] == pytest.approx(factor, rel=1e-2)
+        ending = 0.8 * np.abs(wave[-200:]).max()
+        assert found.swing[0] == pytest.approx(ending, rel=0.1)
+        assert found.swing[0] / found.swing_before[0] == pytest.approx(factor, rel=0.05)
+        assert found.ripple[0] / found.ripple_before[0] == pytest.approx(factor, rel=0.02)
+        assert found.decay[0] == pytest.approx(0.9**200)
+        assert found.linear[0] == 1
+
+
+def test_late_samples_do_not_bend_a_straight_motion_and_a_bend_is_per_nominal_interval() -> None:
+    rng = np.random.default_rng(0)
+    time = PERIOD * (np.arange(200) + rng.uniform(0.0, 0.4, 200))
+    assert second_differences(time, along_x(0.3 * time), PERIOD).max() < 1e-15
+    even = PERIOD * np.arange(200)
+    tip = np.column_stack([3.0 * even**2, 4.0 * even**2, 0.0 * even])
+    for interval in (PERIOD, None):
+        found = second_differences(even, tip, interval)
+        np.testing.assert_allclose(found[2:], 10.0 * PERIOD**2, rtol=1e-6)
+        assert found[:2].tolist() == [0.0, 0.0]
+    assert second_differences(even, tip, 2 * PERIOD)[5] == pytest.approx(20.0 * PERIOD**2)
+    assert second_differences(even[:2], tip[:2], PERIOD).tolist() == [0.0, 0.0]
+
+
+def test_a_swing_is_the_amplitude_without_a_quadratic_trend() -> None:
+    t = np.linspace(0.0, 1.0, 500)
+    trend = 3.0 * t**2 - 2.0 * t + 1.0
+    assert swing(t, along_x(trend)) < 1e-12
+    wave = 0.01 * np.sin(2 * np.pi * 12.0 * t)
+    tip = np.column_stack([trend, trend + wave, 5 * t])
+    assert swing(t, tip) == pytest.approx(0.01, rel=0.1)
+    assert swing(t[:7], along_x(trend[:7])) == pytest.approx(0.5 * np.ptp(trend[:7]))
+    assert swing(t[:8], along_x(trend[:8])) < 1e-12
+
+
+def test_contacts_saturation_and_deflection_are_those_of_the_last_fifth() -> None:
+    n = 501
+    touching, saturated = np.ones(n), np.zeros(n)
+    touching[405:410] = touching[450:470] = touching[300:310] = 0.0
+    saturated[460:480], saturated[100:300] = 1.0, 1.0
+    deflection = along_x(np.where(np.arange(n) > 400, 3.0, 50.0)) + np.array([0.0, 4.0, 0.0])
+    run = trace(along_x(np.zeros(n)), touching=touching, saturated=saturated, deflection=deflection)
+    found = evidence(run, None, Window(0, 500), None)
+    assert found.contacts[0] == 2.0
+    assert found.touching[0] == pytest.approx(0.75)
+    assert found.saturated[0] == pytest.approx(0.2)
+    assert found.deflection[0] == pytest.approx(5.0)
+    assert found.linear[0] == 0
+    assert np.isnan(found.decay[0])
+    moved = evidence(trace(along_x(np.r_[np.zeros(400), np.full(101, 2.0)])), None, Window(0, 500), None)
+    assert moved.deflection[0] == pytest.approx(2.0)  # from the first sample, if there is no deflection
+
+
+def test_the_drift_is_that_of_the_command_between_the_halves_over_the_largest_force() -> None:
+    command = along_x(np.r_[np.zeros(100), np.full(50, 1.0), np.full(50, 1.5)])
+    run = trace(along_x(np.zeros(200)), command_force=command, object_force=along_x(np.linspace(0.0, -5.0, 200)))
+    assert _drift(run, slice(100, 200)) == pytest.approx(0.1)
+    assert _drift(run, slice(100, 101)) == 0.0
+    assert _drift(run, slice(150, 200)) == 0.0
+
+
+def test_a_tip_is_apart_while_it_is_off_and_pressed() -> None:
+    """10 samples before the contact do not count, nor those in which the force pulls or hardly presses."""
+    n = 110
+    touching = np.zeros(n, dtype=bool)
+    touching[10:60] = touching[80:110] = True
+    normal = np.array([0.0, 0.0, 1.0])
+    load = np.tile([0.0, 0.0, -2.0], (n, 1))
+    load[60:65] = [0.0, 0.0, 2.0]
+    load[65:68] = [0.0, 0.0, -0.09]  # below 5 % of the largest
+    load[68:70] = [2.0, 0.0, -0.09]  # along the surface
+    force = np.where(touching[:, None], -1.0 * normal, 0.0)
+    zero = np.zeros((n, 3))
+    for reference, operator in ((load, zero), (zero, load), (0.25 * load, 0.75 * load)):
+        run = trace(zero, reference_force=reference, operator_force=operator, object_force=force)
+        assert _apart(run, touching) == pytest.approx(10 / 100)
+    assert _apart(run, np.zeros(n, dtype=bool)) == 0.0
+
+
+def test_a_tip_is_pushed_through_from_when_it_is_lost_until_the_end() -> None:
+    lost = np.zeros(100)
+    run = trace(np.zeros((100, 3)), contact_lost=lost)
+    assert pushed_through(run) is None
+    assert pushed_through(trace(np.zeros((100, 3)))) is None
+    lost[20:30] = lost[70:] = 1.0
+    assert pushed_through(trace(np.zeros((100, 3)), contact_lost=lost)) == pytest.approx(0.070)
+    assert pushed_through(trace(np.zeros((100, 3)), contact_lost=np.ones(100))) == 0.0
+    lost[99] = 0.0
+    assert pushed_through(trace(np.zeros((100, 3)), contact_lost=lost)) is None
+
+
+def test_a_lost_contact_says_since_when_or_for_how_long() -> None:
+    touching = np.zeros(1001)
+    assert _lost(trace(np.zeros((1001, 3)), touching=touching), 0.0) == (None, "the tip never touches the object")
+    touching[100:300] = 1.0
+    since, reason = _lost(trace(np.zeros((1001, 3)), touching=touching), 0.5)
+    assert since == pytest.approx(0.299)
+    assert "from t = 0.299 s on" in reason
+    touching[800:] = 1.0
+    since, reason = _lost(trace(np.zeros((1001, 3)), touching=touching), 0.4567)
+    assert since == pytest.approx(0.299)
+    assert "in 45.7 % of the time" in reason
+    touching[300:800] = 1.0
+    assert _lost(trace(np.zeros((1001, 3)), touching=touching), 0.0)[0] == pytest.approx(1.0)
+
+
+def test_an_oscillation_is_described_along_its_largest_axis_without_its_trend() -> None:
+    t = PERIOD * np.arange(1000)
+    for axis, name in enumerate("xyz"):
+        tip = np.tile(0.001 * np.sin(2 * np.pi * 3.0 * t)[:, None], (1, 3))
+        tip[:, axis] = 0.02 * np.sin(2 * np.pi * 20.0 * t) + 0.01 * t
+        found, amplitude, frequency = _oscillation(t, tip)
+        assert found == name
+        assert amplitude == pytest.approx(0.5 * np.ptp(tip[:, axis]))
+        assert frequency == pytest.approx(20.0, rel=0.03)
+    assert _oscillation(t, along_x(t))[2] is None
+    assert _oscillation(t[:2], along_x(t[:2])) == ("x", pytest.approx(0.5e-3), None)
+
+
+def test_forces_press_against_an_outward_normal_of_any_length_and_along_it_they_do_not() -> None:
+    outward = np.array([0.0, 3.0, 4.0])
+    for angle, pressing in ((0.0, False), (86.0, False), (90.0, False), (92.5, False), (93.5, True), (180.0, True)):
+        u, v = outward / 5.0, np.array([1.0, 0.0, 0.0])
+        force = 7.0 * (np.cos(np.radians(angle)) * u + np.sin(np.radians(angle)) * v)
+        assert bool(presses(force, outward)[0]) is pressing
+    assert not presses(np.zeros(3), outward)[0]
+
+
+def test_the_steady_error_is_the_largest_of_the_driven_axes() -> None:
+    expected = force_over_stiffness([2.0, 0.05, -4.0], [1000.0, 1000.0, 500.0], 3)
+    np.testing.assert_allclose(expected, [[2e-3, 5e-5, -8e-3]])
+    assert steady_error([2e-3, 1.0, -8e-3], expected)[0] == pytest.approx(0.0)  # y is not driven
+    assert steady_error([2.2e-3, 0.0, -7e-3], expected)[0] == pytest.approx(0.125)
+    two = force_over_stiffness([[2.0, 1.0, -4.0]], [1000.0, 0.0, 500.0], 2)
+    assert np.isnan(two[0, 1:]).all()
+    assert np.isnan(steady_error([1.0, 1.0, 1.0], np.full(3, np.nan))[0])
+
+
+def test_windows_are_stretches_of_constant_force_that_last() -> None:
+    def forces(*lengths: int) -> np.ndarray:
+        return np.concatenate([np.full((length, 6), float(k)) for k, length in enumerate(lengths)])
+
+    assert windows(forces(1000)) == [Window(0, 999)]
+    assert windows(forces(300, 700)) == [Window(0, 299), Window(300, 999)]
+    assert windows(forces(99, 901)) == [Window(99, 999)]
+    assert windows(forces(100, 900)) == [Window(0, 99), Window(100, 999)]
+    assert windows(forces(951, 49)) == [Window(0, 950), Window(0, 999, False)]
+    assert windows(forces(950, 50)) == [Window(0, 949), Window(950, 999)]
+    assert windows(forces(9000, 499)) == [Window(0, 8999), Window(9000, 9498)]
+    assert windows(forces(9600, 450))[-1] == Window(0, 10049, False)
+    ramp = np.tile(np.arange(1000.0)[:, None], (1, 6))
+    assert windows(ramp) == [Window(0, 999, False)]
+    last = Window(100, 999)
+    assert (last.fifth, last.ending) == (179, slice(821, 1000))
+    assert Window(5, 7).ending == slice(7, 8)
+
+
+def settled(**change: Any) -> Evidence:
+    """A loop at rest in contact under a known linear loop, with a deflection of 1 mm."""
+    values = {
+        "unstable_from": np.nan, "early": 1e-6, "prior": 1e-8, "late": 1e-10, "ripple": 1e-7, "ripple_before": 1e-6,
+        "swing": 1e-8, "swing_before": 1e-7, "deflection": 1e-3, "linear": 1, "decay": 1e-4, "touching": 1.0,
+    }  # fmt: skip
+    return Evidence.of(1, **{**values, **change})
+
+
+def state(**change: Any) -> State:
+    return State(int(decide(settled(**change))[0]))
+
+
+# A swing of 20 um that keeps its size: 2 % of the deflection.
+STEADY = {"early": 1e-6, "prior": 1e-6, "late": 1e-6, "swing": 2e-5, "swing_before": 2e-5, "ripple": 2e-5, "linear": 0,
+          "ripple_before": 2e-5}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "inside", "outside", "expected"),
+    [
+        ({}, "unstable_from", np.nan, 0.3, State.UNSTABLE),
+        (STEADY | {"early": 0.2e-6}, "late", 1.0199e-6, 1.0201e-6, State.UNSTABLE),
+        (STEADY | {"early": 0.2e-6, "contacts": 1}, "late", 1.499e-6, 1.501e-6, State.UNSTABLE),
+        ({"pressed": True, "contacts": 3}, "touching", 0.5, 0.499, State.CONTACT_LOST),
+        ({}, "apart", 0.05, 0.0501, State.CONTACT_LOST),
+        ({}, "saturated", 0.01, 0.0101, State.DRIVE_LIMIT),
+        ({}, "beyond", False, True, State.OUT_OF_REACH),
+        ({}, "constant", True, False, State.UNDECIDED),
+        ({"pressed": True}, "contacts", 3, 4, State.BOUNDED_OSCILLATION),
+        (STEADY | {"prior": 1e-6}, "late", 0.899e-6, 0.901e-6, State.BOUNDED_OSCILLATION),
+        (STEADY, "swing", 0.99e-5, 1.01e-5, State.BOUNDED_OSCILLATION),
+        (STEADY | {"swing": 1.5e-6, "ripple": 1.5e-6}, "deflection", 1.51e-4, 1.49e-4, State.BOUNDED_OSCILLATION),
+        (STEADY | {"deflection": 0.0, "ripple": 9e-7}, "swing", 0.99e-6, 1.01e-6, State.BOUNDED_OSCILLATION),
+        (STEADY, "resolution", 2.01e-5, 1.99e-5, State.BOUNDED_OSCILLATION),
+        ({}, "kept", 0.299, 0.301, State.BOUNDED_OSCILLATION),
+        ({"decay": 0.7}, "kept", 3 * 0.7**4 - 1e-3, 3 * 0.7**4 + 1e-3, State.BOUNDED_OSCILLATION),
+        ({"decay": 0.999}, "kept", 0.899, 0.901, State.BOUNDED_OSCILLATION),
+        ({}, "error", 0.0499, 0.0501, State.UNDECIDED),
+        ({}, "error", -0.0499, -0.0501, State.UNDECIDED),
+        ({}, "drift", 0.0499, 0.0501, State.UNDECIDED),
+        ({"linear": 0, "ripple_before": 1e-4}, "ripple", 4.99e-5, 5.01e-5, State.UNDECIDED),
+        ({"linear": 0, "ripple_before": 1e-5}, "ripple", 1.249e-5, 1.251e-5, State.UNDECIDED),
+        ({"linear": 0, "ripple": 2e-5}, "ripple_before", 1.97e-5, 1.95e-5, State.UNDECIDED),
+        ({"linear": 0, "swing": 2e-6, "generated_before": 0.0}, "generated", 0.0099, 0.0101, State.UNDECIDED),
+        ({"linear": 0, "generated": 0.05, "generated_before": 0.05}, "swing", 0.99e-6, 1.01e-6, State.UNDECIDED),
+        ({"linear": 0, "swing": 2e-6, "generated": 0.09}, "generated_before", 0.101, 0.099, State.UNDECIDED),
+        ({}, "linear", 1, -1, State.UNSTABLE),
+    ],
+)  # fmt: skip
+def test_a_loop_is_settled_up_to_each_threshold_and_not_beyond(
+    change: dict[str, Any], name: str, inside: Any, outside: Any, expected: State
+) -> None:
+    if change.get("early") == 0.2e-6:  # below the threshold the swing is steady, and does not grow
+        assert state(**{**change, name: inside}) is State.BOUNDED_OSCILLATION
+    else:
+        assert state(**{**change, name: inside}) is State.SETTLED
+    assert state(**{**change, name: outside}) is expected
+
+
+def test_an_unstable_linear_loop_is_undecided_only_where_something_hides_it() -> None:
+    assert state(linear=-1, lossy=True) is State.UNDECIDED
+    swinging = {**STEADY, "linear": -1}
+    assert state(**swinging) is State.UNSTABLE
+    assert state(**swinging, lossy=True) is State.BOUNDED_OSCILLATION
+    assert state(**swinging, contacts=1) is State.BOUNDED_OSCILLATION
+    assert state(linear=-1, saturated=0.5) is State.DRIVE_LIMIT
+    assert state(**{**swinging, "swing": 2e-6, "ripple": 2e-6}) is State.UNSTABLE
+
+
+def test_a_tip_that_travels_is_not_judged_by_its_bumps() -> None:
+    growing = {**STEADY, "early": 0.2e-6, "late": 2e-6, "swing": 1e-4}
+    assert state(**{**growing, "ripple": 2.99e-4}) is State.UNSTABLE
+    assert state(**{**growing, "ripple": 3.01e-4}) is State.UNDECIDED
+
+
+def test_growth_needs_a_swing_that_is_seen_and_widens() -> None:
+    growing = {**STEADY, "late": 1.1e-6, "early": 1.5e-6}
+    narrow, wide = ({**growing, "swing_before": 2e-5 / ratio} for ratio in (1.019, 1.021))
+    assert state(**narrow) is State.BOUNDED_OSCILLATION
+    assert state(**wide) is State.UNSTABLE
+    assert state(**{**wide, "linear": 1, "decay": np.nan}) is State.BOUNDED_OSCILLATION
+    small = {**wide, "ripple": 1e-7, "late": 1.1e-8, "prior": 1e-8, "early": 1.1e-8}
+    for swinging, expected in ((0.99e-7, State.SETTLED), (1.01e-7, State.UNSTABLE)):
+        assert state(**{**small, "swing": swinging, "swing_before": 0.5 * swinging}) is expected
+
+
+def test_a_diverging_run_says_when_and_along_which_axis() -> None:
+    tip = np.zeros((50, 3))
+    tip[-1] = [0.1, -0.5, 0.2]
+    run = trace(tip)
+    diverged = Trace(run.time, run.channels, 0.0515)
+    for verdict in (judge(diverged), judge_pushed(diverged, 10, np.nan)):
+        assert (verdict.state, verdict.since, verdict.axis) == (State.UNSTABLE, 0.0515, "y")
+        assert verdict.reason == "diverges at t = 0.0515 s, most along y"
+    one = Trace(run.time[:1], {}, 0.001)
+    assert judge(one).reason == "diverges at t = 0.001 s"
+    assert judge(Trace(np.zeros(1), {})).reason == "the run has no samples to judge"
+
+
+def test_a_run_that_nothing_excites_is_undecided() -> None:
+    still = trace(np.zeros((500, 3)))
+    assert judge(still).state is State.UNDECIDED
+    assert "nothing excites the loop" in judge(still).reason
+    for size, expected in ((0.9e-7, State.UNDECIDED), (1.1e-7, State.SETTLED)):
+        moved = along_x(np.r_[np.linspace(0.0, size, 50), np.full(450, size)])
+        assert judge(trace(moved)).state is expected
+    pushed = trace(np.zeros((500, 3)), reference_force=np.ones((500, 3)), object_force=np.ones((500, 3)))
+    assert judge(pushed).state is State.SETTLED

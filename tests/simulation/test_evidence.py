@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from palpate.simulation.evidence import (
     _apart,
     _drift,
+    _pressed,
     evidence,
     pushed_through,
     second_differences,
@@ -324,3 +327,89 @@ def test_a_run_that_nothing_excites_is_undecided() -> None:
         assert judge(trace(moved)).state is expected
     pushed = trace(np.zeros((500, 3)), reference_force=np.ones((500, 3)), object_force=np.ones((500, 3)))
     assert judge(pushed).state is State.SETTLED
+
+
+def swinging(factor: float, frequency: float = 50.0, offset: float = 1e-3) -> Trace:
+    """A swing of 0.1 mm along y about an offset along x, which grows by a factor per fifth; it ends at full size."""
+    t = PERIOD * np.arange(1001)
+    wave = 1e-4 * factor ** ((t - 1.0) / 0.2) * np.sin(2 * np.pi * frequency * t)
+    tip = np.column_stack([np.where(t > 0.0, offset, 0.0), wave, 0.0 * t])
+    return trace(tip, reference_force=np.ones((len(t), 3)))
+
+
+def test_a_reason_says_what_the_tip_does_and_what_the_linear_loop_does() -> None:
+    steady = judge(swinging(1.0))
+    assert (steady.state, steady.axis) == (State.BOUNDED_OSCILLATION, "y")
+    assert re.fullmatch(r"it oscillates by 0\.\d+ mm along y at [\d.]+ Hz", steady.reason)
+    assert steady.frequency == pytest.approx(50.0, rel=0.06)
+    assert f"at {steady.frequency:.3g} Hz" in steady.reason
+    assert steady.amplitude == pytest.approx(1e-4, rel=0.01)
+    assert judge(swinging(1.0), 0.9).reason == f"{steady.reason}; the linear loop is stable (spectral radius 0.9)"
+    pushed = judge_pushed(swinging(1.0), 100, 0.456)
+    assert pushed.reason.endswith("Hz, and keeps 46% of its response to a push")
+    assert pushed.linear is None
+    grows = judge(swinging(1.5))
+    assert grows.state is State.UNSTABLE
+    assert grows.since == 0.0
+    assert re.fullmatch(
+        r"an oscillation by 0\.\d+ mm along y at [\d.]+ Hz grows by a factor of 1\.5 in 0\.199 s", grows.reason
+    )
+    hidden = judge(swinging(1.0), 1.1)
+    assert hidden.state is State.UNSTABLE
+    assert hidden.reason.startswith(
+        "the run alone is judged: bounded oscillation; it ends with an oscillation by 0.1 mm"
+    )
+    assert hidden.since is None
+    still = judge(swinging(0.1, offset=0.1), 1.1)
+    assert still.reason.startswith("the run of 1 s does not show the growth; it ends with an oscillation by")
+    decays = judge(swinging(0.5), 0.99)
+    assert decays.state is State.SETTLED
+    assert "decays by a factor of 0.5 in 0.199 s; the linear loop is stable" in decays.reason
+    assert decays.axis is None
+    rests = judge(swinging(0.5, offset=0.1))
+    assert rests.state is State.SETTLED
+    assert re.fullmatch(r"the tip rests within 0\.\d+ mm", rests.reason)
+
+
+def test_growth_is_zero_at_rest_and_infinite_after_divergence() -> None:
+    rest = [growth(*(np.array([one]) for one in (np.nan, 1e-3, 1e-20, late)))[0] for late in (0.0, 0.9e-14)]
+    assert rest == [0.0, 0.0]
+    assert growth(*(np.array([one]) for one in (np.nan, 1e-20, 1e-15, 1.1e-14)))[0] == pytest.approx(
+        1.1e6 ** (1 / 3), rel=0.1
+    )
+    assert growth(*(np.array([one]) for one in (0.3, 1.0, 1.0, 0.0)))[0] == np.inf
+
+
+def test_a_green_tick_is_for_settled_and_stable_alone() -> None:
+    tones = {one.tone: {other for other in State if other.tone == one.tone} for one in State}
+    assert tones["good"] == {State.SETTLED, State.STABLE}
+    assert tones["note"] == {State.UNDECIDED}
+    assert len({one.label for one in State}) == len(State)
+
+
+@pytest.mark.parametrize("kind", ["wall", "force_law", "mesh"])
+def test_a_force_presses_on_a_plane_by_its_normal_and_on_a_mesh_by_the_last_contact(kind: str) -> None:
+    n = 100
+    touching = np.zeros(n, dtype=bool)
+    touching[30:60] = touching[70:80] = True
+    force = np.zeros((n, 3))
+    force[30:60], force[70:80] = [0.0, 0.0, 3.0], [-4.0, 0.0, 0.0]  # of the tip on the object: into it
+    scenario: Any = SimpleNamespace(contact_kind=kind, object=SimpleNamespace(normal=[0.0, 1.0, 0.0]))
+
+    def pressed(load: list[float], until: int = n - 1, contacts: np.ndarray = touching) -> bool:
+        half = np.tile(0.5 * np.array(load), (n, 1))
+        half[until + 1 :] = 0.0
+        run = trace(np.zeros((n, 3)), reference_force=half, operator_force=half, object_force=force)
+        return _pressed(run, scenario, contacts, until)
+
+    if kind == "mesh":
+        cases = (([-1.0, 0.0, 0.0], n - 1, True), ([1.0, 0.0, 0.0], n - 1, False), ([0.0, 0.0, 1.0], n - 1, False),
+                 ([0.0, 0.0, 1.0], 69, True), ([-1.0, 0.0, 0.0], 69, False), ([-1.0, 0.0, 0.0], 70, True))  # fmt: skip
+        for load, until, expected in cases:
+            assert pressed(load, until) is expected
+        assert pressed([0.0, 5.0, 0.0], contacts=np.zeros(n, dtype=bool))  # it never touched: any force may press
+        assert not pressed([0.0, 0.0, 0.0], contacts=np.zeros(n, dtype=bool))
+    else:
+        assert pressed([0.0, -1.0, 0.0])
+        assert not pressed([0.0, 1.0, 0.0])
+        assert not pressed([-1.0, 0.0, 0.0])

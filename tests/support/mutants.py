@@ -16,6 +16,17 @@ OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.MatMult: ast.Mult,
 }  # fmt: skip
 NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
+SYMMETRIC: Final = {
+    "maximum",
+    "minimum",
+    "fmax",
+    "fmin",
+    "hypot",
+    "union1d",
+    "intersect1d",
+    "logical_and",
+    "logical_or",
+}
 
 
 class Mutant(NamedTuple):
@@ -97,6 +108,8 @@ def _changes(node: ast.AST) -> Iterator[str]:
             yield repr(value + 1 if isinstance(value, int) else 2 * value or 1.0)
         case ast.Call(ast.Name(name) as function, arguments, keywords) if name in NAMES:
             yield _expression(ast.Call(ast.Name(NAMES[function.id]), arguments, keywords))
+        case ast.Call(ast.Attribute(_, name), [_, _]) if name in SYMMETRIC:
+            return
         case ast.Call(function, [first, second, *rest], keywords) if not isinstance(second, ast.Starred):
             yield _expression(ast.Call(function, [second, first, *rest], keywords))
         case ast.Expr(ast.Call()) | ast.AugAssign():

@@ -177,8 +177,8 @@ def copy_repository(target: Path) -> None:
     shutil.copy2(core.strip(), target / PACKAGE)
 
 
-def all_tests(copy: Path, records: Path, left_out: list[str]) -> dict[str, tuple[float, set[Place]]]:
-    """Return time and entered functions of every test in a process, except in some files.
+def all_tests(copy: Path, records: Path, only: list[str], left_out: list[str]) -> dict[str, tuple[float, set[Place]]]:
+    """Return time and entered functions of every test in a process; ``only`` those of some files, if any are given.
 
     Files without a record run once.
     """
@@ -186,7 +186,7 @@ def all_tests(copy: Path, records: Path, left_out: list[str]) -> dict[str, tuple
     found: dict[str, tuple[float, set[Place]]] = {}
     for file in sorted((copy / "tests").rglob("test_*.py")):
         name = file.relative_to(copy / "tests")
-        if name.parts[0] in SKIPPED or str(name) in left_out:
+        if name.parts[0] in SKIPPED or str(name) in left_out or (only and str(name) not in only):
             continue
         digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
         record = records / f"{'.'.join(name.with_suffix('').parts)}.{digest}.json"
@@ -323,6 +323,7 @@ def main() -> int:
     )
     parser.add_argument("--at", nargs="*", default=[], help="every mutant of these lines instead: units.py:40")
     parser.add_argument("--only", nargs="*", default=[], help="folders, or files, of the package: control units.py")
+    parser.add_argument("--tests", nargs="*", default=[], help="only these files of tests: test_units.py")
     parser.add_argument(
         "--without", nargs="*", default=[], help="files of tests that take long: simulation/test_resolve.py"
     )
@@ -340,7 +341,7 @@ def main() -> int:
     with TemporaryDirectory() as made:
         copy = Path(made).resolve()
         copy_repository(copy)
-        tests = all_tests(copy, ROOT / "build" / "mutate", given.without)
+        tests = all_tests(copy, ROOT / "build" / "mutate", given.tests, given.without)
         pool = [mutant for file in wanted for mutant in mutants(copy / file, str(file))]
         sample = rng.sample(pool, min(given.count, len(pool)))
         if given.at:

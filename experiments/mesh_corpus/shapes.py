@@ -8,8 +8,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import trimesh
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import boundary
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
-from palpate.fem.mesh_improvement import surface_triangles
 from scipy.spatial.transform import Rotation
 
 __all__ = ["SHAPES", "Surface"]
@@ -121,7 +121,7 @@ class _Gyroid:
 def _gyroid() -> Surface:
     piece = _Gyroid()
     points, cells = stuff(piece, lattice_over(piece.vertices[0], piece.vertices[1], 0.004))
-    return Surface(points, surface_triangles(cells))
+    return Surface(points, boundary(cells))
 
 
 def _concave() -> Surface:

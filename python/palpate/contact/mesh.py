@@ -10,13 +10,12 @@ from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from palpate import _core
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import Diagnosis, format_size
+from palpate.contact.simplices import components
 from palpate.errors import PalpateError, shorten
 from palpate.files import check_readable
 from palpate.units import parse_quantity
@@ -228,9 +227,8 @@ def weld(points: Array, faces: Indices, tolerance: float = 1e-6) -> tuple[Array,
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = cKDTree(points[first]).query_pairs(tolerance * extent, output_type="ndarray")
     if len(pairs):
-        graph = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(first),) * 2)
-        count, group = connected_components(graph, directed=False)
-        earliest = np.full(count, len(points))
+        group = components(pairs[:, 0], pairs[:, 1], len(first))
+        earliest = np.full(group.max() + 1, len(points))
         np.minimum.at(earliest, group, first)
         first, same = earliest, group[same]
     rank = np.empty(len(first), dtype=np.int64)

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from palpate.arrays import Indices
 from palpate.contact.mesh import Mesh
+from palpate.contact.simplices import components
 from palpate.fem.body import Body
 from palpate.fem.boundary_elements import BoundaryElements
 from palpate.fem.builder import check_files, dirichlet_regions, surface_of, versions
@@ -133,7 +131,8 @@ def _check(elements: BoundaryElements, name: str) -> None:
         raise BodyError(
             f"{name}: the body has no contact node: its vertices are fixed, or outside of the contact region"
         )
-    parts = _parts(elements.triangles, len(elements.points))
+    around = np.roll(elements.triangles, 1, axis=1)
+    parts = components(elements.triangles.ravel(), around.ravel(), len(elements.points))
     held = np.unique(parts[elements.triangles[elements.fixed_triangles].ravel()])
     if (alone := np.setdiff1d(parts[elements.triangles.ravel()], held)).size:
         x, y, z = 1e3 * elements.points[np.argmax(parts == alone[0])]
@@ -141,12 +140,6 @@ def _check(elements: BoundaryElements, name: str) -> None:
             f"{name}: a piece or a cavity of the surface has no fixed triangle, the one with the point "
             f"({x:.4g}, {y:.4g}, {z:.4g}) mm: fix it, or build the body by finite elements"
         )
-
-
-def _parts(triangles: Indices, count: int) -> Indices:
-    a, b = triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()
-    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _body_data(elements: BoundaryElements, compliance: Any, record: dict[str, Any]) -> BodyData:

@@ -23,6 +23,7 @@ from scipy import sparse
 from scipy.linalg import lapack, lu_factor, lu_solve
 
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import area_vectors
 from palpate.fem.errors import BodyError
 from palpate.fem.hat_functions import hat_integrals
 
@@ -171,17 +172,12 @@ class BoundaryElements:
         return (sparse.diags(1.0 / self.areas) @ mass[self.contact_nodes]).tocsr()
 
     @cached_property
-    def _cross(self) -> Array:
-        a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
-        return np.asarray(np.cross(b - a, c - a))
-
-    @cached_property
     def _sizes(self) -> Array:
-        return np.asarray(0.5 * np.linalg.norm(self._cross, axis=1))
+        return np.asarray(np.linalg.norm(area_vectors(self.points, self.triangles), axis=1))
 
     @cached_property
     def _normals(self) -> Array:
-        return np.asarray(self._cross / (2.0 * self._sizes[:, None]))
+        return np.asarray(area_vectors(self.points, self.triangles) / self._sizes[:, None])
 
     def _integrals(self, held: Indices) -> list[Array]:
         """Return the integrals of kernels times shape functions at each node.

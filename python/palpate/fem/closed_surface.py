@@ -9,12 +9,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import weld
+from palpate.contact.simplices import area_vectors, components, equal_neighbors, half_edges
 from palpate.fem.errors import BodyError
 from palpate.fem.winding_number import WindingNumber
 
@@ -71,7 +70,7 @@ class ClosedSurface:
         loops = _border(faces)
         if not loops:
             return points, faces
-        total = float(np.linalg.norm(_area_vectors(points, faces), axis=1).sum())
+        total = float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
         centers: list[Array] = []
         fans: list[Indices] = []
         areas: list[float] = []
@@ -81,9 +80,7 @@ class ClosedSurface:
             centers.append(center)
             fans.append(fan)
             areas.append(
-                float(
-                    np.linalg.norm(_area_vectors(np.vstack([points, *[c[None] for c in centers]]), fan), axis=1).sum()
-                )
+                float(np.linalg.norm(area_vectors(np.vstack([points, *[c[None] for c in centers]]), fan), axis=1).sum())
             )
         seams = sum(area <= 1e-9 * total for area in areas)
         holes = len(loops) - seams
@@ -97,7 +94,7 @@ class ClosedSurface:
         return np.vstack([points, np.array(centers)]), np.concatenate([faces, *fans])
 
     def _hole_message(self, faces: Indices, largest: float, whole: float) -> str:
-        count = np.unique(np.sort(_half_edges(faces), axis=1), axis=0, return_counts=True)[1]
+        count = np.unique(np.sort(half_edges(faces), axis=1), axis=0, return_counts=True)[1]
         open_edges = int((count == 1).sum())
         if not open_edges:
             return "the surface has one side only (as a Moebius band), so it encloses no volume: mesh again"
@@ -110,7 +107,7 @@ class ClosedSurface:
     def _orient(self, points: Array, faces: Indices, flipped: int) -> Indices:
         """Orient parts outwards, and parts inside of others inwards."""
         part = parts_of(faces)
-        faces, solid = faces.copy(), _area_vectors(points, faces)
+        faces, solid = faces.copy(), area_vectors(points, faces)
         volume = np.bincount(part, np.einsum("ij,ij->i", points[faces[:, 0]] - points.mean(axis=0), solid) / 3.0)
         inward = volume[part] < 0.0
         faces[inward] = faces[inward][:, ::-1]
@@ -141,13 +138,13 @@ class ClosedSurface:
     @cached_property
     def area(self) -> float:
         """Area, m^2."""
-        return float(np.linalg.norm(_area_vectors(self.vertices, self.triangles), axis=1).sum())
+        return float(np.linalg.norm(area_vectors(self.vertices, self.triangles), axis=1).sum())
 
     @cached_property
     def volume(self) -> float:
         """Enclosed volume, m^3; intersecting parts count twice."""
         middle = self.vertices.mean(axis=0)
-        vectors = _area_vectors(self.vertices, self.triangles)
+        vectors = area_vectors(self.vertices, self.triangles)
         return float(np.einsum("ij,ij->", self.vertices[self.triangles[:, 0]] - middle, vectors) / 3.0)
 
     @property
@@ -163,13 +160,9 @@ class ClosedSurface:
     @cached_property
     def shells(self) -> int:
         """Number of shells: sets of triangles connected through edges of two triangles."""
-        edges = np.sort(_half_edges(self.triangles), axis=1)
-        order = np.lexsort(edges.T[::-1])
-        new = np.append(True, (edges[order][1:] != edges[order][:-1]).any(axis=1))
-        first = np.flatnonzero(new & np.append(new, [True, True])[2:] & ~np.append(new, True)[1:])
-        a, b = order[first] // 3, order[first + 1] // 3
-        graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(len(self.triangles),) * 2)
-        return int(connected_components(graph, directed=False)[0])
+        one, two = equal_neighbors(np.sort(half_edges(self.triangles), axis=1))
+        crowded = np.isin(one, two) | np.isin(two, one)  # edges of more than two triangles
+        return int(components(one[~crowded] // 3, two[~crowded] // 3, len(self.triangles)).max()) + 1
 
     @cached_property
     def winding_number(self) -> WindingNumber:
@@ -192,7 +185,7 @@ class ClosedSurface:
     @cached_property
     def simple(self) -> bool:
         """Whether the winding number is 1 below and 0 above a sample of the triangles: no parts intersect."""
-        big = np.linalg.norm(_area_vectors(self.vertices, self.triangles), axis=1) > 1e-10 * self.extent**2
+        big = np.linalg.norm(area_vectors(self.vertices, self.triangles), axis=1) > 1e-10 * self.extent**2
         chosen = np.flatnonzero(big)[:: max(1, int(big.sum()) // _SAMPLE)]
         centers, step = self.vertices[self.triangles[chosen]].mean(axis=1), 1e-6 * self.extent * self._unit[chosen]
         below, above = self.winding_number(centers - step), self.winding_number(centers + step)
@@ -225,13 +218,13 @@ class ClosedSurface:
 
     @cached_property
     def _unit(self) -> Array:
-        vectors = _area_vectors(self.vertices, self.triangles)
+        vectors = area_vectors(self.vertices, self.triangles)
         return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), np.finfo(float).tiny)[:, None])
 
     @cached_property
     def _edge_normals(self) -> Array:
         """Sum of the unit normals at each edge (3 k, 3), row 3 x triangle + number of the edge's first corner."""
-        _, number = np.unique(np.sort(_half_edges(self.triangles), axis=1), axis=0, return_inverse=True)
+        _, number = np.unique(np.sort(half_edges(self.triangles), axis=1), axis=0, return_inverse=True)
         total = np.zeros((int(number.max()) + 1, 3))
         np.add.at(total, number.ravel(), np.repeat(self._unit, 3, axis=0))
         return np.asarray(total[number.ravel()])
@@ -249,10 +242,8 @@ class ClosedSurface:
     @cached_property
     def sharp_edges(self) -> Indices:
         """Edges (e, 2), as vertices, at which the normals differ by more than 35 degrees."""
-        halves = np.sort(_half_edges(self.triangles), axis=1)
-        order = np.lexsort(halves.T[::-1])
-        same = (halves[order][1:] == halves[order][:-1]).all(axis=1)
-        one, two = order[:-1][same], order[1:][same]
+        halves = np.sort(half_edges(self.triangles), axis=1)
+        one, two = equal_neighbors(halves)
         cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
         return np.unique(halves[one[cosine < _FEATURE]], axis=0)
 
@@ -277,9 +268,7 @@ class ClosedSurface:
 def parts_of(faces: Indices) -> Indices:
     """Return the index of the part of each triangle (k,). Triangles with a common vertex belong to one part."""
     a, b = faces[:, [0, 0]].ravel(), faces[:, 1:].ravel()
-    size = int(faces.max()) + 1
-    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(size, size))
-    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    label = components(a, b, int(faces.max()) + 1)[faces[:, 0]]
     return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
 
 
@@ -298,7 +287,7 @@ def _sorted(points: Array, faces: Indices) -> tuple[Array, Indices]:
 
 def _border(faces: Indices) -> list[Indices]:
     """Return closed loops of vertices along the directed edges that no triangle runs in the opposite direction."""
-    halves = _half_edges(faces)
+    halves = half_edges(faces)
     size = int(faces.max()) + 1
     keys = np.minimum(halves[:, 0], halves[:, 1]) * size + np.maximum(halves[:, 0], halves[:, 1])
     edges, number = np.unique(keys, return_inverse=True)
@@ -331,16 +320,6 @@ def _loops_from(start: int, after: dict[int, list[int]]) -> list[Indices]:
         path = path[: place[vertex] + 1]
         if len(path) == 1:
             return loops
-
-
-def _half_edges(faces: Indices) -> Indices:
-    """Return the directed edges (3 k, 2) of triangles (k, 3)."""
-    return np.asarray(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
-
-
-def _area_vectors(points: Array, faces: Indices) -> Array:
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a) / 2.0)
 
 
 def _barycentric(points: Array, corners: Array) -> Array:

@@ -19,6 +19,7 @@ from scipy import sparse
 
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import Mesh
+from palpate.contact.simplices import area_vectors
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hat_functions import hat_integrals, mean_normals
 from palpate.fem.material import Material, SurfaceLayer
@@ -203,8 +204,7 @@ class Elements:
                 f"surface_layer {layer}: no quadrature point lies in it, so it has no effect: use a finer mesh, "
                 "or a thicker and softer layer"
             )
-        a, b, c = (self.volume.points[self.triangles[:, i]] for i in range(3))
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+        area = np.linalg.norm(area_vectors(self.volume.points, self.triangles), axis=1)
         size = self._basis.dx.sum(axis=1)[self._mesh.f2t[0, self._facets(self.triangles)]]
         height = float(np.median(3.0 * size / area))
         if layer.thickness < 0.5 * height:

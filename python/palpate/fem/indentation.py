@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import area_vectors
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -129,10 +130,8 @@ class IndentableBody(CondensedBody):
             )
         if deep > self.extent:
             raise BodyError(f"depth: {deep:g} m exceeds the body's extent of {self.extent:.3g} m: lengths are in m")
-        a, b, c = self.surface.vertices[self.surface.triangles[face[0]]]
-        normal = np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
-        return nearest[0], normal
+        normal = area_vectors(self.surface.vertices, self.surface.triangles[face[:1]])[0]
+        return nearest[0], normal / np.linalg.norm(normal)
 
     def _ramp(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
         """Press the tip in along a line that ends at `center` (3,), m; let a mass-spring model come to rest."""
@@ -222,8 +221,7 @@ class IndentableBody(CondensedBody):
         size = positive(radius, "m", "radius")
         check_tip(tip)
         if outward is None and tip == "flat":
-            corners = self.surface.vertices[self.surface.triangles[self.surface.nearest(centers)[1]]]
-            outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
         rows = self.core.simulate_path(centers, axes, size, tip == "flat")
         if isinstance(self.core, _core.SignedDistanceBody):

@@ -11,10 +11,9 @@ from itertools import product
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import components, volumes
 
 MEAN_EDGE: Final = (6.0 + 8.0 * 0.75**0.5) / 14.0  # mean edge of the lattice over the side of its cubes
 _LONG, _SHORT = 0.24999, 0.41189  # parts of an edge: a closer cut moves the lattice point
@@ -125,8 +124,7 @@ def stuff(surface: FilledSurface, lattice: Lattice) -> tuple[Array, Indices]:
 
 
 def _oriented(points: Array, cells: Indices) -> tuple[Array, Indices]:
-    a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
-    inverted = np.einsum("ij,ij->i", a, np.cross(b, c)) < 0.0
+    inverted = volumes(points, cells) < 0.0
     cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
     return points, cells
 
@@ -143,8 +141,8 @@ def _signs(surface: FilledSurface, points: Array, edges: Indices, side: float) -
     distance = surface.distance(points)
     apart = distance[edges].sum(axis=1) > 1.001 * 0.75**0.5 * side
     a, b = edges[apart].T
-    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(len(points),) * 2)
-    count, part = connected_components(graph, directed=False)
+    part = components(a, b, len(points))
+    count = int(part.max()) + 1
     farthest = np.zeros(count)
     np.maximum.at(farthest, part, distance)
     chosen = np.full(count, len(points))

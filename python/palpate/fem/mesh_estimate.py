@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import area_vectors, components
 from palpate.fem.checks import positive
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError
@@ -119,12 +118,12 @@ def _solid_parts(surface: ClosedSurface) -> Indices:
     corners = surface.vertices[surface.triangles]
     np.minimum.at(low, part, corners.min(axis=1))
     np.maximum.at(high, part, corners.max(axis=1))
-    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    vectors = area_vectors(surface.vertices, surface.triangles)
     hollow = np.bincount(part, np.einsum("ij,ij->i", corners[:, 0] - surface.vertices.mean(axis=0), vectors)) < 0.0
     apart = ((low[:, None] > high[None]) | (high[:, None] < low[None])).any(axis=2)
     joined = ~apart if not surface.simple else ~apart & (hollow[:, None] | hollow[None])
-    label = connected_components(coo_matrix(joined), directed=False)[1]
-    return np.asarray(label[part], dtype=np.int64)
+    one, two = np.nonzero(joined)
+    return components(one, two, count)[part]
 
 
 def _surface_samples(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:

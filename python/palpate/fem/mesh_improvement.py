@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from palpate.arrays import Array, Flags, Indices
+from palpate.contact.simplices import FACES, boundary, components, equal_neighbors, half_edges, volumes
 from palpate.fem.closed_surface import ClosedSurface
 
 MIN_ANGLE: Final = 10.0  # degrees, smallest dihedral angle that a moved point may leave
@@ -17,7 +17,6 @@ _REACH: Final = 0.5  # spacings within which a surface point moves to a sharp ed
 _LONG: Final = 4.0  # spacings, least length of connected sharp edges that are kept; shorter ones are roughness
 _SMOOTHINGS: Final = 4
 _EDGES: Final = ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2), (1, 2, 0, 3), (1, 3, 0, 2), (2, 3, 0, 1))
-_FACES: Final = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 
 
 def improve(surface: ClosedSurface, points: Array, cells: Indices, spacing: float) -> Array:
@@ -26,26 +25,16 @@ def improve(surface: ClosedSurface, points: Array, cells: Indices, spacing: floa
     No tetrahedron of `cells` (m, 4) gets a dihedral angle below `MIN_ANGLE`, or its own if that is smaller.
     """
     on = np.zeros(len(points), dtype=bool)
-    on[np.unique(surface_triangles(cells))] = True
+    on[np.unique(boundary(cells))] = True
     points, sharp = _snap(surface, points, cells, on, spacing)
     graph = _neighbors(cells, len(points))
-    skin = _neighbors(surface_triangles(cells), len(points))
+    skin = _neighbors(boundary(cells), len(points))
     for _ in range(_SMOOTHINGS):
         target = graph @ points
         target[on] = surface.nearest((skin @ points)[on])[0]
         target[sharp] = points[sharp]
         points = _move(points, target, cells)
     return points
-
-
-def surface_triangles(cells: Indices) -> Indices:
-    """Return the triangles (k, 3) of one tetrahedron each, counterclockwise seen from outside."""
-    faces = np.concatenate([cells[:, face] for face in _FACES])
-    keys = np.sort(faces, axis=1)
-    order = np.lexsort(keys.T[::-1])
-    new = np.append(True, (keys[order][1:] != keys[order][:-1]).any(axis=1))
-    alone = new & np.append(new[1:], True)
-    return np.asarray(faces[np.sort(order[alone])])
 
 
 def min_angles(points: Array, cells: Indices) -> Array:
@@ -56,8 +45,7 @@ def min_angles(points: Array, cells: Indices) -> Array:
         edge = corners[:, j] - corners[:, i]
         u, v = np.cross(edge, corners[:, k] - corners[:, i]), np.cross(edge, corners[:, m] - corners[:, i])
         least = np.minimum(least, np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v)))
-    a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-    return np.asarray(np.degrees(least) * np.sign(np.einsum("ij,ij->i", a, np.cross(b, c))))
+    return np.asarray(np.degrees(least) * np.sign(volumes(points, cells)))
 
 
 def _move(points: Array, target: Array, cells: Indices) -> Array:
@@ -111,8 +99,7 @@ def _long_lines(vertices: Array, edges: Indices, least: float) -> Indices:
     """Return the edges (e, 2) that belong to connected lines of a length of `least`, m, or more."""
     if len(edges) == 0:
         return edges
-    graph = coo_matrix((np.ones(len(edges), dtype=bool), (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2)
-    line = connected_components(graph, directed=False)[1][edges[:, 0]]
+    line = components(edges[:, 0], edges[:, 1], len(vertices))[edges[:, 0]]
     length = np.bincount(line, np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1))
     return np.asarray(edges[length[line] >= least])
 
@@ -146,7 +133,7 @@ def _neighbors(cells: Indices, count: int) -> csr_matrix:
     graph = csr_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     graph.data[:] = 1.0
     alone = np.asarray(graph.sum(axis=1)).ravel() == 0
-    graph = graph + coo_matrix((np.ones(int(alone.sum())), (np.flatnonzero(alone),) * 2), shape=(count, count)).tocsr()
+    graph = graph + diags(alone.astype(float)).tocsr()
     return csr_matrix(graph.multiply(1.0 / np.asarray(graph.sum(axis=1))))
 
 
@@ -164,8 +151,8 @@ def manifold(points: Array, cells: Indices) -> tuple[Array, Indices]:
     that are smaller than a hundredth of it are removed.
     """
     for _ in range(50):
-        triangles = surface_triangles(cells)
-        edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        triangles = boundary(cells)
+        edges = np.sort(half_edges(triangles), axis=1)
         edges, count = np.unique(edges, axis=0, return_counts=True)
         crowded = edges[count > 2]
         if len(crowded) == 0:
@@ -182,23 +169,19 @@ def manifold(points: Array, cells: Indices) -> tuple[Array, Indices]:
 def _without_crumbs(points: Array, cells: Indices) -> Indices:
     """Drop parts, connected through faces, that have less than a hundredth of the volume of the largest one."""
     label = _groups(cells)
-    a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
-    size = np.bincount(label, np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))))
+    size = np.bincount(label, np.abs(volumes(points, cells)))
     return np.asarray(cells[(size >= 0.01 * size.max())[label]])
 
 
 def _split_pinched(points: Array, cells: Indices) -> tuple[Array, Indices]:
     """Give each group of tetrahedra around a vertex that are connected through faces a vertex of its own."""
     corner = 4 * np.arange(len(cells))[:, None] + np.arange(4)
-    faces = np.concatenate([cells[:, face] for face in _FACES])
-    owners = np.concatenate([corner[:, face] for face in _FACES])
+    faces = np.concatenate([cells[:, face] for face in FACES])
+    owners = np.concatenate([corner[:, face] for face in FACES])
     order = np.argsort(faces, axis=1)
     faces, owners = np.take_along_axis(faces, order, axis=1), np.take_along_axis(owners, order, axis=1)
-    order = np.lexsort(faces.T[::-1])
-    same = (faces[order][1:] == faces[order][:-1]).all(axis=1)
-    a, b = owners[order[:-1][same]].ravel(), owners[order[1:][same]].ravel()
-    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(4 * len(cells),) * 2)
-    group = connected_components(graph, directed=False)[1]
+    one, two = equal_neighbors(faces)
+    group = components(owners[one].ravel(), owners[two].ravel(), 4 * len(cells))
     _, first, number = np.unique(group, return_index=True, return_inverse=True)
     vertex = cells.ravel()[first]  # of each group
     rank = np.argsort(np.argsort(vertex, kind="stable"), kind="stable")
@@ -207,10 +190,6 @@ def _split_pinched(points: Array, cells: Indices) -> tuple[Array, Indices]:
 
 def _groups(cells: Indices) -> Indices:
     """Return the index of the part of each tetrahedron (m,). Parts share no face."""
-    faces = np.sort(np.concatenate([cells[:, face] for face in _FACES]), axis=1)
-    owner = np.tile(np.arange(len(cells)), 4)
-    order = np.lexsort(faces.T[::-1])
-    same = (faces[order][1:] == faces[order][:-1]).all(axis=1)
-    a, b = owner[order[:-1][same]], owner[order[1:][same]]
-    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(len(cells),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    faces = np.sort(np.concatenate([cells[:, face] for face in FACES]), axis=1)
+    one, two = equal_neighbors(faces)
+    return components(one % len(cells), two % len(cells), len(cells))

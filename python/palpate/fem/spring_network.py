@@ -25,6 +25,7 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 
 from palpate.arrays import Array, Indices
+from palpate.contact.simplices import area_vectors, equal_neighbors
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import Volume
 
@@ -102,8 +103,7 @@ def contact_patches(
     Returns:
         Start of each node's list (n + 1,), vertices (w,), weights (w,).
     """
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    area = np.linalg.norm(area_vectors(points, triangles), axis=1)
     local = area[:, None, None] / 12.0 * (1.0 + np.eye(3))
     rows, columns = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, (1, 3)).ravel()
     products = sparse.csr_matrix((local.ravel(), (rows, columns)), shape=(len(points),) * 2)[nodes]
@@ -120,9 +120,8 @@ def _opposite_pairs(cells: Indices) -> Indices:
     """Return the pairs of vertices opposite a common face (k, 2)."""
     faces = np.sort(np.concatenate([cells[:, list(f[:3])] for f in _FACES]), axis=1)
     apexes = np.concatenate([cells[:, f[3]] for f in _FACES])
-    order = np.lexsort(faces.T)
-    same = np.flatnonzero((np.diff(faces[order], axis=0) == 0).all(axis=1))
-    return np.sort(np.stack([apexes[order[same]], apexes[order[same + 1]]], axis=1), axis=1)
+    one, two = equal_neighbors(faces)
+    return np.sort(np.stack([apexes[one], apexes[two]], axis=1), axis=1)
 
 
 def _hat_gradients(x: Array, cells: Indices) -> tuple[Array, Array]:

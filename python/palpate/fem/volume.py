@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import check_triangles, check_vertices
+from palpate.contact.simplices import FACES, components, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
@@ -52,7 +53,6 @@ np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.
 """
 
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
-_FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
 _THICK: Final = 1.3  # thicknesses, largest spacing
 _VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
@@ -86,10 +86,10 @@ class Volume:
             raise BodyError(f"a tetrahedron has the point index {wrong}; indices are 0 to {len(points) - 1}")
         used, cells = np.unique(cells, return_inverse=True)
         points, cells = points[used], cells.reshape(-1, 4).astype(np.int64)
-        volumes = _volumes(points, cells)
-        cells[volumes < 0] = cells[volumes < 0][:, [0, 2, 1, 3]]
+        size = volumes(points, cells)
+        cells[size < 0] = cells[size < 0][:, [0, 2, 1, 3]]
         edges = points[cells[:, [1, 2, 3, 2, 3, 3]]] - points[cells[:, [0, 0, 0, 1, 1, 2]]]
-        flat = np.abs(volumes) <= 1e-9 * np.linalg.norm(edges, axis=2).max(axis=1) ** 3
+        flat = np.abs(size) <= 1e-9 * np.linalg.norm(edges, axis=2).max(axis=1) ** 3
         if flat.any():
             raise BodyError(
                 f"{int(flat.sum())} tetrahedra have no volume, the first has index {int(np.argmax(flat))}: mesh again"
@@ -111,12 +111,12 @@ class Volume:
     @cached_property
     def size(self) -> float:
         """Volume, m^3."""
-        return float(_volumes(self.points, self.tetrahedra).sum())
+        return float(volumes(self.points, self.tetrahedra).sum())
 
     @cached_property
     def surface(self) -> Indices:
         """Triangles of the surface (k, 3), counterclockwise seen from outside."""
-        faces = np.concatenate([self.tetrahedra[:, face] for face in _FACES])
+        faces = np.concatenate([self.tetrahedra[:, face] for face in FACES])
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
         if (count > 2).any():
             raise BodyError("more than two tetrahedra share a face: the mesh overlaps itself; mesh again")
@@ -125,12 +125,7 @@ class Volume:
     @cached_property
     def parts(self) -> Indices:
         """Index of the connected component of each point (n,)."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        a, b = self.tetrahedra[:, [0, 0, 0]].ravel(), self.tetrahedra[:, 1:].ravel()
-        graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(self.points),) * 2)
-        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+        return components(self.tetrahedra[:, [0, 0, 0]].ravel(), self.tetrahedra[:, 1:].ravel(), len(self.points))
 
 
 def block(
@@ -290,7 +285,7 @@ def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source:
     except BodyError as problem:
         raise BodyError(f"{source}: {problem}") from None
     enclosed = surface.volume
-    filled = float(np.abs(_volumes(points, cells)).sum())
+    filled = float(np.abs(volumes(points, cells)).sum())
     if abs(filled - enclosed) > _VOLUME_ERROR * enclosed and (surface.simple or filled < 0.5 * enclosed):
         raise BodyError(
             f"spacing: {source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but tetrahedra of {1e3 * step:.3g} mm "
@@ -339,8 +334,3 @@ def _check_count(count: float, source: str) -> None:
             f"spacing: {source} would need about {count:.1g} tetrahedra: use a larger spacing, and check size, spacing "
             "and unit"
         )
-
-
-def _volumes(points: Array, cells: Indices) -> Array:
-    a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)

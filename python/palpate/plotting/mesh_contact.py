@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.arrays import Array
 from palpate.contact import Mesh
+from palpate.contact.simplices import area_vectors
 from palpate.plotting.figures import thin
 from palpate.plotting.style import COLORS, FAINT, INK, new_figure
 from palpate.plotting.surface import frame, new_space
@@ -41,7 +42,7 @@ def trajectory(trace: Trace) -> Figure:
     path = np.vstack([tip, proxy[contact]])
     low, high = path.min(axis=0) - 1e3 * _MARGIN, path.max(axis=0) + 1e3 * _MARGIN
     center = corners.mean(axis=1)
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _mean_normal(trace) > 0.0
+    facing = area_vectors(mesh.vertices, mesh.triangles) @ _mean_normal(trace) > 0.0
     shown = facing & np.all((center >= low) & (center <= high), axis=1)
 
     figure, (space,) = new_space()

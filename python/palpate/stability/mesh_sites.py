@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 from palpate.contact import Mesh, Surface
+from palpate.contact.simplices import area_vectors
 from palpate.control.controller import Controller
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
@@ -93,8 +94,7 @@ class TouchedSurface:
         self.controller: Controller = build_controller(scenario, device, pose)
         tables = scenario.to_dict()
         self._spring = Scenario.from_dict({**tables, "object": {"kind": "spring", "stiffness": "1 N/m"}})
-        corners = self.mesh.vertices[self.mesh.triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = area_vectors(self.mesh.vertices, self.mesh.triangles)
         self.normals: Array = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         self.stiffness = face_stiffness(self.surface, self.mesh)
 

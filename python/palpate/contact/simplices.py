@@ -1,0 +1,64 @@
+"""Triangles and tetrahedra: areas, volumes, boundaries and connected components."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from palpate.arrays import Array, Indices
+
+__all__ = ["FACES", "area_vectors", "boundary", "components", "equal_neighbors", "half_edges", "volumes"]
+
+FACES: Final = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))  # of a tetrahedron, counterclockwise seen from outside
+
+
+def area_vectors(points: Array, triangles: Indices) -> Array:
+    """Return the areas of triangles (k, 3) of points (n, 3), along their normals: (k, 3), m^2."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a) / 2.0)
+
+
+def volumes(points: Array, cells: Indices) -> Array:
+    """Return the signed volumes of tetrahedra (m, 4) of points (n, 3): (m,), m^3; positive for outward `FACES`."""
+    a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def half_edges(triangles: Indices) -> Indices:
+    """Return the directed edges (3 k, 2) of triangles (k, 3); row 3 i + j is edge j of triangle i."""
+    return np.asarray(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
+
+
+def boundary(cells: Indices) -> Indices:
+    """Return the triangles (k, 3) of one tetrahedron each, counterclockwise seen from outside.
+
+    They are in the order of `FACES`, then of the tetrahedra.
+    """
+    faces = np.concatenate([cells[:, face] for face in FACES])
+    keys = np.sort(faces, axis=1)
+    order = np.lexsort(keys.T[::-1])
+    new = np.append(True, (keys[order][1:] != keys[order][:-1]).any(axis=1))
+    alone = new & np.append(new[1:], True)
+    return np.asarray(faces[np.sort(order[alone])])
+
+
+def equal_neighbors(rows: Indices) -> tuple[Indices, Indices]:
+    """Return the indices (k,) and (k,) of rows that are equal and follow each other when all are sorted.
+
+    A row that occurs p times is in p - 1 pairs. The order of numbers in a row counts.
+    """
+    order = np.lexsort(rows.T[::-1])
+    same = (rows[order][1:] == rows[order][:-1]).all(axis=1)
+    return order[:-1][same], order[1:][same]
+
+
+def components(a: Indices, b: Indices, count: int) -> Indices:
+    """Return the connected component of each of `count` nodes (n,) of a graph with the edges a (e,) to b (e,).
+
+    Components are numbered from zero in the order of their first node.
+    """
+    graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -93,6 +93,19 @@ def test_a_body_at_rest_is_drawn(block: Body) -> None:
     assert np.ptp(solid.get_zlim()) > 0.0
 
 
+def test_a_flat_axis_has_round_ticks_within_the_data_and_room_for_all_of_it() -> None:
+    for low, high in ((0.013, 0.094), (-0.31, 0.26), (3.1, 8.7)):
+        _, (space,) = new_space()
+        frame(space, np.array([[0.0, 0.0, low], [100.0, 100.0, high]]), 0.15)
+        step = 10.0 ** np.floor(np.log10(high - low))
+        first, last = space.get_zticks()
+        assert low <= first < low + step
+        assert high - step < last <= high
+        assert np.array([first, last]) / step == pytest.approx(np.round(np.array([first, last]) / step))
+        assert space.get_zlim() == pytest.approx((low, high))
+        assert len(space.get_xticks()) > 2
+
+
 def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None:
     """0.15 of the longest extent is the least that one is drawn: 40 mm wide and 2 mm high, it is three times as high.
 

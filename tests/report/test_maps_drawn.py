@@ -13,6 +13,7 @@ from palpate.metrics.performance import DirectionalPerformance, Performance
 from palpate.metrics.vibration import Ripple
 from palpate.report import html
 from palpate.report.performance import performance_page, ripple_figure, stiffness_figure
+from palpate.report.run import _axes
 from palpate.report.workspace import _ticks, axes_figure, section_figure, workspace_page
 from palpate.report.zwidth import close_figure, zwidth_figure, zwidth_page
 from palpate.stability.maps.boundary_curve import Boundary
@@ -218,6 +219,17 @@ def test_each_square_of_a_workspace_map_has_the_value_of_its_pose() -> None:
         assert bool(panel.get_ylabel()) == (k == 0)
 
 
+def test_the_colors_of_a_workspace_map_span_its_values() -> None:
+    """From the least to the 98th percentile of those shown, and at least over 5 %."""
+    w = grid_workspace()
+    shown = np.concatenate([w.worst[index] for index in w.sections.values()]) / 1e3
+    for of, top in ((w, np.percentile(shown, 98)), (replace(w, stiffness=0 * w.stiffness + 700.0), 1.05 * 0.7)):
+        for panel in section_figure(of).axes[:2]:
+            (mesh,) = [one for one in panel.collections if hasattr(one, "get_coordinates")]
+            assert mesh.norm.vmin == pytest.approx(of.worst[of.sections["y-z"]].min() / 1e3)
+            assert mesh.norm.vmax == pytest.approx(top)
+
+
 def test_marks_of_a_workspace_map_stand_where_the_page_says() -> None:
     """Circle: start. Dashed line and cross: hinge. Triangle: the minimum, where it lies in the plane."""
     w = grid_workspace()
@@ -281,6 +293,23 @@ def test_ticks_are_three_to_eight_round_numbers_within_the_scale(low: float, hig
     assert ticks[-1] <= 1.001 * high
     if len(ticks) >= 3:
         assert all(float(f"{tick:.2g}") == pytest.approx(tick) for tick in ticks)
+
+
+def test_the_steady_state_of_each_axis_stands_on_the_page_in_the_units_of_its_columns() -> None:
+    one = {"steady_deflection_m": 1.23456e-3, "expected_deflection_m": 1.2e-3, "error_percent": 2.881,
+           "overshoot_percent": 12.34, "settling_5_percent_s": 0.0567}  # fmt: skip
+    none = dict.fromkeys(one)
+    page = html.Page("a run")
+    _axes(page, {"x": one, "y": none}, {"error_percent": 1.5, "settling_5_percent_s": 0.06})
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(<td.*?)</tr>", page.html())]
+    assert rows == [
+        ["x", "1.2346", "1.2000", "2.88", "12.3", "57"], ["y"] + 5 * ["–"], ["as a vector", "–", "–", "1.5", "–", "60"],
+    ]  # fmt: skip
+    heads = re.findall(r"<th[^>]*>(.*?)</th>", page.html())
+    assert [re.sub("<.*?>", " ", head).split()[-1] for head in heads[1:]] == ["mm", "mm", "%", "%", "ms"]
+    empty = html.Page("a run")
+    _axes(empty, {}, None)
+    assert "<table" not in empty.html()
 
 
 def performance(**change: Any) -> Performance:

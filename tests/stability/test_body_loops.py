@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +189,16 @@ def test_nyquist_counts_the_unstable_eigenvalues(seed: int) -> None:
         a[0, 0] += 0.3
         loop = BodyLoop(sampled(a, p.B, p.C, p.D), loop.body, loop.markov, loop.axes, loop.normal, loop.error)
     assert unstable_poles(loop) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 6, 9, 12])
+def test_nyquist_counts_by_the_measured_response_whatever_states_realize_it(seed: int) -> None:
+    """The contour is refined where the determinant turns, also where a wrong realization expects no pole."""
+    loop = body_loop(1 + seed % 2, seed, 40.0 * 6.0 ** (seed % 4))
+    axes = len(loop.normal)
+    elastic = sampled(np.zeros((0, 0)), np.zeros((0, axes)), np.zeros((axes, 0)), 0.1 * loop.body.D)
+    wrong = replace(loop, body=elastic)
+    assert unstable_poles(wrong) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
 
 
 def test_some_of_these_loops_are_stable_and_some_are_not() -> None:

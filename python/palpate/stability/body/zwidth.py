@@ -97,7 +97,7 @@ def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:
         np.array([one[0] for one in kept]),
         stiffness * np.array([one[2] for one in kept]),
         np.abs(np.angle(roots)),
-        (float(b), stiffness * math.sqrt(max(low, _SCALES[0]) * high)),
+        (float(b), stiffness * math.sqrt(low * high)),
         math.inf,
     )
 

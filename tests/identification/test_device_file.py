@@ -1,5 +1,6 @@
 """Identified parameters as a device file."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from palpate import devices
 from palpate import identification as identify
 from palpate.__main__ import main
 from palpate.errors import DeviceError, OutputError
+from palpate.identification.device_file import write_fit
 from palpate.simulation import simulate
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -95,3 +97,29 @@ def test_unphysical_estimates_write_no_file(tmp_path: Path) -> None:
         fit.save(None)  # type: ignore[arg-type]
     with pytest.raises(OutputError):
         fit.save(tmp_path)
+
+
+def test_each_number_names_whether_the_estimate_determined_it(tmp_path: Path) -> None:
+    """Mass, inertia and friction, and what differs from the device whose other numbers are kept."""
+    values = {**ARM.parameters.values, "drive.peak_force": (9.25,)}
+    device = replace(ARM, parameters=replace(ARM.parameters, values=values))
+    path = write_fit(tmp_path / "new.toml", device, ARM, "a recording", ["one", "two"])
+    tables = tomllib.loads(path.read_text("utf-8"))
+    found = {
+        f"{table}.{name}": entry["source"]
+        for table, entries in tables.items()
+        if isinstance(entries, dict)
+        for name, entry in entries.items()
+        if isinstance(entry, dict)
+    }
+    assert {key.partition(".")[0] for key in found} >= {"mass", "inertia", "friction", "geometry", "drive"}
+    for key, source in found.items():
+        determined = key.startswith(("mass.", "inertia.", "friction.")) or key == "drive.peak_force"
+        assert source == ("identified" if determined else "device"), key
+    assert tables["name"] == "new"
+    assert tables["description"] == f"{ARM.description}; identified from a recording"
+    assert set(tables["sources"]) == {"identified", "device"}
+    assert tables["sources"]["device"] == f"device {ARM.name}, unchanged"
+    lines = path.read_text("utf-8").splitlines()
+    assert lines[0].startswith(f"# {ARM.name}: identified from a recording on 20")
+    assert lines[1:3] == ["# one", "# two"]

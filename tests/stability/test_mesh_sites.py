@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from palpate.contact import Mesh, Surface
 from palpate.errors import StabilityError
+from palpate.scenario import Scenario
 from palpate.simulation.meshes import box_mesh
 from palpate.simulation.trace import Trace
+from palpate.stability.mesh_modes import face_modes
 from palpate.stability.mesh_sites import (
     GROUPS,
     NEAR,
     NORMAL_RESOLUTION,
+    TouchedSurface,
     contact_rows,
     face_stiffness,
     faces_near,
@@ -120,3 +126,119 @@ def test_a_first_graze_is_no_sample_and_a_run_without_contact_is_refused() -> No
         contact_rows(path_trace(np.zeros(40)), 4, 39)
     with pytest.raises(StabilityError, match="never touches the mesh"):
         contact_rows(path_trace(depth), 4, 19)
+
+
+PIT = np.array([[0.02, 0.02, 0], [-0.02, 0.02, 0], [-0.02, -0.02, 0], [0.02, -0.02, 0], [0, 0, -0.015]])
+PIT_FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+
+
+def touched(tmp_path: Path, mesh: dict[str, Any] | None = None, **surface: Any) -> TouchedSurface:
+    """The surface of a pit of four faces, or of another mesh, in an impedance display at 1 kHz."""
+    trimesh = pytest.importorskip("trimesh")
+    file = tmp_path / "pit.obj"
+    trimesh.Trimesh(PIT, PIT_FACES, process=False).export(file)
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "300 N/m"},
+        "object": {
+            "kind": "mesh",
+            "mesh": mesh or {"file": str(file), "unit": "m", "open": True},
+            "surface": {"stiffness": "400 N/m", **surface},
+        },
+        "run": {"duration": "0.1 s"},
+    }
+    return TouchedSurface(Scenario.from_dict(tables))
+
+
+def test_a_point_of_the_surface_has_the_numbers_of_the_scenario(tmp_path: Path) -> None:
+    n = np.array([0.0, 0.6, 0.8])
+    plain = touched(tmp_path).point(n, 400.0, 2.0)
+    assert (plain.stiffness, plain.tangential, plain.friction, plain.drag, plain.damping) == (
+        400.0,
+        400.0,
+        0.0,
+        0.0,
+        2.0,
+    )
+    assert plain.period == 1e-3
+    rough = touched(tmp_path, tangential="250 N/m", static_friction=0.5, dynamic_friction=0.3, viscous="2 N*s/m")
+    for static, friction in ((True, 0.5), (False, 0.3)):
+        point = rough.point(n, 600.0, 1.0, static=static)
+        assert (point.stiffness, point.tangential, point.friction) == (600.0, 250.0, friction)
+        assert point.drag == pytest.approx(2.0 / (1e-3 * 250.0))
+    assert touched(tmp_path, static_friction=0.5).point(n, 400.0, 0.0, static=False).friction == 0.5
+    assert not plain.rubs
+
+
+def test_a_normalized_controller_sees_the_design_stiffness_along_the_normal_and_the_same_friction(
+    tmp_path: Path,
+) -> None:
+    surface = touched(tmp_path, static_friction=0.5)
+    surface.controller = surface.controller.normalized((100.0, 300.0, 800.0))
+    for n, design in (([1.0, 0.0, 0.0], 100.0), ([0.0, 0.6, 0.8], 0.36 * 300.0 + 0.64 * 800.0)):
+        point = surface.point(np.array(n), 400.0, 2.0)
+        assert point.stiffness == pytest.approx(design)
+        assert point.damping / 2.0 == pytest.approx(design / 400.0)
+        assert point.friction * point.stiffness == pytest.approx(0.5 * 400.0)
+        assert point.tangential == 400.0
+    assert surface.point(np.array([1.0, 0.0, 0.0]), 0.0, 2.0).damping == 2.0
+
+
+def test_a_proxy_sticks_with_the_static_and_slides_with_the_dynamic_friction(tmp_path: Path) -> None:
+    surface = touched(tmp_path, static_friction=0.5, dynamic_friction=0.2)
+    point = surface.point(np.array([0.0, 0.0, 1.0]), 400.0, 1.0)
+    slow = face_modes(surface.point(point.normal, 400.0, 1.0, static=False))
+    modes = surface._face(point)
+    assert [mode.kind for mode in modes].count("sticking") == 1
+    slides = [mode for mode in modes if mode.kind == "sliding"]
+    expected = [mode for mode in slow if mode.kind == "sliding"]
+    assert len(slides) == len(expected) > 0
+    for one, other in zip(slides, expected, strict=True):
+        np.testing.assert_array_equal(one.law.D, other.law.D)
+    alike = touched(tmp_path, static_friction=0.5)
+    assert [mode.name for mode in alike._face(point)] == [mode.name for mode in face_modes(point)]
+
+
+def test_valleys_are_where_neighbors_rise_and_nowhere_else(tmp_path: Path) -> None:
+    """A pit has four valley edges, in two pairs of directions, and a corner that holds; a box and a ridge have none."""
+    pit = touched(tmp_path)
+    modes = pit._valleys(np.arange(4), 0.0)
+    kinds = [mode.kind for mode in modes]
+    assert kinds.count("vertex") == 1
+    edges = np.array([PIT[4] - PIT[k] for k in range(4)]) / np.linalg.norm(PIT[4])
+    for mode in modes:
+        if mode.kind != "edge":
+            continue
+        stiff = np.linalg.eigh(mode.law.D)[1]
+        free = stiff[:, 0]  # along the valley nothing holds the tip
+        assert np.abs(edges @ free).max() / np.linalg.norm(edges[0]) == pytest.approx(1.0, abs=1e-9)
+        assert np.linalg.eigvalsh(mode.law.D)[1:] == pytest.approx([400.0, 400.0], rel=0.02)
+    lines = {int(np.argmax(np.abs(edges @ np.linalg.eigh(one.law.D)[1][:, 0]))) for one in modes if one.kind == "edge"}
+    assert len(lines) == 4
+    assert pit._valleys(np.array([0, 2]), 1.0) == []  # they share a corner only
+    two = pit._valleys(np.array([0, 1]), 1.0)
+    assert {mode.kind for mode in two} == {"edge"}
+    box = {"shape": "box", "edge": "40 mm", "divisions": 2}
+    cube_surface = touched(tmp_path, box)
+    assert cube_surface._valleys(np.arange(len(cube_surface.mesh.triangles)), 1.0) == []
+    assert touched(tmp_path, shading="30 deg")._valleys(np.arange(4), 1.0) == []
+    assert touched(tmp_path, {**pit_mesh(tmp_path), "radius": "3 mm"})._valleys(np.arange(4), 1.0) == []
+
+
+def pit_mesh(tmp_path: Path) -> dict[str, Any]:
+    return {"file": str(tmp_path / "pit.obj"), "unit": "m", "open": True}
+
+
+def test_a_surface_is_curved_by_shading_a_field_or_a_sphere_alone(tmp_path: Path) -> None:
+    assert not touched(tmp_path).curved
+    assert touched(tmp_path, shading="30 deg").curved
+    assert touched(tmp_path, {**pit_mesh(tmp_path), "radius": "3 mm"}).curved
+    box = {"shape": "box", "edge": "40 mm", "divisions": 2}
+    pattern = {"stiffness": ["100 N/m", "200 N/m"], "pattern": "checkerboard", "width": "4 mm"}
+    assert touched(tmp_path, box, **pattern, field="continuous").curved
+    assert not touched(tmp_path, box, **pattern).curved
+    normals = touched(tmp_path).normals
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(np.ones(4))
+    assert np.all(normals[:, 2] > 0.0)

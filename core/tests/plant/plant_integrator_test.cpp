@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <utility>
 
 #include "support/states.hpp"
 
@@ -179,6 +181,96 @@ TEST(PlantIntegrator, LanesEqualOneLoop) {
   }
   for (int lane = 0; lane < 2; ++lane)
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(lanes.q[i][lane], s[static_cast<std::size_t>(lane)].q[i], 1e-13);
+}
+
+// Law: a force linear in time moves a free slider by its exact integrals, for any number of substeps.
+TEST(PlantIntegrator, ARampOfForceIsExactForAnyNumberOfSubsteps) {
+  const double mass = 0.06, t = 0.02;
+  const PlantIntegrator<Slider> motion(Slider(mass), JointFriction<1>{}, HumanArm{});
+  for (const auto& [begin, end] : {std::pair{0.0, 0.9}, std::pair{0.9, 0.0}, std::pair{0.4, -0.5}})
+    for (const int substeps : {1, 2, 5}) {
+      PlantState<1> s;
+      motion.advance(s, Joints<1>(0.0), {Vector3<>(begin, 0.0, 0.0), Vector3<>(end, 0.0, 0.0)}, t, substeps);
+      EXPECT_NEAR(s.qd[0], t * (begin + end) / (2.0 * mass), 1e-12);
+      EXPECT_NEAR(s.q[0], t * t * (2.0 * begin + end) / (6.0 * mass), 1e-12);
+    }
+}
+
+// Law: a force along any axis of the tip moves the arm as its torque J^T f does.
+TEST(PlantIntegrator, AForceAlongEachAxisActsAsItsTorque) {
+  const PlantIntegrator<Premium> motion(arm, JointFriction<3>{}, HumanArm{});
+  for (int axis = 0; axis < 3; ++axis) {
+    PlantState<3> s;
+    s.q = Joints<3>(0.2, 2.0, 3.0);
+    PlantState<3> t = s;
+    const Vector3<> force = 0.5 * Vector3<>::Unit(axis);
+    motion.advance(s, Joints<3>::Zero(), {force, force}, 1e-6, 1);
+    motion.advance(t, arm.jacobian(t.q).transpose() * force, ForceSegment<>{}, 1e-6, 1);
+    EXPECT_LT((s.qd - t.qd).norm(), 1e-6 * s.qd.norm()) << axis;
+  }
+}
+
+// Law: breakaway friction holds without Coulomb friction, up to its torque and not beyond.
+TEST(PlantIntegrator, BreakawayHoldsWithoutCoulombFriction) {
+  JointFriction<1> friction;
+  friction.breakaway[0] = 0.04;
+  const PlantIntegrator<Slider> motion(Slider(0.06), friction, HumanArm{});
+  PlantState<1> s;
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(-0.0399), ForceSegment<>{}, 1e-3, 2);
+  EXPECT_EQ(s.q[0], 0.0);
+  for (int k = 0; k < 100; ++k) motion.advance(s, Joints<1>(-0.0401), ForceSegment<>{}, 1e-3, 2);
+  EXPECT_LT(s.qd[0], 0.0);
+}
+
+// Law: the Stribeck curve is a Gaussian of the speed from breakaway down to Coulomb friction.
+TEST(JointFriction, SlidingFollowsTheStribeckCurve) {
+  JointFriction<1> friction;
+  friction.coulomb[0] = 0.02;
+  friction.breakaway[0] = 0.05;
+  friction.stribeck_speed[0] = 0.3;
+  for (const double speed : {0.0, 0.15, -0.15, 0.3, -0.6, 3.0})
+    EXPECT_NEAR(friction.sliding(0, speed), 0.02 + 0.03 * std::exp(-speed * speed / 0.09), 1e-9) << speed;
+}
+
+// Law: at rest a hand and its tissue are two springs in series about the rest of the hand; a rigid grip is one.
+TEST(PlantIntegrator, AHandAtRestIsItsSpringsAboutItsRest) {
+  HumanArm hand;
+  hand.mass = 0.15;
+  hand.damping = 9.0;
+  hand.stiffness = 560.0;
+  hand.rest = Vector3<>(0.03, 0.0, 0.0);
+  HumanArm soft = hand;
+  soft.tissue = true;
+  soft.tissue_stiffness = 500.0;
+  soft.tissue_damping = 9.0;
+  const PlantIntegrator<Slider> rigid(Slider(0.06), JointFriction<1>{}, hand), tissue(Slider(0.06), JointFriction<1>{}, soft);
+  PlantState<1> s, t;
+  for (int k = 0; k < 1500; ++k) {
+    rigid.advance(s, Joints<1>(1.4), ForceSegment<>{}, 1e-3, 2);
+    tissue.advance(t, Joints<1>(1.4), ForceSegment<>{}, 1e-3, 2);
+  }
+  EXPECT_NEAR(s.q[0], 0.03 + 1.4 / 560.0, 1e-9);
+  EXPECT_NEAR(t.q[0], 0.03 + 1.4 / 560.0 + 1.4 / 500.0, 1e-9);
+  EXPECT_NEAR(t.hand_position[0], 0.03 + 1.4 / 560.0, 1e-9);
+}
+
+// Law: two free masses with tissue between them: their momentum is constant, and they swing about each other with the reduced mass.
+TEST(PlantIntegrator, TissueBetweenFreeMassesIsADampedOscillator) {
+  const double tip = 0.06, mass = 0.15, k = 500.0, c = 0.8, reduced = tip * mass / (tip + mass);
+  HumanArm hand;
+  hand.mass = mass;
+  hand.tissue = true;
+  hand.tissue_stiffness = k;
+  hand.tissue_damping = c;
+  const PlantIntegrator<Slider> motion(Slider(tip), JointFriction<1>{}, hand);
+  PlantState<1> s;
+  s.q[0] = 0.01;
+  for (int i = 0; i < 50; ++i) motion.advance(s, Joints<1>(0.0), ForceSegment<>{}, 1e-3, 8);
+  const double decay = c / (2.0 * reduced), frequency = std::sqrt(k / reduced - decay * decay), t = 0.05;
+  const double apart = 0.01 * std::exp(-decay * t) * (std::cos(frequency * t) + decay / frequency * std::sin(frequency * t));
+  EXPECT_NEAR(s.q[0] - s.hand_position[0], apart, 1e-9);
+  EXPECT_NEAR(tip * s.qd[0] + mass * s.hand_velocity[0], 0.0, 1e-12);
+  EXPECT_NEAR(tip * s.q[0] + mass * s.hand_position[0], tip * 0.01, 1e-12);
 }
 
 }  // namespace

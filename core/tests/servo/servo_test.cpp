@@ -411,4 +411,54 @@ TEST(Servo, AForceThatIsNotFiniteIsAFaultOfOneTick) {
   EXPECT_EQ(servo.faults(), 1);
 }
 
+/// An object of constant force that keeps the time of each tick, and where it started.
+struct TickClock {
+  using Scalar = double;
+  std::vector<double> times;
+  std::vector<double> starts;
+  ContactResult result;
+  const ContactResult& step(const TipState& tip) noexcept {
+    times.push_back(tip.time);
+    result.force = Vector3<>(0.1, 0.2, -0.3);
+    result.touching = true;
+    return result;
+  }
+  void start(const Vector3<>& tip) noexcept { starts.push_back(tip.z()); }
+};
+
+// Law: tick k is at k periods, whatever came before it: samples that were refused, and a force that was not finite.
+TEST(Servo, TheTimeOfATickCountsEveryTick) {
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  Servo<Premium, TickClock, BreaksOnce> servo(setup, TickClock{}, BreaksOnce{.at = 10});
+  EXPECT_EQ(servo.object().starts.size(), 1u);
+  std::vector<double> expected;
+  for (int k = 0; k < 30; ++k) {
+    const bool refused = k == 4 || k == 20;
+    const auto& tick = servo.tick(refused ? Joints<3>(Joints<3>::Constant(nan_value)) : pressed, Vector3<>::Zero());
+    if (!refused) expected.push_back(k * setup.period);
+    EXPECT_EQ(tick.fault, refused || k == 10) << k;
+    if (k == 10) {  // the tenth valid sample: what it computed is void, and the object begins anew at the tip
+      EXPECT_TRUE(tick.object_force.isZero(0.0));
+      EXPECT_FALSE(tick.touching);
+      ASSERT_EQ(servo.object().starts.size(), 2u);
+      EXPECT_NEAR(servo.object().starts.back(), arm.forward(pressed).z(), 1e-15);
+    }
+  }
+  ASSERT_EQ(servo.object().times.size(), expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(servo.object().times[i], expected[i], 1e-15);
+}
+
+// Law: the torque is that of the command and the gravity compensation, also while it fades and returns.
+TEST(Servo, CommandAndTorqueAgreeWhileTheyFade) {
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  setup.gravity_compensation = Vector3<>(0.0, 0.4, -0.1);
+  Servo<Premium, SpringWall> servo(
+      setup, SpringWall({.kind = SpringWall::Kind::point, .point = arm.forward(pose), .stiffness = Vector3<>::Constant(500.0)}));
+  for (int k = 0; k < 40; ++k) {
+    const bool refused = k > 3 && k < 25;
+    const auto& tick = servo.tick(refused ? Joints<3>(Joints<3>::Constant(nan_value)) : pressed, Vector3<>::Zero());
+    EXPECT_LT((tick.torque - arm.jacobian(pressed).transpose() * (tick.command + setup.gravity_compensation)).norm(), 1e-14) << k;
+  }
+}
+
 }  // namespace

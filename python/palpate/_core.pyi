@@ -194,37 +194,6 @@ class MassSpringBody(DeformableBody):
         Number of periods whose speed was reduced to keep the energy from rising.
         """
 
-class FreeFormBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], spacing: float, control_compliance: float, surface_layer: float, tangential_control_compliance: float, tangential_surface_layer: float, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
-
-    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """
-        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
-        """
-
-    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Return the duration of each step, s, including the clock's own."""
-
-    def contact_forces(self) -> tuple:
-        """
-        Return the contact nodes of the last step and the forces along their inward normals, N.
-        """
-
-    def friction_forces(self) -> NDArray[numpy.float64]:
-        """
-        Return the friction forces on the contact nodes of the last step (n, 3), N.
-        """
-
-    def reset(self) -> None: ...
-
-    def node_response(self, node: int, forces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
-        """
-        Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.
-        """
-
-    def displacement(self) -> NDArray[numpy.float64]:
-        """Return the displacements of the nodes (n, 3), m."""
-
 @overload
 def scatter_add(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None: ...
 

@@ -9,7 +9,6 @@
 #include <memory>
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/compliance.hpp>
-#include <palpate/deformable/linear/free_form_deformation.hpp>
 #include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <palpate/deformable/linear/modal.hpp>
 #include <palpate/deformable/linear/viscoelastic_solid.hpp>
@@ -247,39 +246,6 @@ void bind_mass_spring(nb::module_& m) {
           "Number of periods whose speed was reduced to keep the energy from rising.");
 }
 
-void bind_free_form(nb::module_& m) {
-  using palpate::deformable::FreeFormDeformation;
-  bind_kind<FreeFormDeformation>(m, "FreeFormBody")
-      .def(
-          "__init__",
-          [](BodyCore<FreeFormDeformation>* self, const Points& at, const Points& normals, const Numbers& areas, double spacing,
-             double normal_compliance, double normal_layer, double tangential_compliance, double tangential_layer, double mu_static,
-             double mu_dynamic) {
-            if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
-              throw nb::value_error("the sizes of the body's arrays do not match");
-            palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
-            FreeFormDeformation model(nodes, numbers(areas), spacing, {normal_compliance, normal_layer},
-                                      {tangential_compliance, tangential_layer});
-            new (self) BodyCore<FreeFormDeformation>(std::move(nodes), std::move(model), {mu_static, mu_dynamic});
-          },
-          "points"_a, "normals"_a, "areas"_a, "spacing"_a, "control_compliance"_a, "surface_layer"_a, "tangential_control_compliance"_a,
-          "tangential_surface_layer"_a, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
-      .def(
-          "displacement",
-          [](const BodyCore<FreeFormDeformation>& self) {
-            return new_points(static_cast<std::size_t>(self.nodes.size()), [&](std::size_t i) {
-              palpate::math::Vector3<> sum = palpate::math::Vector3<>::Zero();
-              for (int c = 0; c < self.contact.last().nodes; ++c) {
-                const std::int32_t node = self.contact.contact_nodes()[c];
-                sum += self.body.displacement(static_cast<std::int32_t>(i), node, self.contact.forces()[c],
-                                              self.contact.tangential_force(node));
-              }
-              return sum;
-            });
-          },
-          "Return the displacements of the nodes (n, 3), m.");
-}
-
 struct SignedDistanceCore : BodyInLoop {
   palpate::object::SignedDistanceBody body;
 
@@ -474,5 +440,4 @@ void bind_body(nb::module_& m) {
           "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_signed_distance(m);
   bind_mass_spring(m);
-  bind_free_form(m);
 }

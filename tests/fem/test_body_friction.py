@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from palpate import fem as bodies
 from palpate.fem import Body, BodyError, block
-from palpate.fem.free_form import weights
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -52,7 +51,6 @@ KINDS: dict[str, Rough] = {
     "mass_spring": lambda body, hold, slide: body.mass_spring(
         PERIOD, rayleigh_alpha=20.0, rayleigh_beta=2e-3, static_friction=hold, dynamic_friction=slide
     ),
-    "free_form": lambda body, hold, slide: body.free_form(static_friction=hold, dynamic_friction=slide),
 }
 
 
@@ -162,33 +160,6 @@ def test_a_lattice_that_sticks_is_the_dense_solution_of_its_springs(small: Body)
     assert len(nodes) >= 4
     assert felt.nodes[299] == len(nodes)
     assert felt.friction[-1, 0] - felt.friction[299, 0] == pytest.approx(-forces[:, 0].sum(), rel=0.05)
-
-
-def test_a_spline_that_sticks_is_the_dense_solution_of_its_law(body: Body) -> None:
-    way = 1e-6
-    rough = body.free_form(static_friction=100.0)
-    felt = rough.simulate_path(_drag(np.r_[0.0, np.full(30, way)], 3e-3), RADIUS, outward=[0, 0, 1])
-    nodes, law = rough.core.contact_forces()[0], rough.free_form_law
-    shared = (weights(body.nodes[nodes], law.spacing) @ weights(body.nodes[nodes], law.spacing).T).toarray()
-    yields = law.tangential_control_compliance * shared + np.diag(
-        law.tangential_layer_compliance / body.contents.areas[nodes]
-    )
-    forces = np.linalg.solve(yields, np.full(len(nodes), way))
-    assert -felt.friction[-1] @ [0.8, 0.6, 0.0] == pytest.approx(forces.sum(), rel=1e-3)
-    moved = rough.displacement()[nodes] @ [0.8, 0.6, 0.0]
-    assert moved == pytest.approx(np.full(len(nodes), way), rel=2e-3)
-
-
-def test_a_spline_sticks_about_as_stiffly_as_the_solid(body: Body) -> None:
-    """Flat ends: the law is fitted to what the body does along its surface, not only to what it does when pressed."""
-    path = np.tile([0.0195, 0.0203, TOP - 1e-3], (60, 1))
-    path[1:, 0] += 1e-6
-    for radius in (5e-3, 7e-3):
-        solid, shaped = (
-            kind.simulate_path(path, radius, outward=[0, 0, 1], tip="flat").friction[-1, 0]
-            for kind in (body.with_friction(100.0), body.free_form(static_friction=100.0))
-        )
-        assert shaped == pytest.approx(solid, rel=0.4)
 
 
 def test_coefficients_that_cannot_be_are_refused(body: Body) -> None:

@@ -19,7 +19,6 @@ KINDS: dict[str, Callable[[Body], Body]] = {
     "modal, rough": lambda body: body.modal(PERIOD, rayleigh_alpha=50.0, rayleigh_beta=2e-3, static_friction=0.5),
     "viscoelastic": lambda body: body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time=0.5),
     "mass_spring": lambda body: body.mass_spring(PERIOD, rayleigh_alpha=20.0, rayleigh_beta=2e-3),
-    "free_form": lambda body: body.free_form(),
 }
 
 

@@ -59,7 +59,6 @@ KINDS: dict[str, Callable[[Body], Body]] = {
     "modal": lambda body: body.modal("1 ms", rayleigh_beta="2 ms"),
     "viscoelastic": lambda body: body.viscoelastic("1 ms", instantaneous_ratio="1.5", retardation_time="50 ms"),
     "mass_spring": lambda body: body.mass_spring("1 ms", rayleigh_alpha="20 1/s"),
-    "free_form": lambda body: body.free_form(),
     "hyperelastic": lambda body: body.hyperelastic("1 ms", nodes_per_tip="16"),
 }
 
@@ -100,7 +99,6 @@ def test_friction_stays_when_a_kind_is_made_of_a_rough_body(body: Body, name: st
         ("modal", "modal (period 1 ms, rayleigh_beta 2 ms), friction"),
         ("viscoelastic", "viscoelastic (period 1 ms, instantaneous_ratio 1.5, retardation_time 50 ms), friction"),
         ("mass_spring", "mass_spring (period 1 ms, rayleigh_alpha 20 1/s), friction"),
-        ("free_form", "free_form, friction"),
         ("hyperelastic", "hyperelastic (period 1 ms, neo-hookean, update_interval 20 ms, nodes_per_tip 16), friction"),
     ],
 )
@@ -179,13 +177,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         ),
         (lambda body: body.mass_spring(True), "period: True is not a quantity"),
         (lambda body: body.with_friction(0.3, "0.4"), r"dynamic_friction: 0.4 must not exceed static_friction \(0.3\)"),
-        (lambda body: body.free_form(dynamic_friction=0.4), "must not exceed"),
         (
             lambda body: body.hyperelastic("1 ms", nodes_per_tip=4.5),
             "nodes_per_tip: 4.5 must be a whole number, from 4 to 64",
         ),
-        (lambda body: body.free_form(control_spacing="1 mm"), "control_spacing: 1 mm; it must lie between 1.11 mm"),
-        (lambda body: body.free_form(control_spacing="61 mm"), "and the body's extent of 60 mm"),
         (lambda body: body.scaled_stiffness(-2.0), "stiffness_scale: -2 must be positive"),
         (lambda body: body.scaled_stiffness(1e300), "stiffness_scale: 1e.300 must be between"),
         (lambda body: body.indent(["20", "20", "20"], 8e-3, 1e-3), 'point: "20" has no unit'),

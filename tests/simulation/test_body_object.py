@@ -81,7 +81,6 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("modal", {"rayleigh_beta": "1 ms", "static_friction": 0.5}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "static_friction": 0.5, "dynamic_friction": 0.4}),
-        ("free_form", {"static_friction": 0.5}),
     ],
 )
 def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:
@@ -299,8 +298,6 @@ BLOCK = (
         (ON + 'kind = "neo-hookean"\nnodes_per_tip = 4.5', "line 14: object.body.nodes_per_tip: 4.5 must be a whole"),
         (ON + 'kind = "neo-hookean"\nupdate_interval = "0.1 ms"', "line 14: object.body.update_interval: it lasts one"),
         (ON + "static_friction = 0.3\ndynamic_friction = 0.4", "line 14: object.body.dynamic_friction: 0.4 must"),
-        (ON + 'kind = "free_form"\ncontrol_spacing = "1 m"', "line 14: object.body.control_spacing: 1000 mm; it must"),
-        (ON + 'kind = "free_form"\nspacing = "5 mm"', "line 14: object.body.spacing has no meaning"),
         (ON + "friction = 0.4", 'line 13: unknown key "friction" in [object.body]; did you mean static_friction?'),
         (ON + "stiffness_scale = 0", "line 13: object.body.stiffness_scale: 0 must be positive"),
         (ON + "stiffness_scale = -2", "line 13: object.body.stiffness_scale: -2 must "),
@@ -321,15 +318,6 @@ def test_a_mistake_is_told_with_its_line(
     (block.parent / "mesh.stl").write_bytes(b"solid")
     found = refusal(HEAD + lines, block.parent)
     assert sentence in found, found
-
-
-def test_the_cells_of_a_block_are_not_the_grid_of_its_spline() -> None:
-    """Both are lengths between points; the block's `spacing` was taken for the spline's."""
-    block = {"shape": "block", "size": ["30 mm", "30 mm", "10 mm"], "young": "5 kPa", "spacing": "10 mm"}
-    given = {**block, "radius": "10 mm", "kind": "free_form", "control_spacing": "20 mm"}
-    choice = Scenario.from_dict(tables(given)).object.body
-    assert choice is not None
-    assert (choice.spacing, choice.options) == (0.01, {"control_spacing": 0.02})
 
 
 def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:

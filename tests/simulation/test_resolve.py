@@ -111,7 +111,6 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         ("modal", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("mass_spring", {"rayleigh_beta": "2 ms"}),
-        ("free_form", {}),
     ],
 )
 def test_linear_bodies_run_alike(

@@ -6,7 +6,6 @@
 #include "palpate/deformable/hyperelastic/neo_hookean.hpp"
 #include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
 #include "palpate/deformable/linear/compliance.hpp"
-#include "palpate/deformable/linear/free_form_deformation.hpp"
 #include "palpate/deformable/linear/full_compliance.hpp"
 #include "palpate/deformable/linear/mass_spring_model.hpp"
 #include "palpate/deformable/linear/modal.hpp"

@@ -84,9 +84,9 @@ std::string indices(Files& to, const std::string& name, const std::vector<std::a
   return blob(to, name, flat, width);
 }
 
-inline const char* const object_kinds[] = {
-    "wall",         "mesh",  "compliance", "standard_linear_solid", "modal",     "mass_spring",   "free_form",
-    "moving_frame", "scene", "force_law",  "gravity_well",          "vibration", "textured_wall", "virtual_mass"};
+inline const char* const object_kinds[] = {"wall",         "mesh",  "compliance", "standard_linear_solid", "modal",     "mass_spring",
+                                           "moving_frame", "scene", "force_law",  "gravity_well",          "vibration", "textured_wall",
+                                           "virtual_mass"};
 
 inline std::string wall() {
   return R"({"kind": "spring_wall", "shape": "half_space", "point": [0.0005, 0, 0], "normal": [-1, 0, 0], "stiffness": [100, 100, 100],)"
@@ -120,9 +120,6 @@ inline std::string body(Files& to, const std::string& model) {
                     R"( "radius": 0.004}, "static_friction": 0.5, "dynamic_friction": 0.4, "points": )" +
                     points(to, "points", at) + R"(, "normals": )" + points(to, "normals", normals) + R"(, "areas": )" +
                     blob(to, "areas", std::vector<double>(count, 2.5e-5));
-  if (model == "free_form")
-    return out + R"(, "spacing": 0.004, "control_compliance": 0.01, "surface_layer": 1e-7, "tangential_control_compliance": 0.01,)"
-                 R"( "tangential_surface_layer": 1e-7})";
   if (model != "compliance") out += R"(, "period": 0.001)";
   if (model == "mass_spring" || model == "modal") out += R"(, "rayleigh_alpha": 1.0, "rayleigh_beta": 0.001)";
   if (model == "mass_spring") {

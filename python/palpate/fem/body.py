@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Self
@@ -10,7 +9,6 @@ from typing import Any, Self
 import numpy as np
 
 from palpate import _core
-from palpate.arrays import Array
 from palpate.fem.checks import (
     friction_coefficients,
     not_negative,
@@ -20,14 +18,13 @@ from palpate.fem.checks import (
     tick_period,
     whole,
 )
-from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.free_form import FreeFormLaw, check_fit
+from palpate.fem.errors import BodyError
 from palpate.fem.indentation import IndentableBody
 from palpate.fem.model_spec import COMPLIANCE, CONTACTS, LAWS, ContactLaw, Law, ModelSpec
 from palpate.fem.storage import BodyData
 
 _MAX_MEMORY = 4e9  # bytes of a mass-spring model
-_CACHED = ("spring_network", "free_form_law")  # properties that depend on the contents only
+_CACHED = ("spring_network",)  # properties that depend on the contents only
 
 
 class Body(IndentableBody):
@@ -222,54 +219,6 @@ class Body(IndentableBody):
         arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values(), *numbers]
         body.core = _core.MassSpringBody(*arguments)
         return body
-
-    def free_form(
-        self,
-        period: float | str | None = None,
-        *,
-        control_spacing: float | str | None = None,
-        static_friction: float | str | None = None,
-        dynamic_friction: float | str | None = None,
-    ) -> Self:
-        """Return the same body as a calibrated free-form deformation, the cheapest and least accurate model.
-
-        See `palpate.fem.free_form` for the law, which is calibrated to this body's compliance. The model has no state,
-        so it ignores the `period`. `control_spacing` is the distance of the control points, m or text. It lies between
-        a quarter of the node spacing, below which no two nodes share a control point, and the body's extent. None
-        selects the spacing of least misfit.
-
-        Warns if the force on flat ends differs by more than 30 % from that of the body's compliance at one of eight
-        places.
-
-        Raises:
-            BodyError: a number is out of range.
-        """
-        options = {} if period is None else {"period": tick_period(period)}
-        law = self.free_form_law if control_spacing is None else self._law_at(control_spacing, options)
-        body = self._with_model("free_form", options, static_friction, dynamic_friction)
-        body.free_form_law = law
-        body.core = _core.FreeFormBody(*self._arrays()[:3], *law, *body.kind.friction)
-        check_fit(self.nodes, self.contents.areas, body._flat_force, type(self)(self.contents)._flat_force)
-        return body
-
-    def _flat_force(self, point: Array, radius: float, depth: float) -> float:
-        """Return the force, N, of a flat end pressed in at `point`; leave the body at rest."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", BodyWarning)
-            force = float(np.linalg.norm(self.indent(point, radius, depth, tip="flat").force))
-        self.core.reset()
-        return force
-
-    def _law_at(self, control_spacing: float | str, options: dict[str, float]) -> FreeFormLaw:
-        """Return the law for a control spacing, m or text, and add the spacing to `options`."""
-        spacing = options["control_spacing"] = positive(control_spacing, "m", "control_spacing")
-        lowest = 0.25 * float(np.sqrt(self.contents.areas.mean()))
-        if not lowest <= spacing <= self.extent:
-            raise BodyError(
-                f"control_spacing: {1e3 * spacing:g} mm; it must lie between {1e3 * lowest:.3g} mm, a quarter of the "
-                f"node spacing, and the body's extent of {1e3 * self.extent:.3g} mm"
-            )
-        return self._free_form_law(spacing)
 
     def hyperelastic(
         self,

@@ -17,7 +17,6 @@ from palpate.arrays import Array, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError
-from palpate.fem.free_form import FreeFormLaw, calibrate
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches
 from palpate.fem.storage import BodyData, read, write
@@ -28,7 +27,6 @@ CoreBody = (
     | _core.ModalBody
     | _core.StandardLinearSolidBody
     | _core.MassSpringBody
-    | _core.FreeFormBody
     | _core.HyperelasticBody
     | _core.SignedDistanceBody
 )
@@ -163,14 +161,6 @@ class CondensedBody:
         """Masses and springs of `mass_spring`. Takes a few seconds for thousands of vertices."""
         density = self._recorded("density_kg_per_m3")
         return build_network(self.volume, self.contents.young, self._recorded("poisson"), density)
-
-    @cached_property
-    def free_form_law(self) -> FreeFormLaw:
-        """Calibrated law of `free_form` with the control spacing of least misfit."""
-        return self._free_form_law(None)
-
-    def _free_form_law(self, control_spacing: float | None) -> FreeFormLaw:
-        return calibrate(self.nodes, self.normals, self.contents.areas, self.compliance, control_spacing)
 
     @cached_property
     def tangential_compliance(self) -> tuple[float, float]:

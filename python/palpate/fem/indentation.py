@@ -282,12 +282,12 @@ class IndentableBody(CondensedBody):
     def displacement(self) -> Array:
         """Return the mean displacement of each node's patch (n, 3), m.
 
-        A linear body gives the long-term displacement under the forces of the last tick. A mass-spring or free-form
-        body gives its current displacement, a hyperelastic body that of the last model update.
+        A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body gives
+        its current displacement, a hyperelastic body that of the last model update.
         """
         if isinstance(self.core, _core.HyperelasticBody):
             return np.asarray(self.patch_weights @ self.core.displacement())
-        if isinstance(self.core, _core.MassSpringBody | _core.FreeFormBody):
+        if isinstance(self.core, _core.MassSpringBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.contact_forces()
         total = np.zeros(3 * len(self.nodes))

@@ -16,7 +16,7 @@ class ModelData(NamedTuple):
     """Arguments of a body model of the core.
 
     Attributes:
-        model: "compliance", "modal", "standard_linear_solid", "mass_spring", "free_form" or "hyperelastic".
+        model: "compliance", "modal", "standard_linear_solid", "mass_spring" or "hyperelastic".
         parameters: numbers of the model in SI, static and dynamic friction included; and the law of a hyperelastic one.
         arrays: by name; float64, float32, int32 or uint8.
     """
@@ -36,16 +36,6 @@ def model_data(body: Body) -> ModelData:
     parameters: dict[str, float | str] = {"static_friction": static, "dynamic_friction": dynamic}
     arrays: Arrays = {"points": points, "normals": normals, "areas": areas}
     name = body.kind.name
-    if name == "free_form":
-        law = body.free_form_law
-        parameters |= {
-            "spacing": law.spacing,
-            "control_compliance": law.control_compliance,
-            "surface_layer": law.layer_compliance,
-            "tangential_control_compliance": law.tangential_control_compliance,
-            "tangential_surface_layer": law.tangential_layer_compliance,
-        }
-        return ModelData("free_form", parameters, arrays)
     if name == "mass_spring":
         network = body._network_arrays()
         network["fixed"] = network["fixed"].astype(np.uint8)

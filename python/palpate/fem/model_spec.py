@@ -16,7 +16,6 @@ _UNITS: Final = {
     "update_interval": ("ms", 1e3),
     "rayleigh_beta": ("ms", 1e3),
     "retardation_time": ("ms", 1e3),
-    "control_spacing": ("mm", 1e3),
     "rayleigh_alpha": ("1/s", 1.0),
 }
 

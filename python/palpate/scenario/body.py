@@ -49,7 +49,6 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "modal": {**_DAMPING, **_CREEP, **_FRICTION},
     "mass_spring": {**_DAMPING, **_FRICTION},
     "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
-    "free_form": {"control_spacing": Option("m", POSITIVE), **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
@@ -184,8 +183,7 @@ class BodyChoice(Section):
                 raise ValueError(f"{key} is missing; write for example {key} = {example}")
         for key in sorted({key for keys in _SHAPES.values() for key in keys} - set(mine)):
             if getattr(self, key) is not None:
-                hint = "; free_form takes control_spacing" if (key, self.kind) == ("spacing", "free_form") else ""
-                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"{hint}')
+                raise ValueError(f'{key} has no meaning for shape = "{self.shape}"')
         if self.contact is not None and self.kind not in WITH_CONTACT:
             raise ValueError(f"contact has no meaning for {self.kind}, only for {', '.join(WITH_CONTACT)}")
         for key, option in KINDS[self.kind].items():

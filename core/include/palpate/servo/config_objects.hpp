@@ -12,7 +12,6 @@
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/linear/compliance.hpp"
-#include "palpate/deformable/linear/free_form_deformation.hpp"
 #include "palpate/deformable/linear/mass_spring_model.hpp"
 #include "palpate/deformable/linear/modal.hpp"
 #include "palpate/deformable/linear/viscoelastic_solid.hpp"
@@ -203,7 +202,7 @@ template <class Model>
 
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_body(ConfigReader& reader, const Section& from) {
   using deformable::SurfaceNodes;
-  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "free_form", "hyperelastic"};
+  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "hyperelastic"};
   const std::string model = models[from.choice("model", models)];
   const deformable::DryFriction friction = {from.number("static_friction", 0.0, 1e6), from.number("dynamic_friction", 0.0, 1e6)};
   if (model == "hyperelastic") return read_hyperelastic(reader, from, friction);
@@ -225,14 +224,6 @@ template <class Model>
   if (!usable) from.fail("points", "need positions within 1000 km, unit normals and positive areas");
   if (!reader.ok()) return nullptr;
   SurfaceNodes nodes(points, normals, areas);
-  if (model == "free_form") {
-    const double spacing = from.number("spacing", farthest * 1e-6, 1e6);
-    const deformable::FreeFormData normal = {from.number("control_compliance"), from.number("surface_layer")};
-    const deformable::FreeFormData tangential = {from.number("tangential_control_compliance"), from.number("tangential_surface_layer")};
-    if (!reader.ok()) return nullptr;
-    const deformable::FreeFormDeformation body(nodes, areas, spacing, normal, tangential);
-    return own(std::move(nodes), body, friction);
-  }
   if (model == "mass_spring") {
     const double period = from.number("period", 1e-9, 1e3);
     const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);

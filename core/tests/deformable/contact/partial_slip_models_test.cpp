@@ -1,11 +1,10 @@
-// Friction on modal, mass-spring and free-form models: closed forms, Coulomb's cone, passivity.
+// Friction on modal and mass-spring models: closed forms, Coulomb's cone, passivity.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <palpate/deformable/contact/tip_contact.hpp>
-#include <palpate/deformable/linear/free_form_deformation.hpp>
 #include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <palpate/deformable/linear/modal.hpp>
 #include <random>
@@ -188,25 +187,6 @@ TEST(ModalFriction, IsPassiveOverClosedPaths) {
     EXPECT_GT(lost, 2e-5);
     EXPECT_GT(counts.least(), 200);
   }
-}
-
-// No memory, curved surface, both tips.
-TEST(FreeFormFriction, IsPassiveOverClosedPaths) {
-  const Cap cap;
-  palpate::deformable::FreeFormDeformation spline(cap.nodes, cap.areas, 2e-3, {2e-3, 2e-10}, {3e-3, 3e-10});
-  TipContact<palpate::deformable::FreeFormDeformation> smooth(cap.nodes, spline), rough(cap.nodes, spline, {0.7, 0.5});
-  std::mt19937 random(33);
-  double lost = 0.0;
-  Counts counts;
-  for (int number = 0; number < 60 * rounds(); ++number)
-    lost += follow(smooth, rough, Path(random), number, 200,
-                   [&](const Tip& tip, const ContactResult& a, const ContactResult& b, double in, double most) {
-                     const double slack = tip.kind == Tip::Kind::sphere ? 1e-6 : 2e-2;  // a flat end's edge crosses patches in finite steps
-                     ASSERT_GE(in, b.energy - a.energy - slack * most - 1e-12) << number;
-                     counts.see(b);
-                   });
-  EXPECT_GT(lost, 2e-6);
-  EXPECT_GT(counts.least(), 200);
 }
 
 // The work against friction is at least the work done on the nodes, and the body's energy never exceeds the work of all nodal forces.

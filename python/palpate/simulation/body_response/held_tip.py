@@ -86,7 +86,7 @@ class HeldTip:
         """Whether the force depends on the position of the tip alone."""
         if isinstance(self.core, _core.SignedDistanceBody):
             return not self.core.has_memory
-        return isinstance(self.core, _core.ComplianceBody | _core.FreeFormBody)
+        return isinstance(self.core, _core.ComplianceBody)
 
     def move(self, displacements: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the force on the body (m, 3), N, and the number of nodes, as the tip moves about where it is held.

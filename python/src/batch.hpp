@@ -16,7 +16,8 @@ void run_lanes(std::size_t index, bool workspace, const void* queue, int ticks, 
 int most_lanes();
 
 /// Runs any number of cells, each a row of outcome_width<dof> in `rows`, on `threads` threads with at most `lanes` lanes each (0: all that
-/// there are). What a cell finds depends on neither. `cell(i, setup)` puts cell i's own values into a copy of the base setup.
+/// there are), with a flexible mode without lanes. What a cell finds depends on neither. `cell(i, setup)` puts cell i's own values into a
+/// copy of the base setup.
 template <class Mechanism, class Setup, class Cell>
 void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
                double* rows, int threads, int lanes);

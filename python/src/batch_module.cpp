@@ -75,7 +75,9 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
   constexpr int width = palpate::servo::outcome_width<Mechanism::dof>;
   using Setup = LoopSetup<Mechanism>;
   check_signals(reference, operator_force);
-  if (!palpate::servo::runs_in_lanes(base.complete()))
+  palpate::servo::SimulationSetup<Mechanism> rigid = base.complete();
+  rigid.flexible.reset();  // with a mode the cells run one loop at a time
+  if (!palpate::servo::runs_in_lanes(rigid))
     throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear or a workspace controller");
   struct Own {
     const double* data;

@@ -99,11 +99,31 @@ void run_cells_with(const Setup& base, const Cell& cell, std::ptrdiff_t count, i
   for (std::thread& other : others) other.join();
 }
 
+/// As run_cells(), one loop at a time: a device with a flexible mode does not run in lanes.
+template <class Mechanism, class Setup, class Cell>
+void run_singly(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
+                double* rows, int threads) {
+  std::atomic<std::ptrdiff_t> taken = 0;
+  const auto work = [&] {
+    Setup setup = base;
+    for (std::ptrdiff_t i = taken.fetch_add(1); i < count; i = taken.fetch_add(1)) {
+      cell(i, setup);
+      servo::simulate_outcome<Mechanism>(setup, ticks, reference, operator_force, rows + i * servo::outcome_width<Mechanism::dof>);
+    }
+  };
+  std::vector<std::thread> others;
+  for (int i = 1; i < std::min(static_cast<std::ptrdiff_t>(threads), count); ++i) others.emplace_back(work);
+  work();
+  for (std::thread& other : others) other.join();
+}
+
 template <class Mechanism, class Setup, class Cell>
 void run_cells(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference, const double* operator_force,
                double* rows, int threads, int lanes) {
   using Workspace = control::WorkspaceController<Mechanism>;
-  if (servo::has_workspace_controller(base))
+  if (base.flexible)
+    run_singly<Mechanism>(base, cell, count, ticks, reference, operator_force, rows, threads);
+  else if (servo::has_workspace_controller(base))
     run_cells_with<Mechanism, Workspace>(base, cell, count, ticks, reference, operator_force, rows, threads, lanes);
   else
     run_cells_with<Mechanism, control::StateSpace>(base, cell, count, ticks, reference, operator_force, rows, threads, lanes);

@@ -2,6 +2,7 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 
+#include <palpate/mechanism/flexible_mechanism.hpp>
 #include <palpate/mechanism/registry.hpp>
 #include <palpate/plant/human_arm.hpp>
 
@@ -39,6 +40,19 @@ NB_MODULE(_core, m) {
       .def_rw("tissue_stiffness", &palpate::plant::HumanArm::tissue_stiffness)
       .def_rw("tissue_damping", &palpate::plant::HumanArm::tissue_damping)
       .def_rw("rest", &palpate::plant::HumanArm::rest);
+
+  using palpate::mechanism::FlexibleMode;
+  nb::class_<FlexibleMode>(m, "FlexibleMode", "Lowest mode between motors and tip.")
+      .def(
+          "__init__",
+          [](FlexibleMode* self, double frequency, double tip_share, double damping_ratio) {
+            new (self) FlexibleMode{frequency, tip_share, damping_ratio};
+          },
+          "frequency"_a, "tip_share"_a, "damping_ratio"_a, "frequency: with motors and tip free, Hz.")
+      .def_ro("frequency", &FlexibleMode::frequency)
+      .def_ro("tip_share", &FlexibleMode::tip_share)
+      .def_ro("damping_ratio", &FlexibleMode::damping_ratio)
+      .def("fault", &FlexibleMode::fault, "period"_a, "Return the first thing that is wrong with a servo period, s; None if nothing is.");
 
   palpate::mechanism::Registry::for_each([&m]<class Mechanism>() { bind_loop<Mechanism>(m, class_name<Mechanism>().c_str()); });
   bind_mechanisms(m);

@@ -34,11 +34,10 @@ namespace nb = nanobind;
 using namespace nb::literals;
 
 /// Run the loop of the moving device and time the servo's part of each period. If `paced`, model updates of a body run in a thread.
-template <class Mechanism>
-void time_ticks(const LoopSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force, bool paced,
-                double* seconds) {
+template <class Mechanism, class Plant>
+void time_ticks(const LoopSetup<Mechanism>& setup, Plant plant, int ticks, const double* reference, const double* operator_force,
+                bool paced, double* seconds) {
   using Time = std::chrono::steady_clock;
-  palpate::servo::detail::MovingPlant<Mechanism> plant(setup);
   const palpate::servo::SimulationSetup<Mechanism> loop = setup.complete();
   typename palpate::servo::Loop<Mechanism>::LoopServo servo(loop, loop.object, loop.controller, loop.guard);
   const palpate::actuation::TickSchedule<double> regular(setup.period, 0.0, 0);
@@ -151,6 +150,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def_rw("mechanism", &Setup::mechanism)
       .def_rw("friction", &Setup::friction)
       .def_rw("human_arm", &Setup::human_arm)
+      .def_rw("flexible", &Setup::flexible, nb::arg().none())
       .def_prop_rw(
           "encoder_step", [](const Setup& s) { return s.encoder.step; },
           [](Setup& s, const palpate::math::Joints<dof>& step) { s.encoder.step = step; })
@@ -206,7 +206,14 @@ void bind_loop(nb::module_& m, const char* name) {
             check_signals(reference, operator_force);
             auto [seconds, data] = new_array<double>({reference.shape(0)});
             const nb::gil_scoped_release unlocked;
-            time_ticks(self, static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced, data);
+            const auto time = [&, data = data](auto plant) {
+              time_ticks(self, std::move(plant), static_cast<int>(reference.shape(0)), reference.data(), operator_force.data(), paced,
+                         data);
+            };
+            if (self.is_flexible())
+              time(palpate::servo::detail::FlexiblePlant<Mechanism>(self));
+            else
+              time(palpate::servo::detail::MovingPlant<Mechanism>(self));
             return seconds;
           },
           "reference"_a, "operator_force"_a, "paced"_a,

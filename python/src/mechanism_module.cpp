@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <map>
+#include <palpate/mechanism/flexible_mechanism.hpp>
 #include <palpate/mechanism/registry.hpp>
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/plant/plant_integrator.hpp>
@@ -98,6 +99,46 @@ typename Mechanism::Parameters parameters_of(const Values& values) {
 template <int rows, int columns>
 using RowMajor = Eigen::Matrix<double, rows, columns, (columns > 1 ? Eigen::RowMajor : Eigen::ColMajor)>;
 
+/// Bind the energy and the linearization of a mechanism, rigid or flexible.
+template <class Mechanism>
+void bind_motion(nb::class_<Mechanism>& cls) {
+  constexpr int dof = Mechanism::dof;
+  using Q = palpate::math::Joints<dof>;
+  const auto joint = [](const Rows& a, std::size_t i) { return Q(Eigen::Map<const Q>(a.data() + i * dof)); };
+
+  cls.def("energy", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
+    auto [out, data] = new_array<double>({q.shape(0)});
+    for (std::size_t i = 0; i < q.shape(0); ++i) {
+      const Q at = joint(q, i);
+      const Q speed = joint(qd, i);
+      data[i] = 0.5 * speed.dot(self.mass_matrix(at) * speed) + self.potential(at);
+    }
+    return out;
+  });
+  cls.def("linearization", [](const Mechanism& self, const Q& viscous, const Q& q, const Q& qd, const Q& tau) {
+    using Variable = palpate::math::Dual<3 * dof>;
+    palpate::math::Joints<dof, Variable> at, speed, torque;
+    for (int k = 0; k < dof; ++k) {
+      at[k] = Variable::variable(q[k], k);
+      speed[k] = Variable::variable(qd[k], dof + k);
+      torque[k] = Variable::variable(tau[k], 2 * dof + k) - viscous[k] * speed[k];
+    }
+    const palpate::math::Joints<dof, Variable> qdd = self.acceleration(at, speed, torque);
+    Eigen::Matrix<double, dof, 3 * dof> d;
+    for (int k = 0; k < dof; ++k) d.row(k) = qdd[k].gradient.transpose();
+    return Eigen::MatrixXd(d);
+  });
+}
+
+/// Bind a mechanism with its lowest flexible mode: states and torques of the motors, then of the tip's side.
+template <class Mechanism>
+void bind_flexible(nb::module_& m) {
+  using Flexible = palpate::mechanism::FlexibleMechanism<Mechanism>;
+  nb::class_<Flexible> cls(m, ("Flexible" + class_name<Mechanism>()).c_str());
+  cls.def(nb::init<const Mechanism&, const palpate::mechanism::FlexibleMode&>(), "rigid"_a, "mode"_a);
+  bind_motion<Flexible>(cls);
+}
+
 /// Bind one mechanism: construction from a parameter table, and its functions on rows of states.
 template <class Mechanism>
 void bind_mechanism(nb::module_& m) {
@@ -150,15 +191,6 @@ void bind_mechanism(nb::module_& m) {
     for (std::size_t i = 0; i < q.shape(0); ++i) Eigen::Map<Q>(data + dof * i) = self.gravity(joint(q, i));
     return out;
   });
-  cls.def("energy", [joint](const Mechanism& self, const Rows& q, const Rows& qd) {
-    auto [out, data] = new_array<double>({q.shape(0)});
-    for (std::size_t i = 0; i < q.shape(0); ++i) {
-      const Q at = joint(q, i);
-      const Q speed = joint(qd, i);
-      data[i] = 0.5 * speed.dot(self.mass_matrix(at) * speed) + self.potential(at);
-    }
-    return out;
-  });
   cls.def("acceleration", [joint](const Mechanism& self, const palpate::plant::JointFriction<dof>& friction, const Rows& q, const Rows& qd,
                                   const Rows& tau) {
     const palpate::plant::PlantIntegrator<Mechanism> motion(self, friction, palpate::plant::HumanArm{});
@@ -167,19 +199,7 @@ void bind_mechanism(nb::module_& m) {
       Eigen::Map<Q>(data + dof * i) = motion.acceleration(joint(q, i), joint(qd, i), joint(tau, i));
     return out;
   });
-  cls.def("linearization", [](const Mechanism& self, const Q& viscous, const Q& q, const Q& qd, const Q& tau) {
-    using Variable = palpate::math::Dual<3 * dof>;
-    palpate::math::Joints<dof, Variable> at, speed, torque;
-    for (int k = 0; k < dof; ++k) {
-      at[k] = Variable::variable(q[k], k);
-      speed[k] = Variable::variable(qd[k], dof + k);
-      torque[k] = Variable::variable(tau[k], 2 * dof + k) - viscous[k] * speed[k];
-    }
-    const palpate::math::Joints<dof, Variable> qdd = self.acceleration(at, speed, torque);
-    Eigen::Matrix<double, dof, 3 * dof> d;
-    for (int k = 0; k < dof; ++k) d.row(k) = qdd[k].gradient.transpose();
-    return Eigen::MatrixXd(d);
-  });
+  bind_motion<Mechanism>(cls);
   cls.def(
       "inverse",
       [](const Mechanism& self, const palpate::math::Vector3<>& p, const Q& nearest_to) {
@@ -226,5 +246,8 @@ void bind_mechanisms(nb::module_& m) {
         return out;
       },
       "Return the parameters of the C++ catalog entry by key.");
-  Registry::for_each([&m]<class Mechanism>() { bind_mechanism<Mechanism>(m); });
+  Registry::for_each([&m]<class Mechanism>() {
+    bind_mechanism<Mechanism>(m);
+    bind_flexible<Mechanism>(m);
+  });
 }

@@ -15,6 +15,7 @@
 #include "palpate/math/latest_value.hpp"
 #include "palpate/math/sincos.hpp"
 #include "palpate/math/vector.hpp"
+#include "palpate/mechanism/flexible_mechanism.hpp"
 #include "palpate/mechanism/mechanism.hpp"
 #include "palpate/mechanism/registry.hpp"
 #include "palpate/mechanism/tip_kinematics.hpp"

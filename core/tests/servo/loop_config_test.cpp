@@ -245,6 +245,29 @@ TEST(LoopConfig, AHyperelasticBodyNamesTheLibraryThatItNeeds) {
   EXPECT_NE(load(files).error.find("object.model is \"hyperelastic\"; link palpate::hyperelastic"), std::string::npos) << load(files).error;
 }
 
+TEST(LoopConfig, AFlexiblePlantMovesWithItsMode) {
+  const auto with_mode = [](const std::string& mode) {
+    Files files = loop_folder::valid("compliance");
+    std::string& text = files["loop.json"];
+    text.replace(text.find(R"("kind": "nonlinear")"), 19, R"("kind": "flexible", "flexible": )" + mode);
+    loop_folder::seal(files);
+    return load(files);
+  };
+  const LoopConfigResult loaded = with_mode(R"({"frequency": 60, "tip_share": 0.4, "damping_ratio": 0.1})");
+  ASSERT_TRUE(loaded) << loaded.error;
+  const LoopConfigResult rigid = load(loop_folder::valid("compliance"));
+  const std::vector<double> rows = run(*loaded.config, 100), without = run(*rigid.config, 100);
+  ASSERT_EQ(rows.size(), without.size() + 2 * 101);
+  const std::size_t width = rows.size() / 101;
+  const double motors = rows[100 * width], tip = rows[101 * width - 2];
+  EXPECT_GT(tip, motors + 1e-6);
+  EXPECT_NE(motors, without[100 * (width - 2)]);
+  EXPECT_NE(with_mode(R"({"frequency": 60, "tip_share": 1.2, "damping_ratio": 0.1})").error.find("plant.flexible: tip_share must be"),
+            std::string::npos);
+  EXPECT_NE(with_mode(R"({"frequency": 1e9, "tip_share": 0.2, "damping_ratio": 0.1})").error.find("10000 integration steps"),
+            std::string::npos);
+}
+
 TEST(LoopConfig, AMotionNeedsIncreasingTimes) {
   Files files = loop_folder::valid("moving_frame");
   std::vector<double> motion(14, 0.0);

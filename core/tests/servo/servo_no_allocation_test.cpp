@@ -56,6 +56,24 @@ TEST(NoAllocation, InATickAndAPeriodOfMotion) {
   EXPECT_TRUE(state.q.allFinite());
 }
 
+TEST(NoAllocation, InAPeriodOfMotionWithAFlexibleMode) {
+  palpate::servo::SimulationSetup<Premium> setup;
+  setup.mechanism = Premium(palpate::plant::phantom_premium_1_5a());
+  setup.start = Joints<3>(0.0, 2.2305, 3.2776);
+  setup.flexible = palpate::mechanism::FlexibleMode{120.0, 0.3, 0.01};
+  setup.friction = palpate::plant::phantom_premium_1_5a_friction();
+  setup.friction.coulomb = setup.friction.breakaway = Joints<3>::Constant(0.01);
+  setup.human_arm.mass = 0.15;
+  setup.human_arm.tissue = true;
+  setup.human_arm.tissue_stiffness = 500.0;
+  palpate::servo::detail::FlexiblePlant<Premium> plant(setup);
+  const palpate::actuation::TickSchedule<double> regular(1e-3, 0.0, 0);
+  const long before = allocations;
+  for (int k = 0; k < 300; ++k) plant.advance(Joints<3>(0.01, 0.02, 0.02), {Vector3<>(0.1, 0.0, 0.0), Vector3<>(0.1, 0.1, 0.0)}, regular);
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(plant.tip().allFinite());
+}
+
 TEST(NoAllocation, InATickOfAWorkspaceControllerAndOfANormalizedOne) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);

@@ -112,7 +112,8 @@ class Premium {
   /// Return the cache at `q` [rad], computed from the nearby `reference`. If a joint is more than `max_medium_rotation` away from the
   /// reference, its sine and cosine are recomputed and the reference moves to `q`.
   template <class Scalar>
-  [[nodiscard]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& reference, const Angles<Scalar>& q) const {
+  [[nodiscard, gnu::always_inline]] KinematicsCache<Scalar> kinematics_near(KinematicsCache<Scalar>& reference,
+                                                                            const Angles<Scalar>& q) const {
     using std::abs;
     const Angles<Scalar> dq = q - reference.q;
     const Scalar limit = max_medium_rotation;

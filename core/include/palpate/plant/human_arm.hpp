@@ -43,8 +43,22 @@ struct ForceSegment {
   Vector3<Scalar> begin = Vector3<Scalar>::Constant(0.0);
   Vector3<Scalar> end = Vector3<Scalar>::Constant(0.0);
 
+  // Loops in place of Eigen's expressions, which the compiler does not always inline into the step.
+
   /// Force at a fraction of the period, 0 to 1.
-  [[nodiscard]] Vector3<Scalar> at(double fraction) const { return begin + fraction * (end - begin); }
+  [[nodiscard]] Vector3<Scalar> at(double fraction) const {
+    Vector3<Scalar> out;
+    for (int i = 0; i < 3; ++i) out[i] = begin[i] + fraction * (end[i] - begin[i]);
+    return out;
+  }
+
+  /// Rate of the force over the `period` [s], N/s.
+  template <class Time>
+  [[nodiscard]] Vector3<Scalar> rate(const Time& period) const {
+    Vector3<Scalar> out;
+    for (int i = 0; i < 3; ++i) out[i] = (end[i] - begin[i]) / period;
+    return out;
+  }
 };
 
 }  // namespace palpate::plant

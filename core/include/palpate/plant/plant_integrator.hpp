@@ -102,7 +102,7 @@ class PlantIntegrator {
                        int substeps) const {
     const Time step = period / static_cast<double>(substeps);
     AppliedLoad load{torque, force.begin, Vector::Constant(0.0)};
-    if constexpr (coupling != HandCoupling::none) load.force_rate = (force.end - force.begin) / period;
+    if constexpr (coupling != HandCoupling::none) load.force_rate = force.rate(period);
     for (int i = 0; i < substeps; ++i) {
       if constexpr (coupling != HandCoupling::none) {
         load.force = force.at(static_cast<double>(i) / substeps);

@@ -48,11 +48,11 @@ template <class Mechanism>
     return false;
 }
 
-/// Return true if the loop can run in lanes: a moving device, a spring or wall, a linear or a workspace controller, and no
-/// guard.
+/// Return true if the loop can run in lanes: a moving rigid device, a spring or wall, a linear or a workspace controller, and
+/// no guard.
 template <class Mechanism>
 [[nodiscard]] bool runs_in_lanes(const SimulationSetup<Mechanism>& s) noexcept {
-  return !s.fixed && !s.linear && !s.guard.active() && s.object.template get_if<object::SpringWall>() &&
+  return !s.fixed && !s.linear && !s.flexible && !s.guard.active() && s.object.template get_if<object::SpringWall>() &&
          (s.controller.template get_if<control::StateSpace>() || has_workspace_controller(s));
 }
 
@@ -195,7 +195,7 @@ class LaneRunner {
     servo_.set_lane(lane, one.servo);
     plant_.set_lane(lane, one.plant);
     clock_.set_lane(lane, one.clock);
-    monitor_.set_lane(lane, one.plant.angles(), one.tip);
+    monitor_.set_lane(lane, one.plant.angles(), one.tip, one.tip);
     tick_.set(lane, 0.0);
   }
 
@@ -228,8 +228,9 @@ namespace detail {
 template <class Mechanism>
 class SingleLoopMonitor {
  public:
-  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks) : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.window_start) {
-    monitor_.set_lane(0, s.start, s.mechanism.forward(s.start));
+  SingleLoopMonitor(const SimulationSetup<Mechanism>& s, int ticks, const Vector3<>& tip)
+      : clock_(s.period, s.jitter, s.seed), monitor_(ticks, s.window_start) {
+    monitor_.set_lane(0, s.start, tip, s.mechanism.forward(s.start));
   }
 
   template <class Plant, class Servo>
@@ -254,10 +255,15 @@ class SingleLoopMonitor {
 template <class Mechanism>
 void simulate_outcome(const SimulationSetup<Mechanism>& setup, int ticks, const double* reference, const double* operator_force,
                       double* row) noexcept {
-  detail::SingleLoopMonitor<Mechanism> monitor(setup, ticks);
-  detail::MovingPlant<Mechanism> plant(setup);
-  detail::run(setup, plant, ticks, reference, operator_force, monitor);
-  monitor.write(row);
+  const auto observe = [&](auto plant) {
+    detail::SingleLoopMonitor<Mechanism> monitor(setup, ticks, plant.tip());
+    detail::run(setup, plant, ticks, reference, operator_force, monitor);
+    monitor.write(row);
+  };
+  if (setup.flexible)
+    observe(detail::FlexiblePlant<Mechanism>(setup));
+  else
+    observe(detail::MovingPlant<Mechanism>(setup));
 }
 
 }  // namespace palpate::servo

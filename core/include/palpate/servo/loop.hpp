@@ -73,11 +73,13 @@ class Loop {
   [[nodiscard]] const SimulationSetup<Mechanism>& setup() const noexcept { return setup_; }
 
  private:
-  using Plant = std::variant<detail::MovingPlant<Mechanism>, detail::SampledPlant<Mechanism>, detail::FixedPlant<Mechanism>>;
+  using Plant = std::variant<detail::MovingPlant<Mechanism>, detail::FlexiblePlant<Mechanism>, detail::SampledPlant<Mechanism>,
+                             detail::FixedPlant<Mechanism>>;
 
   static Plant plant_of(const SimulationSetup<Mechanism>& s) {
     if (s.fixed) return detail::FixedPlant<Mechanism>(s);
     if (s.linear) return detail::SampledPlant<Mechanism>(s);
+    if (s.flexible) return detail::FlexiblePlant<Mechanism>(s);
     return detail::MovingPlant<Mechanism>(s);
   }
   static actuation::TickSchedule<double> schedule_of(const SimulationSetup<Mechanism>& s) { return {s.period, s.jitter, s.seed}; }

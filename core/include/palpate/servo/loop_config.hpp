@@ -16,6 +16,7 @@
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/workspace_controller.hpp"
 #include "palpate/guard/any_guard.hpp"
+#include "palpate/mechanism/flexible_mechanism.hpp"
 #include "palpate/mechanism/registry.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/servo/blob.hpp"
@@ -80,6 +81,7 @@ class LoopConfig {
     out.friction.breakaway = joints(breakaway_);
     out.friction.stribeck_speed = joints(stribeck_speed_);
     out.human_arm = human_arm_;
+    out.flexible = flexible_;
     out.fixed = fixed_;
     out.linear = linear_;
     out.plant_a = plant_a_;
@@ -112,6 +114,7 @@ class LoopConfig {
   std::vector<double> viscous_, coulomb_, breakaway_, stribeck_speed_;
   Vector3<> gravity_compensation_ = Vector3<>::Zero();
   plant::HumanArm human_arm_;
+  std::optional<mechanism::FlexibleMode> flexible_;
   Eigen::MatrixXd plant_a_, plant_b_, plant_c_;
   object::AnyObject object_;
   control::AnyController controller_;
@@ -231,7 +234,7 @@ class LoopConfigLoader {
   }
 
   void read_plant(const Section& from) {
-    const std::size_t kind = from.choice("kind", {"nonlinear", "sampled", "fixed"});
+    const std::size_t kind = from.choice("kind", {"nonlinear", "sampled", "fixed", "flexible"});
     config_.linear_ = kind == 1;
     config_.fixed_ = kind == 2;
     config_.start_speed_ = joints(from, "start_speed");
@@ -254,6 +257,7 @@ class LoopConfigLoader {
     config_.human_arm_.tissue_damping = arm.number("tissue_damping", 0.0, 1e12);
     config_.human_arm_.rest = arm.vector("rest");
     config_.working_torque_.assign(static_cast<std::size_t>(config_.dof), 0.0);
+    if (kind == 3) read_flexible(from.section("flexible"));
     if (!config_.linear_) return;
     const Section model = from.section("model");
     const std::int64_t order = model.integer("order", 0, 1000);
@@ -261,6 +265,13 @@ class LoopConfigLoader {
     config_.plant_b_ = model.matrix("b", order, config_.dof);
     config_.plant_c_ = model.matrix("c", config_.dof, order);
     config_.working_torque_ = joints(model, "working_torque");
+  }
+
+  void read_flexible(const Section& from) {
+    const mechanism::FlexibleMode mode{from.number("frequency"), from.number("tip_share"), from.number("damping_ratio")};
+    if (const char* fault = mode.fault(config_.period_); fault != nullptr && reader_.ok())
+      reader_.fail(std::string("plant.flexible: ") + fault);
+    config_.flexible_ = mode;
   }
 
   void read_run(const Section& from) {

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <type_traits>
 
 #include "palpate/actuation/tick_schedule.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/guard/any_guard.hpp"
 #include "palpate/mechanism/conditioning.hpp"
+#include "palpate/mechanism/flexible_mechanism.hpp"
 #include "palpate/mechanism/kinematics_cache.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/plant/plant_integrator.hpp"
@@ -31,6 +33,7 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 
   plant::JointFriction<dof> friction;
   plant::HumanArm human_arm;
+  std::optional<mechanism::FlexibleMode> flexible;  ///< without fault(period); not of a fixed or linear plant, nor in SIMD lanes
 
   bool fixed = false;   ///< the operator holds the tip at the start: nothing moves
   bool linear = false;  ///< the plant is x' = A x + B u, q = C x instead of the mechanism
@@ -45,22 +48,26 @@ struct SimulationSetup : ServoSetup<Mechanism> {
   int record_every = 1;                           ///< periods between recorded rows
   int window_start = 0;                           ///< first tick of the window that an outcome judges
   double speed_limit = 1e3;                       ///< rad/s: above it (or not finite) the loop counts as diverged
+
+  /// Whether the plant moves with its flexible mode.
+  [[nodiscard]] bool is_flexible() const noexcept { return flexible.has_value() && !fixed && !linear; }
 };
 
 /// Result of a run. A recorded row holds, at one sample: q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force
-/// on the tip (3), touching, saturated; then the columns of the object, see object::ContactObject.
+/// on the tip (3), touching, saturated; then the columns of the object, see object::ContactObject; then with a flexible mode the joint
+/// coordinates at the tip (dof) and their velocities (dof), see mechanism::FlexibleMechanism.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< tick at which the loop diverged, -1: never; the record ends before it
 };
 
 template <int dof>
-constexpr int record_width = 3 * dof + 11;  ///< columns of a row without those of the object
+constexpr int record_width = 3 * dof + 11;  ///< columns of a row without those of the object and of a flexible mode
 
 /// Return the number of columns of a recorded row.
 template <class Mechanism>
 [[nodiscard]] int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
-  return record_width<Mechanism::dof> + setup.object.record_width();
+  return record_width<Mechanism::dof> + setup.object.record_width() + (setup.is_flexible() ? 2 * Mechanism::dof : 0);
 }
 
 namespace detail {
@@ -109,6 +116,59 @@ class MovingPlant {
   plant::PlantState<dof, Scalar> state_;
   mechanism::IncrementalKinematics<Mechanism, Scalar> track_;
   int substeps_ = 1;
+};
+
+/// A moving device with its flexible mode. Its angles and kinematics are those of motors and encoders; its tip is the true one.
+template <class Mechanism>
+class FlexiblePlant {
+ public:
+  static constexpr int dof = Mechanism::dof;
+  using Flexible = mechanism::FlexibleMechanism<Mechanism>;
+
+  /// The tip starts at rest behind the motors, and a spring of the operator's arm at the same distance from it as with a rigid device.
+  explicit FlexiblePlant(const SimulationSetup<Mechanism>& s) : substeps_(s.flexible->substeps(s.period, s.substeps)) {
+    const Flexible mechanism(s.mechanism, *s.flexible);
+    state_.q = mechanism.at_rest(s.start);
+    state_.qd = Flexible::joined(s.start_speed, s.start_speed);
+    track_ = mechanism::IncrementalKinematics<Flexible>(mechanism.kinematics(state_.q));
+    state_.hand_position = tip_ = mechanism.forward(track_.current);
+    plant::HumanArm arm = s.human_arm;
+    arm.rest += tip_ - s.mechanism.forward(s.start);
+    plant::JointFriction<2 * dof> friction;
+    friction.viscous.template head<dof>() = s.friction.viscous;
+    friction.coulomb.template head<dof>() = s.friction.coulomb;
+    friction.breakaway.template head<dof>() = s.friction.breakaway;
+    friction.stribeck_speed.template head<dof>() = s.friction.stribeck_speed;
+    motion_ = plant::PlantIntegrator<Flexible>(mechanism, friction, arm);
+    angles_ = s.start;
+    speeds_ = s.start_speed;
+  }
+  [[nodiscard]] const mechanism::KinematicsCacheOf<Mechanism>& kinematics() const { return track_.current.motors; }
+  [[nodiscard]] const Vector3<>& tip() const { return tip_; }
+  [[nodiscard]] Vector3<> sensed_tip() const { return motion_.mechanism().rigid().forward(kinematics()); }
+  [[nodiscard]] TipJacobian<dof> jacobian() const { return motion_.mechanism().rigid().jacobian(kinematics()); }
+  [[nodiscard]] mechanism::JacobianSize<double> jacobian_size() const { return mechanism::jacobian_size<dof, double>(jacobian()); }
+  [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
+  [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
+  [[nodiscard]] Joints<dof> tip_angles() const { return Flexible::tip(state_.q); }
+  [[nodiscard]] Joints<dof> tip_speeds() const { return Flexible::tip(state_.qd); }
+  [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return motion_.operator_force(state_, voluntary); }
+  [[gnu::noinline]] void advance(const Joints<dof>& torque, const plant::ForceSegment<>& force,
+                                 const actuation::TickSchedule<double>& clock) noexcept {
+    const double period = clock.has_jitter() ? clock.remaining() : clock.period();
+    motion_.advance(state_, track_, Flexible::joined(torque, Joints<dof>(Joints<dof>::Zero())), force, period, substeps_);
+    angles_ = Flexible::motors(state_.q);
+    speeds_ = Flexible::motors(state_.qd);
+    tip_ = motion_.mechanism().forward(track_.current);
+  }
+
+ private:
+  plant::PlantIntegrator<Flexible> motion_;
+  plant::PlantState<2 * dof> state_;
+  mechanism::IncrementalKinematics<Flexible> track_;
+  Vector3<> tip_;
+  Joints<dof> angles_, speeds_;
+  int substeps_;
 };
 
 template <class Mechanism>
@@ -171,6 +231,11 @@ void write_row(const Plant& plant, const Servo& servo, const Vector3<>& operator
   row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
   row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
   object::record(servo.object(), row + record_width<dof>);
+  if constexpr (requires { plant.tip_angles(); }) {
+    double* const own = row + record_width<dof> + object::record_width(servo.object());
+    Eigen::Map<Joints<dof>>{own} = plant.tip_angles();
+    Eigen::Map<Joints<dof>>{own + dof} = plant.tip_speeds();
+  }
 }
 
 /// Writes the rows of one loop.
@@ -212,19 +277,20 @@ template <class Plant>
 }
 
 /// Return the force of sample `k` in a table.
-inline Vector3<> force_at(const double* table, int tick) noexcept {
+[[gnu::always_inline]] inline Vector3<> force_at(const double* table, int tick) noexcept {
   return Eigen::Map<const Vector3<>>{table + 3 * static_cast<std::ptrdiff_t>(tick)};
 }
 
 /// Return the force `late` [s] after a sample, by linear interpolation to the next sample; constant after sample `ticks`.
-inline Vector3<> force_after(const double* table, int tick, int ticks, double late, double period) noexcept {
+[[gnu::noinline]] inline Vector3<> force_after(const double* table, int tick, int ticks, double late, double period) noexcept {
   const Vector3<> here = force_at(table, std::min(tick, ticks));
   const Vector3<> next = force_at(table, std::min(tick + 1, ticks));
   return here + (late / period) * (next - here);
 }
 
 /// Return the operator's force [N] between two ticks. It is linear in time, even if a sample lies between two late ticks.
-inline plant::ForceSegment<> force_during(const double* table, int tick, int ticks, const actuation::TickSchedule<double>& clock) noexcept {
+[[gnu::always_inline]] inline plant::ForceSegment<> force_during(const double* table, int tick, int ticks,
+                                                                 const actuation::TickSchedule<double>& clock) noexcept {
   if (clock.has_jitter())
     return {force_after(table, tick, ticks, clock.lateness(), clock.period()),
             force_after(table, tick + 1, ticks, clock.next_lateness(), clock.period())};
@@ -274,6 +340,9 @@ SimulationOutcome simulate(const SimulationSetup<Mechanism>& setup, int ticks, c
     detail::run(setup, plant, ticks, reference, operator_force, recorder);
   } else if (setup.linear) {
     detail::SampledPlant<Mechanism> plant(setup);
+    detail::run(setup, plant, ticks, reference, operator_force, recorder);
+  } else if (setup.flexible) {
+    detail::FlexiblePlant<Mechanism> plant(setup);
     detail::run(setup, plant, ticks, reference, operator_force, recorder);
   } else {
     detail::MovingPlant<Mechanism> plant(setup);

@@ -16,7 +16,7 @@ namespace palpate::servo {
 ///   0       tick of divergence, -1 if there was none
 ///   1-3     oscillation early, prior and late, m
 ///   4       ripple, m
-///   5-7     steady tip displacement, m
+///   5-7     steady tip displacement, m; with a flexible mode, that of the tip that the encoders give
 ///   8, 9    peak object force and command, N
 ///   10, 11  fraction of the run in contact and at the limits of the drive
 ///   12, 13  the same for the last fifth of the judged window
@@ -62,11 +62,12 @@ class StabilityMonitor {
   /// @param from   first tick of the judged window
   StabilityMonitor(int ticks, int from) : ticks_(ticks), from_(from), fifth_((ticks - from) / 5) {}
 
-  /// Restart one lane at the pose `start`, with the tip at `tip` [m].
-  void set_lane(int lane, const Joints<dof>& start, const Vector3<>& tip) noexcept {
+  /// Restart one lane at the pose `start`, with the tip at `tip` [m]; the encoders give it at `sensed` [m].
+  void set_lane(int lane, const Joints<dof>& start, const Vector3<>& tip, const Vector3<>& sensed) noexcept {
     using detail::set_lane;
     using math::set_lane;
-    for (Vector* v : {&start_, &before_, &last_}) set_lane(*v, lane, tip);
+    for (Vector* v : {&before_, &last_}) set_lane(*v, lane, tip);
+    set_lane(start_, lane, sensed);
     for (Vector* v : {&lowest_, &highest_, &steady_}) set_lane(*v, lane, Vector3<>(Vector3<>::Zero()));
     for (Scalar* x : {&early_, &prior_, &late_, &object_force_, &command_, &touching_, &saturated_, &late_touching_, &late_saturated_,
                       &contacts_, &was_touching_})
@@ -132,6 +133,14 @@ class StabilityMonitor {
   }
 
  private:
+  template <class Plant>
+  [[gnu::always_inline]] static Vector sensed_tip(const Plant& plant, const Vector& tip) noexcept {
+    if constexpr (requires { plant.sensed_tip(); })
+      return plant.sensed_tip();
+    else
+      return tip;
+  }
+
   /// Second difference of the tip's position where times between ticks differ: the change of mean speed, times the period.
   Vector second_difference_at(const Vector& tip, const actuation::TickSchedule<Scalar>& clock) noexcept {
     const Scalar share = clock.period() / clock.elapsed();
@@ -173,8 +182,9 @@ class StabilityMonitor {
     for (int i = 0; i < 3; ++i) {
       lowest_[i] = select(first | (ending & (tip[i] < lowest_[i])), tip[i], lowest_[i]);
       highest_[i] = select(first | (ending & (highest_[i] < tip[i])), tip[i], highest_[i]);
-      steady_[i] = select(ending, steady_[i] + (tip[i] - start_[i]), steady_[i]);
     }
+    const Vector sensed = sensed_tip(plant, tip);
+    for (int i = 0; i < 3; ++i) steady_[i] = select(ending, steady_[i] + (sensed[i] - start_[i]), steady_[i]);
     const Where last = k == Scalar(ticks_);
     q_ = select_each(last, plant.angles(), q_);
     qd_ = select_each(last, plant.speeds(), qd_);

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexible_device import device_file
 from palpate import fem
 from palpate.control import Controller
+from palpate.devices import load
 from palpate.errors import OutputError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation import build_simulation, resolve, simulate
@@ -131,6 +133,21 @@ def test_hyperelastic_bodies_run_alike(
     check(program, press(block, kind=law, update_interval="7 ms", **friction), tmp_path / "loop")
     rows = np.fromfile(tmp_path / "rows").reshape(201, -1)
     assert rows[:, -4].max() >= 3  # contact nodes
+
+
+def test_a_flexible_mode_runs_alike(program: Path, tmp_path: Path) -> None:
+    name = device_file(tmp_path, load("phantom-premium-1.5a"), 70.0)
+    tables = {
+        "device": {"name": name, "encoder": True},
+        "start": {"pose": POSE},
+        "servo": {"period": "1 ms", "jitter": "0.2 ms"},
+        "reference": {"force": ["0.1 N", "0 N", "-0.3 N"]},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"},
+        "object": {"kind": "spring", "stiffness": "300 N/m"},
+        "controller": {"kind": "none"},
+        "run": {"duration": "0.2 s"},
+    }
+    check(program, tables, tmp_path / "loop")
 
 
 FORCE_OBJECTS: dict[str, dict[str, Any]] = {

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from flexible_device import device_file
 from palpate.control import workspace
 from palpate.devices import Device, load
 from palpate.devices.device import Parameters
 from palpate.devices.flexible_mode import FlexibleMode
-from palpate.devices.writer import write_device
 from palpate.errors import DesignError, DeviceError, ScenarioError, StabilityError
 from palpate.linear import LinearDevice
 from palpate.linear.flexible_tip import sampled_axis
@@ -70,17 +70,10 @@ def test_the_sampled_axis_is_the_motion_of_two_masses() -> None:
 
 def flexible(folder: Path, device: Device, frequency: float, share: float = 0.6, damping: float = 0.01) -> str:
     """Write a device with a mode; return the path of its file."""
-    new = device.parameters.values | {
-        "flexible.frequency": (frequency,),
-        "flexible.tip_share": (share,),
-        "flexible.damping_ratio": (damping,),
-    }
-    own = replace(device, parameters=Parameters(dict(new)))
-    path = folder / f"mode-{frequency:g}.toml"
-    write_device(path, own, {"me": "test"}, dict.fromkeys(own.model.fields, "me"))
-    assert load(str(path)).flexible == FlexibleMode(frequency, share, damping)
-    assert load(str(path)).rigid().flexible is None
-    return str(path)
+    path = device_file(folder, device, frequency, share, damping)
+    assert load(path).flexible == FlexibleMode(frequency, share, damping)
+    assert load(path).rigid().flexible is None
+    return path
 
 
 def tracking(name: str, **device: Any) -> dict[str, Any]:
@@ -101,13 +94,17 @@ def test_a_certificate_judges_the_loop_with_the_mode_of_the_device_file(tmp_path
         found = certify(tracking(flexible(tmp_path, SLIDER, frequency)))
         assert found.verdict.state is (State.STABLE if rests else State.UNSTABLE)
         assert any("lowest mode" in one for one in found.assumptions)
-        assert any("rigid device" in one for one in found.method)
+        assert any("full scenario was run" in one for one in found.method)
+        assert (found.counter_example is None) is rests
 
 
 def test_a_mode_is_refused_where_it_would_be_ignored(tmp_path: Path) -> None:
     name = flexible(tmp_path, SLIDER, 300.0)
-    with pytest.raises(ScenarioError, match=r"lowest mode of 300 Hz.*the simulated plant is rigid"):
-        palpate.simulate(tracking(name))
+    linear = tracking(name, model="linear") | {"controller": {"kind": "lead_lag"}}
+    with pytest.raises(ScenarioError, match=r"lowest mode of 300 Hz.*a model of the rigid device"):
+        palpate.simulate(linear)
+    with pytest.raises(StabilityError, match=r"a model of the rigid device.*lowest mode of 300 Hz"):
+        certify(linear)
     with pytest.raises(StabilityError, match=r"pass device\.rigid"):
         LinearDevice.at_pose(name, [0.0])
     rigid, plain = palpate.simulate(tracking(name, rigid=True)), palpate.simulate(tracking("slider"))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate import _core
 from palpate.arrays import Array
 from palpate.devices.flexible_mode import FlexibleMode
 from palpate.devices.mechanisms import MECHANISMS, Mechanism
@@ -313,6 +314,23 @@ class Device:
     def core(self) -> Any:
         """Mechanism of the core: batched functions on (n, dof) rows, without checks."""
         return self.model.create(self.parameters.values)
+
+    @cached_property
+    def core_mode(self) -> Any:
+        """Lowest flexible mode of the core; None: the device is taken as rigid."""
+        mode = self.flexible
+        return mode and _core.FlexibleMode(mode.frequency, mode.tip_share, mode.damping_ratio)
+
+    @cached_property
+    def core_flexible(self) -> Any:
+        """Mechanism of the core with the flexible mode: the joints of the motors, then those of the tip's side.
+
+        Raises:
+            DeviceError: the device is rigid.
+        """
+        if self.core_mode is None:
+            raise DeviceError(f"{self.name} has no flexible mode: give its file a [flexible] table")
+        return self.model.with_mode(self.core, self.core_mode)
 
     @cached_property
     def core_friction(self) -> Any:

@@ -92,6 +92,10 @@ class Mechanism:
         """Return the core's mechanism with its parameters taken from `values`, SI; other keys are ignored."""
         return getattr(_core, self.class_name)({key: list(values[key]) for key in self.parameters if key in values})
 
+    def with_mode(self, core: Any, mode: Any) -> Any:
+        """Return the core's mechanism with a flexible mode, from the rigid one."""
+        return getattr(_core, f"Flexible{self.class_name}")(core, mode)
+
     def friction(self) -> Any:
         """Return a new, frictionless joint friction of the core."""
         return getattr(_core, f"{self.class_name}Friction")()

@@ -61,7 +61,7 @@ class DeviceChoice(Section):
         encoder: whether angles are whole encoder counts.
         saturation: whether the drive has its force and torque limits.
         delay: servo periods from the computation of a torque to its application.
-        rigid: whether the lowest flexible mode of the device is left out; only then can such a device be simulated.
+        rigid: whether the lowest flexible mode of the device is left out.
     """
 
     name: str = Field(examples=['"phantom-premium-1.5a"'])

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.arrays import Array
 from palpate.scenario import Scenario
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, held_tip
 from palpate.simulation.windows import Window
 
 __all__ = ["EnergyBalance", "energy_balance"]
@@ -49,7 +49,7 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
         return None
     if any(np.ptp(trace[name], axis=0).any() for name in _frames(scenario) if name in trace):
         return None
-    force, tip = trace["operator_force"], trace["tip"]
+    force, tip = trace["operator_force"], held_tip(trace)
     power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1)
     supplied = float(np.cumsum(power).max(initial=0.0))
     torque, angle = trace["torque"], trace["angle"]

@@ -13,7 +13,7 @@ from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.linear_evidence import linear_sign
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, held_tip
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
@@ -59,7 +59,7 @@ def evidence(
     """
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
-    tip, every = trace["tip"], 1 if scenario is None else scenario.run.record_every
+    tip, every = held_tip(trace), 1 if scenario is None else scenario.run.record_every
     interval = None if scenario is None else scenario.period * every
     bend = second_differences(trace.time, tip, interval)
 

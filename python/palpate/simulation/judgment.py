@@ -11,7 +11,7 @@ from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
-from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
+from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
 from palpate.simulation.verdict import (
     BAND,
     FAILED,
@@ -93,7 +93,7 @@ def judge_pushed(trace: Recorded, begin: int, kept: float, radius: float | None 
 def _excited(trace: Recorded) -> bool:
     """Return whether a force or an initial displacement has moved the tip."""
     forces = [trace[name] for name in ("reference_force", "operator_force") if name in trace]
-    return any(np.any(force) for force in forces) or float(np.ptp(trace["tip"], axis=0).max()) > STILL
+    return any(np.any(force) for force in forces) or float(np.ptp(held_tip(trace), axis=0).max()) > STILL
 
 
 def _text(linear: LinearRadii | None) -> str | None:
@@ -111,7 +111,8 @@ def _diverged(trace: Recorded, linear: LinearRadii | None) -> Verdict:
         return Verdict(State.UNDECIDED, "the run has no samples to judge", linear=_text(linear))
     axis = None
     if len(trace.time) > 1:
-        axis = AXES[int(np.argmax(np.abs(trace["tip"][-1] - trace["tip"][0])))]
+        tip = held_tip(trace)
+        axis = AXES[int(np.argmax(np.abs(tip[-1] - tip[0])))]
     reason = f"diverges at t = {since:.4g} s" + (f", most along {axis}" if axis else "")
     return Verdict(State.UNSTABLE, reason, since, axis, linear=_text(linear))
 
@@ -127,7 +128,7 @@ def _explained(
     """Return the verdict with its reason."""
     time = trace.time
     last_fifth = time[window.ending]
-    axis, amplitude, frequency = _oscillation(last_fifth, trace["tip"][window.ending])
+    axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
     swing = f"{1e3 * amplitude:.3g} mm along {axis}" + (f" at {frequency:.3g} Hz" if frequency else "")
     span = f"{last_fifth[-1] - last_fifth[0]:.3g} s"
     ratio = float(e.late[0]) / max(float(e.prior[0]), 1e-300)

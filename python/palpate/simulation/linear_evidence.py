@@ -13,7 +13,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.equivalent_spring import as_spring
 from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, held_tip
 
 __all__ = ["LinearRadii", "linear_radii_of", "linear_sign", "loop_at_rest"]
 
@@ -120,5 +120,5 @@ def _rests(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:
     if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
         return False, ""
     steps = np.diff(trace.time[-LAST:])[:, None]
-    speed = float(np.abs(np.diff(trace["tip"][-LAST:], axis=0) / steps).max())
+    speed = float(np.abs(np.diff(held_tip(trace)[-LAST:], axis=0) / steps).max())
     return speed <= AT_REST, "" if speed <= AT_REST else f"the tip does not rest (tip speed {speed:.2g} m/s)"

@@ -214,6 +214,11 @@ def _plant(
 ) -> control.StateSpace:
     """Return the sampled plant from motor torques to joint angles, the hand on it."""
     if scenario.device.model != "nonlinear":
+        if device.flexible is not None:
+            raise StabilityError(
+                f'device.model: "{scenario.device.model}" is a model of the rigid device, and {device.name} has a '
+                f'{device.flexible}; write device.model = "nonlinear", or device.rigid = true to leave the mode out'
+            )
         if arm is not None:
             raise StabilityError('operator: an arm moves with the nonlinear device; write device.model = "nonlinear"')
         p = sampled_plant(scenario.device.model, device, start, scenario.period)

@@ -23,7 +23,7 @@ class Sample:
 
     Attributes:
         time: s.
-        tip: (3,), m; velocity: of the tip (3,), m/s.
+        tip: (3,), m; velocity: of the tip (3,), m/s; by the joints, without the offset of a flexible mode.
         angles: of the joints (dof,), rad or m; speeds: (dof,), rad/s or m/s.
         object_force: of the tip on the object (3,), N.
         command: tip force of the controller after the drive's limits, without the gravity compensation (3,), N.
@@ -160,7 +160,7 @@ class Loop:
         # `simulate` ends with its last sample and does not see the period after it.
         unstable = -1 if self._unstable_tick == self.samples else self._unstable_tick
         simulation = self._simulation
-        width = 3 * simulation.device.dof + 11
+        width = 3 * simulation.device.dof + 11 + simulation.mode_width
         rows = np.array(self._rows) if self._rows else np.zeros((0, width))
         return simulation.trace(rows, unstable, np.array(self._references).reshape(-1, 3))
 

@@ -158,7 +158,8 @@ def _servo(setup: Any) -> dict[str, Any]:
 
 def _plant(setup: Any) -> dict[str, Any]:
     friction, arm = setup.friction, setup.human_arm
-    kind = "fixed" if setup.fixed else "sampled" if setup.linear else "nonlinear"
+    moving = "nonlinear" if setup.flexible is None else "flexible"
+    kind = "fixed" if setup.fixed else "sampled" if setup.linear else moving
     table: dict[str, Any] = {
         "kind": kind,
         "start_speed": _list(setup.start_speed),
@@ -171,6 +172,10 @@ def _plant(setup: Any) -> dict[str, Any]:
         },
         "human_arm": {name: getattr(arm, name) for name in _ARM} | {"rest": _list(arm.rest)},
     }
+    if kind == "flexible":
+        table["flexible"] = {
+            name: getattr(setup.flexible, name) for name in ("frequency", "tip_share", "damping_ratio")
+        }
     if kind == "sampled":
         table["model"] = {
             "order": _order(len(np.asarray(setup.plant_a)), "the sampled plant"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.scenario import Scenario
 from palpate.simulation.judgment import judge_pushed
+from palpate.simulation.recorded import held_tip
 from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import OSCILLATES, State, Verdict
@@ -94,7 +95,7 @@ def observe(scenario: Scenario, ticks: int = SHORTEST, hold: float = HOLD) -> Ob
 
 def _kept(scenario: Scenario, trace: Trace, begin: int) -> float:
     """Return the motion per tick in the last fifth from sample `begin` on, relative to the first; 0 if it is still."""
-    tip = trace["tip"][begin:]
+    tip = held_tip(trace)[begin:]
     motion = np.linalg.norm(np.diff(tip, axis=0), axis=1)
     fifth = max(len(motion) // 5, 1)
     first, last = float(motion[:fifth].max(initial=0.0)), float(motion[-fifth:].max(initial=0.0))

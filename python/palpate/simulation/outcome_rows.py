@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.arrays import Array
 from palpate.simulation.evidence import second_differences
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, held_tip
 from palpate.simulation.windows import Window
 
 __all__ = ["QUANTITIES", "Excursion", "excursions", "name_rows", "outcome_of"]
@@ -74,7 +74,7 @@ def outcome_of(trace: Recorded, period: float, window: Window) -> dict[str, Arra
         period: T, s.
         window: the judged one, to the last tick, had the loop not diverged.
     """
-    first, ticks, tip = window.begin, window.end, trace["tip"]
+    first, ticks, tip = window.begin, window.end, held_tip(trace)
     fifth, ending = window.fifth, window.ending
     bend = second_differences(trace.time, tip, period)
     touching, saturated = trace["touching"][:, 0] > 0.0, trace["saturated"][:, 0] > 0.0
@@ -91,7 +91,7 @@ def outcome_of(trace: Recorded, period: float, window: Window) -> dict[str, Arra
             "oscillation_4": bend[ticks - 2 * fifth + 1 : ticks - fifth + 1].max(initial=0.0),
             "oscillation_5": bend[ticks - fifth + 1 :].max(initial=0.0),
             "ripple": 0.5 * np.ptp(tip[ending], axis=0).max(),
-            "steady_tip": tip[ending].mean(axis=0) - tip[0],
+            "steady_tip": trace["tip"][ending].mean(axis=0) - trace["tip"][0],
             "touching_5": touching[ending].mean(),
             "saturated_5": saturated[ending].mean(),
             "contacts_5": np.count_nonzero(begun[ending]),

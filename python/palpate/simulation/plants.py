@@ -1,4 +1,4 @@
-"""Linear models of a device from torque to angle, sampled with the servo period."""
+"""Plants beside the rigid nonlinear device: sampled linear models, and what a flexible mode needs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from palpate.arrays import Array
 from palpate.devices import Device, identified_model
 from palpate.errors import ScenarioError
 from palpate.linear import discretize, linearize
+from palpate.scenario import Scenario
 
 
 class SampledPlant(NamedTuple):
@@ -39,6 +40,24 @@ def sampled_plant(model: str, device: Device, start: Array, period: float) -> Sa
             )
         matrices = identified.a, identified.b, identified.c
     return SampledPlant(*matrices, np.asarray(device.gravity(start), dtype=float))
+
+
+def check_mode(scenario: Scenario, device: Device) -> None:
+    """Raise ScenarioError if the device has a flexible mode that the plant of the scenario cannot move with."""
+    if device.flexible is None:
+        return
+    problem = ""
+    if scenario.device.model != "nonlinear":
+        problem = f'device.model = "{scenario.device.model}" is a model of the rigid device'
+    elif scenario.operator.kind == "fixed":
+        problem = 'operator.kind = "fixed" holds motors and tip'
+    elif device.core_mode.fault(scenario.period):
+        problem = "the mode needs more than 10000 integration steps per servo period"
+    if problem:
+        raise scenario.mistake(
+            "device.name",
+            f"{device.name} has a {device.flexible}, and {problem}; write device.rigid = true to leave the mode out",
+        )
 
 
 def _matrices(system: control.StateSpace) -> tuple[Array, Array, Array]:

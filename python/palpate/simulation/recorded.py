@@ -10,7 +10,7 @@ from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 
-__all__ = ["Recorded", "external_forces", "recorded_scenario"]
+__all__ = ["Recorded", "external_forces", "held_tip", "recorded_scenario"]
 
 
 class Recorded(Protocol):
@@ -41,6 +41,11 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
         return Scenario.from_dict(trace.metadata["scenario"]) if trace.metadata.get("scenario") else None
     except PalpateError:
         return None  # written by another version, or its device file is missing
+
+
+def held_tip(trace: Recorded) -> Array:
+    """Return the position of the tip that the operator holds (n, 3), m: behind the flexible mode, if there is one."""
+    return trace["tip"] + trace["tip_offset"] if "tip_offset" in trace else trace["tip"]
 
 
 def external_forces(trace: Recorded, scenario: Scenario | None) -> Array:

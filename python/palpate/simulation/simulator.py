@@ -24,7 +24,7 @@ from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
 from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects, sensed_tip
-from palpate.simulation.plants import sampled_plant
+from palpate.simulation.plants import check_mode, sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
@@ -92,12 +92,7 @@ class Simulation:
     def of(cls, scenario: Scenario, controller: Any = None, object: Any = None) -> Simulation:
         """Return the simulation of a scenario; `controller` and `object` replace those of the scenario."""
         device = scenario.load_device()
-        if device.flexible is not None:
-            raise scenario.mistake(
-                "device.name",
-                f"{device.name} has a {device.flexible}, and the simulated plant is rigid; judge the loop with "
-                "palpate certify, or write device.rigid = true to simulate without the mode",
-            )
+        check_mode(scenario, device)
         start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
         _check_limits(device, start)
         hold = np.zeros(3)
@@ -148,7 +143,8 @@ class Simulation:
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
-        A row has 3 dof + 11 numbers, then those of the objects (`palpate.simulation.placed_objects`).
+        A row has 3 dof + 11 numbers, then those of the objects (`palpate.simulation.placed_objects`), then with a
+        flexible mode the joint coordinates and velocities of the tip's side.
         """
         self.restart()
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
@@ -164,7 +160,12 @@ class Simulation:
     def columns(self, rows: Array) -> list[Array]:
         """Split rows (n, k) into q, qd, object force, command, torque, operator force, touching, saturated, contact."""
         dof = self.device.dof
-        return np.split(rows, np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1]), axis=1)
+        return np.split(rows[:, : rows.shape[1] - self.mode_width], np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1]), axis=1)
+
+    @property
+    def mode_width(self) -> int:
+        """Numbers of a row that belong to a flexible mode."""
+        return 0 if self.device.flexible is None else 2 * self.device.dof
 
     def trace(self, rows: Array, unstable_tick: int, reference: Array | None = None) -> Trace:
         """Return the trace of the core's rows.
@@ -205,7 +206,12 @@ class Simulation:
             "saturated": saturated,
         }
         values |= contact
-        if self.scenario.device.model == "nonlinear":
+        if self.mode_width:
+            far, far_speed = np.split(rows[:, -self.mode_width :], 2, axis=1)
+            values["tip_offset"] = device.forward(far) - device.forward(q)
+            states = [np.ascontiguousarray(np.hstack(pair)) for pair in ((q, far), (qd, far_speed))]
+            values["energy"] = np.asarray(device.core_flexible.energy(*states))
+        elif self.scenario.device.model == "nonlinear":
             values["energy"] = device.energy(q, qd)
         sliding = {"angle": "m", "velocity": "m/s", "torque": "N", "motor_torque": "N"}
         return Trace.of(
@@ -276,6 +282,7 @@ def _setup(
 ) -> Any:
     setup = device.setup()
     setup.start = start
+    setup.flexible = device.core_mode
     setup.period, setup.substeps, setup.record_every = scenario.period, scenario.run.substeps, scenario.run.record_every
     setup.jitter, setup.seed = scenario.servo.jitter, scenario.run.seed
     setup.gravity_compensation = hold

@@ -42,6 +42,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "angle": ("rad", "joint angles"),
     "velocity": ("rad/s", "joint velocities"),
     "tip": ("m", "tip position, base frame"),
+    "tip_offset": ("m", "displacement of the tip by the flexible mode, from the position that the joint angles give"),
     "deflection": ("m", "deflection of the object at the tip, per axis"),
     "object_force": ("N", "force of the tip on the object"),
     "command_force": (

@@ -83,7 +83,7 @@ def zwidth(
         scenario: a Scenario, its tables, or the path of its TOML file.
         controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. A
             Python function has no linear model and is refused.
-        simulated: also find the boundary of a spring or wall by simulation; not with a flexible mode.
+        simulated: also find the boundary of a spring or wall by simulation.
         progress: called with a text and the fraction done.
 
     Raises:
@@ -99,5 +99,4 @@ def zwidth(
             "Z-width; palpate.stability.certify judges it"
         )
     report = progress or (lambda _text, _fraction: None)
-    simulated = simulated and s.load_device().flexible is None  # the simulated plant is rigid
     return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)

@@ -22,7 +22,7 @@ from palpate.stability.counter_example import CounterExample, destabilizing_oper
 from palpate.stability.criteria import check_stability
 from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
 
-__all__ = ["certify_spring", "without_mode"]
+__all__ = ["certify_spring"]
 
 
 def certify_spring(s: Scenario) -> Certificate:
@@ -74,7 +74,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     angle = _dominant_angle(loop)
     margin["frequency_Hz"] = angle / (2 * math.pi * loop.period)
     motion = f"an oscillation at {margin['frequency_Hz']:.4g} Hz" if angle > 0 else "a motion without oscillation"
-    example = divergence_example(s, radius) if s.load_device().flexible is None else None
+    example = divergence_example(s, radius)
     rest, run, sentence = _simulate_to_rest(s)
     reason = f"about the start {motion} doubles every {doubling:.3g} s{limit}."
     if rest is not None:
@@ -82,7 +82,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     if run.since is None:
         reason += f" The verdict of the run is {run}."
     # without a counter-example, friction, encoder counts or drive limits may bound all motions
-    hidden = example is None and s.load_device().flexible is None and run.state is State.UNDECIDED
+    hidden = example is None and run.state is State.UNDECIDED
     state = State.UNDECIDED if hidden else State.UNSTABLE
     return _certificate(s, criteria, state, reason, margin, (*method(s), sentence), None, example)
 
@@ -203,19 +203,10 @@ def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
     return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
 
 
-def without_mode(s: Scenario) -> Scenario:
-    """Return the scenario with a rigid device, which can be simulated."""
-    return s.model_copy(update={"device": s.device.model_copy(update={"rigid": True})})
-
-
 def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, Verdict, str]:
-    """Run the scenario; return its loop at rest, the verdict of the run, and the observation as a sentence.
-
-    A device with a flexible mode runs without it.
-    """
-    trace = simulate(without_mode(s))
-    whole = "The full scenario" if s.load_device().flexible is None else "The scenario with the rigid device"
-    run, verdict = f"{whole} was run for {s.run.duration:g} s", trace.verdict
+    """Run the scenario; return its loop at rest, the verdict of the run, and the observation as a sentence."""
+    trace = simulate(s)
+    run, verdict = f"The full scenario was run for {s.run.duration:g} s", trace.verdict
     if not trace.completed:
         return None, verdict, f"{run} and diverged at {trace.unstable_from:g} s."
     run = f"{run}; its verdict is {verdict.state.label}"

@@ -12,6 +12,7 @@ import numpy as np
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
+from palpate.simulation.recorded import held_tip
 from palpate.simulation.simulator import simulate
 
 __all__ = ["CounterExample", "destabilizing_operator", "divergence_example", "growth", "to_toml"]
@@ -142,7 +143,7 @@ def _run(tables: dict[str, Any], subject: str) -> CounterExample | None:
         pushed = f"pushed with {0.1 * push:g} N, {subject}" if base else subject
         if trace.unstable_from is not None:
             return CounterExample(tables, float("inf"), f"{pushed} diverges after {trace.unstable_from:.3g} s.")
-        ratio = growth(trace["tip"])
+        ratio = growth(held_tip(trace))
         if ratio >= 1.5:
             sentence = f"{pushed} grows {ratio:.3g}-fold from the run's second fifth to its last."
             return CounterExample(tables, ratio, sentence)

@@ -155,7 +155,7 @@ class Plan:
     def run_cells(self, cells: NDArray[np.int64], threads: int = 1) -> dict[str, Array]:
         """Run the cells of these numbers and return their outcomes by name of QUANTITIES."""
         text = self.text()
-        if not _runs_in_lanes(self.tables, self.axes):
+        if not _runs_as_batch(self.tables, self.axes):
             return self._run_singly(cells, threads)
         indices = dict(zip([axis.path for axis in self.axes], np.unravel_index(cells, self.shape), strict=False))
         lane, rebuilt = _split(text)
@@ -183,7 +183,7 @@ class Plan:
         return out
 
     def _run_singly(self, cells: NDArray[np.int64], threads: int) -> dict[str, Array]:
-        """Run cells one loop at a time: meshes, bodies and guards do not run in SIMD lanes."""
+        """Run cells one loop at a time: meshes, bodies and guards do not run in a batch."""
 
         def outcome(cell: int) -> dict[str, Array]:
             simulation = self._simulation(cell)
@@ -270,8 +270,8 @@ def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
         raise type(problem)(f"{value}: {str(problem).removeprefix('scenario: ')}") from None
 
 
-def _runs_in_lanes(tables: Mapping[str, Any], axes: tuple[Axis, ...]) -> bool:
-    """Return True if loops of the scenario run side by side in SIMD lanes: springs and walls without a guard."""
+def _runs_as_batch(tables: Mapping[str, Any], axes: tuple[Axis, ...]) -> bool:
+    """Return True if the core runs the cells of the scenario as a batch: springs and walls without a guard."""
     s = Scenario.from_dict(tables)
     guarded = s.guard.kind != "none" or any(axis.path.startswith("guard.") for axis in axes)
     return s.contact_kind in ("none", "spring", "wall") and not guarded

@@ -229,11 +229,10 @@ def run_presses(
 def press_tables(
     press: Press, name: str, force: float, stiffness: float, period: float, delay: int, duration: float
 ) -> dict[str, Any]:
-    """Return the tables of a scenario of one press, without controller and without a flexible mode."""
+    """Return the tables of a scenario of one press, without controller."""
     device = load(name)
-    rigid = {} if device.flexible is None else {"rigid": True}
     return {
-        "device": {"name": name, "saturation": True, "delay": delay, **rigid},
+        "device": {"name": name, "saturation": True, "delay": delay},
         "start": {"pose": [write(q, device.joint_unit) for q in press.pose]},
         "servo": {"period": write(period, "s")},
         "reference": {"shape": "step", "force": [write(force * part, "N") for part in press.direction]},

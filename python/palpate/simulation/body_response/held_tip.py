@@ -124,7 +124,10 @@ class HeldTip:
         axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
         rows = self.core.simulate_path(np.ascontiguousarray(positions), axes, self.radius, self._flat)
         if not np.asarray(rows)[:, _SOLVED].all():
-            raise StabilityError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+            raise StabilityError(
+                "the contact of the body is not solved in each tick, or more nodes lie under the tip than it takes: use a "
+                "smaller tip or depth, or a coarser mesh"
+            )
         self.ticks += len(positions)
         return np.asarray(rows, dtype=float)
 

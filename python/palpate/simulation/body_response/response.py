@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
+from palpate import _core
 from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.simulation.body_response.held_tip import HeldTip
@@ -139,9 +140,13 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
         ticks *= 2
     if last < 0.9 * third:
         return forth, back, np.zeros((3, 3))
+    remedy = "give the body more damping (rayleigh_beta)"
+    if held.friction and isinstance(held.core, _core.SignedDistanceBody):
+        remedy = (
+            "friction under the tip keeps a share of each displacement; judge the loop without friction, or its run"
+        )
     raise StabilityError(
-        f"the body's response to a displacement of the tip has not decayed after {ticks} ticks; give the body more "
-        "damping (rayleigh_beta)"
+        f"the body's response to a displacement of the tip has not decayed after {ticks} ticks: {remedy}"
     )
 
 

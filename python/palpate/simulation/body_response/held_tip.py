@@ -125,7 +125,7 @@ class HeldTip:
         rows = self.core.simulate_path(np.ascontiguousarray(positions), axes, self.radius, self._flat)
         if not np.asarray(rows)[:, _SOLVED].all():
             raise StabilityError(
-                "the contact of the body is not solved in each tick, or more nodes lie under the tip than it takes: use a "
+                "the contact of the body is not solved in each tick, or too many nodes lie under the tip; use a "
                 "smaller tip or depth, or a coarser mesh"
             )
         self.ticks += len(positions)

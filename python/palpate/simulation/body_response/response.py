@@ -142,9 +142,7 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
         return forth, back, np.zeros((3, 3))
     remedy = "give the body more damping (rayleigh_beta)"
     if held.friction and isinstance(held.core, _core.SignedDistanceBody):
-        remedy = (
-            "friction under the tip keeps a share of each displacement; judge the loop without friction, or its run"
-        )
+        remedy = "its friction keeps a share of each displacement; judge the loop without friction, or its run"
     raise StabilityError(
         f"the body's response to a displacement of the tip has not decayed after {ticks} ticks: {remedy}"
     )

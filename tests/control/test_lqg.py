@@ -231,3 +231,13 @@ def test_the_default_weights_are_those_of_the_documented_time_constants() -> Non
     same = lqg(SOFT, integrators=True, force_weight=2.0, speed_weight="12 ms", integral_rate="8 1/s", noise="10 mN")
     for name in ("A", "B", "C", "D"):
         assert np.allclose(getattr(default.system, name), getattr(same.system, name), rtol=1e-12)
+
+
+@pytest.mark.parametrize("windup", [0.02, 0.2])
+def test_the_integrals_follow_an_applied_force_with_the_time_of_the_windup(windup: float) -> None:
+    """While the drive cuts the force, the state x+ = (A - B_aw C) x decays: one mode per axis at exp(-T / windup)."""
+    design = lqg(SOFT, windup_time=windup)
+    assert design.antiwindup is not None
+    poles = np.linalg.eigvals(design.system.A - design.antiwindup @ design.system.C)
+    assert np.abs(poles).max() < 1.0
+    assert np.sum(np.abs(poles - np.exp(-T / windup)) < 1e-6) >= 3

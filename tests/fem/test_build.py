@@ -458,3 +458,17 @@ def test_the_command_builds_a_body_and_shows_it(tmp_path: Path, capsys: pytest.C
 def test_box_refuses_turned_corners() -> None:
     with pytest.raises(BodyError, match="its lower and its upper corner"):
         box((1, 1, 1), (0, 0, 0))
+
+
+def test_the_progress_of_a_build_rises_within_its_whole() -> None:
+    told: list[tuple[str, float]] = []
+    bodies.build(
+        block((0.02, 0.02, 0.01), 0.01), young=1e4, fixed="z < 0.001 mm", touch="z > 9.9 mm", order=1,
+        progress=lambda text, share: told.append((text, share)),
+    )  # fmt: skip
+    shares = [share for _, share in told]
+    assert len(shares) >= 3
+    assert shares == sorted(shares)
+    assert min(shares) >= 0.0
+    assert max(shares) < 1.0
+    assert all(text for text, _ in told)

@@ -10,7 +10,7 @@ import numpy as np
 import palpate
 import pytest
 from palpate import devices, metrics, stability
-from palpate.errors import ScenarioError, StabilityError
+from palpate.errors import PalpateError, ScenarioError, StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation import Trace, build_simulation, resolve, simulate
 from palpate.sweeps import sweep
@@ -227,3 +227,21 @@ def test_guards_compare_as_published_on_the_arms_axis() -> None:
     bounds = [row for row in found.rows if row.name.startswith("energy bound")]
     assert len(bounds) == 2
     assert all(row.swing <= 15e-6 for row in bounds)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"stiffnesses": [500.0, 0.0]}, "stiffnesses must be positive"),
+        ({"stiffnesses": [-1.0]}, "stiffnesses must be positive"),
+        ({"stiffnesses": []}, "at least one of each"),
+        ({"impacts": []}, "at least one of each"),
+        ({"delay": 65}, "delay must be 0 to 64"),
+        ({"delay": -1}, "delay must be 0 to 64"),
+        ({"push": -1.0}, "push"),
+        ({"period": 0.0}, "period"),
+    ],
+)
+def test_a_comparison_that_cannot_be_made_is_refused(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(PalpateError, match=says):
+        metrics.compare_guards("slider", **options)

@@ -16,6 +16,7 @@ from palpate.stability.mesh_modes import (
     sliding_mode,
     vertex_mode,
 )
+from palpate.stability.mode_stability import _groups
 from scipy.spatial.transform import Rotation
 
 PERIOD = 1e-3
@@ -125,3 +126,16 @@ def test_any_friction_lies_in_the_hull_of_the_laws_of_the_disk() -> None:
         assert size <= 1.0 + 1e-6
         slides += size > 1.0 - 1e-6
     assert 100 < slides < 390  # both sticking and sliding occur
+
+
+def test_points_that_differ_in_stiffness_only_are_one_group() -> None:
+    def point(normal: list[float], stiffness: float, drag: float) -> SurfacePoint:
+        return SurfacePoint(np.array(normal), stiffness, 100.0, 0.3, drag, 0.0, PERIOD)
+
+    up, aside = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+    points = [point(up, 100.0, 0.5), point(up, 300.0, 0.5), point(up, 300.0, 0.7), point(aside, 100.0, 0.7),
+              point(aside, 200.0, 0.7), point(up, 100.0, 0.5)]  # fmt: skip
+    groups = _groups(points)
+    assert [len(group) for group in groups] == [2, 1, 2, 1]
+    assert [one for group in groups for one in group] == points
+    assert _groups([]) == []

@@ -25,11 +25,13 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
   std::array<palpate::math::Vector3<>, 2> place{palpate::math::Vector3<>(0.012, 0.015, 0.0), palpate::math::Vector3<>(0.028, 0.015, 0.0)},
-      way{}, step{};
+      way, step;
   double work = 0.0, most = 0.0, error = 0.0;
   long touched = 0;
   palpate::deformable::MultiTipResult last;
-  std::array<palpate::math::Vector3<>, 2> before{};
+  std::array<palpate::math::Vector3<>, 2> before;
+  for (auto* vectors : {&way, &step, &before})
+    vectors->fill(palpate::math::Vector3<>::Zero());  // braces do not: Eigen leaves them undefined
   for (int k = 0; k < 12000; ++k) {
     for (std::size_t t = 0; t < 2; ++t) {
       for (int a = 0; a < 3 && k % 2 == 0; ++a) step[t][a] = 0.01 * (-way[t][a] + 3e-3 * normal(random));

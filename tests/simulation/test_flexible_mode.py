@@ -100,6 +100,20 @@ def test_the_trace_has_the_offset_of_the_tip_and_the_energy_of_both_sides(tmp_pa
     assert trace.channels["tip_offset"].unit == "m"
 
 
+def test_the_energy_of_both_sides_is_the_work_of_operator_and_motors(tmp_path: Path) -> None:
+    """Without friction, under a constant force on the tip; the motors work on the encoders' side."""
+    name = device_file(tmp_path, ARM.frictionless(), 50.0, 0.4, 0.0)
+    operator = {"kind": "force", "force": ["0.2 N", "0.1 N", "-0.1 N"]}
+    trace = palpate.simulate(pressed(name, 150.0, start={"pose": POSE}, operator=operator, run={"duration": "0.1 s"}))
+    force, tip, first = trace["operator_force"], held_tip(trace), 1
+    assert np.ptp(force[first:], axis=0).max() == 0.0
+    power = np.sum(force[first:-1] * np.diff(tip[first:], axis=0), axis=1)
+    power += np.sum(trace["torque"][first:-1] * np.diff(trace["angle"][first:], axis=0), axis=1)
+    gained = trace["energy"][first + 1 :, 0] - trace["energy"][first, 0]
+    np.testing.assert_allclose(gained, np.cumsum(power), rtol=0, atol=1e-4 * np.abs(gained).max())
+    assert np.abs(trace["tip_offset"]).max() > 1e-6
+
+
 @pytest.mark.parametrize(
     ("device", "frequency", "share", "moved"),
     [(SLIDER.with_friction(viscous=[4.0], coulomb=[0.0]), 60.0, 0.3, 0.1), (ARM, 40.0, 0.4, 0.05)],

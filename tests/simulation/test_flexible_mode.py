@@ -20,6 +20,7 @@ from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.recorded import held_tip
 from palpate.simulation.windows import Window
+from palpate.stability import certify
 from palpate.sweeps.excitation import excited
 
 SLIDER, ARM, FIVE_BAR = load("slider"), load("phantom-premium-1.5a"), load("haply-2diy")
@@ -149,6 +150,22 @@ def test_the_boundary_in_simulation_is_that_of_the_linear_loop(
     below, above = growth(0.98 * exact), growth(1.02 * exact)
     assert below < 0.0 < above
     assert 0.98 - 0.04 * below / (above - below) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_display_with_a_mode_is_passive_by_the_damping_of_its_motors(tmp_path: Path) -> None:
+    """The mode is passive, so K T/2 suffices; above it an operator behind the mode destabilizes the loop."""
+    name = device_file(tmp_path, SLIDER.with_friction(viscous=[4.0], coulomb=[0.0]), 60.0, 0.3, 0.02)
+    found = certify(pressed(name, 7900.0))
+    assert found.passive
+    assert any("requires at most 3.95 N s/m" in step for step in found.method)
+
+    def radius(stiffness: float, mass: float, spring: float) -> float:
+        loop = scenario_loop(Scenario.from_dict(pressed(name, stiffness)), arm=HumanArm(mass, 0.0, spring))
+        return loop.spectral_radius()
+
+    hands = [(mass, spring) for mass in np.geomspace(1e-3, 1.0, 3) for spring in np.geomspace(10.0, 1e6, 6)]
+    assert max(radius(7900.0, *hand) for hand in [*hands, (0.001189, 4217.0)]) < 1.0 + 1e-9
+    assert radius(8500.0, 0.001189, 4217.0) > 1.001
 
 
 def test_a_stiff_mode_runs_as_the_rigid_device(tmp_path: Path) -> None:

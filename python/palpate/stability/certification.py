@@ -152,9 +152,6 @@ def _passivity(
 
     The numbers are added to ``margin`` and the remarks to ``steps``.
     """
-    if s.load_device().flexible is not None:
-        steps.append("Passivity is open: the flexible mode lies between the motors and the operator.")
-        return None, None, ""
     passive, required, remark = _passivity_condition(s, loop)
     example = None
     addition = ""
@@ -238,7 +235,8 @@ def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, 
             lipschitz=k, longest_period=longest, delay=s.device.delay, virtual_damping=b * longest / s.period
         )
     passive: bool | None = loop.device_damping >= required
-    several = loop.directions.shape[1] > 1  # stiffest direction with the least damped one: sufficient, not exact
+    # Sufficient, not exact: the stiffest direction with the least damped one, and a passive mode before the operator.
+    several = loop.directions.shape[1] > 1 or s.load_device().flexible is not None
     exactly, at_most, at_least = ("", " at most", " at least") if several else (", exactly", "", "")
     if late:
         exactly, at_most = f" with ticks up to {1e3 * late:.4g} ms late", " at most"

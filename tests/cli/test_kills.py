@@ -27,9 +27,9 @@ ROUNDS = 17 * int(os.environ.get("PALPATE_ROUNDS", "1"))
 
 
 def _whole_folder(trace: Path) -> bytes:
-    """Return the files of a run, if the trace can be read."""
+    """Return the files of a run, if the trace can be read. Hidden ones are of the command that was ended."""
     Trace.load(trace)
-    return b"".join(file.read_bytes() for file in sorted(trace.parent.iterdir()))
+    return b"".join(file.read_bytes() for file in sorted(trace.parent.iterdir()) if not file.name.startswith("."))
 
 
 def _whole_sweep(path: Path) -> bytes:

@@ -1,0 +1,168 @@
+// Laws of a proxy that closed forms of one contact do not show: two contacts, two sides, a field, and reflex edges.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <palpate/mesh/force_shading.hpp>
+#include <random>
+#include <vector>
+
+#include "support/mesh_shapes.hpp"
+
+namespace {
+
+using palpate::math::Vector3;
+using palpate::mesh::Contact;
+using palpate::mesh::ForceShading;
+using palpate::mesh::Proxy;
+using palpate::mesh::Surface;
+using shapes::Shape;
+using shapes::World;
+
+// Law: the second touch is the first: a tip that lifts off and comes down the same way feels the same force, to the last bit.
+TEST(ProxyLaws, TheSecondTouchIsTheFirst) {
+  for (const double radius : {0.0, 0.05}) {
+    Surface s;
+    s.damping = {5.0};
+    s.static_friction = 0.5;
+    s.dynamic_friction = 0.3;
+    s.viscous = 0.2;
+    const World world(shapes::box({1.0, 1.0, 0.5}, 3), s);
+    Proxy proxy = world.proxy(radius);
+    std::vector<Vector3<>> first;
+    for (int touch = 0; touch < 3; ++touch)
+      for (int k = 0; k < 40; ++k) {
+        const double height = k < 5 || k > 34 ? 0.2 : -0.01 * (1.0 + std::sin(0.4 * k));
+        const Contact& c = proxy.step({0.1 + 0.003 * k, 0.2 - 0.001 * k, 0.5 + radius + height});
+        if (touch == 0) first.push_back(c.force);
+        EXPECT_EQ(c.force, first[static_cast<std::size_t>(k)]) << touch << ' ' << k;
+      }
+  }
+}
+
+/// A bent open sheet with a ridge, a valley and borders, and the same sheet seen from behind.
+Shape bent_sheet(bool behind) {
+  Shape s = shapes::sheet(6, 0.3, [](double x, double y) { return 0.2 * std::fabs(x) - 0.15 * std::fabs(y - 0.1); });
+  if (behind)
+    for (auto& t : s.triangles) std::swap(t[1], t[2]);
+  return s;
+}
+
+// Law: an open sheet has no inside: wound the other way round it gives the same forces, from either side and around its border.
+TEST(ProxyLaws, AnOpenSheetHasTwoEqualSides) {
+  for (const double side : {1.0, -1.0})
+    for (const double mu : {0.0, 0.4}) {
+      Surface s;
+      s.static_friction = s.dynamic_friction = mu;
+      const World one(bent_sheet(false), s, true), other(bent_sheet(true), s, true);
+      Proxy a = one.proxy(0.0), b = other.proxy(0.0);
+      int touched = 0;
+      for (int k = 0; k < 1500; ++k) {
+        const double x = 0.31 * std::sin(0.013 * k), y = 0.29 * std::cos(0.0071 * k);
+        const double height = 0.2 * std::fabs(x) - 0.15 * std::fabs(y - 0.1);
+        const Vector3<> tip(x, y, k % 200 < 10 ? side * 0.5 : height - side * 0.03 * (1.0 + std::sin(0.05 * k)));
+        const Contact &c = a.step(tip), &d = b.step(tip);
+        EXPECT_EQ(c.touching, d.touching) << k;
+        EXPECT_LT((c.force - d.force).norm(), 1e-6) << k;
+        touched += c.touching ? 1 : 0;
+      }
+      EXPECT_GT(touched, 100);
+    }
+}
+
+// Law: without friction the force on a flat field is the negative gradient of k(foot) depth^2 / 2.
+TEST(ProxyLaws, AForceOnAContinuousFieldIsTheGradientOfItsEnergy) {
+  const Shape shape = shapes::sheet(4, 0.5, [](double, double) { return 0.0; });
+  Surface s;
+  s.tangential = 0.0;
+  s.field = palpate::mesh::FieldKind::continuous;
+  s.stiffness.clear();
+  for (const Vector3<>& v : shape.vertices) s.stiffness.push_back(1000.0 + 900.0 * std::sin(5.0 * v[0]) * std::cos(3.0 * v[1]));
+  const World world(shape, s, true);
+  const auto contact = [&](const Vector3<>& tip) {
+    Proxy proxy = world.proxy(0.0);
+    proxy.step({tip[0], tip[1], 0.1});
+    return proxy.step(tip);
+  };
+  const auto energy = [&](const Vector3<>& tip) {
+    const Contact c = contact(tip);
+    return 0.5 * c.stiffness * c.depth * c.depth;
+  };
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> at(-0.45, 0.45);
+  const double h = 1e-6;
+  for (int k = 0; k < 60; ++k) {
+    const Vector3<> tip(at(random), at(random), -0.05);
+    Vector3<> gradient;
+    for (int a = 0; a < 3; ++a) gradient[a] = (energy(tip + h * Vector3<>::Unit(a)) - energy(tip - h * Vector3<>::Unit(a))) / (2.0 * h);
+    EXPECT_LT((contact(tip).force + gradient).norm(), 1e-4 * gradient.norm()) << k;
+  }
+}
+
+// Law: a surface without stiffness presses nothing on, so that no friction holds the tip.
+TEST(ProxyLaws, ASurfaceWithoutStiffnessDoesNotHold) {
+  Surface s;
+  s.stiffness = {0.0};
+  s.tangential = 500.0;
+  s.static_friction = s.dynamic_friction = std::numeric_limits<double>::infinity();
+  const World world(shapes::box({1.0, 1.0, 0.5}, 3), s);
+  Proxy proxy = world.proxy(0.0);
+  proxy.step({0.0, 0.0, 1.0});
+  for (int k = 0; k < 20; ++k) EXPECT_LT(proxy.step({0.01 * k, 0.0, 0.4}).force.norm(), 1e-9) << k;
+}
+
+// Law: around a vertex without creases, closed or on a border, every face has the same shaded normal there.
+TEST(ProxyLaws, TheShadedNormalOfAVertexIsOneForAllItsFaces) {
+  const Shape dome = shapes::sheet(5, 0.5, [](double x, double y) { return 0.3 * x * x - 0.4 * y * y + 0.1 * x * y; });
+  for (const bool open : {true, false}) {
+    const Shape shape = open ? dome : shapes::ball(2, 1.0, 0.05);
+    const World world(shape, {}, open);
+    const ForceShading shading(world.mesh, 1.4);
+    std::vector<Vector3<>> seen(shape.vertices.size(), Vector3<>::Zero());
+    for (std::int32_t f = 0; f < world.mesh.size(); ++f)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const auto& face = world.mesh.face(f);
+        Vector3<>& known = seen[static_cast<std::size_t>(face.vertex[k])];
+        const Vector3<> normal = shading.normal_at(world.mesh, f, face.corner[k]);
+        EXPECT_TRUE(known.isZero(0.0) || (normal - known).norm() < 1e-9) << f;
+        known = normal;
+      }
+  }
+}
+
+/// A prism over a polygon with a notch of 14 degrees that is cut almost to its base.
+Shape notched_prism() {
+  const double outline[7][2] = {{-1, 0}, {1, 0}, {1, 1}, {0.1, 1}, {0, 0.2}, {-0.1, 1}, {-1, 1}};
+  Shape s;
+  for (const double z : {-1.0, 1.0})
+    for (const auto& p : outline) s.vertices.emplace_back(p[0], p[1], z);
+  for (const auto& t : {std::array{0, 1, 4}, std::array{1, 2, 3}, std::array{1, 3, 4}, std::array{4, 5, 6}, std::array{4, 6, 0}}) {
+    s.triangles.push_back({t[0] + 7, t[1] + 7, t[2] + 7});
+    s.triangles.push_back({t[0], t[2], t[1]});
+  }
+  for (int i = 0; i < 7; ++i) {
+    const int j = (i + 1) % 7;
+    s.triangles.push_back({i, j, j + 7});
+    s.triangles.push_back({i, j + 7, i + 7});
+  }
+  return s;
+}
+
+// Law: a proxy that begins near a reflex edge touches if and only if the tip is inside (Baerentzen and Aanaes 2005).
+TEST(ProxyLaws, ATipBeginsInsideWhereTheClosedFormSaysSo) {
+  const World world(notched_prism());
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> aside(-0.15, 0.15), along(0.02, 0.6), depth(-1.2, 1.2);
+  int inside_count = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const Vector3<> tip(aside(random), along(random), depth(random));
+    const bool in_notch = tip[1] > 0.2 && std::fabs(tip[0]) < 0.1 * (tip[1] - 0.2) / 0.8;
+    const bool inside = !in_notch && std::fabs(tip[2]) < 1.0;
+    Proxy proxy = world.proxy(0.0);
+    EXPECT_EQ(proxy.step(tip).touching, inside) << tip.transpose();
+    inside_count += inside ? 1 : 0;
+  }
+  EXPECT_GT(inside_count, 1000);
+  EXPECT_LT(inside_count, 2900);
+}
+
+}  // namespace

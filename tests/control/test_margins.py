@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 import pytest
@@ -175,3 +177,12 @@ def test_closed_loop_agrees_with_the_loop_gain() -> None:
         c, p = controller.system(z), plant(z)
         u = np.linalg.solve(np.eye(3) - c[:, 3:] @ p, c[:, :3])
         assert frequency_response(whole, theta) == pytest.approx(np.vstack([p @ u, u]), rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0, True, None])
+def test_margins_need_a_sampled_square_loop(dt: Any) -> None:
+    one = integrator(0.5)
+    with pytest.raises(DesignError, match="square and sampled"):
+        loop_margins(control.StateSpace(one.A, one.B, one.C, one.D, dt))
+    with pytest.raises(DesignError, match="square and sampled"):
+        loop_margins(control.StateSpace(one.A, np.hstack([one.B, one.B]), one.C, [[0.0, 0.0]], one.dt))

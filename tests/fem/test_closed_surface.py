@@ -109,3 +109,20 @@ def test_the_nearest_triangle_and_the_winding_number_agree_on_the_inside(shape: 
     points = np.random.default_rng(1).uniform(-0.05, 0.05, (3000, 3))
     clear = surface.distance(points) > 1e-4
     np.testing.assert_array_equal(surface.inside(points)[clear], (surface.winding_number(points) > 0.5)[clear])
+
+
+def test_an_apex_is_a_spike_up_to_the_length_of_its_shortest_edge() -> None:
+    """A cone of 24 sides: the apex alone has no triangle near its normal and no sharp edge."""
+    n, height, radius = 24, 0.02, 0.01
+    angle = 2.0 * np.pi * np.arange(n) / n
+    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)])
+    points = np.vstack([rim, [[0.0, 0.0, height], [0.0, 0.0, 0.0]]])
+    k = np.arange(n)
+    sides = np.column_stack([k, (k + 1) % n, np.full(n, n)])
+    base = np.column_stack([(k + 1) % n, k, np.full(n, n + 1)])
+    cone = ClosedSurface(points, np.vstack([sides, base]))
+    edge = float(np.hypot(height, radius))
+    for least in (0.0, 0.999 * edge):
+        (apex,) = cone.spikes(least)
+        np.testing.assert_allclose(cone.vertices[apex], [0.0, 0.0, height], atol=1e-12)
+    assert cone.spikes(1.001 * edge).tolist() == []

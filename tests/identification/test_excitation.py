@@ -91,3 +91,13 @@ def test_impossible_signals_say_why(call, says):
 def test_a_clock_is_a_positive_time(clock):
     with pytest.raises(RecordingError, match="the clock must be a positive time"):
         prbs([1.0], clock)
+
+
+def test_the_crest_factor_is_that_of_the_shape_alone():
+    t = np.linspace(0.0, 1.0, 4000, endpoint=False)
+    shapes = np.column_stack(
+        [np.sign(np.sin(2 * np.pi * 5 * t) + 1e-9), np.sin(2 * np.pi * 5 * t), 2 * (t % 0.1) / 0.1 - 1]
+    )
+    expected = [1.0, np.sqrt(2.0), np.sqrt(3.0)]
+    for scale in (1.0, 1e-3, 50.0):
+        np.testing.assert_allclose(crest_factor(scale * shapes), expected, rtol=1e-2)

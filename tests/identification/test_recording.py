@@ -141,3 +141,14 @@ def test_split_parts_follow_each_other():
     assert second.time[0] - first.time[-1] == pytest.approx(1e-3)
     with pytest.raises(RecordingError, match="fewer than 50"):
         example().split(0.9)
+
+
+@pytest.mark.parametrize("wrong", ["time", "angle", "torque"])
+def test_each_channel_alone_must_have_one_row_per_sample(wrong):
+    n = 100
+    values = {"time": 1e-3 * np.arange(n), "angle": np.zeros((n, 2)), "torque": np.ones((n, 2))}
+    Recording(**values)
+    with pytest.raises(RecordingError, match="one row per sample"):
+        Recording(**{**values, wrong: values[wrong][:-1]})
+    with pytest.raises(RecordingError, match="one row per sample"):
+        Recording(**{**values, "time": values["time"][:, None]})

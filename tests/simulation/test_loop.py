@@ -161,6 +161,9 @@ def test_the_environment_keeps_the_rules() -> None:
     env = Environment(PRESS, periods=10)
     observation, information = env.reset(seed=3)
     assert observation.shape == env.observation_low.shape == (12,)
+    for low, high in ((env.observation_low, env.observation_high), (env.action_low, env.action_high)):
+        assert np.all(low == -high)
+        assert np.all(high > 0.0)
     assert information["time"] == 0.0
     steps, total = 0, 0.0
     while True:

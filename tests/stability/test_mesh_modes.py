@@ -139,3 +139,32 @@ def test_points_that_differ_in_stiffness_only_are_one_group() -> None:
     assert [len(group) for group in groups] == [2, 1, 2, 1]
     assert [one for group in groups for one in group] == points
     assert _groups([]) == []
+
+
+@pytest.mark.parametrize(
+    ("friction", "drag", "damping"), [(0.4, 0.0, 0.0), (0.4, 1.5, 0.0), (0.0, 1.5, 0.0), (0.4, 1.5, 3.0)]
+)
+def test_the_friction_law_is_the_recursion_of_the_lag(friction: float, drag: float, damping: float) -> None:
+    """l' = g (l + dx) + (1 - g) (mu d k / k_t) u and f = -k d n + k_t l, with the depth d = -n.x and a damper."""
+    normal, k, kt = np.array([0.36, 0.48, 0.8]), 900.0, 400.0
+    point = SurfacePoint(normal, k, kt, friction, drag, damping, PERIOD)
+    u = np.array([0.3, -0.8])
+    law, along, across = friction_law(point, u), u @ point.tangents(), np.eye(3) - np.outer(normal, normal)
+    g = drag / (1.0 + drag)
+    rng = np.random.default_rng(0)
+    state, lag, before = np.zeros(len(law.A)), np.zeros(3), np.zeros(3)
+    for _ in range(12):
+        tip = rng.normal(size=3)
+        depth = -normal @ tip
+        lag = g * (lag + across @ (tip - before)) + (1.0 - g) * friction * k * depth / kt * along
+        force = -k * depth * normal + kt * lag + damping / PERIOD * (normal @ (tip - before)) * normal
+        np.testing.assert_allclose(law.C @ state + law.D @ tip, force, rtol=1e-9, atol=1e-9)
+        state, before = law.A @ state + law.B @ tip, tip
+
+
+def test_a_proxy_that_never_slides_has_both_springs() -> None:
+    point = SurfacePoint(np.array([0.0, 0.6, 0.8]), 900.0, 400.0, np.inf, 1.5, 0.0, PERIOD)
+    law = friction_law(point, np.array([0.3, 0.4]))
+    assert law.A.size == 0
+    assert np.linalg.eigvalsh(law.D) == pytest.approx([400.0, 400.0, 900.0])
+    assert law.D @ point.normal == pytest.approx(900.0 * point.normal)

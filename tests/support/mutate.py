@@ -194,6 +194,8 @@ def all_tests(copy: Path, records: Path, only: list[str], left_out: list[str]) -
             code = run_tests(copy, [f"tests/{name}"], 1200.0, record)
             if code not in (0, 1, 5):
                 raise SystemExit(f"{name}: pytest ends with exit code {code} without a mutant")
+            if code == 1:
+                print(f"{name}: some tests fail without a mutant, and are left out", flush=True)
         for test, (seconds, seen) in json.loads(record.read_text("utf-8")).items():
             found[test] = (seconds, {(place, function) for place, function in seen})
     return found

@@ -580,6 +580,12 @@ class WorkspaceParameters:
     @stiffness.setter
     def stiffness(self, arg: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], /) -> None: ...
 
+    @property
+    def normal_only(self) -> bool: ...
+
+    @normal_only.setter
+    def normal_only(self, arg: bool, /) -> None: ...
+
     def fault(self) -> str:
         """Return the first thing that is wrong; None if nothing is."""
 
@@ -880,10 +886,13 @@ class PremiumSetup:
         Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
         """
 
-    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float, deadbeat: bool = False) -> None:
         """
-        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s; deadbeat exit of a wall.
         """
+
+    def set_sample_estimate_hold(self, correction: float) -> None:
+        """Hold the estimated mean of the force over the next period."""
 
     def set_workspace_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
         """
@@ -1217,10 +1226,13 @@ class SliderSetup:
         Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
         """
 
-    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float, deadbeat: bool = False) -> None:
         """
-        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s; deadbeat exit of a wall.
         """
+
+    def set_sample_estimate_hold(self, correction: float) -> None:
+        """Hold the estimated mean of the force over the next period."""
 
     def set_workspace_controller(self, mechanism: Slider, friction: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], parameters: WorkspaceParameters) -> None:
         """
@@ -1554,10 +1566,13 @@ class FiveBarSetup:
         Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
         """
 
-    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float, deadbeat: bool = False) -> None:
         """
-        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s; deadbeat exit of a wall.
         """
+
+    def set_sample_estimate_hold(self, correction: float) -> None:
+        """Hold the estimated mean of the force over the next period."""
 
     def set_workspace_controller(self, mechanism: FiveBar, friction: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], parameters: WorkspaceParameters) -> None:
         """
@@ -1841,10 +1856,13 @@ class TipDeviceSetup:
         Guard the loop by a passivity controller with at most this damping, times tip inertia over period.
         """
 
-    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float) -> None:
+    def set_half_sample(self, velocity: VelocityEstimate, horizon: float, observer: float, deadbeat: bool = False) -> None:
         """
-        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.
+        Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s; deadbeat exit of a wall.
         """
+
+    def set_sample_estimate_hold(self, correction: float) -> None:
+        """Hold the estimated mean of the force over the next period."""
 
     def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
         """

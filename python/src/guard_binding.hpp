@@ -36,13 +36,21 @@ void bind_guards(nanobind::class_<Setup>& setup) {
           "cap"_a, "Guard the loop by a passivity controller with at most this damping, times tip inertia over period.")
       .def(
           "set_half_sample",
-          [](Setup& s, palpate::guard::VelocityEstimate velocity, double horizon, double observer) {
-            const palpate::guard::HalfSampleParameters parameters{velocity, horizon, observer};
+          [](Setup& s, palpate::guard::VelocityEstimate velocity, double horizon, double observer, bool deadbeat) {
+            const palpate::guard::HalfSampleParameters parameters{velocity, horizon, observer, deadbeat};
             require_valid(parameters);
             s.guard = palpate::guard::HalfSample<Mechanism>(parameters);
           },
-          "velocity"_a, "horizon"_a, "observer"_a,
-          "Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s.");
+          "velocity"_a, "horizon"_a, "observer"_a, "deadbeat"_a = false,
+          "Hand the object the tip position after `horizon` servo periods; rate of the observer in rad/s; deadbeat exit of a wall.")
+      .def(
+          "set_sample_estimate_hold",
+          [](Setup& s, double correction) {
+            const palpate::guard::SampleEstimateHoldParameters parameters{correction};
+            require_valid(parameters);
+            s.guard = palpate::guard::SampleEstimateHold<Mechanism>(parameters);
+          },
+          "correction"_a, "Hold the estimated mean of the force over the next period.");
 }
 
 /// Bind the types that the guards of every mechanism share.

@@ -137,18 +137,24 @@ def test_a_step_settles_near_the_bound_of_the_drive_at_every_pose(stiffness: flo
     for pose in poses(40 if NIGHTLY else 4, 1.0 / stiffness):
         settled, bound, overshoot, steady = measured(pose, stiffness, 1.0)
         assert settled <= 1.35 * bound + 17e-3
-        assert stiffness < 500.0 or settled <= 26.5e-3
+        assert stiffness < 500.0 or settled <= max(25e-3, bound + 8.1e-3)  # one pose has a bound of 18 ms
         assert overshoot <= 0.01
         assert steady <= 1e-4
 
 
 @pytest.mark.parametrize(("stiffness", "largest"), [(3500.0, 1e-3), (10000.0, 4e-3)])
 def test_the_mean_displayed_force_with_counts_is_exact(stiffness: float, largest: float) -> None:
-    """The tip moves among a few counts; the integrator makes the mean error fall as one over the window, here 0.4 s."""
-    for pose in (POSE, OTHER, *poses(2, 1.0 / stiffness)):
+    """Law: in every window of 0.2 s, two time constants of the disturbance's observer, from 0.3 s on.
+
+    The tip moves among a few counts. The integrator bounds the sum of the errors, so the mean falls as one over the
+    window.
+    """
+    window = round(0.2 / PERIOD)
+    for pose in (POSE, OTHER, *poses(40 if NIGHTLY else 2, 1.0 / stiffness)):
         own = tables(pose, stiffness, 1.0, saturation=True, encoder=True) | {"run": {"duration": "0.7 s"}}
-        force = palpate.simulate(own)["object_force"]
-        assert np.abs(force[-800:].mean(axis=0) - 1.0).max() <= largest
+        error = palpate.simulate(own)["object_force"][round(0.3 / PERIOD) :] - 1.0
+        sums = np.vstack([np.zeros(3), np.cumsum(error, axis=0)])
+        assert np.abs(sums[window:] - sums[:-window]).max() <= largest * window
 
 
 def test_unmodeled_rotors_overshoot_little() -> None:
@@ -191,6 +197,89 @@ def test_options_are_read_resolved_and_checked(tmp_path: Path) -> None:
         workspace(ARM, PERIOD, speed=1.0)
     with pytest.raises(ScenarioError, match="divides by the stiffness in any case"):
         Scenario.from_dict(own | {"controller": {"kind": "workspace", "normalize": "1 N/mm"}})
+
+
+def test_the_linear_model_is_the_small_motion_of_the_core_near_a_singular_pose() -> None:
+    """There the inverse of the mobility is damped, and a part of the weight moves the arm: it is subtracted."""
+    pose, force = np.array([0.0, 1.0, 2.42]), 1e-4
+    assert np.linalg.cond(ARM.jacobian(pose)) > 13.0
+    law = workspace(ARM, PERIOD).linearized(pose)
+    plant = rendering_plant(ARM, pose, stiffness=1000.0, period=PERIOD)
+    ticks = np.arange(100)
+    linear = control.forced_response(closed_loop(law, plant), ticks * PERIOD, force * np.ones((3, len(ticks)))).y[:3]
+    pressed, still = (
+        palpate.simulate(tables(pose, 1000.0, f) | {"run": {"duration": "0.05 s"}})["object_force"][: len(ticks)]
+        for f in (force, 0.0)
+    )
+    assert np.abs(linear[1:, -1] / force - 1.0).min() > 0.02  # the damping acts
+    assert np.abs(pressed - still - linear.T).max() < 2e-2 * force
+
+
+SURFACE = {"static_friction": 0.2, "tangential": "1 N/mm"}
+LEADING = {
+    "kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m", "shape": "table",
+    "table": [["0 s", "0 N", "0 N", "0 N"], ["0.2 s", "0 N", "0 N", "0 N"], ["0.7 s", "4 N", "0.8 N", "0 N"]],
+}  # fmt: skip
+
+
+def slide(slope: float, friction: bool, normal_only: bool) -> dict[str, Any]:
+    """A hand leads the tip by 20 mm over a plane of triangles, tilted by a slope in degrees, pressed with 1 N."""
+    mesh = {"shape": "box", "edge": "200 mm", "divisions": 8, "rotation": ["0 deg", f"{slope} deg", "0 deg"]}
+    surface = {"stiffness": ["0.3 N/mm", "3 N/mm"], "pattern": "stripes", "width": "8 mm"}
+    return {
+        "device": {"name": "phantom-premium-1.5a", "saturation": True},
+        "start": {"pose": [f"{float(q)!r} rad" for q in POSE]},
+        "servo": {"period": "0.5 ms"},
+        "reference": {"shape": "ramp", "force": ["0 N", "0 N", "-1 N"], "rise": "0.1 s"},
+        "operator": LEADING,
+        "object": {
+            "kind": "mesh",
+            "mesh": mesh,
+            "surface": surface | (SURFACE if friction else {"tangential": "0 N/m"}),
+        },
+        "controller": {"kind": "workspace", "normal_only": normal_only},
+        "run": {"duration": "1.5 s"},
+    }
+
+
+@pytest.mark.parametrize("slope", [0.0, 20.0])
+@pytest.mark.parametrize("friction", [False, True])
+def test_along_the_normal_alone_a_hand_leads_over_a_slope(slope: float, friction: bool) -> None:
+    """Law: always in contact, the deflection within 5 % of F/K_min, and the tip where hand and surface take it."""
+    trace = palpate.simulate(slide(slope, friction, True))
+    first = int(np.argmax(trace["touching"][:, 0]))
+    assert trace.completed
+    assert first < 10
+    assert trace["touching"][first:, 0].all()
+    pressed = np.cos(np.radians(slope))  # part of the reference along the normal
+    stiffness = trace["surface_stiffness"][first:, 0]
+    assert len(np.unique(stiffness)) == 2
+    assert trace["depth"].max() <= 1.05 * pressed / 300.0
+    assert trace["depth"][-1, 0] * stiffness[-1] == pytest.approx(pressed, rel=5e-3)
+    moved = trace["tip"][-1] - trace["tip"][0]
+    down = np.array([np.cos(np.radians(slope)), 0.0, -np.sin(np.radians(slope))])
+    force = np.array([4.0, 0.8, -1.0]) - trace["object_force"][-1] - 200.0 * moved  # hand, reference and surface
+    assert abs(force @ down) < 0.1
+    assert np.array_equal(trace["triangle"], palpate.simulate(slide(slope, friction, True))["triangle"])
+
+
+def test_tracking_the_force_along_a_slope_fights_the_hand() -> None:
+    """Without `normal_only`, the motors track the force along the surface: the hand bears it, and the tip comes off."""
+    tracked, free = (palpate.simulate(slide(20.0, False, normal_only)) for normal_only in (False, True))
+    assert np.abs(free["operator_force"][:, :2]).max() < 0.5
+    assert np.abs(tracked["operator_force"][:, :2]).max() > 3.0
+    assert free.stable
+    assert not tracked.stable
+
+
+def test_along_the_normal_alone_a_loop_has_no_linear_verdict() -> None:
+    with pytest.raises(DesignError, match=r"controller\.normal_only: along the surface nothing but the operator"):
+        palpate.stability.certify(slide(0.0, True, True))
+    assert palpate.stability.certify(
+        tables(OTHER, 1000.0, 1.0) | {"controller": {"kind": "workspace", "normal_only": True}}
+    ).stable
+    with pytest.raises(DesignError, match="normal_only must be True or False"):
+        workspace(ARM, PERIOD, normal_only=1.0)
 
 
 FEWER = {

@@ -446,6 +446,16 @@ def test_the_examples_show_what_their_comments_promise() -> None:
     assert not summaries["slider-wall-unstable"]["stable"]
     assert "grows by a factor" in summaries["slider-wall-unstable"]["verdict"]
 
+    guarded = runs["guarded-stiff-wall"]
+    assert summaries["guarded-stiff-wall"]["state"] == "settled"
+    assert np.ptp(guarded["tip"][-300:, 2]) < 20e-6
+    assert 0.2 < guarded["guarded"].mean() < 0.5
+    bare = Scenario.from_file(next(path for path in SCENARIOS if path.stem == "guarded-stiff-wall")).to_dict()
+    assert np.ptp(simulate({**bare, "guard": {"kind": "none"}})["tip"][-300:, 2]) > 2e-3
+    led = runs["slide-slope-by-hand"]
+    assert led["touching"][10:, 0].all()
+    assert len(np.unique(led["surface_stiffness"][10:, 0])) == 2
+
     leaning = runs["arm-through-tissue-on-a-wall"]
     touching = leaning["touching"][:, 0] > 0
     assert touching.any()

@@ -11,9 +11,10 @@ import pytest
 from palpate.errors import ScenarioError, StabilityError
 from palpate.linear import HumanArm, LinearDevice
 from palpate.scenario import Scenario
-from palpate.simulation import ForceLaw
+from palpate.simulation import ForceLaw, build_simulation
 from palpate.simulation.verdict import State
 from palpate.stability import certify, critical_stiffness
+from palpate.stability.rest_certificate import texture_law
 
 HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "100 N/m"}
 
@@ -157,18 +158,77 @@ def test_a_gravity_well_is_a_spring_where_its_force_is_linear_and_undecided_beyo
 
 
 def test_objects_without_a_loop_are_refused_in_one_sentence() -> None:
-    texture = {"wavelength": "1 mm", "across": [0, 1, 0], "height": "0.1 mm"}
-    wall = {"kind": "textured_wall", "stiffness": "1 N/mm", "normal": [1, 0, 0], "texture": texture}
     for chosen, says in (
         (field("constant", force=["1 N"] * 3), "closes no loop"),
         (field("vibration", force=["1 N"] * 3, frequency="50 Hz"), "closes no loop"),
-        (field("virtual_mass", mass="0.2 kg", stiffness="500 N/m"), "has no rest"),
-        (wall, "depends on the place"),
     ):
         with pytest.raises(StabilityError, match=says):
             certify(slider(chosen))
     with pytest.raises(StabilityError, match="no spring with one stiffness"):
         palpate.stability.zwidth(slider(law()))
+
+
+def textured(stiffness: str, **texture: Any) -> dict[str, Any]:
+    return {
+        "kind": "textured_wall",
+        "stiffness": stiffness,
+        "normal": [0, 0, 1],
+        "texture": {"wavelength": "4 mm", "across": [1, 0, 0], **texture},
+    }
+
+
+def held_arm(touched: dict[str, Any], period: str = "1 ms") -> dict[str, Any]:
+    """Return an impedance display on the arm, held by a hand that presses with 1 N and leans to the side."""
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": period, "topology": "impedance_display"},
+        "operator": {**HAND, "force": ["0.3 N", "0 N", "-1 N"]},
+        "object": touched,
+        "run": {"duration": "2 s"},
+    }
+
+
+@pytest.mark.parametrize("texture", [{"height": "0.2 mm"}, {"lateral_force": "0.2 N"}])
+def test_a_textured_wall_is_judged_where_its_run_rests(texture: dict[str, Any]) -> None:
+    """Law: the verdict of the certificate agrees with the run, and the exact slope is that of the force."""
+    verdicts = []
+    for stiffness in ("300 N/m", "20 N/mm"):
+        tables = held_arm(textured(stiffness, **texture))
+        found, run = certify(tables), palpate.simulate(tables).verdict
+        verdicts.append(found.verdict.state)
+        assert found.verdict.state is not State.STABLE or run.state is State.SETTLED
+        assert found.verdict.state is not State.UNSTABLE or run.state is State.UNSTABLE
+    assert verdicts[0] is State.STABLE
+    assert verdicts[1] is not State.STABLE
+    own = Scenario.from_dict(held_arm(textured("1 N/mm", height="0.2 mm", lateral_force="0.1 N")))
+    parameters = build_simulation(own).objects[""].parameters
+    assert parameters is not None
+    place, step = parameters["point"] + np.array([0.7e-3, 0.0, -1e-3]), 1e-7
+
+    def force(p: Any) -> Any:
+        offset, number = p - parameters["point"], 2.0 * np.pi / parameters["wavelength"]
+        sine, cosine = np.sin(number * offset[0]), np.cos(number * offset[0])
+        size = parameters["stiffness"] * (parameters["height"] * sine - offset[2])
+        side = size * parameters["height"] * number * cosine + parameters["lateral_force"] * sine
+        return np.array([side, 0.0, -size])
+
+    slope = [(force(place + step * e) - force(place - step * e)) / (2.0 * step) for e in np.eye(3)]
+    assert pytest.approx(np.array(slope).T, abs=1e-3) == texture_law(parameters, place, 1e-3).D
+
+
+def test_a_virtual_mass_is_judged_by_its_own_sampled_motion() -> None:
+    """Law: held by a hand it is stable up to a coupling that the run confirms; free it drifts, which is said."""
+    for stiffness, expected in (("200 N/m", State.STABLE), ("40 N/mm", State.UNSTABLE)):
+        ball = field("virtual_mass", mass="0.2 kg", stiffness=stiffness, coupling_damping="0.5 N*s/m")
+        tables = slider(ball)
+        tables["run"] = {"duration": "6 s"}
+        assert certify(tables).verdict.state is expected
+    free = slider(field("virtual_mass", mass="0.2 kg", stiffness="200 N/m", coupling_damping="0.5 N*s/m"))
+    free["operator"] = {"kind": "none"}
+    found = certify(free)
+    assert found.verdict.state is State.UNDECIDED
+    assert "nothing holds the tip or the mass" in found.claim
 
 
 def test_the_tip_feels_a_virtual_mass() -> None:

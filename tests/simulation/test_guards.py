@@ -145,6 +145,14 @@ def slider(guard: Any, **other: Any) -> dict[str, Any]:
         (slider([{"kind": "energy_bound"}, {"kind": "half_sample"}]), "guard: a loop has one guard"),
         (slider({"kind": "half_sample", "cap": 0.3}), 'guard.cap has no meaning for kind = "half_sample"'),
         (slider({"kind": "half_sample", "observer": "300 rad/s"}), 'observer belongs to velocity = "observer"'),
+        (
+            slider({"kind": "sample_estimate_hold", "correction": 2.0}),
+            "guard.correction: 2; it must be between 0 and 1",
+        ),
+        (
+            slider({"kind": "half_sample", "deadbeat": True}, device={"delay": 1}),
+            "guard.deadbeat: the two forces must act at once, and the device has a delay of 1 servo period(s)",
+        ),
         (slider({"kind": "energy_bound", "viscous": 1.5}), "guard.viscous: 1.5; it must be above 0 and at most 1"),
         (slider({"kind": "energy_bound"}, device={"model": "linear"}), "guard.kind: an energy bound relies on dry"),
         (
@@ -168,7 +176,9 @@ def test_a_device_without_viscous_friction_has_no_energy_bound(tmp_path: Path) -
         Scenario.from_dict(slider({"kind": "energy_bound"}, device={"name": str(tmp_path / "bare.toml")}))
 
 
-@pytest.mark.parametrize("guard", [{"kind": "passivity_controller"}, {"kind": "half_sample"}, BOUND])
+@pytest.mark.parametrize(
+    "guard", [{"kind": "passivity_controller"}, {"kind": "half_sample"}, {"kind": "sample_estimate_hold"}, BOUND]
+)
 def test_no_linear_analysis_is_claimed_for_a_guarded_loop(guard: dict[str, Any]) -> None:
     """Law: the linear loop is that without the guard, so the run alone is judged and every analysis refuses."""
     tables = slider(guard, object={"kind": "spring", "stiffness": "2 N/mm"})
@@ -188,6 +198,55 @@ def test_half_sample_prediction_extends_the_spring_to_its_exact_limit() -> None:
         spring = {"kind": "spring", "stiffness": stiffness}
         tip = simulate(slider({"kind": "half_sample"}, object=spring, run={"duration": "4 s"}))["tip"][:, 0]
         assert bool(np.ptp(tip[-1000:]) < np.ptp(tip[:1000])) is decays
+
+
+@pytest.mark.parametrize("correction", [0.0, 1.0])
+def test_sample_estimate_hold_extends_the_spring_to_its_exact_limit(correction: float) -> None:
+    """Golden: without correction that of a damper of K T/2, 3448 N/m; with it that of the filter 2, -3/2, 1/2."""
+    m, b, t = 0.06, 0.05, 1e-3
+    decay = np.exp(-b * t / m)
+    held = m / b * (1.0 - decay)
+    a = np.zeros((4, 4))  # x, v, and x at the last two samples
+    a[0, :2], a[1, 1], a[2, 0], a[3, 2] = (1.0, held), decay, 1.0, 1.0
+    entry = np.array([(t - held) / b, (1.0 - decay) / b, 0.0, 0.0])
+    taps = np.array([1.5, -0.5, 0.0]) + correction * np.array([0.5, -1.0, 0.5])
+
+    def radius(stiffness: float) -> float:
+        law = stiffness * np.array([taps[0], 0.0, taps[1], taps[2]])
+        return float(np.abs(np.linalg.eigvals(a - np.outer(entry, law))).max())
+
+    low, high = 1e3, 1e5
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
+    assert low == pytest.approx(3448.0 if correction == 0.0 else 80044.0, rel=0.01)
+    for share, decays in ((0.95, True), (1.05, False)):
+        spring = {"kind": "spring", "stiffness": f"{share * low!r} N/m"}
+        hold = {"kind": "sample_estimate_hold", "correction": correction}
+        tip = simulate(slider(hold, object=spring, run={"duration": "4 s"}))["tip"][:, 0]
+        assert bool(np.ptp(tip[-1000:]) < max(0.95 * np.ptp(tip[1000:2000]), 1e-9)) is decays
+
+
+@pytest.mark.parametrize("kind", list(OBJECTS))
+@pytest.mark.parametrize("guard", [{"kind": "sample_estimate_hold"}, {"kind": "half_sample", "deadbeat": True}])
+def test_an_estimating_guard_works_behind_any_object(arm: str, kind: str, guard: dict[str, Any]) -> None:
+    """Law: on a wall, a mesh and a body the display delivers less energy than without the guard."""
+    if guard.get("deadbeat"):
+        guard = {**guard, "velocity": "observer"}
+    scenario, bare = press(arm, OBJECTS[kind], guard), press(arm, OBJECTS[kind], None)
+    trace = simulate(scenario)
+    assert trace.unstable_from is None
+    assert energy(scenario, trace).min() > 0.2 * energy(bare, simulate(bare)).min()
+
+
+def test_the_trace_marks_the_ticks_that_a_guard_changed(arm: str) -> None:
+    """Law: `guarded` is 1 exactly where the command is not the controller's."""
+    for guard in (BOUND, {"kind": "passivity_controller"}):
+        trace = simulate(press(arm, OBJECTS["wall"], guard))
+        changed = np.abs(trace["command_force"] + trace["object_force"]).max(axis=1) > 0.0
+        assert np.array_equal(trace["guarded"][:, 0] > 0.0, changed)
+        assert 0 < changed.sum() < len(trace)
+    assert "guarded" not in simulate(press(arm, OBJECTS["wall"], None))
 
 
 def test_a_guard_is_a_key_of_a_sweep() -> None:
@@ -224,6 +283,13 @@ def test_guards_compare_as_published_on_the_arms_axis() -> None:
     assert reach["half-sample, backward difference"] == 1e4
     assert reach["half-sample, observer"] == 1e4
     assert reach["passivity controller, cap 0.5 m/T"] >= 1e4
+    assert reach["half-sample, observer, deadbeat exit"] == 2e4
+    assert reach["sample-estimate-hold"] == 1e4
+    assert reach["sample-estimate-hold, no correction"] == 5e3
+    assert reach["admittance display, workspace controller"] == 1e4
+    soft = [row for row in found.rows if row.name.startswith("virtual coupling")]
+    assert [row.stiffness for row in soft] == [0.0, 0.0]  # 0.7 and 2.8 N/mm in series show less than 90 %
+    assert soft[0].swing <= 15e-6 < soft[1].swing  # the two-port accepts a coupling that swings
     bounds = [row for row in found.rows if row.name.startswith("energy bound")]
     assert len(bounds) == 2
     assert all(row.swing <= 15e-6 for row in bounds)

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <palpate/guard/half_sample.hpp>
 #include <palpate/math/vector.hpp>
+#include <palpate/mechanism/slider.hpp>
 
 namespace {
 
@@ -90,6 +91,44 @@ TEST(AdaptiveWindow, IsABackwardDifferenceWithoutCounts) {
     const double v = window.velocity(q);
     EXPECT_DOUBLE_EQ(v, k > 1 ? (q - before) / period : 0.0);
     before = q;
+  }
+}
+
+// Law: two held forces bring a mass into the state in which it leaves the continuous wall, whatever the instant of the exit, so that the
+// exit generates no energy (Gillespie & Cutkosky 1996).
+TEST(HalfSample, LeavesAWallInTheStateOfTheContinuousOne) {
+  constexpr double mass = 0.06, stiffness = 4000.0, speed = 0.2;
+  for (const double depth : {1e-6, 3e-5, 9e-5, 1.5e-4}) {
+    palpate::guard::HalfSample<palpate::mechanism::Slider> guard(
+        {.velocity = palpate::guard::VelocityEstimate::observer, .horizon = 0.5, .observer = 1000.0, .deadbeat = true});
+    guard.prepare({palpate::mechanism::Slider(mass), palpate::math::Joints<1>(0.0), period, 0});
+    // Free motion outward, so that the observer knows the velocity; then a wall of this depth appears, with its surface at x = 0.
+    double x = -depth - 200 * speed * period, v = speed, before = x;
+    const Vector3<> normal(1.0, 0.0, 0.0);
+    const auto tick = [&](double surface_depth, bool touching) {
+      const palpate::math::Joints<1> q(x);
+      guard.predict(q, 1.0 / period);
+      palpate::object::ContactResult wall;
+      wall.depth = surface_depth - 0.5 * period * v;
+      wall.touching = touching;
+      if (touching) {
+        wall.normal = normal;
+        wall.stiffness = stiffness;
+      }
+      guard.contact(wall);
+      const double force = guard.command(q, Vector3<>::Zero(), Vector3<>(x - before, 0.0, 0.0)).x();
+      guard.commit(palpate::math::Joints<1>(force));
+      before = x;
+      x += period * (v + 0.5 * period * force / mass);
+      v += period * force / mass;
+    };
+    for (int k = 0; k < 200; ++k) tick(0.0, false);
+    ASSERT_NEAR(x, -depth, 1e-12);
+    tick(depth, true);
+    tick(-x, false);
+    const double rate = std::sqrt(stiffness / mass), out = std::hypot(speed, rate * depth);
+    EXPECT_NEAR(v, out, 1e-7 * out);
+    EXPECT_NEAR(x, out * (2.0 * period - std::atan2(rate * depth, speed) / rate), 1e-9);
   }
 }
 

@@ -64,6 +64,7 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
     """Compare the guards on one axis of the device of a scenario."""
     with progress("reading the scenario") as tell:
         from palpate.metrics import compare_guards
+        from palpate.stability import design_couplings
 
         loaded = load_scenario(scenario, settings)
         device, start = loaded.load_device(), loaded.start
@@ -71,6 +72,7 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         found = compare_guards(
             device, pose, loaded.object.normal, period=loaded.period, delay=loaded.device.delay, progress=tell
         )
+        couplings = design_couplings(device, pose, period=loaded.period)
         folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"guards.json": found.save})
     axis = found.axis
@@ -90,6 +92,15 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         swing = "diverges" if math.isinf(row.swing) else f"swings {1e6 * row.swing:.3g} um"
         output.print(
             f"  {row.name}: {reach}; the stiffest {swing}; guarantee: {row.guarantee}", markup=False, soft_wrap=True
+        )
+    output.print("virtual couplings (Adams & Hannaford), without delay:")
+    for along, stiff, light in couplings:
+        output.print(
+            f"  along {'xyz'[int(along.argmax())]}: impedance display up to {stiff.stiffness:.4g} N/m with "
+            f"{stiff.damping:.3g} N s/m by the two-port, {stiff.exact:.4g} N/m exactly; admittance display from "
+            f"{light.mass:.3g} kg by the two-port, {light.exact:.3g} kg exactly for rigid grips",
+            markup=False,
+            soft_wrap=True,
         )
     print_paths(paths)
 

@@ -22,6 +22,9 @@ from palpate.errors import DesignError, PoseError
 from palpate.units import to_si
 
 _STIFFNESS: Final = 1000.0  # N/m
+_DAMPED_ABOVE: Final = 12.0  # |J| |J^+|, as in the core
+_MOTION_DAMPING: Final = 0.02  # of the mobility's trace, largest damping, as in the core
+_WEIGHT_DAMPING: Final = 2e-4
 OPTIONS: Final = {
     "bandwidth": "rad/s",
     "damping": "",
@@ -31,7 +34,8 @@ OPTIONS: Final = {
     "reference_damping": "",
     "share": "",
     "stiffness": "N/m",
-}  # option: unit
+    "normal_only": None,
+}  # option: unit; None: true or false
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,8 @@ class WorkspaceController:
         reference_damping: ratio of the reference model, at most 1.
         share: of the drive's limit that the reference model uses, at most 1.
         stiffness: by which forces without a known stiffness are divided, per axis, N/m.
+        normal_only: whether an object with a normal is tracked along it alone. Along the surface the motors then
+            display the object's force, such as friction, and the operator moves the tip.
     """
 
     device: Device
@@ -61,6 +67,7 @@ class WorkspaceController:
     reference_damping: float = 1.0
     share: float = 0.85
     stiffness: tuple[float, float, float] = (_STIFFNESS, _STIFFNESS, _STIFFNESS)
+    normal_only: bool = False
 
     kind: Final = "workspace"
 
@@ -74,8 +81,11 @@ class WorkspaceController:
     def parameters(self) -> Any:
         """Parameters of the core's controller."""
         out = _core.WorkspaceParameters()
-        for name in OPTIONS:
-            setattr(out, name, np.asarray(self.stiffness, float) if name == "stiffness" else float(getattr(self, name)))
+        for name, unit in OPTIONS.items():
+            value = getattr(self, name)
+            setattr(
+                out, name, np.asarray(value, float) if name == "stiffness" else value if unit is None else float(value)
+            )
         return out
 
     @property
@@ -98,7 +108,7 @@ class WorkspaceController:
         """Return the law for small motions about rest at a pose (dof,), rad, without limits, exact to first order.
 
         Its states are, per axis, the estimate of deflection, velocity and disturbance, and the position and velocity
-        of the reference model. It is normalized.
+        of the reference model. It is normalized. With `normal_only` it is that on an object without a normal.
 
         Raises:
             PoseError: the pose is singular.
@@ -107,7 +117,7 @@ class WorkspaceController:
         jacobian = self.device.jacobian(q)
         if np.linalg.cond(jacobian) > 1e9:
             raise PoseError("workspace: the pose is singular, so the tip's inertia is not defined")
-        reach = _directions(jacobian)
+        reach = reachable_axes(jacobian)
         inverse: Array = np.asarray(np.linalg.pinv(jacobian) @ reach, dtype=float)  # (dof, dof)
         inertia = inverse.T @ self.device.mass_matrix(q) @ inverse
         friction = inverse.T @ np.diag(self.device.viscous) @ inverse
@@ -130,10 +140,16 @@ class WorkspaceController:
         c, d = law @ correct, law @ entry + ahead
         weight = reach.T @ self._gravity_slope(q, inverse)
         eye = np.eye(len(inertia))
-        big_c = reach @ (np.kron(c, inertia) + np.kron(np.eye(5)[4], friction))
+        big_a, big_c = np.kron(a, eye), np.kron(c, inertia) + np.kron(np.eye(5)[4], friction)
         big_b = np.hstack([np.kron(b[:, :1], eye) @ scale, np.kron(b[:, 1:], eye) @ scale])
-        big_d = reach @ np.hstack([d[0] * inertia @ scale, (d[1] * inertia + weight) @ scale])
-        system = control.StateSpace(np.kron(a, eye), big_b, big_c, big_d, t)
+        big_d = np.hstack([d[0] * inertia @ scale, d[1] * inertia @ scale])
+        carried = np.hstack([np.zeros_like(weight @ scale), weight @ scale])
+        # shares of the forces that act near a singular pose
+        motion, held = (_damped_share(jacobian, inertia, share) for share in (_MOTION_DAMPING, _WEIGHT_DAMPING))
+        missing = np.kron(push[:, None], np.linalg.inv(inertia))
+        big_a = big_a + missing @ (motion - eye) @ big_c
+        big_b = big_b + missing @ ((motion - eye) @ big_d + (held - eye) @ carried)
+        system = control.StateSpace(big_a, big_b, reach @ motion @ big_c, reach @ (motion @ big_d + held @ carried), t)
         back = np.kron(push[:, None], np.linalg.inv(inertia)) @ reach.T
         return Controller(system, back, self.kind, self.notes).normalized(self.stiffness)
 
@@ -148,7 +164,18 @@ class WorkspaceController:
         return np.asarray(slope @ inverse, dtype=float)
 
 
-def _directions(jacobian: Array) -> Array:
+def _damped_share(jacobian: Array, inertia: Array, share: float) -> Array:
+    """Return the factor (dof, dof) of the tip force near a singular pose, (A + e)^-1 A (A + e)^-1 A with A = L^-1."""
+    excess = 1.0 - (_DAMPED_ABOVE / (np.linalg.norm(jacobian) * np.linalg.norm(np.linalg.pinv(jacobian)))) ** 2
+    eye = np.eye(len(inertia))
+    if excess <= 0.0:
+        return eye
+    mobility = np.linalg.inv(inertia)
+    inverse = np.linalg.inv(mobility + share * excess**2 * np.trace(mobility) * eye)
+    return np.asarray(inverse @ mobility @ inverse @ mobility, dtype=float)
+
+
+def reachable_axes(jacobian: Array) -> Array:
     """Return an orthonormal basis (3, dof) of the directions in which a tip with this Jacobian (3, dof) can move."""
     if jacobian.shape[1] == 3:
         return np.eye(3)
@@ -172,8 +199,10 @@ def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceC
     values: dict[str, Any] = {}
     for name, value in options.items():
         unit = OPTIONS[name]
-        text = isinstance(value, str)
-        values[name] = to_si(value, unit, f"workspace: {name}", error=DesignError) if text else value
+        if unit is None and not isinstance(value, bool):
+            raise DesignError(f"workspace: {name} must be True or False, not {value!r}")
+        text = unit is not None and isinstance(value, str)
+        values[name] = to_si(value, unit or "", f"workspace: {name}", error=DesignError) if text else value
     if "stiffness" in values:
         values["stiffness"] = tuple(np.broadcast_to(np.asarray(values["stiffness"], dtype=float), (3,)).tolist())
     return WorkspaceController(device, to_si(period, "s", "workspace: period", error=DesignError), **values)

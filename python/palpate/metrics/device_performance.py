@@ -26,6 +26,7 @@ __all__ = [
     "DeviceMeasures",
     "TwoPort",
     "device_measures",
+    "moving_axes",
     "moving_force",
     "peak_acceleration",
     "peak_force",
@@ -72,7 +73,7 @@ def device_measures(device: Device, pose: ArrayLike) -> DeviceMeasures:
     q = np.asarray(pose, dtype=float)
     inertia = tip_inertia(device, q)
     masses, axes = np.linalg.eigh(inertia)
-    directions = np.concatenate([axes.T, -axes.T]) @ _moving_axes(device, q).T
+    directions = np.concatenate([axes.T, -axes.T]) @ moving_axes(device, q).T
     values = np.linalg.svd(device.jacobian(q), compute_uv=False)
     peak = np.array([peak_force(device, q, e) for e in directions])
     moving = np.array([moving_force(device, q, e) for e in directions])
@@ -100,7 +101,7 @@ def tip_inertia(device: Device, pose: Array) -> Array:
     Raises:
         PoseError: the pose is singular.
     """
-    inverse = np.linalg.inv(_moving_axes(device, pose).T @ device.jacobian(pose))
+    inverse = np.linalg.inv(moving_axes(device, pose).T @ device.jacobian(pose))
     return np.asarray(inverse.T @ device.mass_matrix(pose) @ inverse, dtype=float)
 
 
@@ -118,7 +119,7 @@ def peak_acceleration(device: Device, pose: ArrayLike, direction: ArrayLike) -> 
     It is the largest a with N + a L e within the limits, where L is the inertia of the tip and N carries the weight.
     """
     q, e = np.asarray(pose, dtype=float), np.asarray(direction, dtype=float)
-    axes = _moving_axes(device, q)
+    axes = moving_axes(device, q)
     force = axes @ tip_inertia(device, q) @ axes.T @ (e / np.linalg.norm(e))
     return most_within_limits(device, device.jacobian(q), _weight(device, q), force, device.peak_force)
 
@@ -153,11 +154,11 @@ def _most(device: Device, pose: Array, direction: Array, limit: float) -> float:
 
 def _weight(device: Device, pose: Array) -> Array:
     """Return the tip force (3,) that carries the weight, N."""
-    axes = _moving_axes(device, pose)
+    axes = moving_axes(device, pose)
     return np.asarray(axes @ np.linalg.solve((axes.T @ device.jacobian(pose)).T, device.gravity(pose)), dtype=float)
 
 
-def _moving_axes(device: Device, pose: Array) -> Array:
+def moving_axes(device: Device, pose: Array) -> Array:
     """Return an orthonormal basis (3, dof) of the directions in which the tip moves; the identity with three joints.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Comparison of guards and of plain walls on one axis of a device, by running its servo loop."""
+"""Comparison of guards, walls, couplings and displays on one axis of a device, by running its servo loop."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def compare_guards(
     impacts: Sequence[float] = IMPACTS,
     progress: Progress | None = None,
 ) -> GuardComparison:
-    """Compare a plain wall, damped walls and guards on one axis of a device.
+    """Compare a plain wall, damped walls, guards, couplings and an admittance display on one axis of a device.
 
     The servo loop of the core runs each of them for 2 s, on a wall of each stiffness, after an impact at each speed,
     pressed by a constant force. The device is the mass, friction and encoder of one direction of its tip, so that the
@@ -145,11 +145,11 @@ def compare_guards(
     if not stiffnesses or not impacts or min(stiffnesses) <= 0.0:
         raise StabilityError("stiffnesses must be positive and impacts given: at least one of each")
     report = progress or (lambda _text, _fraction: None)
-    ways = _ways(along, time)
+    ways = _ways(along, time, delay)
     rows = []
-    for number, (name, damping, guard, guarantee) in enumerate(ways):
-        report(name, number / len(ways))
-        rows.append(_row(_Axis(along, time, delay, force), name, damping, guard, guarantee, stiffnesses, impacts))
+    for number, way in enumerate(ways):
+        report(way.name, number / len(ways))
+        rows.append(_row(_Axis(along, time, delay, force), way, stiffnesses, impacts))
     return GuardComparison(chosen.name, along, time, delay, tuple(stiffnesses), tuple(impacts), force, tuple(rows))
 
 
@@ -188,33 +188,69 @@ def _movable(device: Device, pose: ArrayLike) -> Array:
     return np.asarray(np.eye(3)[free[0] if free else 2], dtype=float)
 
 
-def _ways(axis: TipAxis, period: float) -> list[tuple[str, float, dict[str, Any] | None, str]]:
-    """Return name, damping of the wall (N s/m), guard and guarantee of each way to render it."""
+@dataclass(frozen=True)
+class _Way:
+    """One way to render a wall.
+
+    Attributes:
+        name, guarantee: as of `GuardRow`.
+        damping: of the wall, N s/m.
+        guard: numbers of `guard_numbers`.
+        coupling: stiffness of a virtual coupling before the wall, N/m.
+        admittance: whether the operator's force is measured, and the tip positioned (`WorkspaceController`).
+    """
+
+    name: str
+    guarantee: str = "none"
+    damping: float = 0.0
+    guard: dict[str, Any] | None = None
+    coupling: float = float("inf")
+    admittance: bool = False
+
+
+def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
+    """Return each way to render a wall; a deadbeat exit needs a loop without delay."""
     unit = axis.mass / period
-    colgate = f"stiffness up to 2 b/T = {2.0 * axis.damping / period:.4g} N/m"
+    exact = 2.0 * axis.damping / period
 
     def bound(coulomb: float) -> dict[str, Any]:
         return {"kind": "energy_bound", "damping": [axis.damping], "coulomb": [coulomb], "lateness": 0.0}
 
-    def half(velocity: str) -> dict[str, Any]:
-        return {"kind": "half_sample", "velocity": velocity, "horizon": 0.5, "observer": 1000.0}
+    def half(velocity: str, deadbeat: bool = False) -> dict[str, Any]:
+        kind = {"kind": "half_sample", "velocity": velocity, "horizon": 0.5, "observer": 1000.0}
+        return kind | {"deadbeat": deadbeat}
 
-    ways: list[tuple[str, float, dict[str, Any] | None, str]] = [
-        ("no guard", 0.0, None, colgate),
-        ("damper of 0.1 m/T", 0.1 * unit, None, "none"),
-        ("damper of 0.4 m/T", 0.4 * unit, None, "none"),
-        ("passivity controller, cap 0.1 m/T", 0.0, {"kind": "passivity_controller", "cap": 0.1}, "none"),
-        ("passivity controller, cap 0.5 m/T", 0.0, {"kind": "passivity_controller", "cap": 0.5}, "none"),
-        ("half-sample, backward difference", 0.0, half("backward"), "none"),
-        ("half-sample, adaptive window", 0.0, half("adaptive_window"), "none"),
-        ("half-sample, observer", 0.0, half("observer"), "none"),
+    def estimate(correction: float) -> dict[str, Any]:
+        return {"kind": "sample_estimate_hold", "correction": correction}
+
+    ways = [
+        _Way("no guard", f"stiffness up to 2 b/T = {exact:.4g} N/m"),
+        _Way("damper of 0.1 m/T", damping=0.1 * unit),
+        _Way("damper of 0.4 m/T", damping=0.4 * unit),
+        _Way("passivity controller, cap 0.1 m/T", guard={"kind": "passivity_controller", "cap": 0.1}),
+        _Way("passivity controller, cap 0.5 m/T", guard={"kind": "passivity_controller", "cap": 0.5}),
+        _Way("half-sample, backward difference", guard=half("backward")),
+        _Way("half-sample, adaptive window", guard=half("adaptive_window")),
+        _Way("half-sample, observer", guard=half("observer")),
+        *([_Way("half-sample, observer, deadbeat exit", guard=half("observer", True))] if delay == 0 else []),
+        _Way("sample-estimate-hold", guard=estimate(1.0)),
+        _Way("sample-estimate-hold, no correction", guard=estimate(0.0)),
     ]
     if axis.damping > 0.0:
-        ways.append(("energy bound", 0.0, bound(0.0), "every stiffness, if b is true"))
-        if axis.coulomb > 0.0:
-            guarantee = "every stiffness, if b and f_c are true"
-            ways.append(("energy bound, dry friction", 0.0, bound(0.8 * axis.coulomb), guarantee))
-    return ways
+        sure = "every stiffness, if b is true"
+        ways += [
+            _Way("energy bound", sure, guard=bound(0.0)),
+            *(
+                [_Way("energy bound, dry friction", f"{sure[:-8]} and f_c are true", guard=bound(0.8 * axis.coulomb))]
+                if axis.coulomb > 0.0
+                else []
+            ),
+            _Way("virtual coupling of 2 b/T", sure, coupling=exact),
+            _Way(
+                "virtual coupling of 8 b/T (two-port)", "by the two-port alone, which is not exact", coupling=4 * exact
+            ),
+        ]
+    return [*ways, _Way("admittance display, workspace controller", "needs a force sensor", admittance=True)]
 
 
 @dataclass(frozen=True)
@@ -226,7 +262,7 @@ class _Axis:
     delay: int
     push: float
 
-    def press(self, stiffness: float, damping: float, guard: dict[str, Any] | None, impact: float) -> _Press:
+    def press(self, stiffness: float, way: _Way, impact: float) -> _Press:
         """Return what a run on a wall shows after an impact."""
         device = load("slider")
         setup = device.setup()
@@ -241,16 +277,20 @@ class _Axis:
         wall = _core.SpringWallParameters()
         wall.kind, wall.point, wall.normal = wall.Kind.half_space, np.zeros(3), np.array([-1.0, 0.0, 0.0])
         setup.wall = wall
-        setup.stiffness, setup.damping = np.full(3, stiffness), np.full(3, damping)
-        set_guard(setup, guard)
+        rendered = 1.0 / (1.0 / stiffness + 1.0 / way.coupling)
+        setup.stiffness, setup.damping = np.full(3, rendered), np.full(3, way.damping)
+        set_guard(setup, way.guard)
         ticks = round(DURATION / self.period)
-        push = np.zeros((ticks + 1, 3))
+        push, none = np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 3))
         push[:, 0] = self.push
-        rows, count, unstable = setup.run(np.zeros((ticks + 1, 3)), push)
+        if way.admittance:  # the measured force is the reference
+            setup.set_workspace_controller(setup.mechanism, friction.viscous, _core.WorkspaceParameters())
+        rows, count, unstable = setup.run(*((push, none) if way.admittance else (none, push)))
         rows = np.asarray(rows)[:count]
         if unstable >= 0 or not np.isfinite(rows).all():
             return _Press(np.inf, 0.0, np.inf)
-        tip, force = rows[:, 0], -rows[:, 5]  # the command is that of the motors on the tip
+        # the command is that of the motors on the tip; with a measured force that of operator and motors
+        tip, force = rows[:, 0], (self.push if way.admittance else 0.0) - rows[:, 5]
         end = slice(len(tip) - round(LAST * len(tip)), None)
         depth = float(tip[end].mean())
         felt = float(force[end].mean()) / (stiffness * depth) if depth > 0.0 else 0.0
@@ -266,24 +306,16 @@ class _Press:
     jump: float
 
 
-def _row(
-    loop: _Axis,
-    name: str,
-    damping: float,
-    guard: dict[str, Any] | None,
-    guarantee: str,
-    stiffnesses: Sequence[float],
-    impacts: Sequence[float],
-) -> GuardRow:
+def _row(loop: _Axis, way: _Way, stiffnesses: Sequence[float], impacts: Sequence[float]) -> GuardRow:
     """Return how far one way to render a wall reaches."""
     rest = max(REST, loop.axis.count)
     best, felt, jump = 0.0, float("nan"), float("nan")
     worst: Array = np.zeros(0)
     reaches = True
     for stiffness in stiffnesses:
-        presses = [loop.press(stiffness, damping, guard, speed) for speed in impacts]
+        presses = [loop.press(stiffness, way, speed) for speed in impacts]
         worst = np.array([max(one.swing for one in presses), min(one.felt for one in presses)])
         reaches = reaches and bool(worst[0] <= rest and worst[1] >= FELT)
         if reaches:
             best, felt, jump = stiffness, float(worst[1]), max(one.jump for one in presses)
-    return GuardRow(name, best, felt, jump, float(worst[0]), guarantee)
+    return GuardRow(way.name, best, felt, jump, float(worst[0]), way.guarantee)

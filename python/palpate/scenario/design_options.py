@@ -39,6 +39,7 @@ OPTIONS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
         "reference_damping": ("", False),
         "share": ("", False),
         "stiffness": ("N/m", True),
+        "normal_only": (FLAG, False),
     },
 }
 

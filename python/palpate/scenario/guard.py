@@ -14,7 +14,8 @@ _KEYS: Final[Mapping[str, frozenset[str]]] = {
     "none": frozenset(),
     "energy_bound": frozenset({"viscous", "coulomb"}),
     "passivity_controller": frozenset({"cap"}),
-    "half_sample": frozenset({"velocity", "horizon", "observer"}),
+    "half_sample": frozenset({"velocity", "horizon", "observer", "deadbeat"}),
+    "sample_estimate_hold": frozenset({"correction"}),
 }
 _ONE: Final = 'a loop has one guard, and several are given: keep one, for example kind = "energy_bound"'
 
@@ -34,24 +35,30 @@ class Guard(Section):
     """[guard]: time-domain guard of an impedance display, behind any object and controller.
 
     Attributes:
-        kind: "none", "energy_bound", "passivity_controller" or "half_sample".
+        kind: "none", "energy_bound", "passivity_controller", "half_sample" or "sample_estimate_hold".
         viscous: of the device's viscous friction, the part that an energy bound relies on, above 0 and at most 1.
         coulomb: of the device's dry friction, the part that an energy bound relies on, 0 to 1.
         cap: largest damping of a passivity controller, times the tip's inertia over the servo period.
         velocity: of a half-sample prediction, "backward", "adaptive_window" or "observer".
         horizon: of a half-sample prediction, servo periods.
         observer: rate of the observer of a half-sample prediction, rad/s.
+        deadbeat: whether a half-sample prediction leaves a wall by two forces that end in the state in which the
+            continuous wall leaves it.
+        correction: of a sample-estimate-hold, share of the last estimate's error that the next force makes good.
     """
 
-    kind: Annotated[Literal["none", "energy_bound", "passivity_controller", "half_sample"], BeforeValidator(_one)] = (
-        "none"
-    )
+    kind: Annotated[
+        Literal["none", "energy_bound", "passivity_controller", "half_sample", "sample_estimate_hold"],
+        BeforeValidator(_one),
+    ] = "none"
     viscous: Annotated[Number, _PART] = 0.8
     coulomb: Annotated[Number, _SHARE] = 0.8
     cap: Annotated[Number, _PART] = 0.5
     velocity: Literal["backward", "adaptive_window", "observer"] = "backward"
     horizon: Annotated[Number, _HORIZON] = 0.5
     observer: Rate = 1000.0
+    deadbeat: bool = False
+    correction: Annotated[Number, _SHARE] = 1.0
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -62,12 +69,13 @@ class Guard(Section):
             raise ValueError('observer belongs to velocity = "observer"')
         return self
 
-    def check(self, topology: str, model: str, device: Device) -> None:
+    def check(self, topology: str, model: str, delay: int, device: Device) -> None:
         """Raise ValueError if the guard does not fit the loop.
 
         Args:
             topology: of the loop.
             model: of the device, `device.model`.
+            delay: of the device, servo periods.
             device: of the loop.
         """
         if self.kind == "none":
@@ -81,6 +89,11 @@ class Guard(Section):
             raise ValueError(
                 'guard.kind: inertia and friction of the "experimental" model are not known; write '
                 'device.model = "nonlinear"'
+            )
+        if self.deadbeat and delay > 0:
+            raise ValueError(
+                "guard.deadbeat: the two forces must act at once, and the device has a delay of "
+                f"{delay} servo period(s); leave deadbeat out, or write device.delay = 0"
             )
         if self.kind != "energy_bound":
             return

@@ -338,7 +338,7 @@ class Scenario(Section):
             self._check_topology,
             lambda: self._check_workspace(device),
             lambda: self._check_model(device),
-            lambda: self.guard.check(self.servo.topology, self.device.model, device),
+            lambda: self.guard.check(self.servo.topology, self.device.model, self.device.delay, device),
             self._check_jitter,
             self._check_length,
             self._check_objects,

@@ -99,7 +99,13 @@ def build_controller(scenario: Scenario, device: Device, start: Array) -> Contro
         antiwindup = None if table.antiwindup is None else np.array(table.antiwindup, float)
         return _normalized(Controller(control.StateSpace(a, b, c, d, period), antiwindup, "state_space"), table)
     if table.kind == "workspace":
-        return workspace(device, period, **table.options).linearized(start)
+        adapting = workspace(device, period, **table.options)
+        if adapting.normal_only and scenario.object.kind not in ("spring", "none"):
+            raise DesignError(
+                "controller.normal_only: along the surface nothing but the operator holds the tip, so the controller "
+                "has no linear model there; judge the loop by its run, or leave normal_only out"
+            )
+        return adapting.linearized(start)
     normalize = table.normalize is True
     law = design_for(table.kind, table.options, device, start, scenario.object.stiffness, period, normalize)
     return law if normalize else _normalized(law, table)

@@ -31,7 +31,10 @@ def guard_numbers(scenario: Scenario, device: Device) -> dict[str, Any] | None:
         }
     if guard.kind == "passivity_controller":
         return {"kind": guard.kind, "cap": guard.cap}
-    return {"kind": guard.kind, "velocity": guard.velocity, "horizon": guard.horizon, "observer": guard.observer}
+    if guard.kind == "sample_estimate_hold":
+        return {"kind": guard.kind, "correction": guard.correction}
+    names = ("kind", "velocity", "horizon", "observer", "deadbeat")
+    return {name: getattr(guard, name) for name in names}
 
 
 def set_guard(setup: Any, numbers: dict[str, Any] | None) -> None:
@@ -42,6 +45,8 @@ def set_guard(setup: Any, numbers: dict[str, Any] | None) -> None:
         setup.set_energy_bound(np.array(numbers["damping"]), np.array(numbers["coulomb"]), numbers["lateness"])
     elif numbers["kind"] == "passivity_controller":
         setup.set_passivity_controller(numbers["cap"])
+    elif numbers["kind"] == "sample_estimate_hold":
+        setup.set_sample_estimate_hold(numbers["correction"])
     else:
         estimate = getattr(_core.VelocityEstimate, numbers["velocity"])
-        setup.set_half_sample(estimate, numbers["horizon"], numbers["observer"])
+        setup.set_half_sample(estimate, numbers["horizon"], numbers["observer"], numbers["deadbeat"])

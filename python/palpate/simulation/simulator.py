@@ -143,7 +143,7 @@ class Simulation:
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
-        A row has 3 dof + 11 numbers, then those of the objects (`palpate.simulation.placed_objects`), then with a
+        A row has 3 dof + 12 numbers, then those of the objects (`palpate.simulation.placed_objects`), then with a
         flexible mode the joint coordinates and velocities of the tip's side.
         """
         self.restart()
@@ -158,9 +158,14 @@ class Simulation:
             self.user_object.restart()
 
     def columns(self, rows: Array) -> list[Array]:
-        """Split rows (n, k) into q, qd, object force, command, torque, operator force, touching, saturated, contact."""
+        """Split rows (n, k) into columns.
+
+        They are q, qd, object force, command, torque, operator force, touching, saturated, guarded, contact.
+        """
         dof = self.device.dof
-        return np.split(rows[:, : rows.shape[1] - self.mode_width], np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1]), axis=1)
+        return np.split(
+            rows[:, : rows.shape[1] - self.mode_width], np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1, 1]), axis=1
+        )
 
     @property
     def mode_width(self) -> int:
@@ -180,7 +185,7 @@ class Simulation:
         wild = np.flatnonzero(~(np.abs(rows) < BEYOND).all(axis=1))
         if len(wild):  # the force diverged within one sample, before the speed, which the core checks
             rows, unstable_tick = rows[: wild[0]], int(wild[0]) * every
-        q, qd, object_force, command, torque, operator, touching, saturated, met = self.columns(rows)
+        q, qd, object_force, command, torque, operator, touching, saturated, guarded, met = self.columns(rows)
         if reference is None:
             reference = self.reference[::every]
         reference = reference[: len(rows)]
@@ -205,6 +210,8 @@ class Simulation:
             "touching": touching,
             "saturated": saturated,
         }
+        if self.scenario.guard.kind != "none":
+            values["guarded"] = guarded
         values |= contact
         if self.mode_width:
             far, far_speed = np.split(rows[:, -self.mode_width :], 2, axis=1)

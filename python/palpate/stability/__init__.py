@@ -30,12 +30,17 @@ from palpate.stability.maps import (
 )
 from palpate.stability.measured import MeasuredResponse, MeasuredVerdict
 from palpate.stability.passivity import (
+    AdmittanceCoupling,
     CouplingVerdict,
     EnergyObserver,
+    ImpedanceCoupling,
+    admittance_coupling,
     certify_coupling,
     coulomb_amplitude,
     coupling_damping,
+    design_couplings,
     field_damping,
+    impedance_coupling,
     llewellyn,
     naive_energy,
     passive_damping,
@@ -51,6 +56,7 @@ from palpate.stability.wall_verdict import WallVerdict, wall_limit
 from palpate.stability.workspace_certificate import WorkspaceCertificate, certify_workspace, workspace_loops
 
 __all__ = [
+    "AdmittanceCoupling",
     "Boundary",
     "Certificate",
     "ContactStability",
@@ -58,6 +64,7 @@ __all__ = [
     "CouplingVerdict",
     "EnergyObserver",
     "ForceLawVerdict",
+    "ImpedanceCoupling",
     "Jury",
     "Lyapunov",
     "MeasuredResponse",
@@ -69,6 +76,7 @@ __all__ = [
     "Workspace",
     "WorkspaceCertificate",
     "ZWidth",
+    "admittance_coupling",
     "certify",
     "certify_coupling",
     "certify_force_law",
@@ -78,8 +86,10 @@ __all__ = [
     "coulomb_amplitude",
     "coupling_damping",
     "critical_stiffness",
+    "design_couplings",
     "destabilizing_operator",
     "field_damping",
+    "impedance_coupling",
     "jury",
     "llewellyn",
     "lyapunov",

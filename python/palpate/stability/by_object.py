@@ -14,10 +14,11 @@ from palpate.stability.body.certificate import certify_body
 from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
 from palpate.stability.certification import certify_spring
-from palpate.stability.force_object_certificate import certify_field, certify_law, refuse_texture
+from palpate.stability.force_object_certificate import certify_field, certify_law
 from palpate.stability.maps.zwidth_map import ZWidth, spring_zwidth
 from palpate.stability.mesh_certificate import certify_mesh
 from palpate.stability.mesh_zwidth import mesh_zwidth
+from palpate.stability.rest_certificate import certify_texture
 
 __all__ = ["certify", "zwidth"]
 
@@ -27,7 +28,7 @@ CERTIFICATES: Mapping[str, Callable[[Scenario], Certificate]] = {
     "body": certify_body,
     "force_law": certify_law,
     "field": certify_field,
-    "textured_wall": refuse_texture,
+    "textured_wall": certify_texture,
 }  # other kinds: a spring's
 ZWIDTHS: Mapping[str, Callable[[Scenario, bool, Progress], ZWidth]] = {"mesh": mesh_zwidth, "body": body_zwidth}
 
@@ -48,7 +49,8 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
     body's own states (`ContactStability`). It is called stable or unstable only if the run, pushed slightly, agrees.
 
     With a force law, every slope of its table is covered by a multiplier (`certify_force_law`). A viscous field and
-    the linear part of a gravity well are springs.
+    the linear part of a gravity well are springs. A textured wall and a virtual mass are judged for small motions
+    about the place where the run rests, and by the run.
 
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.

@@ -15,16 +15,13 @@ from palpate.stability.certificate import Certificate
 from palpate.stability.certification import certify_spring
 from palpate.stability.counter_example import CounterExample
 from palpate.stability.force_law_verdict import ForceLawVerdict, certify_force_law
+from palpate.stability.rest_certificate import certify_mass
 
-__all__ = ["certify_field", "certify_law", "refuse_texture"]
+__all__ = ["certify_field", "certify_law"]
 
 _OPEN = {
     "constant": "a constant field depends on no motion, so it closes no loop; give a spring, a wall or a force law",
     "vibration": "a vibration depends on the time and not on the motion, so it closes no loop; simulate it",
-    "virtual_mass": (
-        "a free mass keeps its speed and has no rest about which a loop could be judged; simulate it, or judge its "
-        'coupling as kind = "spring"'
-    ),
 }
 
 
@@ -64,7 +61,7 @@ def _scope(found: ForceLawVerdict) -> str:
 
 
 def certify_field(s: Scenario) -> Certificate:
-    """Return the certificate of a scenario in a viscous field or a gravity well, judged as a spring.
+    """Return the certificate of a scenario in a viscous field or a gravity well, judged as a spring, or of a mass.
 
     Raises:
         StabilityError: the field closes no loop, or the scenario has none.
@@ -72,6 +69,8 @@ def certify_field(s: Scenario) -> Certificate:
     """
     field = s.object.field
     assert field is not None  # of this kind
+    if field.kind == "virtual_mass":
+        return certify_mass(s)
     if field.kind in _OPEN:
         raise StabilityError(f"object.field.kind: {_OPEN[field.kind]}")
     spring, reason = as_spring(s, simulate(s))
@@ -83,11 +82,3 @@ def certify_field(s: Scenario) -> Certificate:
         near = f"{1e3 * linear_radius(field):.4g} mm"
         holds = (*holds, f"The tip stays within {near} of the center, where the field is a spring; the run does.")
     return replace(found, assumptions=holds, scenario=s.to_dict())
-
-
-def refuse_texture(s: Scenario) -> Certificate:
-    """Raise StabilityError: no exact criterion of a textured wall is known here."""
-    raise StabilityError(
-        f'object.kind: {s.title}: the slope of a "textured_wall" depends on the place along it; certify a wall with '
-        "the stiffness, and simulate the texture"
-    )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from palpate.arrays import Array
-from palpate.control.workspace_controller import WorkspaceController
+from palpate.control.workspace_controller import WorkspaceController, reachable_axes
 from palpate.devices import Device
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import HumanArm
@@ -24,7 +24,7 @@ from palpate.stability.switching import decrease, has_solver, strongest_lyapunov
 
 __all__ = ["WorkspaceCertificate", "certify_workspace", "workspace_loops"]
 
-ESTIMATE = 9  # states of the observer
+ESTIMATE = 3  # states of the observer per axis
 SHARES = (0.7, 0.4, 0.0)  # of the slowest decay that P is asked to show, tried in turn
 
 
@@ -54,32 +54,32 @@ def workspace_loops(
     arm: HumanArm | None = None,
     delay: int = 0,
 ) -> Array:
-    """Return the loops in contact about rest at poses (n, 3), rad, as matrices of one tick (n, m, m), m = 15 + 3 delay.
+    """Return the loops in contact about rest at poses (n, dof) as matrices of one tick (n, m, m), m = dof (5 + delay).
 
-    A flexible mode of the device adds six states: the motion of the tip beside that of the encoders.
+    A flexible mode of the device adds 2 dof states: the motion of the tip beside that of the encoders.
     The state per axis is deflection times bandwidth, velocity, the delayed commands as the tip acceleration that they
     give at their pose, over bandwidth, and the estimate in the units of the motion.
 
     Args:
         controller: knows its own device.
-        poses: (n, 3), rad.
+        poses: (n, dof), rad or m.
         device: the real one; None: the one that the controller knows.
         arm: held at the tip; a rigid grip.
         delay: samples from a command to its application.
 
     Raises:
-        StabilityError: the arm has states of its own.
+        StabilityError: the arm has states of its own, or the tip moves in other directions at other poses.
         PoseError: a pose is singular.
     """
     if arm is not None and arm.tissue_stiffness is not None:
         raise StabilityError("workspace_loops: the arm must grip rigidly; fingertip tissue adds states")
     real = controller.device if device is None else device
     stiffness = np.diag(controller.stiffness)
-    rate, late = controller.bandwidth, 3 * delay
+    dof, rate = real.dof, controller.bandwidth
     sides = 1 if real.flexible is None else 2
     scales = [*[rate] * sides, *[1.0] * sides, *[1.0 / rate] * delay, rate, 1.0, 1.0 / rate]
-    unit = np.kron(np.diag(scales), np.eye(3))
-    loops = []
+    unit = np.kron(np.diag(scales), np.eye(dof))
+    loops, axes = [], None
     for q in np.atleast_2d(np.asarray(poses, dtype=float)):
         jacobian = real.jacobian(q)
         plant = sampled_plants(real, q[None], arm, np.zeros(3), controller.period)
@@ -87,10 +87,16 @@ def workspace_loops(
         law = controller.linearized(q)
         a, entry, out = assemble_loop((plant[0][0], plant[1][0], plant[2][0]), jacobian, hold, law, delay)
         closed = a + entry @ stiffness @ out
-        size = 6 * sides + late + ESTIMATE  # the reference model follows and does not feed back
-        to_tip = np.kron(np.eye(2 * sides), jacobian)
-        to_acceleration = np.kron(np.eye(delay), jacobian @ np.linalg.inv(controller.device.mass_matrix(q)))
-        into = unit @ block_diag(to_tip, to_acceleration, np.eye(ESTIMATE))
+        size = dof * (2 * sides + delay + ESTIMATE)  # the reference model follows and does not feed back
+        own = reachable_axes(jacobian)
+        axes = own if axes is None else axes
+        turn = axes.T @ own  # of the axes at this pose into those at the first one
+        if np.linalg.norm(turn @ turn.T - np.eye(dof)) > 1e-9:
+            raise StabilityError("workspace_loops: the tip moves in other directions at other poses; give one pose")
+        moved = axes.T @ jacobian
+        to_tip = np.kron(np.eye(2 * sides), moved)
+        to_acceleration = np.kron(np.eye(delay), moved @ np.linalg.inv(controller.device.mass_matrix(q)))
+        into = unit @ block_diag(to_tip, to_acceleration, np.kron(np.eye(ESTIMATE), turn))
         loops.append(into @ closed[:size, :size] @ np.linalg.inv(into))
     return np.array(loops)
 

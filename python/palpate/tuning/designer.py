@@ -15,7 +15,7 @@ from palpate.control import WorkspaceController, workspace
 from palpate.devices import load
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import HumanArm
-from palpate.metrics import tip_inertia
+from palpate.metrics.device_performance import moving_axes, tip_inertia
 from palpate.scenario import Scenario
 from palpate.stability.workspace_certificate import WorkspaceCertificate, certify_workspace, workspace_loops
 from palpate.tuning.axis import (
@@ -84,7 +84,7 @@ def design(
     result names the binding constraint and changes of the specification that would do, each tried.
 
     Args:
-        device: name in the catalog, or path of a device file; three joints.
+        device: name in the catalog, or path of a device file; one to three joints.
         stiffness: range of the object, "50 N/m..10 N/mm", or two values in N/m.
         force: largest reference force in any direction, N.
         settle: wanted settling time to 5 %, s.
@@ -97,8 +97,8 @@ def design(
         progress: called with a text and the share done.
 
     Raises:
-        DesignError: a reversed range, a value out of range or without unit, a device without three joints, a force
-            above the peak force.
+        DesignError: a reversed range, a value out of range or without unit, more than three joints, a force above the
+            peak force.
         PoseError: the start is singular, beyond the limits, or the tip cannot be there.
         DeviceError: there is no such device.
     """
@@ -108,10 +108,12 @@ def design(
 
 
 def axis_data(s: Specification, poses: Array) -> AxisData:
-    """Return the tip masses and the encoder count of poses (n, 3): extremes and median; coarsest joint, median pose."""
+    """Return the tip masses and the encoder count of poses: extremes and median; coarsest joint, median pose."""
     inertia = np.array([tip_inertia(s.device, q) for q in poses])
     masses = np.linalg.eigvalsh(inertia)
-    steps = np.linalg.norm(inertia @ s.device.jacobian(poses), axis=1) * s.device.encoder_step
+    axes = np.array([moving_axes(s.device, q) for q in poses])
+    moved = np.swapaxes(axes, 1, 2) @ s.device.jacobian(poses)
+    steps = np.linalg.norm(inertia @ moved, axis=1) * s.device.encoder_step
     return AxisData(
         (float(masses.min()), float(np.median(masses)), float(masses.max())),
         float(np.median(steps.max(axis=1))),

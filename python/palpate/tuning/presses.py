@@ -13,7 +13,8 @@ from palpate.arrays import Array
 from palpate.control import WorkspaceController
 from palpate.devices import Device, load
 from palpate.errors import DesignError, PoseError
-from palpate.metrics.device_performance import most_within_limits, tip_inertia
+from palpate.linear.linearization import static_tip_force
+from palpate.metrics.device_performance import most_within_limits, moving_axes, tip_inertia
 from palpate.simulation import simulate
 from palpate.tuning.axis import BAND
 from palpate.units import write
@@ -78,9 +79,9 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
         (2 sqrt(1.05) - sqrt(0.2)) sqrt(d |L e| / F_max),    d = force / stiffness.
 
     Args:
-        device: three joints.
-        pose: (3,), rad.
-        direction: of the force, (3,).
+        device: with one to three joints.
+        pose: (dof,), rad or m.
+        direction: of the force, (3,), in which the tip can move.
         force: N.
         stiffness: of the spring, N/m.
 
@@ -90,8 +91,9 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
     q = np.asarray(pose, dtype=float)
     along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     jacobian = device.jacobian(q)
-    motors = np.linalg.solve(jacobian.T, device.gravity(q)) - force * along  # that hold the tip at the target
-    inertia = tip_inertia(device, q) @ along
+    motors = static_tip_force(jacobian, device.gravity(q)) - force * along  # that hold the tip at the target
+    axes = moving_axes(device, q)
+    inertia = axes @ tip_inertia(device, q) @ axes.T @ along
     most = device.peak_force
     go, brake = (most_within_limits(device, jacobian, motors, side * inertia, most) for side in (1.0, -1.0))
     if not (go > 0.0 and brake > 0.0):
@@ -111,7 +113,7 @@ def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: floa
     """
     q = np.asarray(pose, dtype=float)
     along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
-    held = float(np.linalg.norm(np.linalg.solve(device.jacobian(q).T, device.gravity(q)) - force * along))
+    held = float(np.linalg.norm(static_tip_force(device.jacobian(q), device.gravity(q)) - force * along))
     rating, peak = device.continuous_force, device.peak_force
     if held <= rating:
         return float("inf")
@@ -135,14 +137,14 @@ def draw_poses(device: Device, start: Array, count: int, seed: int = 1) -> Array
     low, high = device.joint_limits
     spread = TURN if device.model.revolute else SLIDE
     low, high = np.where(np.isfinite(low), low, start - spread), np.where(np.isfinite(high), high, start + spread)
-    side = np.sign(np.linalg.det(device.jacobian(start)))
+    own = device.jacobian(start).T
     found = [start]
     for _ in range(200):
         batch = generator.uniform(low, high, (200, device.dof))
         jacobian = device.jacobian(batch)
         usable = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)), dtype=bool)
         usable[usable] &= np.linalg.cond(jacobian[usable]) <= CONDITION
-        usable[usable] &= np.sign(np.linalg.det(jacobian[usable])) == side
+        usable[usable] &= np.linalg.det(own @ jacobian[usable]) > 0.0
         found += list(batch[usable])
         if len(found) >= count:
             return np.array(found[:count])
@@ -156,7 +158,7 @@ def draw_presses(device: Device, poses: Array, force: float, stiffness: float) -
     """Return presses along the principal axes of the tip's inertia whose way stays well conditioned."""
     found = []
     for pose in poses:
-        axes = np.linalg.eigh(tip_inertia(device, pose))[1].T
+        axes = (moving_axes(device, pose) @ np.linalg.eigh(tip_inertia(device, pose))[1]).T
         for direction in np.concatenate([axes, -axes]):
             if within_reach(device, pose, direction * force / stiffness):
                 found.append(Press(pose, direction, drive_bound(device, pose, direction, force, stiffness)))
@@ -165,7 +167,7 @@ def draw_presses(device: Device, poses: Array, force: float, stiffness: float) -
 
 def share_within_reach(presses: Sequence[Press], poses: Array) -> float:
     """Return the share of the presses from poses (n, dof) that `draw_presses` has kept."""
-    return len(presses) / (6.0 * len(poses))
+    return len(presses) / (2.0 * np.size(poses))
 
 
 def choose(presses: Sequence[Press]) -> list[Press]:

@@ -29,13 +29,13 @@ class Specification:
 
     Attributes:
         name: of the device, as in a scenario.
-        device: with three joints.
+        device: with one to three joints.
         stiffness: range of the object, N/m.
         force: largest reference force in any direction, N.
         settle: wanted settling time to 5 %, s.
         period: servo period, s.
         delay: samples from a command to its application.
-        start: pose (3,), rad.
+        start: pose (dof,), rad or m.
         operators: that must be stable.
         against: names of devices that the controller does not know, on which it must not overshoot.
     """
@@ -69,9 +69,9 @@ def specify(
         raise DesignError("design: give the device by its name in the catalog or by the path of its file")
     name = _absolute(device)
     known = load(name)
-    if known.dof != 3:
+    if known.dof > 3:
         raise DesignError(
-            f"design: {known.name} has {known.dof} joint(s), and the workspace controller needs three; write a "
+            f"design: {known.name} has {known.dof} joints, and the workspace controller needs at most three; write a "
             'scenario with [controller] kind = "lqg" and normalize = true instead'
         )
     if not isinstance(delay, int) or not 0 <= delay <= MOST_DELAY:
@@ -93,7 +93,7 @@ def specify(
         delay,
         _start(known, pose, tip),
         tuple(operators),
-        tuple(_same_joints(other) for other in against),
+        tuple(_same_joints(other, known) for other in against),
     )
 
 
@@ -113,7 +113,7 @@ def _range(stiffness: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def _start(device: Device, pose: ArrayLike | None, tip: ArrayLike | None) -> Array:
-    """Return the start pose (3,); the working pose of the mechanism unless pose or tip is given."""
+    """Return the start pose (dof,); the working pose of the mechanism unless pose or tip is given."""
     if pose is not None and tip is not None:
         raise DesignError("design: give either pose or tip, not both")
     if tip is not None:
@@ -134,10 +134,10 @@ def _absolute(device: str | PathLike[str]) -> str:
     return str(Path(name).resolve()) if name.endswith(".toml") else name
 
 
-def _same_joints(other: str | PathLike[str]) -> str:
+def _same_joints(other: str | PathLike[str], device: Device) -> str:
     name = _absolute(other)
-    if load(name).dof != 3:
-        raise DesignError(f"design: against: {name} must have three joints, as the device has")
+    if load(name).model is not device.model:
+        raise DesignError(f"design: against: {name} must have the mechanism of {device.name}")
     return name
 
 

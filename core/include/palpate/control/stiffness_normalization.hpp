@@ -35,6 +35,9 @@ class BasicStiffnessNormalization {
 
   [[nodiscard]] const Vector3<>& design_stiffness() const noexcept { return design_; }
 
+  /// Return the normal along which the forces of the last tick were scaled; zero: none yet.
+  [[nodiscard]] const Vector& normal() const noexcept { return normal_; }
+
   /// Return the forces of a tick, scaled.
   Forces apply(const BasicTickInput<Scalar>& input) noexcept {
     const object::BasicContactResult<Scalar>& contact = input.contact;

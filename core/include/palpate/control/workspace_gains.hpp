@@ -18,6 +18,7 @@ struct WorkspaceParameters {
   double reference_damping = 1.0;      ///< ratio of the reference model, at most 1
   double share = 0.85;                 ///< of the drive's limit that the reference model uses, above 0 and at most 1
   Vector3<> stiffness{1e3, 1e3, 1e3};  ///< by which forces without a known stiffness are divided, per axis, N/m
+  bool normal_only = false;            ///< track an object with a normal along it alone; display its force along the surface
 
   /// Return the first thing that is wrong, as a sentence; null if nothing is.
   [[nodiscard]] const char* fault() const noexcept {

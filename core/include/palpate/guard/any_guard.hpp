@@ -7,6 +7,7 @@
 #include "palpate/guard/guard.hpp"
 #include "palpate/guard/half_sample.hpp"
 #include "palpate/guard/passivity_controller.hpp"
+#include "palpate/guard/sample_estimate_hold.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::guard {
@@ -19,7 +20,9 @@ class AnyGuard {
 
   AnyGuard() = default;
   template <class Guard>
-    requires requires(Guard g) { std::variant<PassivityController<Mechanism>, EnergyBound<Mechanism>, HalfSample<Mechanism>>(g); }
+    requires requires(Guard g) {
+      std::variant<PassivityController<Mechanism>, EnergyBound<Mechanism>, HalfSample<Mechanism>, SampleEstimateHold<Mechanism>>(g);
+    }
   AnyGuard(Guard guard) : guard_(std::move(guard)) {}  // NOLINT(google-explicit-constructor): a guard is one of any kind
 
   /// Whether there is a guard.
@@ -36,6 +39,9 @@ class AnyGuard {
   [[nodiscard]] bool predicts() const noexcept { return std::holds_alternative<HalfSample<Mechanism>>(guard_); }
   Angles predict(const Angles& q, double rate) noexcept {
     return visit([&](auto& one) { return guard::predict(one, q, rate); });
+  }
+  void contact(const object::ContactResult& result) noexcept {
+    visit([&](auto& one) { guard::contact(one, result); });
   }
   math::Vector3<> command(const Angles& q, const math::Vector3<>& wanted, const math::Vector3<>& moved) noexcept {
     return visit([&](auto& one) { return guard::command(one, q, wanted, moved); });
@@ -60,10 +66,12 @@ class AnyGuard {
     if (auto* one = std::get_if<1>(&guard_)) return calls(*one);
     if (auto* one = std::get_if<2>(&guard_)) return calls(*one);
     if (auto* one = std::get_if<3>(&guard_)) return calls(*one);
+    if (auto* one = std::get_if<4>(&guard_)) return calls(*one);
     return calls(*std::get_if<0>(&guard_));
   }
 
-  std::variant<NoGuard, PassivityController<Mechanism>, EnergyBound<Mechanism>, HalfSample<Mechanism>> guard_;
+  std::variant<NoGuard, PassivityController<Mechanism>, EnergyBound<Mechanism>, HalfSample<Mechanism>, SampleEstimateHold<Mechanism>>
+      guard_;
 };
 
 /// Whether a guard acts in its servo.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "palpate/math/vector.hpp"
+#include "palpate/object/contact_object.hpp"
 
 namespace palpate::guard {
 
@@ -21,6 +22,7 @@ struct Surroundings {
 /// Optional, in the order of a tick:
 ///   bool predicts() const noexcept                                            // whether predict() acts
 ///   Joints predict(const Joints& q, double rate) noexcept                     // angles whose tip is handed to the object
+///   void contact(const ContactResult&) noexcept                               // of the object with that tip
 ///   Vector3<> command(const Joints& q, const Vector3<>& wanted,
 ///                     const Vector3<>& moved) noexcept                        // tip force in place of the controller's, N
 ///   double share(const Joints& q, const Joints& torque) noexcept              // share of the limited torque to apply, 0 to 1
@@ -51,6 +53,10 @@ template <class Guard, class Angles>
 Angles predict(Guard& guard, const Angles& q, double rate) noexcept {
   if constexpr (requires { guard.predict(q, rate); }) return guard.predict(q, rate);
   return q;
+}
+template <class Guard>
+void contact(Guard& guard, const object::ContactResult& result) noexcept {
+  if constexpr (requires { guard.contact(result); }) guard.contact(result);
 }
 template <class Guard, class Angles>
 math::Vector3<> command(Guard& guard, const Angles& q, const math::Vector3<>& wanted, const math::Vector3<>& moved) noexcept {

@@ -5,6 +5,7 @@
 
 #include "palpate/guard/guard.hpp"
 #include "palpate/guard/held_torque.hpp"
+#include "palpate/guard/tip_mobility.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::guard {
@@ -52,7 +53,7 @@ class PassivityController {
     const double size = axis.norm();
     if (!(size > 0.0) || !std::isfinite(size)) return wanted;
     const math::Vector3<> along = axis / size;
-    const double way = along.dot(moved), mobility = tip_mobility(q, along);
+    const double way = along.dot(moved), mobility = tip_mobility(mechanism_, q, along);
     if (way == 0.0 || !(mobility > 0.0)) return wanted;
     const double damping = std::min(cap_ / (mobility * period_), -energy_ * period_ / (way * way));
     return wanted - (damping * way / period_) * along;
@@ -68,13 +69,6 @@ class PassivityController {
   }
 
  private:
-  /// Return the acceleration of the tip along a direction per force along it [1/kg].
-  [[nodiscard]] double tip_mobility(const Angles& q, const math::Vector3<>& along) const noexcept {
-    const auto cache = mechanism_.kinematics(q);
-    const Angles torque = mechanism_.apply_jacobian_transpose(cache, along);
-    return torque.dot(Angles(mechanism_.dynamics(cache).inverse() * torque));
-  }
-
   Mechanism mechanism_{};
   double cap_ = 0.5;
   double period_ = 1e-3;

@@ -47,6 +47,14 @@ class TipInverse {
     }
   }
 
+  /// Return |J|^2 |J^+|^2 of the Frobenius norms, at least dof^2; it grows as the pose nears a singular one.
+  [[nodiscard]] Scalar squared_condition(const TipJacobian<dof, Scalar>& j) const {
+    Scalar size = 0.0, back = 0.0;
+    for (Eigen::Index i = 0; i < j.size(); ++i) size += j.data()[i] * j.data()[i];
+    for (Eigen::Index i = 0; i < inverse_.size(); ++i) back += inverse_.data()[i] * inverse_.data()[i];
+    return size * back;
+  }
+
   /// Joint motion of a tip motion, J^+ v: the nearest one that the tip can make.
   [[nodiscard]] Angles to_joints(const Vector& v) const { return math::product(inverse_, v); }
   /// Smallest tip force with these joint torques, J^+T torque [N].

@@ -73,6 +73,7 @@ class LoopConfig {
     }
     if (passivity_controller_) out.guard = guard::PassivityController<Mechanism>(*passivity_controller_);
     if (half_sample_) out.guard = guard::HalfSample<Mechanism>(*half_sample_);
+    if (sample_estimate_hold_) out.guard = guard::SampleEstimateHold<Mechanism>(*sample_estimate_hold_);
     if (!bound_damping_.empty())
       out.guard = guard::EnergyBound<Mechanism>(
           guard::EnergyBoundParameters<Mechanism::dof>{joints(bound_damping_), joints(bound_coulomb_), lateness_});
@@ -122,6 +123,7 @@ class LoopConfig {
   std::vector<double> known_friction_;
   std::optional<guard::PassivityControllerParameters> passivity_controller_;
   std::optional<guard::HalfSampleParameters> half_sample_;
+  std::optional<guard::SampleEstimateHoldParameters> sample_estimate_hold_;
   std::vector<double> bound_damping_, bound_coulomb_;  // of an energy bound; empty: none
   double lateness_ = 0.0;
 };
@@ -313,13 +315,14 @@ class LoopConfigLoader {
     p.reference_damping = from.positive("reference_damping");
     p.share = from.positive("share");
     p.stiffness = from.vector("stiffness");
+    p.normal_only = from.has("normal_only") && from.flag("normal_only");
     config_.known_friction_ = nonnegative_joints(from, "friction");
     if (const char* fault = p.fault(); fault != nullptr && reader_.ok()) from.fail("kind", fault);
     config_.workspace_ = p;
   }
 
   void read_guard(const Section& from) {
-    const std::size_t kind = from.choice("kind", {"energy_bound", "passivity_controller", "half_sample"});
+    const std::size_t kind = from.choice("kind", {"energy_bound", "passivity_controller", "half_sample", "sample_estimate_hold"});
     const char* fault = nullptr;
     if (kind == 0) {
       config_.bound_damping_ = nonnegative_joints(from, "damping");
@@ -330,11 +333,15 @@ class LoopConfigLoader {
     } else if (kind == 1) {
       config_.passivity_controller_ = guard::PassivityControllerParameters{from.positive("cap")};
       fault = config_.passivity_controller_->fault();
+    } else if (kind == 3) {
+      config_.sample_estimate_hold_ = guard::SampleEstimateHoldParameters{from.number("correction")};
+      fault = config_.sample_estimate_hold_->fault();
     } else {
       constexpr guard::VelocityEstimate estimates[] = {guard::VelocityEstimate::backward, guard::VelocityEstimate::adaptive_window,
                                                        guard::VelocityEstimate::observer};
       const std::size_t velocity = from.choice("velocity", {"backward", "adaptive_window", "observer"});
-      config_.half_sample_ = guard::HalfSampleParameters{estimates[velocity], from.number("horizon"), from.positive("observer")};
+      config_.half_sample_ = guard::HalfSampleParameters{estimates[velocity], from.number("horizon"), from.positive("observer"),
+                                                         from.has("deadbeat") && from.flag("deadbeat")};
       fault = config_.half_sample_->fault();
     }
     if (fault != nullptr && reader_.ok()) from.fail("kind", fault);

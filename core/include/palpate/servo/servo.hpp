@@ -95,7 +95,8 @@ class Servo {
     Angles torque = Angles::Constant(0.0);   ///< of hand and motors, after the delay, N*m
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
-    bool fault = false;  ///< the sample or the computed force was invalid
+    bool guarded = false;  ///< the guard has changed the force
+    bool fault = false;    ///< the sample or the computed force was invalid
   };
 
   Servo() = default;
@@ -166,12 +167,14 @@ class Servo {
     tick_.tip = kinematics_.tip();
     const double time = static_cast<double>(count_++) * period_;
     const object::BasicContactResult<Scalar>& contact = object_.step({touching_tip(angles, rate), rate, time});
+    if constexpr (guarded)
+      if (guard::active(guard_)) guard::contact(guard_, contact);
     tick_.object_force = contact.force;
     tick_.touching = contact.touching;
     Vector wanted = controller_.command({reference, contact.force, contact.deflection, tick_.tip, previous, rate, time, contact,
                                          angles.data(), gravity_compensation_, drive_.force_limit()});
     if constexpr (guarded)
-      if (guard::active(guard_)) wanted = guard_command(angles, wanted, Vector(tick_.tip - previous));
+      if (guard::active(guard_)) guard_command(angles, wanted, Vector(tick_.tip - previous));
     if constexpr (is_scalar) {
       tick_.fault = false;
       if (!FaultGuard<dof>::usable(contact.force) || !FaultGuard<dof>::usable(wanted)) [[unlikely]]
@@ -209,11 +212,15 @@ class Servo {
     return tick_.tip;
   }
 
-  /// Return the guard's command in place of a usable one [N].
-  Vector guard_command(const Angles& angles, const Vector& wanted, const Vector& moved) noexcept
+  /// Replace a usable command [N] by the guard's.
+  void guard_command(const Angles& angles, Vector& wanted, const Vector& moved) noexcept
     requires guarded
   {
-    return FaultGuard<dof>::usable(wanted) ? guard::command(guard_, angles, wanted, moved) : wanted;
+    tick_.guarded = false;
+    if (!FaultGuard<dof>::usable(wanted)) return;
+    const Vector own = wanted;
+    wanted = guard::command(guard_, angles, own, moved);
+    tick_.guarded = wanted != own;
   }
 
   /// Reduce the torque of the command [N*m], and the command, to the share that the guard admits.
@@ -224,6 +231,7 @@ class Servo {
     const Angles own = torque - compensation_;
     const double share = guard::share(guard_, angles, own);
     if (share >= 1.0) return;
+    tick_.guarded = true;
     torque = compensation_ + share * own;
     tick_.command *= share;
   }

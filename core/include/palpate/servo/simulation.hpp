@@ -54,15 +54,15 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 };
 
 /// Result of a run. A recorded row holds, at one sample: q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force
-/// on the tip (3), touching, saturated; then the columns of the object, see object::ContactObject; then with a flexible mode the joint
-/// coordinates at the tip (dof) and their velocities (dof), see mechanism::FlexibleMechanism.
+/// on the tip (3), touching, saturated, guarded; then the columns of the object, see object::ContactObject; then with a flexible mode the
+/// joint coordinates at the tip (dof) and their velocities (dof), see mechanism::FlexibleMechanism.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< tick at which the loop diverged, -1: never; the record ends before it
 };
 
 template <int dof>
-constexpr int record_width = 3 * dof + 11;  ///< columns of a row without those of the object and of a flexible mode
+constexpr int record_width = 3 * dof + 12;  ///< columns of a row without those of the object and of a flexible mode
 
 /// Return the number of columns of a recorded row.
 template <class Mechanism>
@@ -230,6 +230,7 @@ void write_row(const Plant& plant, const Servo& servo, const Vector3<>& operator
   Eigen::Map<Vector3<>>{row + 3 * dof + 6} = plant.hand_force(operator_force);
   row[3 * dof + 9] = tick.touching ? 1.0 : 0.0;
   row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
+  row[3 * dof + 11] = tick.guarded ? 1.0 : 0.0;
   object::record(servo.object(), row + record_width<dof>);
   if constexpr (requires { plant.tip_angles(); }) {
     double* const own = row + record_width<dof> + object::record_width(servo.object());

@@ -1,5 +1,12 @@
 """Passivity of a sampled display: walls, virtual couplings, and observers of the generated energy."""
 
+from palpate.stability.passivity.coupling_design import (
+    AdmittanceCoupling,
+    ImpedanceCoupling,
+    admittance_coupling,
+    design_couplings,
+    impedance_coupling,
+)
 from palpate.stability.passivity.energy import EnergyObserver, naive_energy, zoh_energy
 from palpate.stability.passivity.sampled_wall import (
     coulomb_amplitude,
@@ -20,12 +27,17 @@ from palpate.stability.passivity.two_port import (
 )
 
 __all__ = [
+    "AdmittanceCoupling",
     "CouplingVerdict",
     "EnergyObserver",
+    "ImpedanceCoupling",
+    "admittance_coupling",
     "certify_coupling",
     "coulomb_amplitude",
     "coupling_damping",
+    "design_couplings",
     "field_damping",
+    "impedance_coupling",
     "llewellyn",
     "naive_energy",
     "passive_damping",

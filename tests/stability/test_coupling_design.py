@@ -1,0 +1,94 @@
+"""Virtual couplings of both displays: closed forms, Llewellyn's criterion on a grid, and exact sampled loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from palpate.devices import load
+from palpate.errors import StabilityError
+from palpate.linear import HumanArm
+from palpate.stability import (
+    admittance_coupling,
+    certify_coupling,
+    design_couplings,
+    impedance_coupling,
+    llewellyn,
+    two_port_margin,
+)
+from palpate.stability.passivity.coupling_design import _AdmittanceLoop, _gains
+
+
+def test_an_impedance_coupling_is_at_the_limit_of_the_two_port() -> None:
+    """Golden: k_c = 9.3506 b/T with b_c = 1.1673 b; without damping 8 b/T, and exactly 2 b/T."""
+    b, t = 0.35, 1e-3
+    found = impedance_coupling(damping=b, period=t)
+    assert (found.stiffness * t / b, found.damping / b) == pytest.approx((9.35056, 1.16728), rel=1e-4)
+    assert (found.undamped * t / b, found.exact * t / b) == pytest.approx((8.0, 2.0))
+    for share, accepted in ((0.999, True), (1.01, False)):
+        coupling = {"coupling_stiffness": share * found.stiffness, "coupling_damping": found.damping}
+        assert (two_port_margin(damping=b, period=t, **coupling) >= -1e-9) is accepted
+        assert not certify_coupling(damping=b, period=t, **coupling).passive
+    best = max(
+        k
+        for k in np.linspace(1.0, 12.0, 45) * b / t
+        for c in np.linspace(0.0, 4.0, 17) * b
+        if two_port_margin(damping=b, period=t, coupling_stiffness=k, coupling_damping=c, angles=300) >= -1e-9
+    )
+    assert 0.95 * found.stiffness < best <= 1.001 * found.stiffness
+
+
+def test_an_admittance_coupling_is_at_the_limit_of_llewellyn() -> None:
+    m, b, t = 0.1, 0.35, 5e-4
+    found = admittance_coupling(mass=m, damping=b, period=t)
+    theta = np.linspace(1e-3, np.pi, 4000)
+    admittance, tracking = _AdmittanceLoop(m, b, t, *_gains(200.0, 0.9, t)).ports(theta)
+    one = np.ones_like(theta)
+    for share, accepted in ((1.001, True), (0.99, False)):
+        tool = share * found.mass / t * (1.0 - np.exp(-1j * theta))
+        assert bool(llewellyn(admittance, tracking, -one, tool).min() >= 0.0) is accepted
+        damper = share * found.damping * one
+        assert bool(llewellyn(admittance, tracking, -one, damper).min() >= 0.0) is accepted
+    double = admittance_coupling(mass=2.0 * m, damping=2.0 * b, period=t, operators=())
+    assert (double.mass, double.damping) == pytest.approx((2.0 * found.mass, 2.0 * found.damping), rel=1e-9)
+
+
+@pytest.mark.parametrize("arm", [HumanArm(0.15, 4.5, 560.0), HumanArm(0.5, 20.0, 2000.0)])
+def test_the_exact_least_mass_is_that_of_the_simulated_display(arm: HumanArm) -> None:
+    """The servo written out: it measures the operator's force, moves the tool and lets the tip follow."""
+    m, b, t = 0.1, 0.35, 5e-4
+    kp, kd = _gains(200.0, 0.9, t)
+    least = admittance_coupling(mass=m, damping=b, period=t, operators=[arm]).exact
+    assert 0.01 * m < least < 10.0 * m
+    total, fine = m + arm.mass, 50
+    for tool, decays in ((1.1 * least, True), (0.9 * least, False)):
+        x, v, u, place, last = 1e-3, 0.0, 0.0, 1e-3, 0.0
+        sizes = []
+        for _ in range(6000):
+            acceleration = (u - (b + arm.damping) * v - arm.stiffness * x) / total
+            felt = -(arm.mass * acceleration + arm.damping * v + arm.stiffness * x)
+            wanted = last + t / tool * felt
+            u = m * ((wanted - last) / t + kp * (place - x) + kd * (wanted - v)) + b * wanted
+            place, last = place + t * wanted, wanted
+            for _ in range(fine):  # midpoint rule between the samples
+                h = t / fine
+                a = (u - (b + arm.damping) * v - arm.stiffness * x) / total
+                x_mid, v_mid = x + 0.5 * h * v, v + 0.5 * h * a
+                a = (u - (b + arm.damping) * v_mid - arm.stiffness * x_mid) / total
+                x, v = x + h * v_mid, v + h * a
+            sizes.append(abs(x))
+            if sizes[-1] > 1.0:
+                break
+        assert (sizes[-1] < 1.0 and max(sizes[-500:]) < max(sizes[:500])) is decays
+
+
+def test_couplings_are_designed_along_the_axes_of_a_device() -> None:
+    arm = design_couplings(load("phantom-premium-1.5a"), [0.0, 2.2305, 3.2776])
+    assert [int(e.argmax()) for e, _, _ in arm] == [0, 1, 2]
+    assert all(stiff.exact < stiff.undamped < stiff.stiffness for _, stiff, _ in arm)
+    assert all(light.exact < light.mass for _, _, light in arm)
+    assert len(design_couplings(load("slider"), [0.0])) == 1
+
+
+def test_a_ratio_out_of_range_is_refused() -> None:
+    with pytest.raises(StabilityError, match="damping_ratio must be above 0"):
+        admittance_coupling(mass=0.1, damping=0.1, period=1e-3, damping_ratio=1.5)

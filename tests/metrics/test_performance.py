@@ -234,7 +234,8 @@ def test_guards_are_compared_from_the_command_line(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "no guard: no wall" in done.output
     assert "guarantee: every stiffness, if b is true" in done.output
+    assert "along x: impedance display up to" in done.output
     written = json.loads((tmp_path / "guards.json").read_text("utf-8"))
     assert written["axis"]["mass"] == pytest.approx(0.06)
-    assert len(written["rows"]) == 9
+    assert len(written["rows"]) == 15
     assert written["rows"][0]["felt"] is None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import _core
 from palpate.arrays import Array
-from palpate.simulation.simulator import Simulation, build_simulation
+from palpate.simulation.simulator import build_simulation
 
 from benchmarks.peers import mujoco_rollout
 from benchmarks.section import Effort, Progress, Rows, Section, figures
@@ -19,6 +19,7 @@ __all__ = ["SECTION"]
 
 LANES = {8: "AVX-512", 4: "AVX2", 2: "SSE2 or the like"}
 ASKED = 20_000.0
+ASKED_WORKSPACE = 15_000.0
 
 
 def _measure(effort: Effort, tell: Progress) -> Rows:
@@ -26,7 +27,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
 
     Each row has "program", "loops_per_second" (median), "best_loops_per_second", "runs", "error_rad" and "asked", the
     required loops per second or None. The error is the largest of the final angles, relative to the reference
-    trajectory. With an operator or dry friction it is relative to 64 substeps.
+    trajectory. With an operator, dry friction or a controller it is relative to 64 substeps.
     """
     work = Workload.standard()
     tell("reference trajectory (DOP853)", 0.0)
@@ -52,23 +53,30 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
         asked = ASKED if lanes == 8 else None
         rows.append(_row(f"palpate: {lanes} lanes ({name})", run, cells, effort.runs(30), last, asked))
         if lanes == widest:
-            for what, columns in _burdens(prepared.start, work).items():
+            for what, (controller, columns, required) in _burdens(prepared.start, work).items():
                 tell(f"{lanes} lanes, {what}", 0.35 + 0.2 * number)
 
                 def burdened(
-                    ready: Simulation = prepared,
-                    count: int = cells,
+                    substeps: int,
+                    count: int,
                     columns: dict[str, Array] = columns,
+                    controller: str | None = controller,
                     lanes: int = lanes,
                     stiffness: Array = stiffness,
-                ) -> Array:
+                ) -> Callable[[], Array]:
+                    ready = build_simulation(work.scenario(substeps, controller))
                     own = {name: np.tile(value, (count, 1)) for name, value in columns.items()}
                     own["stiffness"] = stiffness[:count].copy()
-                    found = _core.run_cells(ready.setup, ready.reference, ready.operator, own, count, 1, lanes)
-                    return np.asarray(found)[0, -6:-3]
 
-                fine = burdened(build_simulation(work.scenario(substeps=64)), 1)
-                rows.append(_row(f"palpate: {lanes} lanes, {what}", burdened, cells, effort.runs(15), fine, None))
+                    def last_angles() -> Array:
+                        found = _core.run_cells(ready.setup, ready.reference, ready.operator, own, count, 1, lanes)
+                        return np.asarray(found)[0, -6:-3]
+
+                    return last_angles
+
+                fine = burdened(64, 1)()
+                title = f"palpate: {lanes} lanes, {what}"
+                rows.append(_row(title, burdened(1, cells), cells, effort.runs(15), fine, required))
     tell("MuJoCo: rollout", 0.9)
     try:
         rows.append(_row("MuJoCo: rollout", lambda: mujoco_rollout(work, 4), 4, effort.runs(10), last, None))
@@ -77,13 +85,22 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
     return Rows(rows, missing)
 
 
-def _burdens(start: Array, work: Workload) -> dict[str, dict[str, Array]]:
-    """Return variants with more work per loop: an operator with a rigid grip, and the dry friction of the rotors."""
+def _burdens(start: Array, work: Workload) -> dict[str, tuple[str | None, dict[str, Array], float | None]]:
+    """Return variants with more work per loop: controller, columns and the required loops per second.
+
+    They are an operator with a rigid grip, the dry friction of the rotors, and controllers.
+    """
     tip = np.asarray(work.device.forward(start))[None]
     arm = {"mass": 0.15, "damping": 4.5, "stiffness": 560.0}
     hand = {**{f"arm_{key}": np.array([[value]]) for key, value in arm.items()}, "arm_rest": tip}
     rubbing = {"coulomb": np.full((1, 3), 0.01), "breakaway": np.full((1, 3), 0.01)}
-    return {"in a hand": hand, "dry friction": rubbing, "in a hand, dry friction": {**hand, **rubbing}}
+    return {
+        "in a hand": (None, hand, None),
+        "dry friction": (None, rubbing, None),
+        "in a hand, dry friction": (None, {**hand, **rubbing}, None),
+        "LQG": ("lqg", {}, None),
+        "workspace controller": ("workspace", {}, ASKED_WORKSPACE),
+    }
 
 
 def _row(

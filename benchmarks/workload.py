@@ -68,10 +68,11 @@ class Workload:
         """Return one second of the published device."""
         return cls(devices.load("phantom-premium-1.5a"), round(DURATION / PERIOD))
 
-    def scenario(self, substeps: int) -> Scenario:
-        """Return the work as a scenario."""
+    def scenario(self, substeps: int, controller: str | None = None) -> Scenario:
+        """Return the work as a scenario, without a controller or with the default one of a kind."""
         run = {"duration": f"{self.ticks * PERIOD!r} s", "substeps": substeps}
-        return Scenario.from_dict({**SCENARIO, "run": run})
+        chosen = {} if controller is None else {"controller": {"kind": controller}}
+        return Scenario.from_dict({**SCENARIO, **chosen, "run": run})
 
     def torques(self) -> Array:
         """Return the torques (ticks, 3), N*m, held from each sample to the next."""

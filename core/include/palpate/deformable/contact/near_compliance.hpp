@@ -31,12 +31,13 @@ class PlaceForces {
   alignas(64) std::array<float, static_cast<std::size_t>(3 * capacity)> value_{};
 };
 
-/// Copy of the compliance of the nodes near a tip, in the order of their places and laid out for products with PlaceForces.
+/// Copy of the compliance of the nodes near a tip, in the order of their places. The nine entries of the blocks of as many places as a
+/// register has lanes lie together, for products with PlaceForces and for the exchange of places.
 class NearCompliance {
  public:
   static constexpr int capacity = PlaceForces::capacity;
 
-  NearCompliance() : rows_(static_cast<std::size_t>(3 * capacity * row_length / 16)) {}
+  NearCompliance() : blocks_(static_cast<std::size_t>(capacity * row_length / 16)) {}
 
   /// Copy the blocks of the place k = `count` - 1, whose node is node[k], with all places.
   void enter(const FullCompliance& compliance, const std::int32_t* node, int count) noexcept {
@@ -44,33 +45,32 @@ class NearCompliance {
     for (int j = 0; j < count; ++j) __builtin_prefetch(compliance.block(node[k], node[j]));
     for (int j = 0; j < count; ++j) {
       const float* block = compliance.block(node[k], node[j]);
+      float *mine = entry(k, j), *other = entry(j, k);
       for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) row(k, a)[b * axis_length + j] = row(j, b)[a * axis_length + k] = block[3 * a + b];
+        for (int b = 0; b < 3; ++b) mine[(3 * a + b) * lanes] = other[(3 * b + a) * lanes] = block[3 * a + b];
     }
   }
 
   /// Exchange two of `count` places.
   void swap(int k, int l, int count) noexcept {
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b)
-        std::swap_ranges(row(k, a) + b * axis_length, row(k, a) + b * axis_length + count, row(l, a) + b * axis_length);
-    for (int j = 0; j < count; ++j)
-      for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b) std::swap(row(j, a)[b * axis_length + k], row(j, a)[b * axis_length + l]);
+    std::swap_ranges(entry(k, 0), entry(k, 0) + 9 * lanes * detail::in_registers(count), entry(l, 0));
+    for (int j = 0; j < count; ++j) {
+      float *one = entry(j, k), *two = entry(j, l);
+      for (int i = 0; i < 9; ++i) std::swap(one[i * lanes], two[i * lanes]);
+    }
   }
 
   /// Displacement of place k under the forces of the first `count` places; further forces up to a multiple of 8 must be zero.
   [[nodiscard]] Vector3<> displacement(int k, const PlaceForces& forces, int count) const noexcept {
     detail::Floats x{}, y{}, z{};
     const int n = detail::in_registers(count);
-    for (int b = 0; b < 3; ++b) {
-      const detail::Floats *f = detail::as_floats(forces.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * axis_length),
-                           *c1 = detail::as_floats(row(k, 1) + b * axis_length), *c2 = detail::as_floats(row(k, 2) + b * axis_length);
-      for (int j = 0; j < n; ++j) {
-        x += c0[j] * f[j];
-        y += c1[j] * f[j];
-        z += c2[j] * f[j];
-      }
+    const detail::Floats* c = detail::as_floats(entry(k, 0));
+    const detail::Floats *fx = detail::as_floats(forces.axis(0)), *fy = detail::as_floats(forces.axis(1)),
+                         *fz = detail::as_floats(forces.axis(2));
+    for (int j = 0; j < n; ++j, c += 9) {
+      x += (c[0] * fx[j] + c[1] * fy[j]) + c[2] * fz[j];
+      y += (c[3] * fx[j] + c[4] * fy[j]) + c[5] * fz[j];
+      z += (c[6] * fx[j] + c[7] * fy[j]) + c[8] * fz[j];
     }
     return {detail::sum_of(x), detail::sum_of(y), detail::sum_of(z)};
   }
@@ -78,44 +78,45 @@ class NearCompliance {
   /// Compute d . C_kj s_j for the places j < `count` into `out`: displacement of place k along `direction` by unit forces along s_j.
   void along(int k, const Vector3<>& direction, const PlaceForces& unit, int count, float* out) const noexcept {
     const int n = detail::in_registers(count);
-    for (int j = 0; j < n; ++j) detail::as_floats(out)[j] = detail::Floats{};
+    const detail::Floats* c = detail::as_floats(entry(k, 0));
     const auto d0 = static_cast<float>(direction[0]), d1 = static_cast<float>(direction[1]), d2 = static_cast<float>(direction[2]);
-    for (int b = 0; b < 3; ++b) {
-      const detail::Floats *s = detail::as_floats(unit.axis(b)), *c0 = detail::as_floats(row(k, 0) + b * axis_length),
-                           *c1 = detail::as_floats(row(k, 1) + b * axis_length), *c2 = detail::as_floats(row(k, 2) + b * axis_length);
-      for (int j = 0; j < n; ++j) detail::as_floats(out)[j] += s[j] * (d0 * c0[j] + d1 * c1[j] + d2 * c2[j]);
+    for (int j = 0; j < n; ++j, c += 9) {
+      detail::Floats sum{};
+      for (int b = 0; b < 3; ++b) sum += detail::as_floats(unit.axis(b))[j] * (d0 * c[b] + d1 * c[3 + b] + d2 * c[6 + b]);
+      detail::as_floats(out)[j] = sum;
     }
   }
 
   /// Add the displacements of the first `count` places by a force on place k to `sum`; the compliance is symmetric.
   void add_displacements(int k, const Vector3<>& force, int count, PlaceForces& sum) const noexcept {
     const int n = detail::in_registers(count);
+    const detail::Floats* c = detail::as_floats(entry(k, 0));
     const auto f0 = static_cast<float>(force[0]), f1 = static_cast<float>(force[1]), f2 = static_cast<float>(force[2]);
-    for (int a = 0; a < 3; ++a) {
-      detail::Floats* out = detail::as_floats(sum.axis(a));
-      const detail::Floats *c0 = detail::as_floats(row(k, 0) + a * axis_length), *c1 = detail::as_floats(row(k, 1) + a * axis_length),
-                           *c2 = detail::as_floats(row(k, 2) + a * axis_length);
-      for (int j = 0; j < n; ++j) out[j] += f0 * c0[j] + f1 * c1[j] + f2 * c2[j];
-    }
+    for (int j = 0; j < n; ++j, c += 9)
+      for (int a = 0; a < 3; ++a) detail::as_floats(sum.axis(a))[j] += f0 * c[a] + f1 * c[3 + a] + f2 * c[6 + a];
   }
 
   /// Block of places k and j, m/N.
   [[nodiscard]] Matrix3<> block(int k, int j) const noexcept {
+    const float* at = entry(k, j);
     Matrix3<> m;
     for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) m(a, b) = static_cast<double>(row(k, a)[b * axis_length + j]);
+      for (int b = 0; b < 3; ++b) m(a, b) = static_cast<double>(at[(3 * a + b) * lanes]);
     return m;
   }
 
  private:
-  // Odd numbers of cache lines: the entries of one column lie in different sets of the cache.
-  static constexpr int axis_length = capacity + 16, row_length = 3 * axis_length;
+  static constexpr int lanes = detail::float_lanes;
+  static constexpr int row_length = 9 * capacity + 16;  // an odd number of cache lines: blocks of one column lie in different sets
 
-  [[nodiscard]] float* row(int k, int a) noexcept { return rows_.data()->value.data() + offset(k, a); }
-  [[nodiscard]] const float* row(int k, int a) const noexcept { return rows_.data()->value.data() + offset(k, a); }
-  [[nodiscard]] static std::ptrdiff_t offset(int k, int a) noexcept { return static_cast<std::ptrdiff_t>(3 * k + a) * row_length; }
+  /// Entry (0, 0) of the block of places k and j; the other entries follow, row-major, `lanes` apart.
+  [[nodiscard]] static std::ptrdiff_t offset(int k, int j) noexcept {
+    return static_cast<std::ptrdiff_t>(k) * row_length + (j / lanes) * (9 * lanes) + j % lanes;
+  }
+  [[nodiscard]] float* entry(int k, int j) noexcept { return blocks_.data()->value.data() + offset(k, j); }
+  [[nodiscard]] const float* entry(int k, int j) const noexcept { return blocks_.data()->value.data() + offset(k, j); }
 
-  std::vector<detail::FloatLine> rows_;  // 3 capacity rows (place, axis) of columns (axis, place), m/N
+  std::vector<detail::FloatLine> blocks_;  // m/N
 };
 
 /// Dense symmetric positive definite system A + diag(D), single precision, factored by columns.

@@ -164,11 +164,17 @@ class SurfaceNodes {
     }
   }
 
-  /// Call `visit(node)` for each node in the grid cells within `reach` [m] of the box spanned by two points [m].
+  /// Call `visit(node)` for each node within `reach` [m] of the box from `low` to `high` [m].
   template <class Visit>
-  void query_box(const Vector3<>& one, const Vector3<>& other, double reach, Visit visit) const noexcept {
-    for_each_group(one, other, reach, [&](std::size_t number) {
-      for (std::int32_t k = groups_[number].begin; k < groups_[number].end; ++k) visit(records_[static_cast<std::size_t>(k)].node);
+  void query_box(const Vector3<>& low, const Vector3<>& high, double reach, Visit visit) const noexcept {
+    const double most = reach * reach;
+    for_each_group(low, high, reach, [&](std::size_t number) {
+      const Group& g = groups_[number];
+      if ((low - g.box_max).cwiseMax(g.box_min - high).cwiseMax(0.0).squaredNorm() > most) return;
+      for (std::int32_t k = g.begin; k < g.end; ++k) {
+        const NodeRecord& record = records_[static_cast<std::size_t>(k)];
+        if ((low - record.point).cwiseMax(record.point - high).cwiseMax(0.0).squaredNorm() <= most) visit(record.node);
+      }
     });
   }
 

@@ -126,8 +126,11 @@ class FlexiblePlant {
   using Flexible = mechanism::FlexibleMechanism<Mechanism>;
 
   /// The tip starts at rest behind the motors, and a spring of the operator's arm at the same distance from it as with a rigid device.
+  /// `s.flexible` must be set.
+  // NOLINTBEGIN(bugprone-unchecked-optional-access): required of the caller
   explicit FlexiblePlant(const SimulationSetup<Mechanism>& s) : substeps_(s.flexible->substeps(s.period, s.substeps)) {
     const Flexible mechanism(s.mechanism, *s.flexible);
+    // NOLINTEND(bugprone-unchecked-optional-access)
     state_.q = mechanism.at_rest(s.start);
     state_.qd = Flexible::joined(s.start_speed, s.start_speed);
     track_ = mechanism::IncrementalKinematics<Flexible>(mechanism.kinematics(state_.q));

@@ -38,11 +38,7 @@ def boundary(cells: Indices) -> Indices:
     They are in the order of `FACES`, then of the tetrahedra.
     """
     faces = np.concatenate([cells[:, face] for face in FACES])
-    keys = np.sort(faces, axis=1)
-    order = np.lexsort(keys.T[::-1])
-    new = np.append(True, (keys[order][1:] != keys[order][:-1]).any(axis=1))
-    alone = new & np.append(new[1:], True)
-    return np.asarray(faces[np.sort(order[alone])])
+    return np.delete(faces, np.concatenate(equal_neighbors(np.sort(faces, axis=1))), axis=0)
 
 
 def equal_neighbors(rows: Indices) -> tuple[Indices, Indices]:

@@ -172,12 +172,16 @@ class BoundaryElements:
         return (sparse.diags(1.0 / self.areas) @ mass[self.contact_nodes]).tocsr()
 
     @cached_property
+    def _area_vectors(self) -> Array:
+        return area_vectors(self.points, self.triangles)
+
+    @cached_property
     def _sizes(self) -> Array:
-        return np.asarray(np.linalg.norm(area_vectors(self.points, self.triangles), axis=1))
+        return np.asarray(np.linalg.norm(self._area_vectors, axis=1))
 
     @cached_property
     def _normals(self) -> Array:
-        return np.asarray(area_vectors(self.points, self.triangles) / self._sizes[:, None])
+        return np.asarray(self._area_vectors / self._sizes[:, None])
 
     def _integrals(self, held: Indices) -> list[Array]:
         """Return the integrals of kernels times shape functions at each node.

@@ -241,7 +241,13 @@ def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
         ways += [
             _Way("energy bound", sure, guard=bound(0.0)),
             *(
-                [_Way("energy bound, dry friction", f"{sure[:-8]} and f_c are true", guard=bound(0.8 * axis.coulomb))]
+                [
+                    _Way(
+                        "energy bound, dry friction",
+                        "every stiffness, if b and f_c are true",
+                        guard=bound(0.8 * axis.coulomb),
+                    )
+                ]
                 if axis.coulomb > 0.0
                 else []
             ),

@@ -214,10 +214,8 @@ template <class Model>
   if (friction.mu_dynamic > friction.mu_static) from.fail("dynamic_friction", "exceeds static_friction");
   if (count == 0 || count > 1'000'000) from.fail("points", "must be 1 to a million nodes");
   bool usable = true;
-  double farthest = 0.0;
   for (std::int64_t i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    farthest = std::max(farthest, points[k].cwiseAbs().maxCoeff());
     usable =
         usable && points[k].cwiseAbs().maxCoeff() < 1e6 && std::abs(normals[k].norm() - 1.0) < 1e-6 && areas[k] > 0.0 && areas[k] < 1e12;
   }

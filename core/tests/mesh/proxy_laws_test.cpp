@@ -1,8 +1,11 @@
 // Laws of a proxy that closed forms of one contact do not show: two contacts, two sides, a field, and reflex edges.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdint>
 #include <limits>
 #include <palpate/mesh/force_shading.hpp>
+#include <palpate/mesh/mesh_updater.hpp>
 #include <random>
 #include <vector>
 
@@ -163,6 +166,81 @@ TEST(ProxyLaws, ATipBeginsInsideWhereTheClosedFormSaysSo) {
   }
   EXPECT_GT(inside_count, 1000);
   EXPECT_LT(inside_count, 2900);
+}
+
+// Law: a sphere has the stiffness of the point where it touches, also around an edge, where its center is beside the face.
+TEST(ProxyLaws, ASphereHasTheStiffnessOfThePointThatItTouches) {
+  const Shape shape = shapes::box({1.0, 1.0, 0.5}, 4);
+  const auto stiffness = [](const Vector3<>& x) { return 1000.0 + 500.0 * x[0] + 200.0 * x[1]; };
+  Surface s;
+  s.stiffness.clear();
+  for (const Vector3<>& v : shape.vertices) s.stiffness.push_back(stiffness(v));
+  const World world(shape, s);
+  const double radius = 0.2;
+  for (double angle = 0.1; angle < 1.5; angle += 0.2) {
+    Proxy proxy = world.proxy(radius);
+    const Vector3<> edge(1.0, 0.1, 0.5), out(std::sin(angle), 0.0, std::cos(angle));
+    proxy.step(edge + 0.5 * out);
+    const Contact& c = proxy.step(edge + 0.05 * out);
+    ASSERT_TRUE(c.touching);
+    EXPECT_NEAR(c.stiffness, stiffness(edge), 1e-3) << angle;
+    EXPECT_NEAR(c.force.norm(), stiffness(edge) * 0.15, 1e-3) << angle;
+  }
+}
+
+// Law: friction holds a sphere at its place on a moving surface, also around an edge.
+TEST(ProxyLaws, AMovingEdgeTakesASphereAlong) {
+  Surface s;
+  s.static_friction = s.dynamic_friction = std::numeric_limits<double>::infinity();
+  s.tangential = 1000.0;
+  const Shape shape = shapes::box({1.0, 1.0, 0.5}, 4);
+  std::vector<std::int32_t> all;
+  for (std::size_t v = 0; v < shape.vertices.size(); ++v) all.push_back(static_cast<std::int32_t>(v));
+  for (const double angle : {0.0, 0.3, 0.8, 1.2}) {
+    World world(shape, s);
+    palpate::mesh::MeshUpdater updater(world.mesh);
+    Proxy proxy = world.proxy(0.2);
+    const Vector3<> edge(1.0, 0.1, 0.5), out(std::sin(angle), 0.0, std::cos(angle)), shift(0.03, -0.02, 0.01);
+    proxy.step(edge + 0.5 * out);
+    const Vector3<> before = proxy.step(edge + 0.15 * out).position;
+    const auto attachment = proxy.attach();
+    std::vector<Vector3<>> to;
+    for (const Vector3<>& v : shape.vertices) to.emplace_back(v + shift);
+    ASSERT_EQ(updater.move(world.mesh, world.tree, all.data(), to.data(), all.size()), palpate::mesh::TriangleMesh::none);
+    proxy.reattach(attachment);
+    EXPECT_LT((proxy.step(edge + 0.15 * out).position - before - shift).norm(), 1e-6) << angle;
+  }
+}
+
+// Law: below the point where the shaded normals meet, a field keeps its gradient along the surface.
+TEST(ProxyLaws, TheSlopeOfAFieldIsKeptBelowTheCenterOfCurvature) {
+  const World world(shapes::ball(6, 1.0));
+  const ForceShading shading(world.mesh, 1.0);
+  for (std::int32_t f = 0; f < world.mesh.size(); f += 7) {
+    const auto& face = world.mesh.face(f);
+    const Vector3<> x = (face.corner[0] + face.corner[1] + face.corner[2]) / 3.0, along = (face.corner[1] - face.corner[0]).normalized();
+    EXPECT_LT((shading.slope_at_depth(world.mesh, f, x, 0.0, along) - along).norm(), 1e-12);
+    EXPECT_NEAR(shading.slope_at_depth(world.mesh, f, x, 0.5, along).norm(), 2.0, 0.1) << f;
+    for (const double depth : {0.95, 1.0, 1.05}) EXPECT_EQ(shading.slope_at_depth(world.mesh, f, x, depth, along), along) << f;
+  }
+}
+
+// Law: a proxy that is at the cone to rounding does not slide, and one beyond it does.
+TEST(ProxyLaws, RoundingIsNoSliding) {
+  Surface s;
+  s.static_friction = s.dynamic_friction = 0.5;
+  const World world(shapes::box({1.0, 1.0, 0.5}, 3), s);
+  for (const double radius : {0.0, 0.05}) {
+    Proxy proxy = world.proxy(radius);
+    const double depth = 0.1, height = 0.5 + radius - depth;
+    proxy.step({0.0, 0.0, 1.0});
+    proxy.step({0.0, 0.0, height});
+    const double x = proxy.step({0.5 * depth * (1.0 + 1e-10), 0.0, height}).position[0];
+    EXPECT_LT(x, 1e-10);
+    EXPECT_FALSE(proxy.sliding()) << radius;
+    proxy.step({0.5 * depth + 1e-3, 0.0, height});
+    EXPECT_TRUE(proxy.sliding()) << radius;
+  }
 }
 
 }  // namespace

@@ -196,4 +196,17 @@ TEST(ContactLcp, TheTwinOfARemovedRowTakesItsForce) {
   }
 }
 
+// Law: penetrations of a thousandth of the largest depth and below are removed too.
+TEST(ContactLcp, RemovesSmallPenetrations) {
+  Eigen::Matrix2d c;
+  c << 1.0, 0.5, 0.5, 1.0;
+  for (const double small : {1e-2, 1e-4, 1e-6}) {
+    ContactLcp solver;
+    load_lcp(solver, c, Eigen::Vector2d(1.0, 0.5 + small));
+    solver.reset(2, [](int a) { return a == 0; });
+    ASSERT_TRUE(solver.solve());
+    EXPECT_NEAR(solver.force(1), small / 0.75, 1e-12) << small;
+  }
+}
+
 }  // namespace

@@ -386,4 +386,70 @@ TEST(TipContact, ViscoelasticBodyUnderAFlatEndIsPassive) {
   }
 }
 
+// Law: the state of a standard linear solid is one delayed force per node in all directions, q' = decay q + gain f; its energy is that of
+// the springs, (f.C f / r + q.C q / (1 - 1 / r)) / 2.
+TEST(StandardLinearSolid, ItsStateIsADelayedForcePerNode) {
+  const HalfSpace space(3, 1e-3, 5e3, 0.3);
+  const double ratio = 3.0, late = 1.0 - 1.0 / ratio, decay = std::exp(-1e-3 / 0.02), gain = (1.0 - decay) * late;
+  const palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
+  palpate::deformable::StandardLinearSolid body(elastic, ratio, 0.02, 1e-3);
+  constexpr int n = 9;
+  Eigen::MatrixXd along(2 * n, 2 * n), across(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      across(i, j) = elastic.compliance(i, j);
+      along.block<2, 2>(2 * i, 2 * j) = elastic.tangential(i, j);
+    }
+  Eigen::VectorXd q = Eigen::VectorXd::Zero(n), t = Eigen::VectorXd::Zero(2 * n);
+  std::mt19937 random(13);
+  std::uniform_real_distribution<double> uniform(0.2, 1.0);
+  double most = 0.0;
+  for (int k = 0; k < 400; ++k) {
+    const std::vector<std::int32_t> pressed = k < 5 ? std::vector<std::int32_t>{0, 1, 4, 7} : std::vector<std::int32_t>{2, 4, 8};
+    std::vector<double> forces;
+    std::vector<Eigen::Vector2d> drags;
+    Eigen::VectorXd f = Eigen::VectorXd::Zero(n), d = Eigen::VectorXd::Zero(2 * n);
+    for (const std::int32_t i : pressed) {
+      forces.push_back(f[i] = uniform(random));
+      drags.emplace_back(d.segment<2>(2 * i) = Eigen::Vector2d(uniform(random), -uniform(random)));
+    }
+    body.advance(pressed.data(), forces.data(), drags.data(), static_cast<int>(pressed.size()));
+    q = (decay * q + gain * f).eval();
+    t = (decay * t + gain * d).eval();
+    const double held = f.dot(across * f) + d.dot(along * d), period_ratio = 1.0 / ratio + gain;
+    const double energy = 0.5 * held / ratio + 0.5 * (q.dot(across * q) + t.dot(along * t)) / late;
+    most = std::max(most, energy);
+    ASSERT_NEAR(body.energy(period_ratio * held), energy, 1e-5 * most) << k;
+    for (int i = 0; i < n; ++i) {
+      ASSERT_NEAR(body.free_displacement(i), decay * across.row(i).dot(q), 1e-5) << k;
+      ASSERT_LT((body.free_tangential_displacement(i) - decay * along.middleRows<2>(2 * i) * t).norm(), 1e-5) << k;
+    }
+  }
+}
+
+// Law: the order of the nodes does not matter, while a flat end slides over creeping patches that it covers in part.
+TEST(TipContact, FrictionOfAFlatEndOnCreepingPatchesDoesNotDependOnTheOrderOfTheNodes) {
+  HalfSpace space(13, 1e-3, 5e3, 0.45), other = space;
+  std::reverse(other.points.begin(), other.points.end());
+  const std::size_t n = space.points.size();
+  other.nodes = SurfaceNodes(other.points, std::vector<Vector3<>>(n, Vector3<>::UnitZ()), std::vector<double>(n, 1e-6));
+  const auto solid = [](const HalfSpace& s) {
+    return palpate::deformable::StandardLinearSolid(palpate::deformable::Compliance(s.nodes, full(s).data(), true), 3.0, 0.02, 1e-3);
+  };
+  palpate::deformable::StandardLinearSolid one = solid(space), two = solid(other);
+  using Contact = TipContact<palpate::deformable::StandardLinearSolid>;
+  Contact first(space.nodes, one, {0.6, 0.5}), second(other.nodes, two, {0.6, 0.5});
+  Tip tip;
+  tip.kind = Tip::Kind::flat;
+  tip.radius = 2.3e-3;
+  double largest = 0.0;
+  for (int k = 0; k < 400; ++k) {
+    tip.center = {3e-3 * std::sin(0.015 * k), 2e-3 * std::cos(0.021 * k), -5e-4 - 2e-4 * std::sin(0.05 * k)};
+    const ContactResult &a = first.step(tip), &b = second.step(tip);
+    largest = std::max(largest, a.force.norm());
+    ASSERT_LT((a.force - b.force).norm(), 2e-3 * largest) << k;
+    ASSERT_NEAR(a.energy, b.energy, 2e-3 * a.energy) << k;
+  }
+}
+
 }  // namespace

@@ -222,4 +222,63 @@ TEST(BodyInstance, ContactNormalFollowsASphereAroundABall) {
   EXPECT_EQ(again.body().last().nodes, 0);
 }
 
+/// Nodes on a line that turn about its middle and yield alone: a force on one side raises the other.
+struct Seesaw {
+  palpate::deformable::SurfaceNodes nodes;
+  std::vector<Vector3<>> points;
+
+  Seesaw() {
+    for (int i = -10; i <= 10; ++i) points.emplace_back(1e-3 * i, 0.0, 0.0);
+    nodes = palpate::deformable::SurfaceNodes(points, std::vector<Vector3<>>(points.size(), Vector3<>::UnitZ()),
+                                              std::vector<double>(points.size(), 1e-6));
+  }
+  [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const {
+    return (i == j ? 1e-3 : 0.0) + 1e2 * points[static_cast<std::size_t>(i)].x() * points[static_cast<std::size_t>(j)].x();
+  }
+  [[nodiscard]] static double free_displacement(std::int32_t) { return 0.0; }
+  static void advance(const std::int32_t*, const double*, int) {}
+  static void reset() {}
+};
+
+// Law: no node is in the tip, neither those that it presses nor those that the pressed ones raise.
+TEST(TipContact, NodesThatTheForcesRaiseTouchToo) {
+  Seesaw body;
+  palpate::deformable::TipContact<Seesaw> contact(body.nodes, body);
+  palpate::deformable::Tip tip;
+  tip.radius = 30e-3;
+  int raised = 0;
+  for (int k = 1; k <= 60; ++k) {
+    tip.center = {3e-3, 0.0, tip.radius - 1e-5 * k};
+    const palpate::deformable::ContactResult& a = contact.step(tip);
+    ASSERT_TRUE(a.solved);
+    const double most = 1e-5 * k;
+    for (std::int32_t i = 0; i < body.nodes.size(); ++i) {
+      const double x = body.points[static_cast<std::size_t>(i)].x() - tip.center.x();
+      const double depth = std::sqrt(tip.radius * tip.radius - x * x) - tip.center.z();
+      double moved = 0.0;
+      for (int c = 0; c < a.nodes; ++c) {
+        moved += contact.forces()[c] * body.compliance(i, contact.contact_nodes()[c]);
+        raised += contact.contact_nodes()[c] == i && depth < -0.3 * most ? 1 : 0;
+      }
+      ASSERT_GE(moved - depth, -1e-6 * most) << k << ' ' << i;
+    }
+  }
+  EXPECT_GT(raised, 0);
+}
+
+// Law: the direction of a contact is kept within 45 degrees of its force, and turned to 45 degrees beyond.
+TEST(TipContact, TheDirectionFollowsTheForceBeyond45Degrees) {
+  HalfSpace space(15, 1e-3, 20e3);
+  for (const double degrees : {0.0, 30.0, 44.0, 50.0, 60.0}) {
+    palpate::deformable::TipContact<HalfSpace> contact(space.nodes, space);
+    palpate::deformable::Tip tip;
+    tip.center = {0.0, 0.0, tip.radius - 5e-4};
+    const double angle = degrees * M_PI / 180.0;
+    tip.outward = {std::sin(angle), 0.0, std::cos(angle)};
+    ASSERT_TRUE(contact.step(tip).touching) << degrees;
+    const double kept = std::min(angle, 0.25 * M_PI);
+    EXPECT_LT((contact.outward(tip) - Vector3<>(std::sin(kept), 0.0, std::cos(kept))).norm(), 1e-9) << degrees;
+  }
+}
+
 }  // namespace

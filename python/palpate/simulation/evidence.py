@@ -18,6 +18,7 @@ from palpate.simulation.statics import force_over_stiffness, presses, steady_err
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
 
+FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
 __all__ = ["evidence", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
@@ -85,7 +86,7 @@ def evidence(
         saturated=float(trace["saturated"][ending].mean()),
         constant=window.constant,
         linear=0 if radius is None else linear_sign(radius),
-        decay=np.nan if radius is None else radius ** (fifth * every),
+        decay=np.nan if radius is None else min(radius, FASTEST ** (1.0 / (fifth * every or 1))) ** (fifth * every),
         kept=kept,
         **known,
     )

@@ -899,6 +899,11 @@ class PremiumSetup:
         Use a workspace controller that knows this mechanism and viscous friction; set the period before.
         """
 
+    def set_admittance_controller(self, mechanism: Premium, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters, mass: float, damping: float) -> None:
+        """
+        Use an admittance display with a tool of this mass, kg, and damping, N s/m; set the period before.
+        """
+
     @property
     def mechanism(self) -> Premium: ...
 
@@ -1237,6 +1242,11 @@ class SliderSetup:
     def set_workspace_controller(self, mechanism: Slider, friction: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], parameters: WorkspaceParameters) -> None:
         """
         Use a workspace controller that knows this mechanism and viscous friction; set the period before.
+        """
+
+    def set_admittance_controller(self, mechanism: Slider, friction: Annotated[NDArray[numpy.float64], dict(shape=(1), order='C')], parameters: WorkspaceParameters, mass: float, damping: float) -> None:
+        """
+        Use an admittance display with a tool of this mass, kg, and damping, N s/m; set the period before.
         """
 
     @property
@@ -1579,6 +1589,11 @@ class FiveBarSetup:
         Use a workspace controller that knows this mechanism and viscous friction; set the period before.
         """
 
+    def set_admittance_controller(self, mechanism: FiveBar, friction: Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')], parameters: WorkspaceParameters, mass: float, damping: float) -> None:
+        """
+        Use an admittance display with a tool of this mass, kg, and damping, N s/m; set the period before.
+        """
+
     @property
     def mechanism(self) -> FiveBar: ...
 
@@ -1867,6 +1882,11 @@ class TipDeviceSetup:
     def set_workspace_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters) -> None:
         """
         Use a workspace controller that knows this mechanism and viscous friction; set the period before.
+        """
+
+    def set_admittance_controller(self, mechanism: TipDevice, friction: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], parameters: WorkspaceParameters, mass: float, damping: float) -> None:
+        """
+        Use an admittance display with a tool of this mass, kg, and damping, N s/m; set the period before.
         """
 
     @property

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <palpate/control/admittance_controller.hpp>
 #include <palpate/control/workspace_controller.hpp>
 #include <palpate/object/body_instance.hpp>
 #include <palpate/object/mesh_object.hpp>
@@ -48,12 +49,12 @@ void time_ticks(const LoopSetup<Mechanism>& setup, Plant plant, int ticks, const
   for (int k = 0; k < ticks; ++k) {
     if (paced)
       std::this_thread::sleep_until(first + std::chrono::duration_cast<Time::duration>(std::chrono::duration<double>(k * setup.period)));
+    const palpate::math::Vector3<> push = Eigen::Map<const palpate::math::Vector3<>>(operator_force + 3 * k);
     const Time::time_point begin = Time::now();
     const auto& tick = palpate::servo::detail::tick_of(
-        servo, plant, palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(reference + 3 * k)));
+        servo, plant, palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(reference + 3 * k)), push);
     seconds[k] = std::chrono::duration<double>(Time::now() - begin).count();
     if (!slow) servo.update();
-    const palpate::math::Vector3<> push = Eigen::Map<const palpate::math::Vector3<>>(operator_force + 3 * k);
     plant.advance(tick.torque, {push, push}, regular);
   }
 }
@@ -140,11 +141,22 @@ void bind_loop(nb::module_& m, const char* name) {
         "set_workspace_controller",
         [](Setup& s, const Mechanism& mechanism, const palpate::math::Joints<dof>& friction,
            const palpate::control::WorkspaceParameters& parameters) {
-          if (const char* fault = parameters.fault()) throw nb::value_error(fault);
+          require_valid(parameters);
           s.controller = palpate::control::WorkspaceController<Mechanism>(mechanism, friction, parameters, s.period);
         },
         "mechanism"_a, "friction"_a, "parameters"_a,
         "Use a workspace controller that knows this mechanism and viscous friction; set the period before.");
+    setup.def(
+        "set_admittance_controller",
+        [](Setup& s, const Mechanism& mechanism, const palpate::math::Joints<dof>& friction,
+           const palpate::control::WorkspaceParameters& parameters, double mass, double damping) {
+          const palpate::control::VirtualTool tool{mass, damping};
+          require_valid(parameters);
+          require_valid(tool);
+          s.controller = palpate::control::AdmittanceController<Mechanism>(mechanism, friction, parameters, tool, s.period);
+        },
+        "mechanism"_a, "friction"_a, "parameters"_a, "mass"_a, "damping"_a,
+        "Use an admittance display with a tool of this mass, kg, and damping, N s/m; set the period before.");
   }
   setup.def(nb::init<>())
       .def_rw("mechanism", &Setup::mechanism)
@@ -276,7 +288,7 @@ void bind_loop(nb::module_& m, const char* name) {
       .def(
           "tick",
           [](Stepped& self, const palpate::math::Vector3<>& reference, const palpate::math::Vector3<>& operator_force) {
-            self.loop.tick(reference);
+            self.loop.tick(reference, operator_force);
             self.fault->raise();
             auto [row, data] = new_array<double>({static_cast<std::size_t>(palpate::servo::row_width(self.loop.setup()))});
             self.loop.record(operator_force, data);

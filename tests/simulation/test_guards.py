@@ -286,7 +286,7 @@ def test_guards_compare_as_published_on_the_arms_axis() -> None:
     assert reach["half-sample, observer, deadbeat exit"] == 2e4
     assert reach["sample-estimate-hold"] == 1e4
     assert reach["sample-estimate-hold, no correction"] == 5e3
-    assert reach["admittance display, workspace controller"] == 1e4
+    assert reach["admittance display, workspace controller"] == 2e4
     soft = [row for row in found.rows if row.name.startswith("virtual coupling")]
     assert [row.stiffness for row in soft] == [0.0, 0.0]  # 0.7 and 2.8 N/mm in series show less than 90 %
     assert soft[0].swing <= 15e-6 < soft[1].swing  # the two-port accepts a coupling that swings

@@ -6,6 +6,7 @@
 #include "palpate/actuation/drive_limits.hpp"
 #include "palpate/actuation/encoder.hpp"
 #include "palpate/actuation/tick_schedule.hpp"
+#include "palpate/control/admittance_controller.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/stiffness_normalization.hpp"

@@ -74,7 +74,7 @@ TEST(NoAllocation, InAPeriodOfMotionWithAFlexibleMode) {
   EXPECT_TRUE(plant.tip().allFinite());
 }
 
-TEST(NoAllocation, InATickOfAWorkspaceControllerAndOfANormalizedOne) {
+TEST(NoAllocation, InATickOfAControllerThatPositionsTheTipAndOfANormalizedOne) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
   palpate::servo::ServoSetup<Premium> setup{.mechanism = arm};
@@ -87,7 +87,8 @@ TEST(NoAllocation, InATickOfAWorkspaceControllerAndOfANormalizedOne) {
   normalized.normalize(Vector3<>::Constant(1000.0));
   const palpate::control::WorkspaceController<Premium> workspace(arm, Joints<3>::Constant(1e-4), palpate::control::WorkspaceParameters{},
                                                                  1e-3);
-  for (const palpate::control::AnyController& controller : {palpate::control::AnyController(normalized), {workspace}}) {
+  const palpate::control::AdmittanceController<Premium> display(arm, Joints<3>::Constant(1e-4), {}, {.mass = 0.1}, setup.period);
+  for (const palpate::control::AnyController& controller : {palpate::control::AnyController(normalized), {workspace}, {display}}) {
     palpate::servo::Servo<Premium, palpate::object::AnyObject, palpate::control::AnyController> servo(setup, wall, controller);
     double commanded = 0.0;
     const long before = allocations;

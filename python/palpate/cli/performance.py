@@ -98,7 +98,8 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         output.print(
             f"  along {'xyz'[int(along.argmax())]}: impedance display up to {stiff.stiffness:.4g} N/m with "
             f"{stiff.damping:.3g} N s/m by the two-port, {stiff.exact:.4g} N/m exactly; admittance display from "
-            f"{light.mass:.3g} kg by the two-port, {light.exact:.3g} kg exactly for rigid grips",
+            f"{light.mass:.3g} kg by the two-port of a tip that does not know the force, {light.exact:.3g} kg exactly "
+            "for rigid grips",
             markup=False,
             soft_wrap=True,
         )

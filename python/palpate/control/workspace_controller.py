@@ -166,13 +166,22 @@ class WorkspaceController:
 
 def _damped_share(jacobian: Array, inertia: Array, share: float) -> Array:
     """Return the factor (dof, dof) of the tip force near a singular pose, (A + e)^-1 A (A + e)^-1 A with A = L^-1."""
-    excess = 1.0 - (_DAMPED_ABOVE / (np.linalg.norm(jacobian) * np.linalg.norm(np.linalg.pinv(jacobian)))) ** 2
     eye = np.eye(len(inertia))
-    if excess <= 0.0:
+    if not is_damped(jacobian):
         return eye
+    excess = 1.0 - (_DAMPED_ABOVE / _condition(jacobian)) ** 2
     mobility = np.linalg.inv(inertia)
     inverse = np.linalg.inv(mobility + share * excess**2 * np.trace(mobility) * eye)
     return np.asarray(inverse @ mobility @ inverse @ mobility, dtype=float)
+
+
+def is_damped(jacobian: Array) -> bool:
+    """Return whether a pose with this Jacobian (3, dof) is so near a singular one that the force is bounded."""
+    return _condition(jacobian) > _DAMPED_ABOVE
+
+
+def _condition(jacobian: Array) -> float:
+    return float(np.linalg.norm(jacobian) * np.linalg.norm(np.linalg.pinv(jacobian)))
 
 
 def reachable_axes(jacobian: Array) -> Array:

@@ -27,6 +27,28 @@ def sampled_plants(
         period: sampling period, s.
     """
     count, dof = poses.shape
+    m, d, s, _ = equations_of_motion(device, poses, arm, rest_force)
+    size = m.shape[-1]
+    inverse = np.linalg.inv(m)
+    block = np.zeros((count, 2 * size + dof, 2 * size + dof))
+    block[:, :size, size : 2 * size] = np.eye(size)
+    block[:, size : 2 * size, :size] = -inverse @ s
+    block[:, size : 2 * size, size : 2 * size] = -inverse @ d
+    block[:, size : 2 * size, 2 * size :] = inverse[:, :, :dof]
+    discrete = expm(block * period)
+    out = np.broadcast_to(np.eye(dof, 2 * size), (count, dof, 2 * size))
+    return discrete[:, : 2 * size, : 2 * size], discrete[:, : 2 * size, 2 * size :], out
+
+
+def equations_of_motion(
+    device: Device, poses: Array, arm: HumanArm | None, rest_force: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return M, D, S, each (n, ., .), of a device at rest in n poses with its operator, and the tip's motion (n, ., .).
+
+    The last is the Jacobian of the tip that the operator holds, without the axes along which it cannot move. Arguments
+    as of `sampled_plants`.
+    """
+    dof = poses.shape[1]
     inertia, jacobian = device.mass_matrix(poses), device.jacobian(poses)
     torque = device.gravity(poses)
     slopes = [device.linearization(q, np.zeros(dof), t)[:2] for q, t in zip(poses, torque, strict=True)]
@@ -40,17 +62,8 @@ def sampled_plants(
         m, d, s, moving_rows = couple_tip(m, d, s, moving_rows, device.flexible)
         s[:, dof:, dof:] -= geometric_stiffness
     if arm is not None:
-        m, d, s, _ = couple_arm(m, d, s, moving_rows, arm)
-    size = m.shape[-1]
-    inverse = np.linalg.inv(m)
-    block = np.zeros((count, 2 * size + dof, 2 * size + dof))
-    block[:, :size, size : 2 * size] = np.eye(size)
-    block[:, size : 2 * size, :size] = -inverse @ s
-    block[:, size : 2 * size, size : 2 * size] = -inverse @ d
-    block[:, size : 2 * size, 2 * size :] = inverse[:, :, :dof]
-    discrete = expm(block * period)
-    out = np.broadcast_to(np.eye(dof, 2 * size), (count, dof, 2 * size))
-    return discrete[:, : 2 * size, : 2 * size], discrete[:, : 2 * size, 2 * size :], out
+        m, d, s, moving_rows = couple_arm(m, d, s, moving_rows, arm)
+    return m, d, s, moving_rows
 
 
 def assemble_loop(

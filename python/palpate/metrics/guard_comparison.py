@@ -197,7 +197,8 @@ class _Way:
         damping: of the wall, N s/m.
         guard: numbers of `guard_numbers`.
         coupling: stiffness of a virtual coupling before the wall, N/m.
-        admittance: whether the operator's force is measured, and the tip positioned (`WorkspaceController`).
+        admittance: whether the operator's force is measured and moves a tool of the tip's mass, without damper, which
+            the tip follows. Tool and tip then start at rest where the force gives the speed of the impact at the wall.
     """
 
     name: str
@@ -289,14 +290,17 @@ class _Axis:
         ticks = round(DURATION / self.period)
         push, none = np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 3))
         push[:, 0] = self.push
-        if way.admittance:  # the measured force is the reference
-            setup.set_workspace_controller(setup.mechanism, friction.viscous, _core.WorkspaceParameters())
-        rows, count, unstable = setup.run(*((push, none) if way.admittance else (none, push)))
+        if way.admittance:
+            knows = (setup.mechanism, friction.viscous, _core.WorkspaceParameters())
+            setup.set_admittance_controller(*knows, self.axis.mass, 0.0)
+            if self.push > 0.0:
+                run_up = self.axis.mass * impact**2 / (2.0 * self.push)
+                setup.start, setup.start_speed = np.full(1, -run_up), np.zeros(1)
+        rows, count, unstable = setup.run(none, push)
         rows = np.asarray(rows)[:count]
         if unstable >= 0 or not np.isfinite(rows).all():
             return _Press(np.inf, 0.0, np.inf)
-        # the command is that of the motors on the tip; with a measured force that of operator and motors
-        tip, force = rows[:, 0], (self.push if way.admittance else 0.0) - rows[:, 5]
+        tip, force = rows[:, 0], -rows[:, 5]  # of the tip on the motors
         end = slice(len(tip) - round(LAST * len(tip)), None)
         depth = float(tip[end].mean())
         felt = float(force[end].mean()) / (stiffness * depth) if depth > 0.0 else 0.0

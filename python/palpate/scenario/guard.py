@@ -80,6 +80,11 @@ class Guard(Section):
         """
         if self.kind == "none":
             return
+        if topology == "admittance_display":
+            raise ValueError(
+                "guard.kind: a guard bounds the force that the motors hold on an object, and the motors of an "
+                "admittance_display position the tip; remove [guard]"
+            )
         if topology != "impedance_display":
             raise ValueError(
                 "guard.kind: in force_tracking the motors supply energy by design, so there is nothing to guard; "

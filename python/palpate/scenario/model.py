@@ -47,6 +47,7 @@ from palpate.scenario.guard import Guard, OneGuard
 from palpate.scenario.objects import NamedObjects, Object
 from palpate.scenario.reader import lay_settings, read_file, read_text, validate
 from palpate.scenario.signal import Signal
+from palpate.scenario.tool import Tool, check_tool
 from palpate.units import parse_quantity, write
 
 
@@ -144,8 +145,10 @@ class Servo(Section):
 
     Attributes:
         period: s; default: that of the device.
-        topology: "force_tracking" (the object force tracks the reference) or "impedance_display" (the operator moves
-            the tip, the device renders the object force).
+        topology: "force_tracking" (the object force tracks the reference), "impedance_display" (the operator moves the
+            tip, the device renders the object force) or "admittance_display" (the operator's measured force moves a
+            virtual tool that touches the object, and the tip follows it).
+        tool: of an admittance_display.
         jitter: s, less than a period: upper bound of the random delay of each tick. Delays are uniform, independent
             and unknown to the loop. Only for the nonlinear device.
         gravity_compensation: whether a constant tip force balances gravity at the start pose.
@@ -153,7 +156,8 @@ class Servo(Section):
 
     period: Duration | None = None
     jitter: Time = 0.0
-    topology: Literal["force_tracking", "impedance_display"] = "force_tracking"
+    topology: Literal["force_tracking", "impedance_display", "admittance_display"] = "force_tracking"
+    tool: Tool | None = None
     gravity_compensation: Flag = True
 
 
@@ -210,7 +214,8 @@ class Controller(Section):
 
     Attributes:
         kind: "none" (u = F_ref - F_object, or the object force in an impedance display), "gain", "lead_lag", "lqg",
-            "state_space" or "workspace" (alike at every pose and stiffness; only with force_tracking).
+            "state_space" or "workspace" (alike at every pose and stiffness; with force_tracking, and the only one of an
+            admittance_display).
         gain: N/N per axis.
         A, B, C, D: state space from [F_ref; F_object] (6) to u (3), sampled with the servo period.
         antiwindup: (n, 3), see palpate.control.Controller.
@@ -337,6 +342,7 @@ class Scenario(Section):
             lambda: self._check_start(device),
             self._check_topology,
             lambda: self._check_workspace(device),
+            lambda: check_tool(self.servo.topology, self.servo.tool, self.controller, self.operator.kind),
             lambda: self._check_model(device),
             lambda: self.guard.check(self.servo.topology, self.device.model, self.device.delay, device),
             self._check_jitter,
@@ -431,7 +437,7 @@ class Scenario(Section):
                 )
         elif self.reference is not None:
             raise ValueError(
-                "reference: an impedance_display has no reference force; the operator pushes: "
+                f"reference: an {self.servo.topology} has no reference force; the operator pushes: "
                 'write [operator] kind = "force" or "arm" instead'
             )
 

@@ -98,6 +98,11 @@ def build_controller(scenario: Scenario, device: Device, start: Array) -> Contro
         c, d = np.array(table.C, float).reshape(3, n), np.array(table.D, float)
         antiwindup = None if table.antiwindup is None else np.array(table.antiwindup, float)
         return _normalized(Controller(control.StateSpace(a, b, c, d, period), antiwindup, "state_space"), table)
+    if scenario.servo.tool is not None:
+        raise DesignError(
+            "servo.topology: the controller of an admittance_display follows a tool, so it is no linear law from force "
+            "to force; judge the loop by its run"
+        )
     if table.kind == "workspace":
         adapting = workspace(device, period, **table.options)
         if adapting.normal_only and scenario.object.kind not in ("spring", "none"):

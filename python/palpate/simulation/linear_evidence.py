@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.admittance import display_matrix
 from palpate.simulation.equivalent_spring import as_spring
 from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
@@ -64,6 +66,8 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
         return None, ""
     if scenario.guard.kind != "none":
         return None, "a guard makes the loop nonlinear, and the linear loop is that without it"
+    if scenario.servo.tool is not None:
+        return _display(trace, scenario)
     if scenario.contact_kind in ("mesh", "body"):
         return _contact(trace, scenario)
     if scenario.contact_kind in ("force_law", "field"):
@@ -80,6 +84,24 @@ def _spring(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
     except PalpateError:
         return None
     return LinearRadii(start.spectral_radius(), None if rest is None else rest.spectral_radius())
+
+
+def _display(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
+    """Return the spectral radii of an admittance display on a spring or a wall, or None and the reason."""
+    if scenario.contact_kind not in ("spring", "wall") or scenario.object.coupling != "backward":
+        return None, "an admittance display has one on a spring or a wall with backward difference alone"
+    try:
+        start, rest = display_matrix(scenario), None
+        if touches_at_rest(trace, scenario)[0]:
+            pose, force = trace["angle"][-1], trace["operator_force"][-1]
+            rest = _radius(display_matrix(scenario, pose=pose, operator_force=force))
+    except PalpateError as problem:
+        return None, str(problem)
+    return LinearRadii(_radius(start), rest), ""
+
+
+def _radius(matrix: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
 
 def _by_formula(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
@@ -106,13 +128,19 @@ def _contact(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, s
 
 def loop_at_rest(trace: Recorded, scenario: Scenario) -> tuple[ScenarioLoop | None, str]:
     """Return the linear loop where a run came to rest, or None and the reason, empty if it is trivial."""
-    rests, reason = _rests(trace, scenario)
-    if rests and scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
-        rests, reason = False, "the tip is off the wall"
+    rests, reason = touches_at_rest(trace, scenario)
     if not rests:
         return None, reason
     force, operator = trace["command_force"][-1], trace["operator_force"][-1]
     return scenario_loop(scenario, pose=trace["angle"][-1], tip_force=force, operator_force=operator), ""
+
+
+def touches_at_rest(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:
+    """Return whether a run has come to rest on its spring or wall, and the reason if not, empty if it is trivial."""
+    rests, reason = _rests(trace, scenario)
+    if rests and scenario.object.kind == "wall" and not trace["touching"][-1, 0]:
+        return False, "the tip is off the wall"
+    return rests, reason
 
 
 def _rests(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:

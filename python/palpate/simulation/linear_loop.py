@@ -110,7 +110,7 @@ def scenario_loop(
         StabilityError: nothing is touched, the hand does not let the tip move, or the directions cannot be pushed.
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
-    _require_loop(scenario, arm)
+    require_spring(scenario, arm)
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     frozen = scenario.device.kinematics == "linear"
@@ -126,7 +126,7 @@ def scenario_loop(
         motors = static_tip_force(jacobian, device.gravity(at))
     geometric_stiffness = np.einsum("k,kij->ij", motors, device.tip_hessian(start if frozen else at))
     plant = _plant(scenario, device, at, start, hand, operator_force)
-    directions = _directions(scenario, jacobian)
+    directions = touched_directions(scenario, jacobian)
     r = directions.shape[1]
     k, b = (directions.T @ np.diag(per_axis) @ directions for per_axis in (stiffness, damping))
 
@@ -154,8 +154,16 @@ def controlled_object(scenario: Scenario, law: Controller) -> tuple[Array, Array
     return k * ratio, b * ratio
 
 
-def require_linear_parts(scenario: Scenario) -> None:
-    """Raise StabilityError unless the scenario has one object, at rest, and no guard: an analysis takes no others."""
+def require_linear_parts(scenario: Scenario, *, display: bool = False) -> None:
+    """Raise StabilityError unless the scenario has one object, at rest, and no guard: an analysis takes no others.
+
+    An admittance display is refused as well, unless `display`: its loop is not one of forces.
+    """
+    if scenario.servo.tool is not None and not display:
+        raise StabilityError(
+            "servo.topology: this analysis breaks the loop at the object's force on the tip, and in an "
+            "admittance_display a tool touches the object: use palpate.stability.certify, or run the scenario"
+        )
     if scenario.guard.kind != "none":
         raise StabilityError(
             "guard.kind: a guard makes the loop nonlinear, and an analysis is that of the linear loop: remove [guard] "
@@ -170,9 +178,9 @@ def require_linear_parts(scenario: Scenario) -> None:
         raise StabilityError("object.frame: an analysis takes an object at rest: remove the frame")
 
 
-def _require_loop(scenario: Scenario, arm: HumanArm | None) -> None:
+def require_spring(scenario: Scenario, arm: HumanArm | None = None, *, display: bool = False) -> None:
     """Raise StabilityError unless one linear loop describes the scenario's contact."""
-    require_linear_parts(scenario)
+    require_linear_parts(scenario, display=display)
     if scenario.object.kind == "none":
         raise StabilityError("object.kind: nothing is touched, so there is no loop to judge; give a spring or a wall")
     if scenario.object.kind == "mesh":
@@ -224,17 +232,19 @@ def _plant(
         p = sampled_plant(scenario.device.model, device, start, scenario.period)
         return control.StateSpace(p.a, p.b, p.c, np.zeros((device.dof, device.dof)), scenario.period)
     # the hand's force turns with the pose as well
-    if operator_force is None:
-        pull = np.zeros(3)
-        if arm is not None and scenario.operator.kind == "arm":
-            pull = (arm.stiffness if arm.tissue_stiffness is None else 0.0) * np.array(scenario.operator.rest)
-    else:
-        pull = np.asarray(operator_force, dtype=float)
+    pull = pull_at_start(scenario, arm) if operator_force is None else np.asarray(operator_force, dtype=float)
     a, b, c = sampled_plants(device, at[None, :], arm, pull, scenario.period)
     return control.StateSpace(a[0], b[0], c[0], np.zeros((device.dof, device.dof)), scenario.period)
 
 
-def _directions(scenario: Scenario, jacobian: Array) -> Array:
+def pull_at_start(scenario: Scenario, arm: HumanArm | None) -> Array:
+    """Return the force of the arm's spring on the tip at the start (3,), N."""
+    if arm is None or scenario.operator.kind != "arm" or arm.tissue_stiffness is not None:
+        return np.zeros(3)
+    return arm.stiffness * np.array(scenario.operator.rest)
+
+
+def touched_directions(scenario: Scenario, jacobian: Array) -> Array:
     """Return an orthonormal basis (3, r) of where the object pushes and the device moves."""
     if scenario.object.kind == "wall":
         normal = np.array(scenario.object.normal, dtype=float)

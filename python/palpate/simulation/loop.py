@@ -160,7 +160,7 @@ class Loop:
         # `simulate` ends with its last sample and does not see the period after it.
         unstable = -1 if self._unstable_tick == self.samples else self._unstable_tick
         simulation = self._simulation
-        width = 3 * simulation.device.dof + 12 + simulation.mode_width
+        width = 3 * simulation.device.dof + 12 + simulation.tail_width
         rows = np.array(self._rows) if self._rows else np.zeros((0, width))
         return simulation.trace(rows, unstable, np.array(self._references).reshape(-1, 3))
 

@@ -23,6 +23,7 @@ from palpate.files import as_path, read_utf8, write_folder
 from palpate.files.json_text import load_table
 from palpate.files.output import Writer
 from palpate.scenario import Scenario
+from palpate.scenario.tool import Tool
 from palpate.simulation.bodies import place_body
 from palpate.simulation.guards import guard_numbers
 from palpate.simulation.meshes import touched_mesh
@@ -127,7 +128,7 @@ def _document(simulation: Simulation, blobs: _Blobs) -> dict[str, Any]:
         "servo": _servo(setup),
         "plant": _plant(setup),
         "object": _objects(simulation, blobs),
-        "controller": _controller(simulation.controller, device),
+        "controller": _controller(simulation.controller, device, scenario.servo.tool),
         **({} if guard is None else {"guard": guard}),
         "run": {
             "ticks": ticks,
@@ -187,10 +188,15 @@ def _plant(setup: Any) -> dict[str, Any]:
     return table
 
 
-def _controller(controller: Controller | WorkspaceController, device: Device) -> dict[str, Any]:
+def _controller(controller: Controller | WorkspaceController, device: Device, tool: Tool | None) -> dict[str, Any]:
     if isinstance(controller, WorkspaceController):
         if controller.device != device:
             raise OutputError("controller: it knows another device than that of the scenario, so it cannot be resolved")
+        if tool is not None:
+            feedback = {name: getattr(controller, name) for name in ("bandwidth", "damping", "observer", "disturbance")}
+            friction = _list(device.viscous)
+            own = {"tool_mass": tool.mass, "tool_damping": tool.damping, "friction": friction}
+            return {"kind": "admittance", **feedback, **own}
         numbers = {name: getattr(controller, name) for name in OPTIONS if name != "stiffness"}
         return {
             "kind": "workspace",

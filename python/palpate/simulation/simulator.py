@@ -20,6 +20,7 @@ from palpate.devices import Device
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
+from palpate.scenario.tool import Tool
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
@@ -99,6 +100,11 @@ class Simulation:
         if scenario.servo.gravity_compensation:
             hold = static_tip_force(device.jacobian(start), device.gravity(start))
         chosen = build_law(scenario, device, start) if controller is None else _chosen(controller, scenario)
+        if scenario.servo.tool is not None and not isinstance(chosen, WorkspaceController):
+            raise ScenarioError(
+                "controller: the tip of an admittance_display follows the tool by a workspace controller; give "
+                "palpate.control.workspace(...)"
+            )
         if isinstance(object, ForceLaw):
             plain = written_out(scenario) if controller is None else scenario
             scenario, object = with_law(plain, object, sensed_tip(scenario, device, start)), None
@@ -144,7 +150,7 @@ class Simulation:
         """Return the core's rows and the tick at which the loop diverged or -1.
 
         A row has 3 dof + 12 numbers, then those of the objects (`palpate.simulation.placed_objects`), then with a
-        flexible mode the joint coordinates and velocities of the tip's side.
+        flexible mode the joint coordinates and velocities of the tip's side, then those of an admittance display.
         """
         self.restart()
         rows, count, unstable_tick = self.setup.run(self.reference, self.operator)
@@ -164,13 +170,23 @@ class Simulation:
         """
         dof = self.device.dof
         return np.split(
-            rows[:, : rows.shape[1] - self.mode_width], np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1, 1]), axis=1
+            rows[:, : rows.shape[1] - self.tail_width], np.cumsum([dof, dof, 3, 3, dof, 3, 1, 1, 1]), axis=1
         )
 
     @property
     def mode_width(self) -> int:
         """Numbers of a row that belong to a flexible mode."""
         return 0 if self.device.flexible is None else 2 * self.device.dof
+
+    @property
+    def tool_width(self) -> int:
+        """Numbers of a row that belong to an admittance display: position of the tool, m, and measured force, N."""
+        return 0 if self.scenario.servo.tool is None else 6
+
+    @property
+    def tail_width(self) -> int:
+        """Numbers of a row after those of the objects."""
+        return self.mode_width + self.tool_width
 
     def trace(self, rows: Array, unstable_tick: int, reference: Array | None = None) -> Trace:
         """Return the trace of the core's rows.
@@ -190,7 +206,8 @@ class Simulation:
             reference = self.reference[::every]
         reference = reference[: len(rows)]
         tip = self.tip(q)
-        contact = object_channels(self.objects, met, tip)
+        tool, measured = np.split(rows[:, rows.shape[1] - self.tool_width :], [3], axis=1)
+        contact = object_channels(self.objects, met, tool if self.tool_width else tip)
         if self.scenario.operator.kind == "fixed":
             # The operator balances gravity and motors: J^T f = N - tau, with the smallest f.
             needed = device.gravity(q) - torque
@@ -212,9 +229,12 @@ class Simulation:
         }
         if self.scenario.guard.kind != "none":
             values["guarded"] = guarded
+        if self.tool_width:
+            values |= {"tool": tool, "measured_force": measured}
         values |= contact
         if self.mode_width:
-            far, far_speed = np.split(rows[:, -self.mode_width :], 2, axis=1)
+            own = rows.shape[1] - self.tail_width
+            far, far_speed = np.split(rows[:, own : own + self.mode_width], 2, axis=1)
             values["tip_offset"] = device.forward(far) - device.forward(q)
             states = [np.ascontiguousarray(np.hstack(pair)) for pair in ((q, far), (qd, far_speed))]
             values["energy"] = np.asarray(device.core_flexible.energy(*states))
@@ -312,7 +332,7 @@ def _setup(
     if isinstance(controller, PythonController):
         setup.set_python_controller(controller)
     elif isinstance(controller, WorkspaceController):
-        _set_workspace(setup, controller, device)
+        _set_workspace(setup, controller, device, scenario.servo.tool)
     else:
         setup.controller = _state_space(controller)
     if scenario.device.model != "nonlinear":
@@ -323,11 +343,15 @@ def _setup(
     return setup
 
 
-def _set_workspace(setup: Any, controller: WorkspaceController, device: Device) -> None:
+def _set_workspace(setup: Any, controller: WorkspaceController, device: Device, tool: Tool | None) -> None:
     known = controller.device
     if known.model is not device.model:
         raise ScenarioError(f"controller: it is of {known.name}, another mechanism than {device.name}")
-    setup.set_workspace_controller(known.setup().mechanism, known.viscous, controller.parameters)
+    knows = (known.setup().mechanism, known.viscous, controller.parameters)
+    if tool is None:
+        setup.set_workspace_controller(*knows)
+    else:
+        setup.set_admittance_controller(*knows, tool.mass, tool.damping)
 
 
 def _chosen(controller: Any, scenario: Scenario) -> Controller | PythonController | WorkspaceController:

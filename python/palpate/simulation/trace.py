@@ -54,6 +54,8 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "motor_torque": ("N*m", "share of the motors"),
     "reference_force": ("N", "reference force, exerted by the operator"),
     "operator_force": ("N", "force of the operator on the tip"),
+    "tool": ("m", "position of the virtual tool, which touches the object"),
+    "measured_force": ("N", "force of the operator on the tip, as the servo measures it"),
     "guarded": ("", "1 while the guard changes the force"),
     "energy": ("J", "kinetic and potential energy of the device"),
     "proxy": ("m", "proxy of the tip on the mesh (center of a sphere)"),

@@ -35,7 +35,12 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
         sentences.append(f"The {device.flexible}, is linear and alike in every direction.")
     if s.object.kind == "wall":
         sentences.append("The tip stays in the wall; the operator controls motions along the surface.")
-    if s.controller.normalizes:
+    if (tool := s.servo.tool) is not None:
+        sentences.append(
+            f"A tool of {tool.mass:g} kg and {tool.damping:g} N s/m touches the object. The sensor reads the force of "
+            "the operator on the tip at each tick, without noise."
+        )
+    elif s.controller.normalizes:
         sentences.append(
             "The controller divides reference and object force by the object's stiffness of the same tick: in the loop "
             "the object is a constant spring of the design stiffness."
@@ -67,7 +72,7 @@ def _operator(s: Scenario) -> str:
     if o.kind == "arm":
         grip = "rigidly" if o.tissue_stiffness is None else f"through fingertip tissue of {o.tissue_stiffness:g} N/m"
         return f"This operator: an arm of {o.mass:g} kg, {o.damping:g} N s/m, {o.stiffness:g} N/m that grips {grip}."
-    if s.servo.topology == "impedance_display":
+    if s.servo.topology != "force_tracking":
         return "The operator adds no mass and no damping at the tip: a hand that only pushes."
     return "A reference force that does not depend on the motion."
 

@@ -14,6 +14,7 @@ from palpate.stability.body.certificate import certify_body
 from palpate.stability.body.zwidth import body_zwidth
 from palpate.stability.certificate import Certificate
 from palpate.stability.certification import certify_spring
+from palpate.stability.display_certificate import certify_display
 from palpate.stability.force_object_certificate import certify_field, certify_law
 from palpate.stability.maps.zwidth_map import ZWidth, spring_zwidth
 from palpate.stability.mesh_certificate import certify_mesh
@@ -52,6 +53,8 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
     the linear part of a gravity well are springs. A textured wall and a virtual mass are judged for small motions
     about the place where the run rests, and by the run.
 
+    An admittance display is judged on a spring or a wall, by the same criteria and the run.
+
     Args:
         scenario: a Scenario, its tables, or the path of its TOML file.
         controller: in place of the scenario's: a Controller or a python-control system, as for `palpate.simulate`. It
@@ -62,6 +65,8 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
         StabilityError: the scenario has no loop (no contact, or a fixed tip), several objects or a moving one.
     """
     s = read_scenario(scenario, controller)
+    if s.servo.tool is not None:
+        return certify_display(s)
     require_linear_parts(s)
     return CERTIFICATES.get(s.object.kind, certify_spring)(s)
 

@@ -271,10 +271,10 @@ def _check_value(tables: Mapping[str, Any], axis: Axis, index: int) -> None:
 
 
 def _runs_as_batch(tables: Mapping[str, Any], axes: tuple[Axis, ...]) -> bool:
-    """Return True if the core runs the cells of the scenario as a batch: springs and walls without a guard."""
+    """Return True if the core runs the cells of the scenario as a batch: springs and walls, no guard, no tool."""
     s = Scenario.from_dict(tables)
     guarded = s.guard.kind != "none" or any(axis.path.startswith("guard.") for axis in axes)
-    return s.contact_kind in ("none", "spring", "wall") and not guarded
+    return s.contact_kind in ("none", "spring", "wall") and not guarded and s.servo.tool is None
 
 
 @lru_cache(maxsize=8)

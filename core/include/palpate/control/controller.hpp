@@ -36,6 +36,10 @@ using TickInput = BasicTickInput<double>;
 /// Optional:
 ///   void applied(const Vector3<Scalar>& force) noexcept        // force that the drive really gave: anti-windup
 ///   void reset() noexcept
+///   bool motors_alone() const noexcept                         // the reference is the operator's measured force, the command the motors'
+///   const Vector3<Scalar>* touching() const noexcept           // position at which the object is touched, m; null: the tip
+///   int record_width() const noexcept                          // columns that record() writes
+///   void record(double*) const noexcept                        // extra columns of a recorded row
 template <class T>
 concept Controller = requires(T controller, const BasicTickInput<typename T::Scalar>& input) {
   { controller.command(input) } noexcept -> std::convertible_to<Vector3<typename T::Scalar>>;
@@ -49,6 +53,20 @@ template <class C, class Scalar>
 template <class C>
 void reset(C& controller) noexcept {
   if constexpr (requires { controller.reset(); }) controller.reset();
+}
+template <class C>
+[[nodiscard, gnu::always_inline]] inline bool motors_alone(const C& controller) noexcept {
+  if constexpr (requires { controller.motors_alone(); }) return controller.motors_alone();
+  return false;
+}
+template <class C>
+[[nodiscard]] int record_width(const C& controller) noexcept {
+  if constexpr (requires { controller.record_width(); }) return controller.record_width();
+  return 0;
+}
+template <class C>
+void record(const C& controller, double* row) noexcept {
+  if constexpr (requires { controller.record(row); }) controller.record(row);
 }
 
 }  // namespace palpate::control

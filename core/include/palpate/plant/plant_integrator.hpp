@@ -65,13 +65,7 @@ class PlantIntegrator {
     State state;
     state.q = q;
     state.qd = qd;
-    const PointDynamics here = plant_.template at<HandCoupling::none>(mechanism().kinematics(q));
-    const AppliedLoad load{torque, Vector::Constant(0.0), Vector::Constant(0.0)};
-    if (has_dry_friction_) {
-      const auto modes = StickSlip<Mechanism, Scalar>(plant_).template choose_modes<HandCoupling::none>(here, state, load, Scalar(0.0));
-      return plant_.template acceleration<HandCoupling::none>(here, state, load, Scalar(0.0), modes).joints;
-    }
-    return plant_.template acceleration<HandCoupling::none>(here, state, load, Scalar(0.0), NoDryFriction{}).joints;
+    return joint_acceleration<HandCoupling::none>(mechanism().kinematics(q), state, {torque, Vector::Constant(0.0), Vector::Constant(0.0)});
   }
 
   /// Force of the operator on the tip [N], as a force sensor in the stylus would read it. With a rigid coupling, without the inertial force
@@ -81,6 +75,16 @@ class PlantIntegrator {
     const auto kinematics = mechanism().kinematics(s.q);
     return plant_.human_arm().tissue ? plant_.template operator_force<HandCoupling::tissue>(kinematics, s, voluntary_force)
                                      : plant_.template operator_force<HandCoupling::rigid>(kinematics, s, voluntary_force);
+  }
+
+  /// As operator_force(), with the inertial force of the arm under these motor torques [N*m].
+  [[nodiscard]] Vector sensed_force(const State& s, const Kinematics& kinematics, const Torque& torque,
+                                    const Vector& voluntary_force) const noexcept {
+    const Vector force = operator_force(s, voluntary_force);
+    if (!is_held_ || plant_.human_arm().tissue) return force;
+    const Torque joints = joint_acceleration<HandCoupling::rigid>(kinematics.current, s, {torque, voluntary_force, Vector::Constant(0.0)});
+    const Vector tip = mechanism().velocity(kinematics.current, joints) + mechanism().velocity_product(kinematics.current, s.qd);
+    return force - plant_.human_arm().mass * tip;
   }
 
  private:
@@ -95,6 +99,18 @@ class PlantIntegrator {
   static bool is_nonzero(const Vector& force) {
     const Scalar zero = 0.0;
     return any(force[0] != zero) || any(force[1] != zero) || any(force[2] != zero);
+  }
+
+  /// Joint accelerations [rad/s^2] at one instant, sticking included.
+  template <HandCoupling coupling>
+  [[nodiscard]] Torque joint_acceleration(const typename Dynamics::KinematicsCache& at, const State& state,
+                                          const AppliedLoad& load) const noexcept {
+    const PointDynamics here = plant_.template at<coupling>(at);
+    if (has_dry_friction_) {
+      const auto modes = StickSlip<Mechanism, Scalar>(plant_).template choose_modes<coupling>(here, state, load, Scalar(0.0));
+      return plant_.template acceleration<coupling>(here, state, load, Scalar(0.0), modes).joints;
+    }
+    return plant_.template acceleration<coupling>(here, state, load, Scalar(0.0), NoDryFriction{}).joints;
   }
 
   template <HandCoupling coupling, class Time>

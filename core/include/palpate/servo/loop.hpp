@@ -36,8 +36,9 @@ class Loop {
 
   /// Run the servo's tick at this sample. Its torque acts until the next sample.
   /// @param reference  force that the object should feel, N
-  const Tick& tick(const Vector3<>& reference) noexcept {
-    std::visit([&](const auto& plant) { detail::tick_of(servo_, plant, reference); }, plant_);
+  /// @param voluntary  force of the operator at this sample, N, which an admittance display measures
+  const Tick& tick(const Vector3<>& reference, const Vector3<>& voluntary = Vector3<>::Zero()) noexcept {
+    std::visit([&](const auto& plant) { detail::tick_of(servo_, plant, reference, voluntary); }, plant_);
     diverged_ = diverged_ || servo_.last().fault;
     return servo_.last();
   }

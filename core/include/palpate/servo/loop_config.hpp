@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/control/admittance_controller.hpp"
 #include "palpate/control/any_controller.hpp"
 #include "palpate/control/state_space.hpp"
 #include "palpate/control/workspace_controller.hpp"
@@ -68,7 +69,9 @@ class LoopConfig {
     out.object = object_;
     out.controller = controller_;
     if constexpr (Mechanism::dof <= 3) {
-      if (workspace_)
+      if (workspace_ && tool_)
+        out.controller = control::AdmittanceController<Mechanism>(out.mechanism, joints(known_friction_), *workspace_, *tool_, period_);
+      else if (workspace_)
         out.controller = control::WorkspaceController<Mechanism>(out.mechanism, joints(known_friction_), *workspace_, period_);
     }
     if (passivity_controller_) out.guard = guard::PassivityController<Mechanism>(*passivity_controller_);
@@ -120,6 +123,7 @@ class LoopConfig {
   object::AnyObject object_;
   control::AnyController controller_;
   std::optional<control::WorkspaceParameters> workspace_;
+  std::optional<control::VirtualTool> tool_;  // of an admittance display, whose feedback is workspace_
   std::vector<double> known_friction_;
   std::optional<guard::PassivityControllerParameters> passivity_controller_;
   std::optional<guard::HalfSampleParameters> half_sample_;
@@ -290,8 +294,9 @@ class LoopConfigLoader {
   }
 
   void read_controller(const Section& from) {
-    const std::size_t kind = from.choice("kind", {"state_space", "normalized_state_space", "workspace"});
+    const std::size_t kind = from.choice("kind", {"state_space", "normalized_state_space", "workspace", "admittance"});
     if (kind == 2) return read_workspace(from);
+    if (kind == 3) return read_admittance(from);
     const bool normalized = kind == 1;
     const Vector3<> design_stiffness = normalized ? from.vector("design_stiffness") : Vector3<>(Vector3<>::Ones());
     if (!(design_stiffness.minCoeff() > 0.0)) from.fail("design_stiffness", "must be positive");
@@ -305,23 +310,41 @@ class LoopConfigLoader {
   }
 
   void read_workspace(const Section& from) {
-    if (config_.dof > 3) return from.fail("kind", "is \"workspace\", which needs a mechanism with at most three joints");
-    control::WorkspaceParameters p;
-    p.bandwidth = from.positive("bandwidth");
-    p.damping = from.positive("damping");
-    p.observer = from.positive("observer");
-    p.disturbance = from.positive("disturbance");
+    control::WorkspaceParameters p = read_feedback(from);
     p.reference = from.positive("reference");
     p.reference_damping = from.positive("reference_damping");
     p.share = from.positive("share");
     p.stiffness = from.vector("stiffness");
     p.normal_only = from.has("normal_only") && from.flag("normal_only");
-    config_.known_friction_ = nonnegative_joints(from, "friction");
     if (const char* fault = p.fault(); fault != nullptr && reader_.ok()) from.fail("kind", fault);
     config_.workspace_ = p;
   }
 
+  void read_admittance(const Section& from) {
+    const control::WorkspaceParameters p = read_feedback(from);
+    const control::VirtualTool tool{from.number("tool_mass"), from.number("tool_damping")};
+    for (const char* fault : {p.fault(), tool.fault()})
+      if (fault != nullptr && reader_.ok()) from.fail("kind", fault);
+    if (reader_.ok() && (config_.fixed_ || config_.linear_))
+      from.fail("kind", "is \"admittance\", whose force sensor needs a nonlinear or a flexible plant");
+    config_.workspace_ = p;
+    config_.tool_ = tool;
+  }
+
+  /// Read the feedback of a controller that positions the tip.
+  control::WorkspaceParameters read_feedback(const Section& from) {
+    control::WorkspaceParameters p;
+    if (config_.dof > 3) from.fail("kind", "needs a mechanism with at most three joints");
+    p.bandwidth = from.positive("bandwidth");
+    p.damping = from.positive("damping");
+    p.observer = from.positive("observer");
+    p.disturbance = from.positive("disturbance");
+    config_.known_friction_ = nonnegative_joints(from, "friction");
+    return p;
+  }
+
   void read_guard(const Section& from) {
+    if (config_.tool_) return from.fail("kind", "is a guard, which an admittance display does not have");
     const std::size_t kind = from.choice("kind", {"energy_bound", "passivity_controller", "half_sample", "sample_estimate_hold"});
     const char* fault = nullptr;
     if (kind == 0) {

@@ -61,6 +61,9 @@ concept HasScalar = requires { typename T::Scalar; };
 ///
 ///   angles -> encoder -> tip -> [prediction] -> object -> controller -> [guard] -> drive limits -> torques -> [guard] -> delay
 ///
+/// A controller with motors_alone() is an admittance display: the reference is the measured force of the operator, the object is touched
+/// where the controller says, and command and torque are those of the motors.
+///
 /// A guard in brackets acts in the time domain, see guard/guard.hpp.
 ///
 /// A sample that FaultGuard refuses is a fault: the object, the controller and the thermal model keep their states, and the last valid
@@ -92,7 +95,7 @@ class Servo {
     Vector tip = Vector::Constant(0.0);           ///< measured, m
     Vector object_force = Vector::Constant(0.0);  ///< of the tip on the object, N
     Vector command = Vector::Constant(0.0);  ///< tip force of hand and motors after the drive's limits, without gravity compensation, N
-    Angles torque = Angles::Constant(0.0);   ///< of hand and motors, after the delay, N*m
+    Angles torque = Angles::Constant(0.0);   ///< of hand and motors, after the delay, N*m; of an admittance display, of the motors
     Condition<Scalar> touching = false;
     Condition<Scalar> saturated = false;
     bool guarded = false;  ///< the guard has changed the force
@@ -124,7 +127,8 @@ class Servo {
 
   /// Run one tick, one period after the last.
   /// @param angles     joint angles [rad]
-  /// @param reference  force that the object should feel [N], exerted by the operator; zero for an impedance display
+  /// @param reference  force that the object should feel [N], exerted by the operator; zero for an impedance display, the measured force
+  ///                   of the operator for an admittance display
   const Tick& tick(const Angles& angles, const Vector& reference) noexcept;
 
   /// Run one tick, `elapsed` [s] after the last: object damping and velocities use the true time. The controller's own dynamics still
@@ -166,7 +170,7 @@ class Servo {
     const Vector previous = tick_.tip;
     tick_.tip = kinematics_.tip();
     const double time = static_cast<double>(count_++) * period_;
-    const object::BasicContactResult<Scalar>& contact = object_.step({touching_tip(angles, rate), rate, time});
+    const object::BasicContactResult<Scalar>& contact = object_.step({touching_point(angles, rate), rate, time});
     if constexpr (guarded)
       if (guard::active(guard_)) guard::contact(guard_, contact);
     tick_.object_force = contact.force;
@@ -185,7 +189,7 @@ class Servo {
     Vector applied = wanted + gravity_compensation_;
     Angles torque;
     if (drive_.limits()) {
-      torque = limit(applied, reference);
+      torque = limit(applied, control::motors_alone(controller_) ? Vector(Vector::Constant(0.0)) : reference);
       tick_.command = select_each(tick_.saturated, Vector(applied - gravity_compensation_), wanted);
     } else {
       torque = kinematics_.torque(applied);
@@ -205,8 +209,14 @@ class Servo {
     return tick_;
   }
 
-  /// Return the tip position that the object sees [m].
-  [[gnu::always_inline]] Vector touching_tip(const Angles& angles, double rate) noexcept {
+  /// Return the position at which the object is touched [m].
+  [[gnu::always_inline]] Vector touching_point(const Angles& angles, double rate) noexcept {
+    if constexpr (requires { controller_.touching(); }) {
+      if (control::motors_alone(controller_)) [[unlikely]] {
+        const Vector* tool = controller_.touching();
+        return tool != nullptr ? *tool : tick_.tip;
+      }
+    }
     if constexpr (guarded)
       if (guard::active(guard_) && guard::predicts(guard_)) return kinematics_.tip_at(guard::predict(guard_, angles, rate));
     return tick_.tip;
@@ -314,7 +324,7 @@ PALPATE_INLINE Servo<Mechanism, Object, Controller, Guard>::Servo(const ServoSet
       exact_encoders_(!s.frozen_kinematics && s.encoder.exact()),
       fault_guard_(s.faults, s.period) {
   tick_.tip = kinematics_.tip();  // torque_at_rest has set the start pose
-  if constexpr (is_scalar) fault_guard_.torque = delay_.initial();
+  if constexpr (is_scalar) tick_.torque = fault_guard_.torque = delay_.initial();
   if constexpr (guarded) {
     compensation_ = delay_.initial();
     guard_.prepare({s.mechanism, s.encoder.step, s.period, s.delay});
@@ -360,7 +370,7 @@ PALPATE_INLINE void Servo<Mechanism, Object, Controller, Guard>::reset(const Ang
   tick_ = {};
   tick_.tip = kinematics_.tip();
   fault_guard_.reset();
-  if constexpr (is_scalar) fault_guard_.torque = delay_.initial();
+  if constexpr (is_scalar) tick_.torque = fault_guard_.torque = delay_.initial();
   if constexpr (guarded) {
     compensation_ = delay_.initial();
     guard_.reset();

@@ -55,19 +55,21 @@ struct SimulationSetup : ServoSetup<Mechanism> {
 
 /// Result of a run. A recorded row holds, at one sample: q (dof), qd (dof), object force (3), command (3), torque (dof), operator's force
 /// on the tip (3), touching, saturated, guarded; then the columns of the object, see object::ContactObject; then with a flexible mode the
-/// joint coordinates at the tip (dof) and their velocities (dof), see mechanism::FlexibleMechanism.
+/// joint coordinates at the tip (dof) and their velocities (dof), see mechanism::FlexibleMechanism; then the columns of the controller, see
+/// control::Controller.
 struct SimulationOutcome {
   int rows = 0;            ///< written
   int unstable_tick = -1;  ///< tick at which the loop diverged, -1: never; the record ends before it
 };
 
 template <int dof>
-constexpr int record_width = 3 * dof + 12;  ///< columns of a row without those of the object and of a flexible mode
+constexpr int record_width = 3 * dof + 12;  ///< columns of a row without those of the object, of a flexible mode and of the controller
 
 /// Return the number of columns of a recorded row.
 template <class Mechanism>
 [[nodiscard]] int row_width(const SimulationSetup<Mechanism>& setup) noexcept {
-  return record_width<Mechanism::dof> + setup.object.record_width() + (setup.is_flexible() ? 2 * Mechanism::dof : 0);
+  return record_width<Mechanism::dof> + setup.object.record_width() + (setup.is_flexible() ? 2 * Mechanism::dof : 0) +
+         setup.controller.record_width();
 }
 
 namespace detail {
@@ -95,6 +97,10 @@ class MovingPlant {
   [[nodiscard]] const Joints<dof, Scalar>& angles() const { return state_.q; }
   [[nodiscard]] const Joints<dof, Scalar>& speeds() const { return state_.qd; }
   [[nodiscard]] Vector3<Scalar> hand_force(const Vector3<Scalar>& voluntary) const { return motion_.operator_force(state_, voluntary); }
+  /// Force of the operator on the tip [N] as a sensor in the stylus reads it, under these motor torques [N*m].
+  [[nodiscard]] Vector3<Scalar> sensed_force(const Joints<dof, Scalar>& torque, const Vector3<Scalar>& voluntary) const {
+    return motion_.sensed_force(state_, track_, torque, voluntary);
+  }
   void advance(const Joints<dof, Scalar>& torque, const plant::ForceSegment<Scalar>& force,
                const actuation::TickSchedule<Scalar>& clock) noexcept {
     if (clock.has_jitter()) return motion_.advance(state_, track_, torque, force, clock.remaining(), substeps_);
@@ -156,6 +162,9 @@ class FlexiblePlant {
   [[nodiscard]] Joints<dof> tip_angles() const { return Flexible::tip(state_.q); }
   [[nodiscard]] Joints<dof> tip_speeds() const { return Flexible::tip(state_.qd); }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return motion_.operator_force(state_, voluntary); }
+  [[nodiscard]] Vector3<> sensed_force(const Joints<dof>& torque, const Vector3<>& voluntary) const {
+    return motion_.sensed_force(state_, track_, Flexible::joined(torque, Joints<dof>(Joints<dof>::Zero())), voluntary);
+  }
   [[gnu::noinline]] void advance(const Joints<dof>& torque, const plant::ForceSegment<>& force,
                                  const actuation::TickSchedule<double>& clock) noexcept {
     const double period = clock.has_jitter() ? clock.remaining() : clock.period();
@@ -188,6 +197,7 @@ class SampledPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
+  [[nodiscard]] Vector3<> sensed_force(const Joints<dof>& /*torque*/, const Vector3<>& voluntary) const { return voluntary; }
   void advance(const Joints<dof>& torque, const plant::ForceSegment<>& force, const actuation::TickSchedule<double>& /*clock*/) noexcept {
     plant_.advance(torque + kinematics_.jacobian(angles_).transpose() * force.begin);
     const Joints<dof> angles = plant_.angles();
@@ -212,6 +222,7 @@ class FixedPlant {
   [[nodiscard]] const Joints<dof>& angles() const { return angles_; }
   [[nodiscard]] const Joints<dof>& speeds() const { return speeds_; }
   [[nodiscard]] Vector3<> hand_force(const Vector3<>& voluntary) const { return voluntary; }
+  [[nodiscard]] Vector3<> sensed_force(const Joints<dof>& /*torque*/, const Vector3<>& voluntary) const { return voluntary; }
   void advance(const Joints<dof>& /*torque*/, const plant::ForceSegment<>& /*force*/,
                const actuation::TickSchedule<double>& /*clock*/) noexcept {}
 
@@ -235,11 +246,13 @@ void write_row(const Plant& plant, const Servo& servo, const Vector3<>& operator
   row[3 * dof + 10] = tick.saturated ? 1.0 : 0.0;
   row[3 * dof + 11] = tick.guarded ? 1.0 : 0.0;
   object::record(servo.object(), row + record_width<dof>);
+  double* own = row + record_width<dof> + object::record_width(servo.object());
   if constexpr (requires { plant.tip_angles(); }) {
-    double* const own = row + record_width<dof> + object::record_width(servo.object());
     Eigen::Map<Joints<dof>>{own} = plant.tip_angles();
     Eigen::Map<Joints<dof>>{own + dof} = plant.tip_speeds();
+    own += 2 * dof;
   }
+  control::record(servo.controller(), own);
 }
 
 /// Writes the rows of one loop.
@@ -310,6 +323,16 @@ template <class Servo, class Plant, class Vector>
     return servo.tick(plant.angles(), reference);
 }
 
+/// As above. An admittance display measures the operator's force under the torque of the last tick, in place of the reference.
+/// @param voluntary  force of the operator at this sample, N
+template <class Servo, class Plant, class Vector>
+[[gnu::always_inline]] inline const auto& tick_of(Servo& servo, const Plant& plant, const Vector& reference,
+                                                  const Vector& voluntary) noexcept {
+  if (control::motors_alone(servo.controller())) [[unlikely]]
+    return tick_of(servo, plant, Vector(plant.sensed_force(servo.last().torque, voluntary)));
+  return tick_of(servo, plant, reference);
+}
+
 /// Run samples 0 to `ticks` until the loop diverges. Pass each sample to `monitor`.
 template <class Mechanism, class Plant, class Monitor>
 void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const double* reference, const double* operator_force,
@@ -319,9 +342,9 @@ void run(const SimulationSetup<Mechanism>& setup, Plant& plant, int ticks, const
   actuation::TickSchedule<double> clock(setup.period, setup.jitter, setup.seed);
   for (int k = 0;; ++k, clock.tick()) {
     if (!is_bounded(plant, setup.speed_limit)) return monitor.mark_diverged(k);
-    const auto& tick = tick_of(servo, plant, force_at(reference, k));
-    if (tick.fault) return monitor.mark_diverged(k);  // a simulated loop has no faulty sensor: its numbers have overflowed
     const plant::ForceSegment<> force = force_during(operator_force, k, ticks, clock);
+    const auto& tick = tick_of(servo, plant, force_at(reference, k), force.begin);
+    if (tick.fault) return monitor.mark_diverged(k);  // a simulated loop has no faulty sensor: its numbers have overflowed
     monitor.observe(plant, servo, force.begin);
     if (k == ticks) return;
     servo.update();

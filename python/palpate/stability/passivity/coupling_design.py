@@ -1,7 +1,8 @@
 """Design of virtual couplings for impedance and admittance displays (Adams & Hannaford 1999).
 
 Their criterion is Llewellyn's on a sampled two-port with an approximate hold. The exact limit of the sampled loop
-stands beside each design: passivity of an impedance display, stability with given operators for an admittance display.
+stands beside each design: passivity of an impedance display, stability with given operators for an admittance display
+as the core runs it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
+from palpate import _core
 from palpate.arrays import Array, Complex
 from palpate.checks import not_negative, positive
 from palpate.devices import Device
 from palpate.errors import PoseError, StabilityError
+from palpate.linear.admittance_loop import SensedPlant, TipFeedback, admittance_loop
 from palpate.linear.linear_device import HumanArm
 
 __all__ = [
@@ -35,10 +37,10 @@ THETA: Final[Array] = np.concatenate([np.geomspace(1e-4, 1e-2, 100), np.linspace
 OPERATORS: Final = tuple(
     HumanArm(mass, damping, stiffness)
     for mass in (0.0, 0.05, 0.15, 0.5)
-    for damping in (0.0, 4.5, 20.0)
+    for damping in (4.5, 20.0)
     for stiffness in (0.0, 560.0, 2000.0)
 )
-LIGHTEST, HEAVIEST = 1e-4, 1e4  # virtual mass over that of the tip
+LIGHTEST, HEAVIEST = 1e-4, 1e2  # virtual mass over that of the tip
 
 
 @dataclass(frozen=True)
@@ -65,13 +67,15 @@ class AdmittanceCoupling:
     Attributes:
         mass: least mass without damper that the two-port accepts, kg; inf: none.
         damping: least damper without mass that the two-port accepts, N s/m; inf: none.
-        exact: least mass without damper with which the sampled loop is stable for each operator, kg; inf: none.
+        exact: least mass without damper with which the admittance display is stable for each operator, kg; inf: none.
+        heaviest: mass up to which it is, kg; inf: beyond a hundred times that of the tip.
         worst: operator that needs this mass; None without operators.
     """
 
     mass: float
     damping: float
     exact: float
+    heaviest: float
     worst: HumanArm | None
 
 
@@ -110,11 +114,18 @@ def admittance_coupling(
 ) -> AdmittanceCoupling:
     """Return the least virtual tool of an admittance display.
 
-    The servo measures the operator's force F_h and moves a virtual tool, m_c v' + b_c v = F_h - F_e. The tip follows
-    it: u = m (v_d' + k_p (x_d - x) + k_d (v_d - v)) + b v_d, with the gains of a `WorkspaceController`. The two-port is
-    [v_h; -F_e] = [Y T_v; -1 Z_c] [F_h; v_e] with the tip's admittance Y, its tracking T_v and Z_c of the tool, all
-    sampled; v_h is the mean over a period, so that a held F_h does the exact work. It requires
-    2 Re Y Re Z_c >= |T_v| - Re T_v.
+    The servo measures the operator's force F_h and moves a virtual tool, m_c v' + b_c v = F_h - F_e, which the tip
+    follows with the gains of a `WorkspaceController`. The two limits are those of two laws:
+
+    - Two-port, the law of Adams & Hannaford, whose motors do not know F_h:
+      u = m (v_d' + k_p (x_d - x) + k_d (v_d - v)) + b v_d. The two-port is
+      [v_h; -F_e] = [Y T_v; -1 Z_c] [F_h; v_e] with the tip's admittance Y, its tracking T_v and Z_c of the tool, all
+      sampled; v_h is the mean over a period, so that a held F_h does the exact work. It requires
+      2 Re Y Re Z_c >= |T_v| - Re T_v.
+    - Exact, the law of the core (`admittance_loop`), with its observer. Its motors supply what F_h lacks, so Y = 0 and
+      the two-port accepts no tool.
+
+    A grip without damping needs a damper of the tool as well, and is not among the default operators.
 
     Args:
         mass: of the tip, m, kg.
@@ -122,7 +133,8 @@ def admittance_coupling(
         period: T, s.
         bandwidth: of the feedback, rad/s.
         damping_ratio: of the feedback, at most 1.
-        operators: rigid grips, for the exact limit; the device by itself feels no force.
+        operators: rigid grips, for the exact limit; the device by itself feels no force. Behind a grip much heavier
+            than the tip the range of stable tools also ends above, at `heaviest`.
 
     Raises:
         StabilityError: a value out of range.
@@ -131,7 +143,10 @@ def admittance_coupling(
     t, rate = positive(period, "period", "s"), positive(bandwidth, "bandwidth", "rad/s")
     if not 0.0 < damping_ratio <= 1.0:
         raise StabilityError(f"damping_ratio must be above 0 and at most 1, not {damping_ratio:g}")
-    loop = _AdmittanceLoop(m, b, t, *_gains(rate, damping_ratio, t))
+    parameters = _core.WorkspaceParameters()
+    parameters.bandwidth, parameters.damping = rate, damping_ratio
+    gains = _core.WorkspaceGains(parameters, t)
+    loop = _AdmittanceLoop(m, b, t, gains.position, gains.velocity)
     admittance, tracking = loop.ports(THETA)
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(tracking)
@@ -142,9 +157,14 @@ def admittance_coupling(
     else:
         least_mass = float((t * needed / (1.0 - np.cos(THETA))).max())
         least_damping = float(needed.max())
-    limits = [loop.least_mass(one) for one in operators]
-    worst = operators[int(np.argmax(limits))] if limits else None
-    return AdmittanceCoupling(least_mass, least_damping, max(limits, default=0.0), worst)
+    one, axis = np.ones((1, 1)), np.eye(3, 1)
+    observer = np.asarray(gains.observer)
+    feedback = TipFeedback(axis, one, m * one, b * one[0], 0.0 * one, gains.position, gains.velocity, observer, t)
+    ranges = [_stable_masses(m, b, feedback, arm) for arm in operators]
+    least, most = max((low for low, _ in ranges), default=0.0), min((high for _, high in ranges), default=float("inf"))
+    worst = operators[int(np.argmax([low for low, _ in ranges]))] if ranges else None
+    exact = least if least < most else float("inf")
+    return AdmittanceCoupling(least_mass, least_damping, exact, most, worst)
 
 
 def design_couplings(
@@ -182,16 +202,9 @@ def design_couplings(
     return tuple(found)
 
 
-def _gains(rate: float, ratio: float, t: float) -> tuple[float, float]:
-    """Return k_p, 1/s^2, and k_d, 1/s, with the poles of a sampled double integrator at this rate and ratio."""
-    radius = np.exp(-ratio * rate * t)
-    a1, a0 = 2.0 * radius * np.cos(np.sqrt(1.0 - ratio**2) * rate * t), radius**2
-    return float((1.0 - a1 + a0) / t**2), float((3.0 - a1 - a0) / (2.0 * t))
-
-
 @dataclass(frozen=True)
 class _AdmittanceLoop:
-    """Admittance display along one direction: mass m, friction b, period T, gains k_p and k_d."""
+    """Admittance display of Adams & Hannaford along one direction: mass m, friction b, period T, gains k_p and k_d."""
 
     m: float
     b: float
@@ -218,43 +231,34 @@ class _AdmittanceLoop:
         found = (z - 1.0)[:, None] * (mean @ states)  # (x_{k+1} - x_k)/T
         return found[:, 0], found[:, 1]
 
-    def least_mass(self, arm: HumanArm) -> float:
-        """Return the least virtual mass, kg, above which the loop is stable with an operator; inf: none is."""
-        low, high = LIGHTEST * self.m, HEAVIEST * self.m
-        if not self._stable(high, arm):
-            return float("inf")
-        ladder = np.geomspace(high, low, 81)
-        for heavy, light in pairwise(ladder):
-            if self._stable(float(light), arm):
-                continue
-            low, high = float(light), float(heavy)
-            for _ in range(40):
-                middle = float(np.sqrt(low * high))
-                low, high = (low, middle) if self._stable(middle, arm) else (middle, high)
-            return high
-        return 0.0
 
-    def matrix(self, tool: float, arm: HumanArm) -> Array:
-        """Return the closed loop's matrix (5, 5) of x, v, the last command, x_d and the last v_d."""
-        m, b, t = self.m, self.b, self.t
-        total = m + arm.mass
-        a, held = _motion(m, b, t, arm)
-        # operator's force on the tip at a sample, under the command held until then: m x'' + b x' - u
-        felt = np.array([-m * arm.stiffness, b * total - m * (b + arm.damping), m - total, 0.0, 0.0]) / total
-        velocity = felt * t / tool
-        velocity[4] += 1.0  # v_d
-        command = m / t * (velocity - np.eye(5)[4]) + (m * self.kd + b) * velocity
-        command += np.array([-m * self.kp, -m * self.kd, 0.0, m * self.kp, 0.0])
-        out = np.zeros((5, 5))
-        out[:2, :2] = a
-        out[:2] += np.outer(held, command)
-        out[2], out[4] = command, velocity
-        out[3] = np.eye(5)[3] + t * velocity
-        return out
+def _stable_masses(mass: float, damping: float, feedback: TipFeedback, arm: HumanArm) -> tuple[float, float]:
+    """Return the ends of the widest range of tool masses with which the display is stable, kg; (inf, 0): none is."""
+    a, held = _motion(mass, damping, feedback.period, arm)
+    total = mass + arm.mass
+    # the force that the sensor reads is what accelerates the tip: m x'' + b x' - u
+    felt = np.array([[-mass * arm.stiffness, damping * total - mass * (damping + arm.damping)]]) / total
+    plant = SensedPlant(a, held[:, None], np.eye(1, 2), felt, np.array([[mass / total - 1.0]]))
 
-    def _stable(self, tool: float, arm: HumanArm) -> bool:
-        values = np.abs(np.linalg.eigvals(self.matrix(tool, arm)))
-        return bool(values.max() < 1.0 + 1e-7)  # a tool without operator or spring drifts
+    def stable(tool: float) -> bool:
+        values = np.linalg.eigvals(admittance_loop(plant, feedback, tool, 0.0)[0])
+        return bool(np.abs(values).max() < 1.0 + 1e-7)  # a tool without operator or spring drifts
+
+    ladder = np.geomspace(LIGHTEST * mass, HEAVIEST * mass, 49)
+    fits = np.array([stable(float(tool)) for tool in ladder])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], fits.astype(int), [0]])))
+    if not len(edges):
+        return float("inf"), 0.0
+    begin, end = max(zip(edges[::2], edges[1::2], strict=True), key=lambda pair: pair[1] - pair[0])
+
+    def edge(bad: float, good: float) -> float:
+        for _ in range(24):
+            middle = float(np.sqrt(bad * good))
+            bad, good = (bad, middle) if stable(middle) else (middle, good)
+        return good
+
+    least = 0.0 if begin == 0 else edge(float(ladder[begin - 1]), float(ladder[begin]))
+    return least, float("inf") if end == len(ladder) else edge(float(ladder[end]), float(ladder[end - 1]))
 
 
 @lru_cache(maxsize=64)

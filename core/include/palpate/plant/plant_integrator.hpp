@@ -80,11 +80,12 @@ class PlantIntegrator {
   /// As operator_force(), with the inertial force of the arm under these motor torques [N*m].
   [[nodiscard]] Vector sensed_force(const State& s, const Kinematics& kinematics, const Torque& torque,
                                     const Vector& voluntary_force) const noexcept {
-    const Vector force = operator_force(s, voluntary_force);
+    Vector force = operator_force(s, voluntary_force);
     if (!is_held_ || plant_.human_arm().tissue) return force;
     const Torque joints = joint_acceleration<HandCoupling::rigid>(kinematics.current, s, {torque, voluntary_force, Vector::Constant(0.0)});
     const Vector tip = mechanism().velocity(kinematics.current, joints) + mechanism().velocity_product(kinematics.current, s.qd);
-    return force - plant_.human_arm().mass * tip;
+    force -= plant_.human_arm().mass * tip;
+    return force;
   }
 
  private:

@@ -192,6 +192,18 @@ def test_the_least_stable_tool_in_simulation_is_the_exact_limit(grip: HumanArm) 
         assert bool(trace.completed and change[-100:].max() < change[200:300].max()) is decays
 
 
+def test_the_tool_waits_for_a_tip_that_the_operator_pushes_through() -> None:
+    """Law: 12 N for 20 ms exceed the motors' 8.5 N. Tip and tool go into the wall together, and rest at its surface."""
+    pushes = [("0 ms", 1), ("50 ms", 1), ("51 ms", 12), ("70 ms", 12), ("71 ms", 1)]
+    table = [[time, "0 N", "0 N", f"{-size} N"] for time, size in pushes]
+    tables = display(operator={"kind": "force", "shape": "table", "table": table}, run={"duration": "1.5 s"})
+    tables["device"] = {**tables["device"], "saturation": True}
+    trace = palpate.simulate(tables)
+    assert np.linalg.norm(trace["deflection"], axis=1).max() > 0.05
+    assert np.linalg.norm(trace["tip"] - trace["tool"], axis=1).max() < 4e-3
+    assert trace["object_force"][-1, 2] == pytest.approx(-1.0, abs=1e-3)
+
+
 def test_a_stepped_loop_gives_the_trace_bit_for_bit() -> None:
     tables = display(run={"duration": "50 ms"})
     tables["servo"] = {**tables["servo"], "jitter": "0.1 ms"}

@@ -393,3 +393,27 @@ def test_damage_is_told_in_a_sentence(
     assert done.stderr.startswith(str(tmp_path / "loop"))
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "rows").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t: t["controller"].update(tool_mass=0), "controller.kind the tool's mass must be positive and finite"),
+        (lambda t: t["controller"].pop("tool_damping"), "controller.tool_damping is missing"),
+        (lambda t: t["plant"].update(kind="fixed"), "whose force sensor needs a nonlinear or a flexible plant"),
+        (
+            lambda t: t.update(guard={"kind": "passivity_controller", "cap": 0.5}),
+            "guard.kind is a guard, which an admittance display does not have",
+        ),
+    ],
+)
+def test_an_admittance_display_that_cannot_run_is_told(
+    program: Path, tmp_path: Path, change: Callable[[dict[str, Any]], object], told: str
+) -> None:
+    resolve(ROOT / "scenarios" / "admittance-display.toml", tmp_path / "loop")
+    edited(change)(tmp_path / "loop")
+    done = subprocess.run(
+        [program, tmp_path / "loop", tmp_path / "rows"], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert told in done.stderr

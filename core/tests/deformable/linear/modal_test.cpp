@@ -2,9 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <array>
 #include <cmath>
 #include <palpate/deformable/contact/tip_contact.hpp>
+#include <palpate/deformable/linear/creep_motion.hpp>
 #include <palpate/deformable/linear/modal.hpp>
+#include <palpate/deformable/linear/modal_motion.hpp>
 #include <random>
 
 #include "support/modal_bodies.hpp"
@@ -284,6 +287,95 @@ TEST(Modal, StaticLimitStoresTheEnergyOfTheFullCompliance) {
     ASSERT_GT(a.nodes, 3);
     EXPECT_NEAR(a.energy, 0.5 * force.dot(nine.whole() * force), 1e-5 * a.energy);
   }
+}
+
+// Law: a mode that moves along any direction follows its equation of motion, and the energy is that of mass, springs and correction.
+TEST(ModalMotion, FollowsTheEquationOfMotionOfItsMode) {
+  const double w = 60.0, period = 1e-3, alpha = 5.0, beta = 1e-3, retardation_time = 0.02, extra = 2e-3;
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0}}, {{0, 0, 1}}, {1e-6});
+  const std::vector<float> shape{4.0F, 0.0F, 5.0F};
+  const palpate::math::Vector3<> phi(4.0, 0.0, 5.0);
+  const Eigen::Matrix3d whole = extra * Eigen::Matrix3d::Identity() + phi * phi.transpose() / (w * w);
+  std::vector<float> full;
+  for (int i = 0; i < 9; ++i) full.push_back(static_cast<float>(whole(i / 3, i % 3)));
+  const palpate::deformable::ModalData modes{shape.data(), {w}, alpha, beta};
+  for (const double ratio : {1.0, 2.5}) {
+    const auto compliance = palpate::deformable::ModalMotion::period_compliance(full.data(), 1, modes, period, ratio, retardation_time);
+    palpate::deformable::ModalMotion motion(nodes, modes, period, ratio, retardation_time, 1.0);
+    Eigen::Matrix3d rate, c;
+    rate << 0.0, 1.0, 0.0, -w * w * ratio, -alpha - beta * w * w, w * w * (ratio - 1.0), ratio / retardation_time, 0.0,
+        -ratio / retardation_time;
+    for (int i = 0; i < 9; ++i) c(i / 3, i % 3) = static_cast<double>(compliance[static_cast<std::size_t>(i)]);
+    const Eigen::Matrix3d over = exponential(rate * period);
+    Eigen::Vector3d state = Eigen::Vector3d::Zero();  // displacement, velocity, dashpot
+    double most = 0.0;
+    const std::int32_t node = 0;
+    for (int k = 0; k < 300; ++k) {
+      const palpate::math::Vector3<> force(0.3 * std::sin(0.05 * k), 0.1, k < 150 ? 0.4 : 0.0);
+      const Eigen::Vector3d limit = Eigen::Vector3d(1.0, 0.0, 1.0) * (phi.dot(force) / (w * w));
+      state = (limit + over * (state - limit)).eval();
+      const palpate::math::Vector3<> free = motion.free_displacement(0), moved = c * force;
+      ASSERT_LT((free + moved - phi * state[0] - extra * force).norm(), 1e-7) << ratio << ' ' << k;
+      const double found = motion.advance({&node, &force, 1, force.dot(moved), force.dot(free)});
+      const double expected = 0.5 * (state[1] * state[1] + w * w * state[0] * state[0] + extra * force.squaredNorm() +
+                                     (ratio - 1.0) * w * w * std::pow(state[0] - state[2], 2));
+      most = std::max(most, expected);
+      ASSERT_NEAR(found, expected, 1e-5 * most) << ratio << ' ' << k;
+    }
+  }
+}
+
+// Law: a standard linear solid without mass moves and stores energy as its springs: S (f / r + q) with the delayed forces q of all nodes.
+TEST(CreepMotion, MovesAndStoresEnergyAsItsSprings) {
+  constexpr int n = 3;
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}}, {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}},
+                                                {1e-6, 1e-6, 1e-6});
+  std::mt19937 random(21);
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(3 * n, 3 * n, [&] { return normal(random); });
+  const Eigen::MatrixXd whole = 1e-3 * a.lazyProduct(a.transpose());
+  const palpate::deformable::Creep creep = palpate::deformable::creep_law(3.0, 0.02, 1e-3);
+  std::vector<float> full;
+  for (int i = 0; i < 9 * n * n; ++i) full.push_back(static_cast<float>(creep.period_ratio * whole(i / (3 * n), i % (3 * n))));
+  const palpate::deformable::FullCompliance compliance(nodes, full.data());
+  Eigen::MatrixXd s(3 * n, 3 * n);
+  for (int i = 0; i < 3 * n; ++i)
+    for (int j = 0; j < 3 * n; ++j) s(i, j) = static_cast<double>(compliance.block(i / 3, j / 3)[3 * (i % 3) + j % 3]) / creep.period_ratio;
+  palpate::deformable::CreepMotion motion(compliance, creep);
+  Eigen::VectorXd q = Eigen::VectorXd::Zero(3 * n);
+  double most = 0.0;
+  for (int k = 0; k < 200; ++k) {
+    const std::array<std::int32_t, 2> pressed{k % n, (k + 1) % n};
+    std::array<palpate::math::Vector3<>, 2> forces;
+    Eigen::VectorXd f = Eigen::VectorXd::Zero(3 * n);
+    for (std::size_t c = 0; c < 2; ++c) {
+      for (int axis = 0; axis < 3; ++axis) forces[c][axis] = normal(random);
+      f.segment(3 * pressed[c], 3) = forces[c];
+    }
+    const Eigen::VectorXd free = creep.decay * (s * q), moved = creep.period_ratio * (s * f);
+    for (int i = 0; i < n; ++i) ASSERT_LT((motion.free_displacement(i) - free.segment(3 * i, 3)).norm(), 1e-12) << k;
+    const double found = motion.advance({pressed.data(), forces.data(), 2, f.dot(moved), f.dot(free)});
+    q = (creep.decay * q + creep.gain * f).eval();
+    const double expected = f.dot(s * f) / 6.0 + 0.75 * q.dot(s * q);  // 1 / r = 1 / 3, 1 - 1 / r = 2 / 3
+    most = std::max(most, expected);
+    ASSERT_NEAR(found, expected, 1e-9 * most) << k;
+    for (int i = 0; i < n; ++i)
+      ASSERT_LT((motion.next_free(i, free.segment<3>(3 * i), moved.segment<3>(3 * i)) - motion.free_displacement(i)).norm(), 1e-12) << k;
+  }
+}
+
+// Law: a delayed force counts until it is 1e-6 of the largest.
+TEST(CreepMotion, KeepsTheDelayedForcesOfWeaklyPressedNodes) {
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0}, {1e-3, 0, 0}}, {{0, 0, 1}, {0, 0, 1}}, {1e-6, 1e-6});
+  std::vector<float> full(36, 0.0F);
+  for (std::size_t i = 0; i < 6; ++i) full[7 * i] = 1.0F;
+  palpate::deformable::CreepMotion motion(palpate::deformable::FullCompliance(nodes, full.data()),
+                                          palpate::deformable::creep_law(3.0, 0.02, 1e-3));
+  const std::array<std::int32_t, 2> pressed{0, 1};
+  const std::array<palpate::math::Vector3<>, 2> forces{palpate::math::Vector3<>(0, 0, -1.0), palpate::math::Vector3<>(0, 0, -1e-5)};
+  motion.advance({pressed.data(), forces.data(), 2, 0.0, 0.0});
+  EXPECT_LT(motion.free_displacement(0).z(), 0.0);
+  EXPECT_NEAR(motion.free_displacement(1).z(), 1e-5 * motion.free_displacement(0).z(), 1e-15);
 }
 
 }  // namespace

@@ -350,6 +350,10 @@ TEST(TipContact, ViscoelasticBodyUnderAFlatEndHasTheLongTermStiffness) {
   for (int k = 0; k < 500; ++k) contact.step(tip);
   still.step(tip);
   ASSERT_NEAR(contact.last().force.z(), still.last().force.z(), 2e-3 * still.last().force.z());
+  EXPECT_NEAR(contact.last().energy, 0.5 * contact.last().force.z() * 5e-4, 1e-5 * contact.last().energy);
+  const double aside = still.last().force.x();  // at the edge; that of the creeping body differs by the creep of one period
+  ASSERT_GT(std::abs(aside), 1e-5 * still.last().force.z());
+  EXPECT_NEAR(contact.last().force.x(), aside, 0.05 * std::abs(aside));
   tip.center.x() += 1e-5;
   for (int k = 0; k < 50; ++k) still.step(tip);
   for (int k = 0; k < 500; ++k) contact.step(tip);
@@ -425,6 +429,22 @@ TEST(StandardLinearSolid, ItsStateIsADelayedForcePerNode) {
       ASSERT_LT((body.free_tangential_displacement(i) - decay * along.middleRows<2>(2 * i) * t).norm(), 1e-5) << k;
     }
   }
+}
+
+// Law: after a tip without a position friction begins anew, as in a contact that the tip enters there.
+TEST(TipContact, FrictionBeginsAnewAfterATipThatIsNotFinite) {
+  HalfSpace space(15, 1e-3, 5e3, 0.45);
+  TipContact<HalfSpace> contact(space.nodes, space, {0.6, 0.4}), fresh(space.nodes, space, {0.6, 0.4});
+  Tip tip;
+  tip.radius = 6e-3;
+  for (int k = 0; k < 40; ++k) {
+    tip.center = {1e-5 * k, 0.0, tip.radius - 5e-4};
+    if (k == 20) tip.center = Vector3<>::Constant(std::nan(""));
+    const ContactResult& a = contact.step(tip);
+    if (k <= 20) continue;
+    ASSERT_LT((a.force - fresh.step(tip).force).norm(), 1e-12 * a.force.norm()) << k;
+  }
+  EXPECT_GT(contact.last().friction.norm(), 1e-3 * contact.last().force.z());
 }
 
 // Law: the order of the nodes does not matter, while a flat end slides over creeping patches that it covers in part.

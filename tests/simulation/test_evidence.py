@@ -140,6 +140,24 @@ def test_a_tip_is_apart_while_it_is_off_and_pressed() -> None:
     assert _apart(run, np.zeros(n, dtype=bool)) == 0.0
 
 
+def test_the_bounces_of_an_impact_do_not_count_and_a_lost_contact_does() -> None:
+    """Each row: lengths of flights and contacts in turn. The first is a flight, 0 for a tip on its object."""
+    for turns, expected in (
+        ((10, 3, 20, 4, 10, 2, 5, 90), 0.0),  # bounces, then rest
+        ((0, 60, 20, 40), 20 / 120),  # a slide that loses the object and finds it again
+        ((0, 5, 20, 95), 20 / 120),
+        ((10, 3, 20, 60, 15, 22), 15 / 97),  # lost after the impact
+        ((10, 3, 20, 4, 23), 43 / 50),  # it never rests
+        ((10, 90), 0.0),
+    ):
+        touching = np.repeat(np.arange(len(turns)) % 2 == 1, turns)
+        n = len(touching)
+        force = np.where(touching[:, None], [0.0, 0.0, -1.0], 0.0)
+        load, zero = np.tile([0.0, 0.0, -2.0], (n, 1)), np.zeros((n, 3))
+        run = trace(zero, reference_force=load, operator_force=zero, object_force=force)
+        assert _apart(run, touching) == pytest.approx(expected), turns
+
+
 def test_a_tip_is_pushed_through_from_when_it_is_lost_until_the_end() -> None:
     lost = np.zeros(100)
     run = trace(np.zeros((100, 3)), contact_lost=lost)

@@ -170,7 +170,7 @@ def _expected(trace: Recorded, scenario: Scenario, window: Window) -> Array | No
 
 
 def _apart(trace: Recorded, touching: Flags) -> float:
-    """Return the fraction of the run since the first contact in which a pressed tip is off its object.
+    """Return the fraction of the run since the contact is established in which a pressed tip is off its object.
 
     The normal is that of the last contact before.
     """
@@ -181,8 +181,23 @@ def _apart(trace: Recorded, touching: Flags) -> float:
     load = trace["reference_force"] + trace["operator_force"]
     force = np.linalg.norm(load, axis=1)
     pressed = presses(load, -trace["object_force"][np.maximum(last, 0)]) & (force > BAND * force.max())
-    since = last >= 0
+    since = rows >= _established(touching)
     return float(np.count_nonzero(since & ~touching & pressed) / np.count_nonzero(since))
+
+
+def _established(touching: Flags) -> int:
+    """Return the first row of the contact in which the bounces of an impact have ended.
+
+    It lasts at least as long as the flight after it, and half as long as the bounces before it. Without one, and for a
+    tip that starts on its object, it is the first contact.
+    """
+    edges = np.diff(touching.astype(np.int8), prepend=0, append=0)
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    if begins[0] == 0:
+        return 0
+    flights = np.append(begins[1:], len(touching)) - ends
+    lasts = ends - begins >= np.maximum(flights, (begins - begins[0]) / 2.0)
+    return int(begins[np.argmax(lasts)] if lasts.any() else begins[0])
 
 
 def pushed_through(trace: Recorded) -> float | None:

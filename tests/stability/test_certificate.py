@@ -83,6 +83,15 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     assert destabilizing_operator(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
 
 
+def test_a_claim_names_the_operator_unless_the_loop_is_passive() -> None:
+    def claim(stiffness: str, **tables: Any) -> str:
+        return certify(slider(stiffness, **tables)).claim
+
+    assert "stable with every passive operator" in claim("90 N/m")
+    phase_lead = claim("20 N/m", controller={"kind": "lead_lag"})
+    assert "with the operator described; whether it is passive is not known" in phase_lead
+
+
 def test_no_passivity_is_claimed_of_an_arm_that_tips_over() -> None:
     """Balanced by a constant force an arm may stand on a hilltop: whatever the damping, it is not stable in no hand."""
     scenario = Scenario.from_file(SCENARIOS / "drive-limits-and-encoder.toml")

@@ -33,6 +33,8 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
         sentences.append("Small motions about the pose: the device is linearized exactly there.")
     if device.flexible is not None:
         sentences.append(f"The {device.flexible}, is linear and alike in every direction.")
+    else:
+        sentences.append("Links and transmission are rigid: the device file has no flexible mode.")
     if s.object.kind == "wall":
         sentences.append("The tip stays in the wall; the operator controls motions along the surface.")
     if (tool := s.servo.tool) is not None:
@@ -84,7 +86,7 @@ def _neglected(s: Scenario, device: Device) -> list[str]:
     if s.device.encoder:
         count = float((np.abs(device.jacobian(start_pose(s))).max(axis=0) * device.encoder_step).max())
         effects.append(
-            f"encoder counts (up to {count * 1e6:.2g} um at the tip), which can sustain a limit cycle of a few counts"
+            f"encoder counts (up to {count * 1e6:.2g} µm at the tip), which can sustain a limit cycle of a few counts"
         )
     if s.device.saturation:
         effects.append("the drive's limits, which affect large oscillations")

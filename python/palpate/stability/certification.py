@@ -168,13 +168,18 @@ def _passivity(
         example = destabilizing_operator(s)
         if example is not None:
             passive = False
-        if passive is False:
-            addition = ", with the operator described; it is not passive, so another operator can destabilize it"
+        addition = (
+            ", with the operator described; it is not passive, so another operator can destabilize it"
+            if passive is False
+            else ", with the operator described; whether it is passive is not known"
+        )
         if example is None:
             steps.append(
                 "No mass and spring that destabilizes the loop was found; more general passive operators were not "
                 "searched."
             )
+    elif s.servo.topology == "impedance_display":
+        addition = ", with the operator described; whether it is passive is not known"
     if remark:
         steps.append(remark)
     return passive, example, addition
@@ -196,8 +201,10 @@ def _stiffness_factor(factor: float, loop: ScenarioLoop) -> str:
     stiffest = factor * float(np.linalg.eigvalsh(loop.stiffness).max())
     if stiffest == 0.0:
         return f"{factor:.4g} times as damped ({factor * float(np.linalg.eigvalsh(loop.damping).max()):.4g} N s/m)"
-    damped = " and as damped" if np.any(loop.damping) else ""
-    return f"{factor:.4g} times as stiff{damped} ({stiffest / 1e3:.4g} N/mm)"
+    if not np.any(loop.damping):
+        return f"{factor:.4g} times as stiff ({stiffest / 1e3:.4g} N/mm)"
+    damping = factor * float(np.linalg.eigvalsh(loop.damping).max())
+    return f"{factor:.4g} times as stiff and as damped ({stiffest / 1e3:.4g} N/mm with {damping:.4g} N s/m)"
 
 
 def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, Verdict, str]:
@@ -251,7 +258,7 @@ def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, 
         if passive and k > bound:
             passive = False
             remark += (
-                f" Encoder counts of {quantum * 1e6:.3g} um at the tip require friction for {k:.4g} N/m, and the "
+                f" Encoder counts of {quantum * 1e6:.3g} µm at the tip require friction for {k:.4g} N/m, and the "
                 f"friction suffices for {bound:.4g} N/m (Abbott & Okamura 2005)."
             )
     return passive, required, remark

@@ -194,6 +194,12 @@ def test_quantities_are_text_or_si(body: Body) -> None:
             "depth: -0.001 m points out of the body",
         ),
         (lambda body: body.indent(MIDDLE, 8e-3, 1.0), "depth: 1 m exceeds the body's extent"),
+        (lambda body: body.indent(MIDDLE, 8e-3, 0.021), "depth: 21 mm exceeds the 20 mm of the body along the press"),
+        (lambda body: body.indent(MIDDLE, 0.1, 1e-3), "radius: 0.1 m exceeds the body's extent"),
+        (
+            lambda body: body.indent([0.0, 0.02, 0.005], 8e-3, 1e-3),
+            "the point lies 0 mm from a part of the surface that is not touched, and 15 mm from the contact surface",
+        ),
         (lambda body: body.simulate_path([[0.0, 0.0], [0.0]], 8e-3), "path: its rows must have the same length"),
         (lambda body: body.simulate_path(MIDDLE, 8e-3), r"a path is \(m, 3\) numbers in m; this has shape \(3,\)"),
         (

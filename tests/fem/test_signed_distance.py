@@ -191,7 +191,7 @@ def test_a_tip_above_more_nodes_than_the_contact_has_is_named() -> None:
     fine = bodies.build(block((0.04, 0.04, 0.01), (2.4e-3, 2.4e-3, 5e-3)), young=10e3, fixed="z < 0.001 mm", order=1)
     assert len(fine.nodes) > 256
     with pytest.warns(BodyWarning, match="more than 256 nodes are near the tip"):
-        fine.signed_distance().indent([0.02, 0.02, 0.01], 2.0, 1e-3)
+        fine.signed_distance().indent([0.02, 0.02, 0.01], 0.05, 1e-3, tip="flat")
 
 
 def choice_of(lines: str) -> BodyChoice:

@@ -112,6 +112,12 @@ class CondensedBody:
         used, faces = self._contact_surface
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, repair=False)
 
+    @cached_property
+    def untouched_surface(self) -> Mesh | None:
+        """The rest of the surface as a mesh; None if all of it is touched."""
+        faces = self.contents.triangles[~self.contents.contact_triangles]
+        return Mesh(self.points, faces, open=True, repair=False) if len(faces) else None
+
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.
 

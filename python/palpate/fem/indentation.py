@@ -80,7 +80,9 @@ class IndentableBody(CondensedBody):
         Raises:
             PoseError: the point is not three finite numbers.
             BodyError: the point is farther from the body than the body's extent.
-            BodyError: the depth is negative or exceeds the body's extent, or the radius is not positive.
+            BodyError: the point lies nearer to a part of the surface that is not touched.
+            BodyError: the depth is negative or exceeds the body along the press.
+            BodyError: the radius is not positive or exceeds the body's extent.
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
             BodyError: the tip loses contact, or a body under large displacements finds no equilibrium.
         """
@@ -130,8 +132,25 @@ class IndentableBody(CondensedBody):
             )
         if deep > self.extent:
             raise BodyError(f"depth: {deep:g} m exceeds the body's extent of {self.extent:.3g} m: lengths are in m")
+        if size > self.extent:
+            raise BodyError(f"radius: {size:g} m exceeds the body's extent of {self.extent:.3g} m: use a smaller tip")
+        beside = self.untouched_surface
+        if beside is not None and distance > size:
+            other = float(np.linalg.norm(beside.nearest(x[None])[0][0] - x))
+            if other < distance:
+                raise BodyError(
+                    f"the point lies {1e3 * other:.3g} mm from a part of the surface that is not touched, and "
+                    f"{1e3 * distance:.3g} mm from the contact surface: take a point on the contact surface"
+                )
         normal = area_vectors(self.surface.vertices, self.surface.triangles[face[:1]])[0]
-        return nearest[0], normal / np.linalg.norm(normal)
+        normal /= np.linalg.norm(normal)
+        thick = float(np.ptp(self.points @ normal))
+        if deep > thick:
+            raise BodyError(
+                f"depth: {1e3 * deep:.3g} mm exceeds the {1e3 * thick:.3g} mm of the body along the press: use a "
+                "smaller depth"
+            )
+        return nearest[0], normal
 
     def _ramp(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
         """Press the tip in along a line that ends at `center` (3,), m; let a mass-spring model come to rest."""

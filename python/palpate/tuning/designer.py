@@ -255,8 +255,8 @@ class _Designer:
             )
         others = f", also with the inertia of {', '.join(s.against)}" if s.against else ""
         return found, (
-            f"one Lyapunov matrix of {found.vertices} loops: its norm shrinks by {elsewhere:.6g} per tick at all "
-            f"{len(poses)} poses{others}, without operator and limits of the drive"
+            f"one Lyapunov matrix of {found.vertices} loops: its norm shrinks to {elsewhere:.6g} of itself per tick "
+            f"at all {len(poses)} poses{others}, without operator and limits of the drive"
         )
 
     def _scenario(self, controller: WorkspaceController, presses: Sequence[Press]) -> Scenario:
@@ -274,7 +274,7 @@ class _Designer:
             key: f"{getattr(controller, key)!r}{unit}" if (unit := units.get(key)) else getattr(controller, key)
             for key in ("bandwidth", "observer", "disturbance", "reference")
         }
-        title = f"{s.force:g} N on {stiffness:g} N/m, designed for {s.stiffness[0]:g} to {s.stiffness[1]:g} N/m"
+        title = f"{s.force:g} N on {stiffness:g} N/m, designed for {s.objects}"
         return Scenario.from_dict({"title": title, **tables, "controller": {"kind": "workspace", **options}})
 
     def _result(

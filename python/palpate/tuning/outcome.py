@@ -12,6 +12,7 @@ from palpate.control import WorkspaceController
 from palpate.errors import OutputError
 from palpate.files import check_suffix, write_json, write_text
 from palpate.scenario import Scenario
+from palpate.simulation.verdict import BAND
 from palpate.stability.workspace_certificate import WorkspaceCertificate
 from palpate.tuning.axis import AxisDesign
 from palpate.tuning.specification import Specification
@@ -72,14 +73,23 @@ class ControllerDesign:
     def claim(self) -> str:
         """Result in a sentence."""
         s = self.specification
-        asked = (
-            f"{s.force:g} N on {s.stiffness[0]:g} to {s.stiffness[1]:g} N/m within {1e3 * s.settle:g} ms on {s.name}"
-        )
+        asked = f"{s.force:g} N on {s.objects} within {1e3 * s.settle:g} ms on {s.name}"
         if self.feasible:
             heat = "" if math.isinf(self.hold) else f" Cold motors hold the force for {self.hold:.3g} s."
             slowest = f"{1e3 * max(self.settling.values()):.3g} ms in the slowest simulated press"
-            return f"{asked}: met, {slowest}{' without encoder counts' if self.count else ''}.{heat}"
+            return f"{asked}: met, {slowest}{' without encoder counts' if self.count else ''}.{self._counts}{heat}"
         return f"{asked}: not met. Binding constraint: {self.constraint}. {self.reason}"
+
+    @property
+    def _counts(self) -> str:
+        """Objects on which one encoder count exceeds the band of rest, in a sentence; "" if there are none."""
+        if self.count_share <= BAND:
+            return ""
+        s = self.specification
+        return (
+            f" Above {BAND * s.force / self.count:.3g} N/m one encoder count is more than {100 * BAND:g} % of the "
+            "deflection: there the force rests within the counts only."
+        )
 
     @property
     def count_share(self) -> float:

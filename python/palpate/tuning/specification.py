@@ -51,6 +51,12 @@ class Specification:
     operators: tuple[HumanArm, ...]
     against: tuple[str, ...]
 
+    @property
+    def objects(self) -> str:
+        """The range of stiffness in words."""
+        low, high = self.stiffness
+        return f"{high:g} N/m" if low == high else f"{low:g} to {high:g} N/m"
+
 
 def specify(
     device: str | PathLike[str],

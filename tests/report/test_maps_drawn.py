@@ -112,12 +112,14 @@ def test_panels_of_details_appear_exactly_where_details_would_not_be_seen() -> N
     assert near.get_ylabel() == "stiffness K [N/m]"
     assert whole.get_ylabel() == "stiffness K [N/mm]"
     lines = drawn(near)
-    np.testing.assert_allclose(lines["the scenario's object"], [[2.0, 700.0]])
+    assert "the scenario's object" not in lines  # 2 N s/m and 700 N/m are outside of this panel
     assert lines[", computed"][:, 1].max() == pytest.approx(19.0)
     assert len(lines["simulated"]) <= 20
     assert "passive" in [text.get_text() for text in near.texts]
     (only,) = close_figure(zwidth(corner=corner)).axes  # type: ignore[union-attr]
     assert only.get_title(loc="left") == "near the origin"
+    (holding,) = close_figure(zwidth(corner=replace(corner, window=(2.5, 800.0)))).axes  # type: ignore[union-attr]
+    np.testing.assert_allclose(drawn(holding)["the scenario's object"], [[2.0, 700.0]])
     assert not only.texts
     assert [text.get_text() for text in zwidth_figure(zwidth(corner=corner)).axes[0].texts] == ["enlarged below"]
     assert not zwidth_figure(zwidth()).axes[0].texts

@@ -93,7 +93,7 @@ def summary(found: ControllerDesign) -> list[str]:
         text = f"{1e3 * time:.3g} ms" if math.isfinite(time) else "does not settle"
         lines.append(f"slowest simulated press on {stiffness:.5g} N/m: {text}")
     if found.count:
-        moved = f"the tip by up to {1e6 * found.count:.3g} um, {100 * found.count_share:.3g} % of the deflection"
+        moved = f"the tip by up to {1e6 * found.count:.3g} µm, {100 * found.count_share:.3g} % of the deflection"
         lines.append(f"encoder: one count moves {moved} of the stiffest object; set device.encoder = true to see it")
     lines.append(f"certificate: {found.certificate_remark}")
     return lines

@@ -1,6 +1,6 @@
 """`palpate`: all commands of the command line.
 
-Exit codes: 0 done; 1 done, with a bad result (a loop diverges, a number differs); 2 wrong input; 130 Ctrl-C.
+Exit codes: 0 done; 1 done, with a bad result (not settled, not stable, a number differs); 2 wrong input; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Model a haptic device, design its controller, run the servo loop, and see whether it is stable.\n\n"
     "Begin with **palpate run** on a file from scenarios/. Every command explains itself with --help.",
-    epilog="Exit codes: 0 done · 1 done, but a loop diverges or a number differs · 2 wrong input · 130 Ctrl-C",
+    epilog="Exit codes: 0 done · 1 done, but not settled or stable, or a number differs · 2 wrong input · 130 Ctrl-C",
 )
 
 

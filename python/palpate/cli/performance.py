@@ -78,7 +78,7 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
     axis = found.axis
     output.print(
         f"{found.device}: {1e3 * axis.mass:.3g} g, {axis.damping:.3g} N s/m, {axis.coulomb:.3g} N of dry friction, "
-        f"counts of {1e6 * axis.count:.3g} um, T = {1e3 * found.period:.3g} ms; walls of "
+        f"counts of {1e6 * axis.count:.3g} µm, T = {1e3 * found.period:.3g} ms; walls of "
         f"{found.stiffnesses[0]:g} to {found.stiffnesses[-1]:g} N/m",
         markup=False,
         soft_wrap=True,
@@ -89,7 +89,7 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
             if row.stiffness == 0.0
             else f"{row.stiffness:g} N/m, {row.felt:.0%} felt, {row.jump:.3g} N a tick"
         )
-        swing = "diverges" if math.isinf(row.swing) else f"swings {1e6 * row.swing:.3g} um"
+        swing = "diverges" if math.isinf(row.swing) else f"swings {_length(row.swing)}"
         output.print(
             f"  {row.name}: {reach}; the stiffest {swing}; guarantee: {row.guarantee}", markup=False, soft_wrap=True
         )
@@ -104,6 +104,10 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
             soft_wrap=True,
         )
     print_paths(paths)
+
+
+def _length(value: float) -> str:
+    return f"{1e3 * value:.3g} mm" if value >= 1e-3 else f"{1e6 * value:.3g} µm"
 
 
 def _device(m: DeviceMeasures) -> str:
@@ -121,5 +125,5 @@ def _device(m: DeviceMeasures) -> str:
     if math.isfinite(m.dynamic_range):
         parts.append(f"dynamic range {m.dynamic_range:.3g} dB")
     if m.resolution:
-        parts.append(f"resolution {1e6 * m.resolution:.3g} um")
+        parts.append(f"resolution {1e6 * m.resolution:.3g} µm")
     return f"device: {', '.join(parts)}"

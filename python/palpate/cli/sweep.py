@@ -42,7 +42,7 @@ def sweep(
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th chunk from the I-th on, for job arrays.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Run a scenario for every combination of values, with the whole nonlinear loop.
+    r"""Run a scenario for every combination of values, with the whole nonlinear loop.
 
     The result is one HDF5 file and, once complete, a page with a map of the verdicts. The file is filled as cells are
     done. After an interruption the same command continues. The file does not depend on the number of workers, threads
@@ -52,7 +52,7 @@ def sweep(
     .y or .z selects one axis. A range includes both ends; " log" after its count selects geometric spacing.
 
     Example: palpate sweep scenarios/slider-wall-stable.toml --over "object.stiffness=50 N/m..150 N/m:50"
-    --over "object.damping=0 N*s/m..0.2 N*s/m:20"
+    --over "object.damping=0 N\*s/m..0.2 N\*s/m:20"
     """
     path = out if out is not None else Path("results") / f"{default_name(scenario)}-sweep.h5"
     try:

@@ -201,7 +201,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.mesh_error is not None:
         text += f"; the mesh adds an error of up to {100 * found.mesh_error:.0f} % to that force ({found.nodes} nodes)"
     if found.nodes < FEW:
-        text += f"; only {found.nodes} nodes carry that force: take a finer mesh or a larger tip"
+        few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
+        text += f"; only {few} that force: take a finer mesh or a larger tip"
     if found.unsolved:
         text += f"; in {found.unsolved} samples more nodes were under the tip than the solver considers"
     if found.contact_lost:

@@ -43,7 +43,7 @@ class Ripple:
 
     def __str__(self) -> str:
         at = int(np.argmax(self.amplitude / self.threshold))
-        line = f"{1e6 * self.amplitude[at]:.3g} um at {self.worst:.4g} Hz"
+        line = f"{1e6 * self.amplitude[at]:.3g} µm at {self.worst:.4g} Hz"
         if self.perceptible:
             return f"The ripple is perceptible: {line}, {self.ratio:.3g} times the threshold of a fingertip."
         return f"The ripple is not perceptible: {line}, {self.ratio:.2g} of the threshold of a fingertip."
@@ -52,7 +52,7 @@ class Ripple:
 def vibration_threshold(frequency: ArrayLike) -> Array:
     """Return the detection threshold (m) of a vibration at the fingertip for each frequency (Hz).
 
-    The threshold is constant up to 40 Hz, falls by 12 dB per octave to 0.1 um at 250 Hz and rises equally above.
+    The threshold is constant up to 40 Hz, falls by 12 dB per octave to 0.1 µm at 250 Hz and rises equally above.
     Source: Verrillo 1963, contactors of at least 2.9 cm^2 on the thenar eminence; Gescheider & Verrillo 1979.
     Thresholds for a tool grasped in the whole hand are lower, by 68 % at 40 Hz and 88 % at 300 Hz (Brisben, Hsiao &
     Johnson 1999).

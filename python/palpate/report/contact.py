@@ -87,7 +87,8 @@ def sliding_section(page: Page, trace: Trace, sliding: dict[str, Any]) -> None:
     page.figure(profile(trace), "Side view of the paths. Their distance is the deflection.")
     page.figure(
         stiffness_and_depth(trace),
-        "Stiffness under the tip, and depth of the tip. Dashed: reference force along the normal over stiffness.",
+        "Stiffness under the tip, and depth of the tip."
+        + (" Dashed: reference force along the normal over stiffness." if np.any(trace["reference_force"]) else ""),
     )
     numbers_table(page, _SLIDING, sliding, "Sliding contact, from the first contact to the end of the run.")
 

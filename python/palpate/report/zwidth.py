@@ -179,7 +179,9 @@ def close_figure(z: ZWidth) -> Figure | None:
         _curves(panel, [("", z.corner.edge)], 1.0)
         _passive(panel, z, 1.0)
         _dots(panel, z.corner.simulated, 1.0, DOTS // 2)
-        _object(panel, z, 1.0)
+        wide, high = z.corner.window
+        if z.here[0] <= wide and z.here[1] <= high:  # it is not clipped, and would shrink the panel
+            _object(panel, z, 1.0)
         _frame(panel, *z.corner.window, "N/m")
         panel.set_title("near the origin", **TITLE)
         if z.passive is not None:

@@ -1,0 +1,85 @@
+"""Spheres on hyperelastic bodies: converged forces, energy and rotation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from palpate.fem import HyperelasticModel, Law, Material, QuasiStaticSolver, Volume, block
+from palpate.fem.selectors import Selector, half_space
+
+Array = NDArray[np.float64]
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def cylinder(cells: int, layers: int) -> Volume:
+    """Return a cylinder of radius 30 mm and height 20 mm: a block whose squares become disks."""
+    made = block((1e-3 * cells, 1e-3 * cells, 1e-3 * layers), 1e-3)
+    x, y, z = (made.points / [0.5e-3 * cells, 0.5e-3 * cells, 1e-3 * layers] - [1, 1, 0]).T
+    points = np.stack([0.03 * x * np.sqrt(1 - y**2 / 2), 0.03 * y * np.sqrt(1 - x**2 / 2), 0.02 * z], axis=1)
+    return Volume(points, made.tetrahedra)
+
+
+def pressed(volume: Volume, poisson: float, law: Law = "neo-hookean") -> QuasiStaticSolver:
+    bottom, top = half_space("z", "<", 1e-9), half_space("z", ">", 0.02 - 1e-9)
+    return QuasiStaticSolver(HyperelasticModel(volume, Material(10e3, poisson), bottom, top, law=law))
+
+
+# Converged axisymmetric quadratic elements with the same laws, at 2, 4 and 6 mm.
+@pytest.mark.parametrize(
+    ("law", "poisson", "converged"),
+    [
+        ("neo-hookean", 0.3, (0.139, 0.417, 0.784)),
+        ("neo-hookean", 0.49, (0.167, 0.494, 0.919)),
+        ("corotational", 0.45, (0.138, 0.368, 0.602)),
+    ],
+)
+def test_a_sphere_on_a_cylinder_feels_up_to_a_quarter_more_than_converged_elements(
+    law: Law, poisson: float, converged: tuple[float, ...]
+) -> None:
+    body = pressed(cylinder(16, 5), poisson, law)
+    rest = [0.0, 0.0, 0.028]
+    centers = np.array([[rest - depth * UP] for depth in (2e-3, 4e-3, 6e-3)])
+    rows = body.core.settle(centers, np.broadcast_to(UP, centers.shape).copy(), np.array([8e-3]), False, 60)
+    assert rows[:, -1].all()
+    ratio = rows[:, 2] / converged
+    assert ratio.min() > 1.0
+    assert ratio.max() < 1.25
+
+
+def test_the_force_on_a_sphere_is_the_slope_of_the_energy_in_each_direction() -> None:
+    """Beside the center of the top, 3 mm deep: by central differences of equilibria."""
+    body = pressed(block((0.04, 0.04, 0.02), 0.005), 0.4)
+
+    def energy(at: Array) -> tuple[float, Array]:
+        row = body.core.settle(at[None, None], UP[None, None].copy(), np.array([8e-3]), False, 100)[0]
+        assert row[-1] > 0
+        return body.core.energy(), row[:3]
+
+    middle = np.array([0.018, 0.023, 0.025])
+    _, force = energy(middle)
+    step = 1e-4
+    slopes = [(energy(middle + step * way)[0] - energy(middle - step * way)[0]) / (2 * step) for way in np.eye(3)]
+    assert -np.array(slopes) == pytest.approx(force, abs=0.01 * force[2])
+
+
+def test_turning_body_and_tip_turns_the_force() -> None:
+    volume = block((0.04, 0.04, 0.02), 0.005)
+    turn = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    forces = []
+    for rotation in (np.eye(3), turn):
+
+        def at_height(low: float, high: float, rotation: Array = rotation) -> Selector:
+            def inside(points: Array) -> NDArray[np.bool_]:
+                height = points @ rotation[:, 2]
+                return (height > low) & (height < high)
+
+            return Selector("between two heights", inside)
+
+        turned = Volume(volume.points @ rotation.T, volume.tetrahedra)
+        model = HyperelasticModel(turned, Material(8e3, 0.4), at_height(-1.0, 1e-9), at_height(0.02 - 1e-9, 1.0))
+        body = QuasiStaticSolver(model)
+        force, _ = body.indent(rotation @ [0.018, 0.023, 0.02], 8e-3, 4e-3, outward=rotation @ UP)
+        forces.append(rotation.T @ force)
+    assert forces[1] == pytest.approx(forces[0], abs=1e-3 * forces[0][2])

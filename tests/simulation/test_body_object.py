@@ -69,7 +69,7 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
     assert on_body["object_force"][-1, 2] < -0.1
     np.testing.assert_allclose(on_body["stored_energy"][:, 0], 512.0 * on_body["deflection"][:, 2] ** 2, atol=1e-9)
     assert set(on_body["contact_nodes"][:, 0]) == {0.0, 1.0}
-    assert "only 1 nodes carry" in summarize(on_body)["verdict"]
+    assert "only 1 node carries" in summarize(on_body)["verdict"]
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])

@@ -98,6 +98,15 @@ def test_a_run_that_begins_inside_says_so(deep: float) -> None:
     assert ("began 3 mm deep in the mesh" in verdict) == (deep > 0.0), verdict
 
 
+def test_a_run_that_diverges_says_that_it_began_inside() -> None:
+    """A box of 80 mm that is read as one of 80 m: the tip starts meters below the surface."""
+    scenario = tables(mesh={"shape": "box", "edge": "80 m", "divisions": 8})
+    scenario["object"]["position"] = ["3 m", "2 m", "2 m"]
+    trace = simulate(scenario)
+    assert not trace.completed
+    assert "it began 2e+03 mm deep in the mesh; check object.position" in summarize(trace)["verdict"]
+
+
 def test_a_bounce_that_does_not_end_is_unstable() -> None:
     """A free arm under a constant force never rests past the critical stiffness that the wall's certificate gives."""
     hand = {"kind": "force", "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.5 N"]}

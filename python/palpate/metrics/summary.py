@@ -176,15 +176,16 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> list[str]:
     """Add the sliding metrics; return the details of a run on a mesh."""
     found = sliding_metrics(trace)
     summary["sliding"] = None if found is None else found.to_dict()
+    began = _began(float(trace["depth"][0, 0]), "mesh") if len(trace) else []
     if found is None or not trace.completed:
-        return []
+        return began
     text = f"slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found, trace)} at the end"
     if found.step_at_crossing is not None:
         text += (
             f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
             f"{found.step_at_crossing:.3g} N"
         )
-    return [text, *_began(float(trace["depth"][0, 0]), "mesh")]
+    return [text, *began]
 
 
 def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
@@ -218,7 +219,9 @@ def _at_the_end(found: SlidingMetrics | PalpationMetrics, trace: Trace) -> str:
 
 
 def _began(depth: float, touched: str) -> list[str]:
-    return [f"it began {depth * 1e3:.3g} mm deep in the {touched}"] if depth > MAX_INITIAL_DEPTH else []
+    if depth <= MAX_INITIAL_DEPTH:
+        return []
+    return [f"it began {depth * 1e3:.3g} mm deep in the {touched}; check object.position and the unit of its file"]
 
 
 def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:

@@ -144,4 +144,15 @@ TEST(StandardLinearSolid, IsPassiveOverClosedPaths) {
   EXPECT_GT(lost, 0.0);
 }
 
+// Law: the deflection at a held depth is that depth, however much of it has become creep.
+TEST(StandardLinearSolid, TheDeflectionIsThatOfTheTipWhileTheBodyCreeps) {
+  const Oscillator o;
+  palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(o.nodes, o.full(0.0).data()), 3.0, 0.02, 1e-3);
+  palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(o.nodes, body);
+  palpate::deformable::Tip tip;
+  tip.center = {0, 0, tip.radius - 1e-3};
+  for (int k = 0; k < 100; ++k) ASSERT_NEAR(contact.step(tip).deflection.z(), -1e-3, 1e-12) << k;
+  EXPECT_GT(body.free_displacement(0), 0.5e-3);
+}
+
 }  // namespace

@@ -1,0 +1,132 @@
+// Contact and friction on local models, and their updates by a slow solver.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <palpate/deformable/multirate/local_model_slip.hpp>
+#include <palpate/deformable/multirate/multirate_coupling.hpp>
+#include <vector>
+
+namespace {
+
+using palpate::deformable::LocalModel, palpate::deformable::LocalModelContact, palpate::deformable::LocalModelSlip,
+    palpate::deformable::Tip, palpate::deformable::TipPair, palpate::math::Vector3;
+
+/// Local model of a flat square of side x side nodes, z up, whose compliance falls off with the distance of two nodes.
+LocalModel flat_model(int side, double self, long version) {
+  LocalModel model;
+  std::vector<Vector3<>> points;
+  for (int i = 0; i < side * side; ++i) points.emplace_back(2e-3 * (i % side), 2e-3 * (i / side), 0.0);
+  const std::size_t n = points.size();
+  model.nodes = palpate::deformable::SurfaceNodes(points, std::vector<Vector3<>>(n, Vector3<>::UnitZ()), std::vector<double>(n, 4e-6));
+  model.compliance_matrix.assign(LocalModel::capacity * LocalModel::capacity, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    model.node_ids[i] = static_cast<std::int32_t>(i);
+    model.displacement[i].setZero();
+    for (std::size_t j = 0; j < n; ++j)
+      model.compliance_matrix[i * LocalModel::capacity + j] = self * std::exp(-(points[i] - points[j]).norm() / 3e-3);
+  }
+  model.version = version;
+  return model;
+}
+
+// Law: a node under two tips belongs to the deeper one, whichever comes first.
+TEST(LocalModelContact, TheOrderOfTheTipsDoesNotMatter) {
+  const LocalModel model = flat_model(8, 1e-3, 1);
+  for (const double depth : {0.8e-3, 1e-3, 1.4e-3}) {
+    std::array<TipPair, 2> orders;
+    for (std::size_t o = 0; o < 2; ++o) {
+      orders[o].count = 2;
+      for (Tip& tip : orders[o].tip) tip.radius = 6e-3;
+      orders[o].tip[o].center = {6e-3, 7e-3, 6e-3 - depth};
+      orders[o].tip[1 - o].center = {9e-3, 7e-3, 6e-3 - 1e-3};
+    }
+    auto one = std::make_unique<LocalModelContact>(), two = std::make_unique<LocalModelContact>();
+    const auto &a = one->solve(model, orders[0], 1.0, nullptr, 0), &b = two->solve(model, orders[1], 1.0, nullptr, 0);
+    ASSERT_TRUE(a.tip[0].touching && a.tip[1].touching);
+    for (std::size_t t = 0; t < 2; ++t) EXPECT_LT((a.tip[t].force - b.tip[1 - t].force).norm(), 1e-12) << depth;
+  }
+}
+
+// Law: a contact that has moved has the force of a new one there, while the patches that a flat end covers in part change.
+TEST(LocalModelContact, AContactThatMovedEqualsANewOne) {
+  const LocalModel model = flat_model(8, 1e-3, 1);
+  auto moved = std::make_unique<LocalModelContact>();
+  TipPair tips;
+  tips.count = 1;
+  tips.tip[0].kind = Tip::Kind::flat;
+  tips.tip[0].radius = 4e-3;
+  for (int k = 0; k < 60; ++k) {
+    tips.tip[0].center = {7e-3 + 2e-5 * k, 7e-3 - 1e-5 * k, -5e-4 - 1e-6 * k};
+    const Vector3<> force = moved->solve(model, tips, 1.0, moved->contact_nodes(), moved->last().nodes).tip[0].force;
+    auto fresh = std::make_unique<LocalModelContact>();
+    ASSERT_LT((fresh->solve(model, tips, 1.0, nullptr, 0).tip[0].force - force).norm(), 1e-9 * force.norm()) << k;
+  }
+}
+
+/// Drag of one pressed node with much friction.
+struct Drag {
+  static constexpr double ratio = 1.3, common = 1e-4;
+  LocalModelSlip slip{{5.0, 5.0}, ratio, common, 100};
+
+  Vector3<> step(const LocalModel& model, const Vector3<>& outward, std::int32_t node, const Vector3<>& tip_motion) {
+    const double force = 1.0;
+    slip.step(model, outward, &node, &force, 1, tip_motion);
+    return slip.force(node);
+  }
+};
+
+// Law: a sticking node moves with the tip in the plane across any contact direction, also a node that the local model does not contain.
+TEST(LocalModelSlip, ANodeSticksInThePlaneAcrossTheContactDirection) {
+  const LocalModel model = flat_model(3, 1e-3, 1);
+  for (const std::int32_t node : {4, 50})
+    for (const Vector3<>& outward : {Vector3<>(0, 0, 1), Vector3<>(1, 0, 0), Vector3<>(0, -1, 0), Vector3<>(0.6, 0, 0.8)}) {
+      Drag drag;
+      const Vector3<> motion(1e-5, 2e-5, -3e-5), along = motion - outward.dot(motion) * outward;
+      const Vector3<> force = drag.step(model, outward, node, motion);
+      EXPECT_LT((force - along / (Drag::ratio * 1e-3 + Drag::common)).norm(), 1e-9) << node << ' ' << outward.transpose();
+      EXPECT_LT((drag.slip.displacement(node) - along).norm(), 1e-12);
+    }
+}
+
+// Law: a softer model keeps the energy of the friction, a stiffer one its forces; the displacements are those of the new model.
+TEST(LocalModelSlip, ANewModelNeverAddsEnergy) {
+  for (const double softer : {0.5, 1.0, 3.0}) {
+    const LocalModel first = flat_model(3, 1e-3, 1), second = flat_model(3, softer * 1e-3, 2);
+    Drag drag;
+    const Vector3<> before = drag.step(first, Vector3<>::UnitZ(), 4, {1e-4, -5e-5, 0.0}), place = drag.slip.displacement(4);
+    const Vector3<> after = drag.step(second, Vector3<>::UnitZ(), 4, Vector3<>::Zero());
+    const double was = Drag::ratio * 1e-3 + Drag::common, is = Drag::ratio * softer * 1e-3 + Drag::common;
+    EXPECT_LT((after - std::min(1.0, std::sqrt(was / is)) * before).norm(), 1e-9) << softer;
+    EXPECT_LT((drag.slip.displacement(4) - is * after).norm(), 1e-12) << softer;
+    EXPECT_LE(after.dot(drag.slip.displacement(4)), before.dot(place) * (1.0 + 1e-12)) << softer;
+  }
+}
+
+/// Slow solver whose residual halves at each update.
+struct Halving {
+  struct Report {
+    double relative_residual = 1.0;
+  };
+  Report report{};
+  Report step(const TipPair& /*tips*/, LocalModel& to) {
+    to = flat_model(3, 1e-3, ++version);
+    report.relative_residual *= 0.5;
+    return report;
+  }
+  void reset() { report = {}; }
+  long version = 0;
+};
+
+// Law: settling updates until two residuals in a row are at rest, and says whether they were.
+TEST(MultirateCoupling, SettlesAtEquilibriumOnly) {
+  for (const int updates : {5, 14, 15, 40}) {
+    palpate::deformable::MultirateCoupling<Halving> coupling(std::make_unique<Halving>());
+    EXPECT_EQ(coupling.settle({}, updates), updates >= 15) << updates;  // 2^-14 < 1e-4 < 2^-13
+    EXPECT_EQ(coupling.update_count(), std::min(updates, 15) + 1) << updates;
+  }
+}
+
+}  // namespace

@@ -273,4 +273,40 @@ TEST(PlantIntegrator, TissueBetweenFreeMassesIsADampedOscillator) {
   EXPECT_NEAR(tip * s.q[0] + mass * s.hand_position[0], tip * 0.01, 1e-12);
 }
 
+// Law: one step is Nystrom's with the equations of motion at the exact poses, also where the joints turn by radians in it.
+TEST(PlantIntegrator, AStepIsNystromsHoweverFarTheJointsTurn) {
+  const PlantIntegrator<Premium> motion(arm, JointFriction<3>{}, HumanArm{});
+  const Joints<3> torque(0.05, -0.02, 0.01);
+  const double h = 1e-3;
+  for (const double speed : {1.0, 100.0, 2500.0}) {
+    PlantState<3> s;
+    s.q = Joints<3>(0.2, 2.0, 3.0);
+    s.qd = speed * Joints<3>(0.7, -1.0, 0.8);
+    const auto a = [&torque](const Joints<3>& q, const Joints<3>& v) { return Joints<3>(arm.acceleration(q, v, torque)); };
+    const Joints<3> q = s.q, v = s.qd, k1 = a(q, v), middle = q + 0.5 * h * v + 0.125 * h * h * k1;
+    const Joints<3> k2 = a(middle, v + 0.5 * h * k1), k3 = a(middle, v + 0.5 * h * k2);
+    const Joints<3> k4 = a(q + h * v + 0.5 * h * h * k3, v + h * k3);
+    motion.advance(s, torque, ForceSegment<>{}, h, 1);
+    EXPECT_LT((s.q - q - h * v - h * h / 6.0 * (k1 + k2 + k3)).norm(), 1e-11 * (1.0 + h * v.norm())) << speed;
+    EXPECT_LT((s.qd - v - h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)).norm(), 1e-10 * v.norm()) << speed;
+  }
+}
+
+// Law: dry friction opposes the motion from its begin on, and the motion is exact through its reversal: v' = (F -+ f) / m.
+TEST(PlantIntegrator, DryFrictionIsExactThroughBreakawayAndReversal) {
+  const double mass = 0.06, dry = 0.04, force = 0.1, period = 1e-3;
+  JointFriction<1> friction;
+  friction.coulomb[0] = friction.breakaway[0] = dry;
+  const PlantIntegrator<Slider> motion(Slider(mass), friction, HumanArm{});
+  for (const double sign : {1.0, -1.0})
+    for (const double start : {0.0, 1e-3}) {  // at rest; against the force, with its end in the middle of a substep
+      PlantState<1> s;
+      s.qd[0] = -sign * start;
+      for (int k = 0; k < 3; ++k) motion.advance(s, Joints<1>(sign * force), ForceSegment<>{}, period, 2);
+      const double stops = start * mass / (force + dry), left = 3.0 * period - stops, forth = (force - dry) / mass;
+      EXPECT_NEAR(s.qd[0], sign * forth * left, 1e-12) << start;
+      EXPECT_NEAR(s.q[0], sign * (0.5 * forth * left * left - 0.5 * start * stops), 1e-14) << start;
+    }
+}
+
 }  // namespace

@@ -461,4 +461,45 @@ TEST(Servo, CommandAndTorqueAgreeWhileTheyFade) {
   }
 }
 
+/// Controller of constant force that keeps the last applied one.
+struct Pusher {
+  using Scalar = double;
+  Vector3<> last = Vector3<>::Zero();
+  Vector3<> command(const TickInput& /*in*/) noexcept { return {5.0, 0.0, 0.0}; }
+  void applied(const Vector3<>& force) noexcept { last = force; }
+};
+
+// Law: a controller receives the force that the drive delivers, not the one that it asked for.
+TEST(Servo, AControllerReceivesTheForceAfterTheLimits) {
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  setup.limits.peak_force = 2.0;
+  Servo<Premium, SpringWall, Pusher> servo(setup, {}, {});
+  const auto& tick = servo.tick(pose, Vector3<>::Zero());
+  EXPECT_TRUE(tick.saturated);
+  EXPECT_NEAR(servo.controller().last.norm(), 2.0, 1e-12);
+  EXPECT_EQ(servo.controller().last, tick.command);
+}
+
+// Law: the drive limits the torque that holds the device before the first computed one.
+TEST(Servo, TheDriveLimitsTheTorqueBeforeTheFirstTick) {
+  ServoSetup<Premium> setup{.mechanism = arm, .start = pose};
+  setup.delay = 2;
+  setup.gravity_compensation = Vector3<>(0.0, 3.0, 0.0);
+  setup.limits.peak_torque = Joints<3>::Constant(0.05);
+  Servo<Premium, SpringWall> servo(setup);
+  EXPECT_NEAR(servo.tick(pose, Vector3<>::Zero()).torque.cwiseAbs().maxCoeff(), 0.05, 1e-12);
+}
+
+// Law: after a reset the first sample is anywhere, and no faults are counted.
+TEST(Servo, AResetForgetsTheLastSampleAndTheFaults) {
+  GuardedLoop loop;
+  auto servo = loop.loop({.speed = 20.0, .fade = 10e-3});
+  servo.tick(pressed, Vector3<>::Zero());
+  EXPECT_TRUE(servo.tick(pressed + Joints<3>::Constant(0.5), Vector3<>::Zero()).fault);
+  EXPECT_EQ(servo.faults(), 1);
+  servo.reset(pose);
+  EXPECT_EQ(servo.faults(), 0);
+  EXPECT_FALSE(servo.tick(pressed + Joints<3>::Constant(0.5), Vector3<>::Zero()).fault);
+}
+
 }  // namespace

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "palpate/deformable/hyperelastic/corotational.hpp"
+#include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
 #include "palpate/deformable/hyperelastic/neo_hookean.hpp"
+#include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
 
 namespace palpate::deformable::detail {
 
@@ -43,7 +45,7 @@ class ModelOf final : public AnyHyperelasticModel {
       double left = 0.0;
       for (std::size_t i = 0; i < load_.size(); ++i) left += (load_[i] - model_.gradient()[i]) * (load_[i] - model_.gradient()[i]);
       if (left <= tolerance * tolerance * size) return k;
-      if (k < max_steps) model_.step(load_.data(), 1e-4F, 300);
+      if (k < max_steps) model_.step(DeadLoad{load_.data(), load_.size()}, 1e-4F, 300);
     }
     return -1;
   }
@@ -84,7 +86,7 @@ class SolverOf final : public AnyQuasiStaticSolver {
   }
 
   void displacement(double* to) const override { solver_.displacement(to); }
-  [[nodiscard]] double energy() override { return solver_.model().energy(); }
+  [[nodiscard]] double energy() override { return solver_.energy(); }
   void reset() override { solver_.reset(); }
   [[nodiscard]] std::unique_ptr<AnyQuasiStaticSolver> clone_at_rest() const override {
     auto same = std::make_unique<SolverOf>(*this);

@@ -61,24 +61,16 @@ void check(const ModelCore& self, const Points& vectors) {
   if (vectors.shape(0) != self.points) throw nb::value_error("the array must have one row for each point");
 }
 
-palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Numbers& areas, const Integers& begin,
-                                           const Integers& shared, const Numbers& weights, const Triangles& triangles) {
+palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Triangles& triangles) {
   const std::size_t n = point.shape(0);
   const auto fits = [points](const auto& numbers, std::size_t count) {
     return std::all_of(numbers.data(), numbers.data() + count,
                        [points](std::int32_t p) { return p >= 0 && p < static_cast<std::int32_t>(points); });
   };
-  const std::size_t shares = shared.shape(0);
-  if (n == 0 || areas.shape(0) != n || begin.shape(0) != n + 1 || weights.shape(0) != shares ||
-      begin.data()[n] != static_cast<std::int32_t>(shares) || !std::is_sorted(begin.data(), begin.data() + n + 1) || begin.data()[0] != 0 ||
-      !fits(point, n) || !fits(shared, shares) || !fits(triangles, 3 * triangles.shape(0)))
+  if (n == 0 || !fits(point, n) || !fits(triangles, 3 * triangles.shape(0)))
     throw nb::value_error("the arrays of the body's surface do not match");
   palpate::deformable::TetSurface surface;
   surface.point.assign(point.data(), point.data() + n);
-  surface.area.assign(areas.data(), areas.data() + n);
-  surface.patch_begin.assign(begin.data(), begin.data() + n + 1);
-  surface.patch_point.assign(shared.data(), shared.data() + shares);
-  surface.patch_weight.assign(weights.data(), weights.data() + shares);
   for (std::size_t t = 0; t < triangles.shape(0); ++t)
     surface.triangles.push_back({triangles.data()[3 * t], triangles.data()[3 * t + 1], triangles.data()[3 * t + 2]});
   return surface;
@@ -164,14 +156,12 @@ void bind_solver(nb::module_& m) {
       .def(
           "__init__",
           [](SolverCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
-             bool corotational, const Integers& point, const Numbers& areas, const Integers& begin, const Integers& shared,
-             const Numbers& weights, const Triangles& triangles, int nodes_per_tip) {
-            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
-                                   surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
+             bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip) {
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
+                                   nodes_per_tip);
             new (self) SolverCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyQuasiStaticSolver>(std::move(solid))};
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
-          "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a)
       .def(
           "simulate_path",
           [](SolverCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int update_interval) {
@@ -315,20 +305,19 @@ void bind_hyperelastic(nb::module_& m) {
       .def(
           "__init__",
           [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& fixed, bool corotational, const Integers& point, const Numbers& areas, const Integers& begin,
-             const Integers& shared, const Numbers& weights, const Triangles& triangles, int nodes_per_tip, int update_interval,
-             double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic) {
+             const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip,
+             int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
-            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
-                                   surface_of(points.shape(0), point, areas, begin, shared, weights, triangles), nodes_per_tip);
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
+                                   nodes_per_tip);
             new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
                                         mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
                                                                                               common_compliance, point.shape(0))
                                                         : palpate::deformable::LocalModelSlip());
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "areas"_a, "patch_begin"_a,
-          "patch_points"_a, "patch_weights"_a, "triangles"_a, "nodes_per_tip"_a, "update_interval"_a, "tangential_ratio"_a = 1.0,
-          "common_compliance"_a = 0.0, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a,
+          "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0)
       .def(
           "simulate_path",
           [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat) {

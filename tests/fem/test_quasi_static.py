@@ -71,9 +71,8 @@ def test_a_column_that_stands_under_the_tip_only_is_pressed_by_a_quarter(law: La
     held = []
     for depth in depths:
         force, displacement = column.indent(point, RADIUS, depth, outward=UP, tip=tip)
-        strain = solid.evaluate(displacement)
-        held.append(strain.energy)
-        assert force[2] == pytest.approx(-strain.forces[:, 2].sum(), rel=0.02)
+        held.append(column.core.energy())
+        assert force[2] == pytest.approx(-solid.evaluate(displacement).forces[:, 2].sum(), rel=0.02)
     middle, _ = column.indent(point, RADIUS, depths[1], outward=UP, tip=tip)
     if tip == "sphere":
         assert middle[2] == pytest.approx((held[2] - held[0]) / (depths[2] - depths[0]), rel=0.02)
@@ -121,8 +120,9 @@ def test_the_snapshots_compliance_is_that_of_the_tangent() -> None:
         way[dof] = 1.0
         k[:, column] = np.asarray(solid.core.tangent(way.reshape(-1, 3))).ravel()[free]
     node = names[:, 0].astype(int)
-    weights = solid.elements.load[:, node].toarray()
-    load = -np.einsum("pi,ia->pai", weights, normals).reshape(-1, len(node))[free]
+    load = np.zeros((len(solid.points), 3, len(node)))
+    load[solid.elements.contact_nodes[node], :, np.arange(len(node))] = -normals
+    load = load.reshape(-1, len(node))[free]
     expected = load.T @ np.linalg.solve(0.5 * (k + k.T), load)
     assert np.abs(compliance - compliance.T).max() == 0.0
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -149,7 +149,7 @@ def wander(rng: np.random.Generator, ticks: int, tips: int = 1) -> Array:
         for axis in range(3):
             amplitude = rng.standard_normal(3) / waves * (5e-3 if axis < 2 else 2.5e-3)
             path[:, tip, axis] = np.sin(waves * t + rng.uniform(0, 6, 3)) @ amplitude
-        path[:, tip] += [0.02 if tips == 1 else 0.012 + 0.016 * tip, 0.02, 0.03 + RADIUS - 2e-3]
+        path[:, tip] += [0.02 if tips == 1 else 0.012 + 0.016 * tip, 0.02, 0.03 + RADIUS - 3e-3]
     lift = 0.03 * (1 - np.sin(t[:, 0] / 2)) ** 2
     path[..., 2] += lift[:, None]
     return path

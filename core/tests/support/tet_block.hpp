@@ -36,27 +36,10 @@ struct TetBlock {
   [[nodiscard]] std::int32_t corner(int i, int j, int k, int c) const { return number(i + (c >> 2), j + ((c >> 1) & 1), k + (c & 1)); }
   [[nodiscard]] const palpate::math::Vector3<>& at(std::int32_t p) const { return mesh.points[static_cast<std::size_t>(p)]; }
 
-  /// Half of the force on a top node acts on its point, the rest on the neighboring points.
   [[nodiscard]] palpate::deformable::TetSurface top() const {
     palpate::deformable::TetSurface surface;
-    surface.patch_begin.push_back(0);
     for (int i = 0; i <= nx; ++i)
-      for (int j = 0; j <= ny; ++j) {
-        surface.point.push_back(number(i, j, nz));
-        surface.area.push_back(side * side);
-        std::vector<std::int32_t> around;
-        if (i > 0) around.push_back(number(i - 1, j, nz));
-        if (i < nx) around.push_back(number(i + 1, j, nz));
-        if (j > 0) around.push_back(number(i, j - 1, nz));
-        if (j < ny) around.push_back(number(i, j + 1, nz));
-        surface.patch_point.push_back(number(i, j, nz));
-        surface.patch_weight.push_back(0.5);
-        for (const std::int32_t p : around) {
-          surface.patch_point.push_back(p);
-          surface.patch_weight.push_back(0.5 / static_cast<double>(around.size()));
-        }
-        surface.patch_begin.push_back(static_cast<std::int32_t>(surface.patch_point.size()));
-      }
+      for (int j = 0; j <= ny; ++j) surface.point.push_back(number(i, j, nz));
     for (int i = 0; i < nx; ++i)
       for (int j = 0; j < ny; ++j) {
         surface.triangles.push_back({number(i, j, nz), number(i + 1, j, nz), number(i + 1, j + 1, nz)});

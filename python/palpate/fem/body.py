@@ -261,7 +261,6 @@ class Body(IndentableBody):
         """Return the arrays of the core's hyperelastic body by name: of the tetrahedra, and of the contact surface."""
         contents, poisson = self.contents, self._recorded("poisson")
         nodes, triangles = self._volume_triangles()
-        begin, points, weights = self._patches()
         volume = {
             "points": np.ascontiguousarray(contents.vertices),
             "tetrahedra": np.ascontiguousarray(contents.tetrahedra, dtype=np.int64),
@@ -271,10 +270,6 @@ class Body(IndentableBody):
         }
         surface = {
             "node_points": np.ascontiguousarray(nodes, dtype=np.int32),
-            "areas": np.ascontiguousarray(contents.areas),
-            "patch_begin": begin,
-            "patch_points": points,
-            "patch_weights": weights,
             "triangles": np.ascontiguousarray(triangles, dtype=np.int32),
         }
         return volume, surface

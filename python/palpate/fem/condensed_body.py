@@ -163,6 +163,11 @@ class CondensedBody:
         return sparse.csr_matrix((weights, vertices, begin), shape=(len(self.nodes), len(self.contents.vertices)))
 
     @cached_property
+    def node_vertices(self) -> Indices:
+        """Mesh vertex of each node (n,)."""
+        return np.asarray(self._volume_triangles()[0])
+
+    @cached_property
     def spring_network(self) -> SpringNetwork:
         """Masses and springs of `mass_spring`. Takes a few seconds for thousands of vertices."""
         density = self._recorded("density_kg_per_m3")

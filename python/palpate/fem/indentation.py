@@ -84,7 +84,8 @@ class IndentableBody(CondensedBody):
             BodyError: the depth is negative or exceeds the body along the press.
             BodyError: the radius is not positive or exceeds the body's extent.
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
-            BodyError: the tip loses contact, or a body under large displacements finds no equilibrium.
+            BodyError: the tip loses contact, or a body under large displacements finds no equilibrium or has inverted
+                tetrahedra.
         """
         if static := self._static_body():
             return static.indent(point, radius, depth, tip=tip)
@@ -199,7 +200,10 @@ class IndentableBody(CondensedBody):
             position = center + (deep - depths[step]) * normal
             return np.asarray(core.settle(position[None], normal[None], size, tip == "flat", _MAX_UPDATES)[0])
 
-        return _history(settle_at_depths(depths, settle)[None])
+        def inverted() -> int:
+            return count_inverted(self.contents.vertices, self.contents.tetrahedra, np.asarray(core.displacement()))
+
+        return _history(settle_at_depths(depths, settle, inverted)[None])
 
     def _settle(self, center: Array, size: float, normal: Array, tip: TipShape, period: float) -> ContactHistory:
         """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s."""
@@ -302,10 +306,10 @@ class IndentableBody(CondensedBody):
         """Return the mean displacement of each node's patch (n, 3), m.
 
         A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body gives
-        its current displacement, a hyperelastic body that of the last model update.
+        its current displacement, a hyperelastic body that of each node's vertex at the last model update.
         """
         if isinstance(self.core, _core.HyperelasticBody):
-            return np.asarray(self.patch_weights @ self.core.displacement())
+            return np.asarray(self.core.displacement())[self.node_vertices]
         if isinstance(self.core, _core.MassSpringBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.contact_forces()
@@ -319,7 +323,7 @@ def _static_options(kind: ModelSpec) -> dict[str, float | str]:
     return {name: value for name, value in kind.options.items() if name == "sideways_fraction"}
 
 
-def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:
+def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Callable[[], int]) -> Array:
     """Press a tip in by equilibria at `depths` (m,), m, and return the core's row at the last one.
 
     A body that buckles may have no equilibrium at some depths in between.
@@ -328,20 +332,26 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:
         depths: increasing.
         settle: moves the tip to the depth of an index and returns a row. Column 7 of the row is the number of nodes
             in contact, the last column is positive at equilibrium.
+        inverted: returns the number of tetrahedra of negative volume at present.
 
     Raises:
         BodyError: there is no equilibrium at the last depth or at ten consecutive ones, or the tip has lost contact
-            at the last depth.
+            or inverted tetrahedra at the last depth.
     """
     settled_depth, touched, unsettled = 0.0, False, 0
     for index, depth in enumerate(depths):
         row = settle(index)
         contact, settled, last = row[_NODES] > 0, row[-1] > 0, index + 1 == len(depths)
         touched, unsettled = touched or contact, 0 if settled else unsettled + 1
-        if contact and settled:
+        turned = inverted()
+        if contact and settled and turned == 0:
             settled_depth = 1e3 * depth
-        if (last and (not settled or (touched and not contact))) or unsettled >= _MAX_UNSETTLED:
-            problem = "the tip loses contact with the body" if touched and not contact else "there is no equilibrium"
+        if (last and (not settled or turned > 0 or (touched and not contact))) or unsettled >= _MAX_UNSETTLED:
+            problem = "there is no equilibrium"
+            if touched and not contact:
+                problem = "the tip loses contact with the body"
+            elif settled:
+                problem = f"the tip inverts {turned} tetrahedra of the body"
             until = (
                 f"the last equilibrium in contact was at {settled_depth:.3g} mm"
                 if settled_depth > 0
@@ -349,6 +359,13 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array]) -> Array:
             )
             raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
     return row
+
+
+def count_inverted(points: Array, tetrahedra: Indices, displacement: Array) -> int:
+    """Return how many tetrahedra (c, 4) of a mesh with points (p, 3), m, a displacement (p, 3), m, turns inside out."""
+    then, now = points[tetrahedra], (points + displacement)[tetrahedra]
+    change = np.linalg.det(then[:, 1:] - then[:, :1]) * np.linalg.det(now[:, 1:] - now[:, :1])
+    return int((change < 0.0).sum())
 
 
 def _warn_of_few_nodes(deep: float, count: int, error: float | None) -> None:

@@ -54,7 +54,6 @@ def _hyperelastic_data(body: Body) -> ModelData:
     volume, surface = body._hyperelastic_arrays()
     arrays: Arrays = volume | surface
     arrays |= {"tetrahedra": volume["tetrahedra"].astype(np.int32), "fixed": volume["fixed"].astype(np.uint8)}
-    arrays["patch_vertices"] = arrays.pop("patch_points")
     ratio, common = body.tangential_compliance
     parameters: dict[str, float | str] = {
         "law": str(options["law"]),

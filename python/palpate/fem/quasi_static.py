@@ -25,7 +25,7 @@ from palpate.fem.checks import (
 )
 from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
-from palpate.fem.indentation import settle_at_depths
+from palpate.fem.indentation import count_inverted, settle_at_depths
 
 
 class MultiTipHistory(NamedTuple):
@@ -71,15 +71,9 @@ class QuasiStaticSolver:
             raise BodyError(f"solid: a palpate.fem.HyperelasticModel is needed, not {solid!r}")
         self.solid = solid
         elements = solid.elements
-        load = elements.load
-        load.sort_indices()
         self.core = _core.QuasiStaticSolver(
             *solid.arrays(),
             np.ascontiguousarray(elements.contact_nodes, dtype=np.int32),
-            np.ascontiguousarray(elements.areas),
-            np.ascontiguousarray(load.indptr, dtype=np.int32),
-            np.ascontiguousarray(load.indices, dtype=np.int32),
-            np.ascontiguousarray(load.data),
             np.ascontiguousarray(elements.triangles, dtype=np.int32),
             whole(nodes_per_tip, "nodes_per_tip", 4, 64),
         )
@@ -108,7 +102,7 @@ class QuasiStaticSolver:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
 
         Raises:
-            BodyError: the tip loses contact, or there is no equilibrium.
+            BodyError: the tip loses contact or inverts tetrahedra, or there is no equilibrium.
         """
         x, size, deep = point_of(point), positive(radius, "m", "radius"), indentation_depth(depth)
         normal = directions(outward, (3,))
@@ -120,7 +114,10 @@ class QuasiStaticSolver:
             arguments = _core_path(path[index : index + 1], size, normal, tip)
             return np.asarray(self.core.settle(*arguments, max_updates)[0])
 
-        return settle_at_depths(depths[:, 0], settle)[0:3], self.displacement()
+        def inverted() -> int:
+            return count_inverted(self.solid.points, self.solid.elements.volume.tetrahedra, self.displacement())
+
+        return settle_at_depths(depths[:, 0], settle, inverted)[0:3], self.displacement()
 
     def simulate_path(
         self,

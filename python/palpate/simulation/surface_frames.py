@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from palpate import _core
+from palpate.arrays import Indices
 from palpate.fem.errors import BodyError
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import Simulation
@@ -42,10 +42,10 @@ class SurfaceFrames:
             raise BodyError(f"frames come at a positive rate in Hz, not {rate:g}")
         body = scenario_body(experiment.scenario)
         self._core: _core.DeformationFrames | _core.SurfaceFrames
-        self._shares: sparse.csr_matrix | None = None
+        self._vertices: Indices | None = None
         if isinstance(body.core, _core.HyperelasticBody):
-            self._shares = body.patch_weights
-            self._core = _core.DeformationFrames(self._shares.shape[1])
+            self._vertices = body.node_vertices
+            self._core = _core.DeformationFrames(len(body.contents.vertices))
         else:
             self._core = _core.SurfaceFrames(np.ascontiguousarray(body.compliance), rate)
         experiment.setup.set_observer(self._core)
@@ -53,4 +53,4 @@ class SurfaceFrames:
     def latest(self) -> Frame:
         """Return the last frame; all zeros before the first. Never waits."""
         number, tick, displacement = self._core.latest()
-        return Frame(number, tick, displacement if self._shares is None else self._shares @ displacement)
+        return Frame(number, tick, displacement if self._vertices is None else displacement[self._vertices])

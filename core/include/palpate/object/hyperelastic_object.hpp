@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -36,7 +37,7 @@ class HyperelasticObject final : public DeformableObject {
     result_.energy = coupling_.model_switch().tank().potential;
     result_.tank_energy = coupling_.model_switch().tank().level;
     result_.nodes = 0;
-    coupling_.model_switch().for_each_contact_node(coupling_.models(), [this](std::int32_t node, double force, const Vector3<>& push) {
+    coupling_.model_switch().for_each_contact_node([this](std::int32_t node, double force, const Vector3<>& push) {
       const auto k = static_cast<std::size_t>(result_.nodes++);
       contact_nodes_[k] = node;
       forces_[k] = force;
@@ -132,8 +133,10 @@ class HyperelasticObject final : public DeformableObject {
     const Vector3<> tip_motion = has_last_center_ ? Vector3<>(tip.center - last_center_) : Vector3<>::Zero();
     last_center_ = tip.center;
     has_last_center_ = last_center_.allFinite();
-    slip_.step(coupling_.current_model(), tip.kind == deformable::Tip::Kind::flat ? tip.outward : outward_, contact_nodes_.data(),
-               forces_.data(), result_.nodes, tip_motion);
+    const bool flat = tip.kind == deformable::Tip::Kind::flat;
+    for (std::size_t k = 0; flat && k < static_cast<std::size_t>(result_.nodes); ++k)
+      forces_[k] = std::max(-node_forces_[k].dot(tip.outward), 0.0);  // without the pressure on the rounded edge
+    slip_.step(coupling_.current_model(), flat ? tip.outward : outward_, contact_nodes_.data(), forces_.data(), result_.nodes, tip_motion);
     double total = 0.0;
     Vector3<> along = Vector3<>::Zero();
     for (int k = 0; k < result_.nodes; ++k) {

@@ -165,14 +165,8 @@ template <class Model>
 [[nodiscard]] inline deformable::TetSurface read_tet_surface(ConfigReader& reader, const Section& from, std::size_t points) {
   deformable::TetSurface out;
   for (const auto& row : read_indices<1>(from, "node_points", points)) out.point.push_back(row[0]);
-  const auto nodes = static_cast<std::int64_t>(out.point.size());
-  out.area = from.blob<double>("areas", nodes, 1);
-  deformable::PatchWeights patches = read_patches(reader, from, nodes, points);
-  out.patch_begin = std::move(patches.begin);
-  out.patch_point = std::move(patches.vertices);
-  out.patch_weight = std::move(patches.weights);
   out.triangles = read_indices<3>(from, "triangles", points);
-  if (reader.ok() && nodes == 0) from.fail("node_points", "is empty");
+  if (reader.ok() && out.point.empty()) from.fail("node_points", "is empty");
   return out;
 }
 

@@ -166,7 +166,7 @@ double shear_work(double poisson) {
   double sum = 0.0;
   for (std::int32_t i = 0; i < solid.free_nodes(); ++i)
     if (block.at(solid.point_of(i)).z() > 6 * block.side - 1e-9) load[3 * static_cast<std::size_t>(i)] = 1e-3;
-  for (int k = 0; k < 10; ++k) solid.step(load.data(), 1e-3F, 300);
+  for (int k = 0; k < 10; ++k) solid.step(palpate::deformable::DeadLoad{load.data(), load.size()}, 1e-3F, 300);
   for (std::size_t k = 0; k < load.size(); ++k) sum += load[k] * solid.displacement()[k];
   return sum;
 }
@@ -186,7 +186,7 @@ TEST(HyperelasticModel, NewtonConvergesUnderALargeLoad) {
     if (block.at(solid.point_of(i)).z() > 6 * block.side - 1e-9) load[3 * static_cast<std::size_t>(i)] = 2e-3;
   double total = 0.0, residual = 0.0;
   for (int k = 0; k < 30; ++k) {
-    const auto step = solid.step(load.data(), 1e-4F, 200);
+    const auto step = solid.step(palpate::deformable::DeadLoad{load.data(), load.size()}, 1e-4F, 200);
     residual = step.residual;
     double now = solid.energy();
     for (std::size_t i = 0; i < load.size(); ++i) now -= load[i] * solid.displacement()[i];

@@ -95,7 +95,7 @@ def _choose_step(held: HeldTip) -> float:
     """Return the step, m, whose opposite displacements are answered most alike."""
     found = []
     for relative in _STEPS:
-        forth, back = _impulses(held, relative * held.radius, 3 * held.every)
+        forth, back = _impulses(held, relative * held.radius, _UPDATES * held.every)
         odd = float(np.abs(forth - back).max()) / max(float(np.abs(forth + back).max()), 1e-300)
         found.append((odd, relative * held.radius))
     return min(found)[1]

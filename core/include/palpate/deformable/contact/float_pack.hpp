@@ -65,6 +65,17 @@ struct FloatPack {
   [[gnu::always_inline]] friend FloatPack operator-(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v - b.v)); }
   [[gnu::always_inline]] friend FloatPack operator*(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v * b.v)); }
   [[gnu::always_inline]] friend FloatPack operator/(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v / b.v)); }
+  [[gnu::always_inline]] friend bool any(Mask m) {
+#if defined(__AVX__)
+    return _mm256_movemask_ps(__m256(m.bits)) != 0;
+#elif defined(__SSE2__)
+    return _mm_movemask_ps(__m128(m.bits)) != 0;
+#else
+    bool set = false;
+    for (int l = 0; l < float_lanes; ++l) set = set || m.bits[l] != 0;
+    return set;
+#endif
+  }
   [[gnu::always_inline]] friend Mask operator<(FloatPack a, FloatPack b) { return {a.v < b.v}; }
   [[gnu::always_inline]] friend Mask operator>(FloatPack a, FloatPack b) { return {a.v > b.v}; }
   [[gnu::always_inline]] friend FloatPack select(Mask m, FloatPack a, FloatPack b) { return FloatPack(Floats(m.bits ? a.v : b.v)); }

@@ -52,6 +52,35 @@ struct TipGeometry {
     return std::hypot(std::max(side, 0.0), std::max(end, 0.0)) + std::min(std::max(side, end), 0.0) - rim;
   }
 
+  /// Depth in a cylinder as of evaluate(), whose radius and rim may differ by lane.
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] static Depth<Scalar> in_cylinder(const Vector3<Scalar>& y, const Vector3<Scalar>& normal,
+                                                                     const Vector3<>& axis, Scalar radius, Scalar rim) noexcept {
+    using std::sqrt;
+    const Scalar zero(0.0), one(1.0);
+    const Vector3<Scalar> a{Scalar(axis[0]), Scalar(axis[1]), Scalar(axis[2])};
+    const Scalar along = (y[0] * a[0] + y[1] * a[1]) + y[2] * a[2];
+    const Vector3<Scalar> aside = y - along * a;
+    const Scalar off_axis = sqrt((aside[0] * aside[0] + aside[1] * aside[1]) + aside[2] * aside[2] + Scalar(1e-30));
+    const Vector3<Scalar> radial = aside * (one / off_axis);
+    const Scalar side = off_axis - (radius - rim), end = rim - along;
+    const Scalar u = max_of(side, zero), v = max_of(end, zero), rounded = sqrt(u * u + v * v);
+    const auto outside = rounded > zero;
+    const auto flank = side > end;
+    const Scalar scale = one / max_of(rounded, Scalar(1e-12) * radius);
+    const Scalar across = select(outside, u * scale, select(flank, one, zero));  // components of `away`
+    const Scalar endward = select(outside, v * scale, select(flank, zero, one));
+    const Vector3<Scalar> away = across * radial - endward * a;
+    const Vector3<Scalar> around = endward * radial + across * a;  // along the profile of the rim
+    const Scalar radial_part = (normal[0] * radial[0] + normal[1] * radial[1]) + normal[2] * radial[2];
+    const Scalar axial_part = (normal[0] * a[0] + normal[1] * a[1]) + normal[2] * a[2];
+    const auto on_rim = (side > zero) & (end > zero);
+    const Scalar turning = select(on_rim, (endward * radial_part + across * axial_part) / max_of(rounded, Scalar(1e-3) * rim), zero);
+    const Vector3<Scalar> bend =
+        turning * around + (across / max_of(off_axis, Scalar(1e-3) * radius)) * (normal - radial_part * radial - axial_part * a);
+    return {rim - rounded - min_of(max_of(side, end), zero), away, bend};
+  }
+
  private:
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Depth<Scalar> in_capsule(Vector3<Scalar> y, const Vector3<Scalar>& normal) const noexcept {
@@ -74,29 +103,7 @@ struct TipGeometry {
 
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Depth<Scalar> in_cylinder(const Vector3<Scalar>& y, const Vector3<Scalar>& normal) const noexcept {
-    using std::sqrt;
-    const Scalar zero(0.0), one(1.0);
-    const Vector3<Scalar> a{Scalar(axis[0]), Scalar(axis[1]), Scalar(axis[2])};
-    const Scalar along = (y[0] * a[0] + y[1] * a[1]) + y[2] * a[2];
-    const Vector3<Scalar> aside = y - along * a;
-    const Scalar off_axis = sqrt((aside[0] * aside[0] + aside[1] * aside[1]) + aside[2] * aside[2] + Scalar(1e-30));
-    const Vector3<Scalar> radial = aside * (one / off_axis);
-    const Scalar side = off_axis - Scalar(radius - rim), end = Scalar(rim) - along;
-    const Scalar u = max_of(side, zero), v = max_of(end, zero), rounded = sqrt(u * u + v * v);
-    const auto outside = rounded > zero;
-    const auto flank = side > end;
-    const Scalar scale = one / max_of(rounded, Scalar(1e-12 * radius));
-    const Scalar across = select(outside, u * scale, select(flank, one, zero));  // components of `away`
-    const Scalar endward = select(outside, v * scale, select(flank, zero, one));
-    const Vector3<Scalar> away = across * radial - endward * a;
-    const Vector3<Scalar> around = endward * radial + across * a;  // along the profile of the rim
-    const Scalar radial_part = (normal[0] * radial[0] + normal[1] * radial[1]) + normal[2] * radial[2];
-    const Scalar axial_part = (normal[0] * a[0] + normal[1] * a[1]) + normal[2] * a[2];
-    const auto on_rim = (side > zero) & (end > zero);
-    const Scalar turning = select(on_rim, (endward * radial_part + across * axial_part) / max_of(rounded, Scalar(1e-3 * rim)), zero);
-    const Vector3<Scalar> bend =
-        turning * around + (across / max_of(off_axis, Scalar(1e-3 * radius))) * (normal - radial_part * radial - axial_part * a);
-    return {Scalar(rim) - rounded - min_of(max_of(side, end), zero), away, bend};
+    return in_cylinder<Scalar>(y, normal, axis, Scalar(radius), Scalar(rim));
   }
 };
 

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
-#include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
-#include "palpate/deformable/hyperelastic/quasi_static_solver.hpp"
+#include "palpate/deformable/hyperelastic/solver_options.hpp"
+#include "palpate/deformable/hyperelastic/tet_mesh.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
 
 /// Hyperelastic models and solvers whose material and SIMD width are chosen at run time. The library palpate::hyperelastic defines the

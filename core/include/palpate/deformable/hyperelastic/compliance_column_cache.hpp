@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "palpate/deformable/hyperelastic/conjugate_gradients.hpp"
+#include "palpate/deformable/hyperelastic/solver_options.hpp"
 
 namespace palpate::deformable {
 
@@ -41,15 +42,11 @@ struct UnitForces {
 /// columns, and it never exceeds the exact compliance.
 class ComplianceColumnCache {
  public:
-  /// Effort of a step. Errors are relative, in the energy norm (approximate).
-  struct RefineOptions {
-    float tolerance = 0.05F;       ///< columns below this error are not refined
-    float batch_tolerance = 0.3F;  ///< columns above this error are refined even beyond the sixteen worst
-    int max_steps = 6;             ///< of conjugate gradients per refinement; a new column takes several
-  };
+  using RefineOptions = ColumnRefinement;
   struct Report {
-    int steps = 0;           ///< of conjugate gradients, summed over the batches of sixteen
-    double max_error = 0.0;  ///< of the worst column before refinement; 1 if it was new
+    int steps = 0;            ///< of conjugate gradients, summed over the batches of sixteen
+    double max_error = 0.0;   ///< of the worst column before refinement; 1 if it was new
+    bool indefinite = false;  ///< negative curvature was found in the stiffness
   };
 
   ComplianceColumnCache() = default;
@@ -120,7 +117,7 @@ class ComplianceColumnCache {
     report.max_error = refinement_queue_.empty() ? 0.0 : std::min(std::sqrt(static_cast<double>(refinement_queue_[0].first)), 1.0);
     for (std::size_t from = 0; from < refinement_queue_.size() && (from == 0 || refinement_queue_[from].first > batch_tolerance);
          from += batch_size)
-      report.steps += refine_batch(stiffness, preconditioner, from, tolerance, options.max_steps);
+      refine_batch(stiffness, preconditioner, from, tolerance, options.max_steps, report);
     return report;
   }
 
@@ -162,7 +159,8 @@ class ComplianceColumnCache {
   }
 
   /// Refine up to sixteen columns of the queue side by side.
-  int refine_batch(const BlockMatrix& stiffness, TwoLevelPreconditioner& preconditioner, std::size_t from, float tolerance, int max_steps) {
+  void refine_batch(const BlockMatrix& stiffness, TwoLevelPreconditioner& preconditioner, std::size_t from, float tolerance, int max_steps,
+                    Report& report) {
     const std::size_t count = std::min(refinement_queue_.size() - from, batch_size);
     std::array<Columns*, batch_size> column{}, residual{};
     std::array<std::size_t, batch_size> lane{};
@@ -184,7 +182,8 @@ class ComplianceColumnCache {
         column[l][k][lane[l]] += correction_[k][l];
         residual[l][k][lane[l]] = batch_residual_[k][l];
       }
-    return solved.steps;
+    report.steps += solved.steps;
+    report.indefinite = report.indefinite || solved.indefinite;
   }
 
   /// Compute z_i . residual_force of all columns, and z_i . r_j for columns i in no later batch than j.

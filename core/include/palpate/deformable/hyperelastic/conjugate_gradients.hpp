@@ -17,7 +17,7 @@ class ConjugateGradients {
  public:
   struct Result {
     int steps = 0;
-    bool indefinite = false;  ///< negative curvature was found; the result so far is kept
+    bool indefinite = false;  ///< negative curvature was found in a column above its limit; the result so far is kept
   };
 
   ConjugateGradients() = default;
@@ -37,7 +37,7 @@ class ConjugateGradients {
       ++result.steps;
       matrix.multiply(direction_.data(), image_.data(), curvature);
       const Number alpha = curvature > none ? norm / curvature : none;
-      result.indefinite = result.indefinite || !all_below(norm > none ? none - curvature : none - 1.0F, none);
+      result.indefinite = result.indefinite || !all_below(norm > limit ? none - curvature : none - 1.0F, none);
       preconditioner.compute_norm(r, next_norm, [&](std::size_t k) {
         x[k] += alpha * direction_[k];
         r[k] -= alpha * image_[k];

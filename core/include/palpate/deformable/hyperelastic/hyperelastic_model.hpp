@@ -18,6 +18,22 @@
 
 namespace palpate::deformable {
 
+/// External forces that do not depend on the displacement, for HyperelasticModel::step().
+struct DeadLoad {
+  const double* load;  ///< N
+  std::size_t unknowns;
+
+  [[nodiscard]] const double* right_side() const noexcept { return load; }
+  [[nodiscard]] const double* force() const noexcept { return load; }
+  [[nodiscard]] const double* reference() const noexcept { return nullptr; }
+  void add_stiffness(BlockMatrix& /*tangent*/) const noexcept {}
+  [[nodiscard]] double energy(const double* displacement) const noexcept {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < unknowns; ++k) sum -= load[k] * displacement[k];
+    return sum;
+  }
+};
+
 /// Quasi-static hyperelastic body of linear tetrahedra under large deformation: energy, gradient, tangent, and Newton steps towards
 /// equilibrium. `Material` is Corotational or NeoHookean; `lanes` edges are evaluated side by side.
 ///
@@ -105,14 +121,23 @@ class HyperelasticModel {
     evaluate_state();
   }
 
-  /// Take one Newton step towards equilibrium under `load` [N]. Solves to the relative `tolerance` (energy norm) or `max_steps` steps of
-  /// conjugate gradients; the line search halves the step until the total potential decreases sufficiently. On negative curvature the
-  /// tangent is made positive semidefinite per tetrahedron and the system solved again. `guess` [m] optionally starts the solver.
-  Step step(const double* load, float tolerance, int max_steps, const float* guess = nullptr) {
+  /// Take one Newton step towards equilibrium with external forces. Solves to the relative `tolerance` (energy norm) or `max_steps` steps
+  /// of conjugate gradients; the line search halves the step, up to `max_halvings` times, until the total potential decreases sufficiently.
+  /// On negative curvature the tangent is made positive semidefinite per edge and the system solved again. `guess` [m] optionally starts
+  /// the solver. The step length is zero if no step was found.
+  ///
+  /// `External` provides, for the present displacement (see DeadLoad, SurfaceContact),
+  ///   const double* force()                          forces on the free nodes, N
+  ///   const double* right_side()                     same, of the linear system
+  ///   const double* reference()                      forces that `tolerance` refers to; null: the right side minus the internal forces
+  ///   void add_stiffness(BlockMatrix&)               positive semidefinite stiffness of the linear system
+  ///   double energy(const double* displacement)      potential, J
+  template <class External>
+  Step step(const External& external, float tolerance, int max_steps, const float* guess = nullptr, int max_halvings = 12) {
     Step result;
     double square = 0.0;
     for (std::size_t k = 0; k < unknowns(); ++k) {
-      const double r = load[k] - gradient_[k];
+      const double r = external.force()[k] - gradient_[k];
       square += r * r;
     }
     result.residual = std::sqrt(square);
@@ -121,27 +146,25 @@ class HyperelasticModel {
       preconditioner_.update_coarse(tangent_);
       baseline_steps_ = 0;
     }
-    if (!compute_direction(load, tolerance, max_steps, guess, result)) {
+    external.add_stiffness(tangent_);
+    if (!compute_direction(external.right_side(), external.reference(), tolerance, max_steps, guess, result)) {
       result.indefinite = true;
       evaluate(displacement_.data(), gradient_.data(), false);
+      external.add_stiffness(tangent_);
       preconditioner_.update(tangent_);
-      compute_direction(load, tolerance, max_steps, nullptr, result);
+      compute_direction(external.right_side(), external.reference(), tolerance, max_steps, nullptr, result);
     } else {
       last_steps_ = result.solver_steps;
       if (baseline_steps_ == 0) baseline_steps_ = last_steps_;
     }
-    double slope = 0.0, before = energy_;
-    for (std::size_t k = 0; k < unknowns(); ++k) {
-      slope += (gradient_[k] - load[k]) * static_cast<double>(direction_[k]);
-      before -= load[k] * displacement_[k];
-    }
+    double slope = 0.0;
+    for (std::size_t k = 0; k < unknowns(); ++k) slope += (gradient_[k] - external.force()[k]) * static_cast<double>(direction_[k]);
+    const double before = energy_ + external.energy(displacement_.data());
     double length = 1.0;
-    for (int halvings = 0; halvings < 12; ++halvings, length *= 0.5) {
+    for (int halvings = 0; halvings < max_halvings; ++halvings, length *= 0.5) {
       for (std::size_t k = 0; k < unknowns(); ++k) trial_displacement_[k] = displacement_[k] + length * static_cast<double>(direction_[k]);
       const double energy = evaluate(trial_displacement_.data(), trial_gradient_.data(), exact_tangent_);
-      double after = energy;
-      for (std::size_t k = 0; k < unknowns(); ++k) after -= load[k] * trial_displacement_[k];
-      if (after <= before + 1e-4 * length * slope + energy_round_off_) {
+      if (energy + external.energy(trial_displacement_.data()) <= before + 1e-4 * length * std::min(slope, 0.0) + energy_round_off_) {
         energy_ = energy;
         displacement_.swap(trial_displacement_);
         gradient_.swap(trial_gradient_);
@@ -241,10 +264,17 @@ class HyperelasticModel {
   }
 
   /// Compute the Newton direction. Return false if negative curvature was found.
-  bool compute_direction(const double* load, float tolerance, int max_steps, const float* guess, Step& result) {
-    for (std::size_t k = 0; k < unknowns(); ++k) linear_residual_[k] = static_cast<float>(load[k] - gradient_[k]);
+  bool compute_direction(const double* load, const double* reference, float tolerance, int max_steps, const float* guess, Step& result) {
     float limit = 0.0F, unused = 0.0F;
+    for (std::size_t k = 0; k < unknowns(); ++k) linear_residual_[k] = static_cast<float>(load[k] - gradient_[k]);
     preconditioner_.compute_norm(linear_residual_.data(), limit);
+    if (reference != nullptr) {
+      float least = 0.0F;
+      for (std::size_t k = 0; k < unknowns(); ++k) linear_residual_[k] = static_cast<float>(reference[k]);
+      preconditioner_.compute_norm(linear_residual_.data(), least);
+      limit = std::min(limit, least);
+      for (std::size_t k = 0; k < unknowns(); ++k) linear_residual_[k] = static_cast<float>(load[k] - gradient_[k]);
+    }
     if (guess != nullptr) {
       std::copy(guess, guess + unknowns(), direction_.begin());
       tangent_.multiply(direction_.data(), direction_force_.data(), unused);

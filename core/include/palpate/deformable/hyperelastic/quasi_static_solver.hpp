@@ -11,30 +11,18 @@
 #include "palpate/deformable/hyperelastic/compliance_column_cache.hpp"
 #include "palpate/deformable/hyperelastic/compliance_extrapolation.hpp"
 #include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
+#include "palpate/deformable/hyperelastic/solver_options.hpp"
+#include "palpate/deformable/hyperelastic/surface_contact.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
+#include "palpate/deformable/multirate/local_model_contact.hpp"
 
 namespace palpate::deformable {
 
-/// Contact surface of a tetrahedral body: n nodes, the distribution of their forces over mesh points, and the surface triangles.
-struct TetSurface {
-  std::vector<std::int32_t> point;        ///< mesh point of each node, n
-  std::vector<double> area;               ///< of the nodes' patches, n, m^2
-  std::vector<std::int32_t> patch_begin;  ///< first entry of each node in patch_point and patch_weight, n + 1
-  std::vector<std::int32_t> patch_point;  ///< mesh points
-  std::vector<double> patch_weight;       ///< share of the node's force; also the weight of the point's displacement in the node's
-  std::vector<std::array<std::int32_t, 3>> triangles;  ///< mesh points, counterclockwise seen from outside
-};
-
-/// Effort of a step of QuasiStaticSolver.
-struct SolverOptions {
-  int nodes_per_tip = 32;         ///< nodes with compliance columns, nearest to each tip; at most LocalModel::max_inner in total
-  float newton_tolerance = 0.1F;  ///< relative error of the Newton direction, in the energy norm
-  int max_newton_steps = 60;      ///< of conjugate gradients per Newton step
-  ComplianceColumnCache::RefineOptions compliance{};
-};
-
-/// Model update of a hyperelastic body under up to two tips, at a low rate. Each step solves the contact on the last local model, takes one
-/// Newton step towards equilibrium under its forces, and linearizes there to the next local model.
+/// Model update of a hyperelastic body under up to two tips, at a low rate. The displacements minimize the energy of the body and of the
+/// elastic layer between its surface and the tips (SurfaceContact). Each step takes one Newton step towards that minimum, and linearizes
+/// the body there to the next local model.
+///
+/// The Newton step takes the contact where the last local model moves to. If that does not reduce the energy, it takes it where it is.
 ///
 /// The compliance of the local model is that of the tangent stiffness at the nodes near the tips. Under large indentation the equilibrium
 /// may be stable under displacement control but unstable under force control; the tangent is then indefinite, and near that state its
@@ -45,7 +33,7 @@ template <template <class> class Material, int lanes>
 class QuasiStaticSolver {
  public:
   struct Report {
-    double relative_residual = 0.0;  ///< larger of force imbalance and force change since the last step, relative to the forces
+    double relative_residual = 0.0;  ///< force imbalance before the step, relative to the forces of the tips
     typename HyperelasticModel<Material, lanes>::Step newton;
     ComplianceColumnCache::Report compliance;
   };
@@ -53,9 +41,9 @@ class QuasiStaticSolver {
   QuasiStaticSolver(const TetMesh& mesh, TetSurface surface, const SolverOptions& options)
       : model_(mesh),
         surface_(std::move(surface)),
+        layered_(mesh.points, surface_.triangles, surface_.point, moduli(mesh, surface_.point)),
         options_(options),
         points_(mesh.points),
-        load_(model_.unknowns()),
         guess_(model_.unknowns()),
         residual_force_(model_.unknowns()),
         columns_(model_.unknowns(), static_cast<std::size_t>(std::min(TipPair::max_tips * options.nodes_per_tip, LocalModel::max_inner))) {
@@ -66,6 +54,8 @@ class QuasiStaticSolver {
     for (std::size_t f = 0; f < surface_.triangles.size(); ++f)
       for (const std::int32_t p : surface_.triangles[f])
         triangles_of_point_[static_cast<std::size_t>(p)].push_back(static_cast<std::int32_t>(f));
+    index_of_.assign(mesh.points.size(), -1);
+    tips_contact_ = SurfaceContact(points_, layered_, node_of_, model_.free_nodes());
     next_.compliance_matrix.assign(static_cast<std::size_t>(LocalModel::capacity) * LocalModel::capacity, 0.0);
     current_ = next_;
   }
@@ -77,27 +67,35 @@ class QuasiStaticSolver {
       std::copy_n(model_.displacement() + 3 * static_cast<std::size_t>(node_of_[point]), 3, to + 3 * point);
   }
   [[nodiscard]] const LocalModel& local_model() const noexcept { return current_; }
-  [[nodiscard]] const LocalModelContact& contact() const noexcept { return contact_; }
+  /// Energy of the body and its layer after the last step, J.
+  [[nodiscard]] double energy() const noexcept { return model_.energy() + tips_contact_.energy(model_.displacement()); }
 
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
   Report step(const TipPair& tips, LocalModel& to) {
     Report report;
-    contact_.solve(current_, tips, 1.0, contact_nodes_.data(), contact_count_);
-    contact_count_ = contact_.last().nodes;
-    std::copy(contact_.contact_nodes(), contact_.contact_nodes() + contact_count_, contact_nodes_.begin());
-    collect_forces();
-    const double change = force_change();
-    const bool stalled = is_stalled(tips, change);
-    assemble_load();
-    const double residual = load_residual();
-    report.relative_residual = std::max(residual, change);
-    if (residual > 1e-5) report.newton = model_.step(load_.data(), options_.newton_tolerance, options_.max_newton_steps, guess_.data());
+    tips_contact_.set_tips(tips);
+    tips_contact_.update_normals(model_.displacement());
+    predict(tips);
+    tips_contact_.linearize(model_.displacement());
+    report.relative_residual = relative_residual();
+    if (report.relative_residual > 1e-6) {
+      report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps, guess_.data(), 3);
+      if (report.newton.step_length == 0.0) {
+        std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
+        tips_contact_.linearize(model_.displacement());
+        report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps);
+      }
+    }
+    std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
+    tips_contact_.update_normals(model_.displacement());
+    tips_contact_.linearize(model_.displacement());
     select_column_nodes(tips);
     place_nodes(tips);
     if (!exact_tangent_ && model_.energy() < 0.7 * indefinite_energy_) set_exact_tangent(true);
     report.compliance = columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
     linearize();
-    if (exact_tangent_ && (stalled || report.newton.indefinite || recoverable_energy() > 2.0 * model_.energy())) {
+    if (exact_tangent_ && relative_residual() < max_unbalanced &&
+        (report.newton.indefinite || report.compliance.indefinite || recoverable_energy() > 2.0 * model_.energy())) {
       indefinite_energy_ = model_.energy();
       set_exact_tangent(false);
       columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
@@ -112,15 +110,33 @@ class QuasiStaticSolver {
     model_.reset();
     exact_tangent_ = true;
     columns_.select({});
-    contact_count_ = 0;
+    tips_contact_.set_tips({});
     last_tips_ = TipPair{};
+    const long version = current_.version;  // each model has its own
     current_ = LocalModel{};
+    current_.version = version;
     current_.compliance_matrix.assign(next_.compliance_matrix.size(), 0.0);
   }
 
  private:
-  static constexpr int max_stalls = 6;
+  static constexpr double max_unbalanced = 0.05;   // relative residual above which a state does not show an indefinite tangent
   static constexpr double prediction_steps = 3.0;  // steps of tip motion ahead that the outer nodes cover
+
+  [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
+
+  /// Mean of E / (1 - nu^2) over the tetrahedra around each contact node, Pa.
+  [[nodiscard]] static std::vector<double> moduli(const TetMesh& mesh, const std::vector<std::int32_t>& point) {
+    std::vector<double> sum(mesh.points.size(), 0.0), count(mesh.points.size(), 0.0), out;
+    for (std::size_t c = 0; c < mesh.tetrahedra.size(); ++c) {
+      const double shear = mesh.shear[c], lame = mesh.lame[c];
+      for (const std::int32_t p : mesh.tetrahedra[c]) {
+        sum[at(p)] += 4.0 * shear * (lame + shear) / (lame + 2.0 * shear);
+        count[at(p)] += 1.0;
+      }
+    }
+    for (const std::int32_t p : point) out.push_back(sum[at(p)] / std::max(count[at(p)], 1.0));
+    return out;
+  }
 
   void set_exact_tangent(bool exact) {
     exact_tangent_ = exact;
@@ -134,81 +150,35 @@ class QuasiStaticSolver {
     return sum;
   }
 
-  /// Collect the contact forces by node of the current model.
-  void collect_forces() {
-    contact_force_.fill(0.0);
-    for (int k = 0; k < contact_count_; ++k) {
-      const auto end = current_.node_ids.begin() + current_.nodes.size();
-      const auto at = std::lower_bound(current_.node_ids.begin(), end, contact_nodes_[static_cast<std::size_t>(k)]);
-      contact_force_[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.forces()[k];
-      contact_tip_[static_cast<std::size_t>(at - current_.node_ids.begin())] = contact_.contact_tips()[k];
-    }
-  }
-
-  /// Count the steps with tips at rest that hardly reduce the change of the forces. Return whether they are too many.
-  bool is_stalled(const TipPair& tips, double change) {
-    bool is_held = tips.count == last_tips_.count;
-    for (std::size_t t = 0; is_held && t < static_cast<std::size_t>(tips.count); ++t)
-      is_held = tips.tip[t].center == last_tips_.tip[t].center;
-    stalls_ = !is_held ? 0 : stalls_ + (change > 1e-4 && change > 0.7 * last_change_ ? 1 : 0);
-    last_change_ = change;
-    return stalls_ > max_stalls;
-  }
-
-  /// Assemble the load of the contact forces along the last normals, and the initial guess: the column combination of the force change.
-  void assemble_load() {
-    std::fill(load_.begin(), load_.end(), 0.0);
+  /// Predict the motion of the contact nodes by the last local model, and the body's by its columns.
+  void predict(const TipPair& tips) {
+    std::vector<double>& ahead = tips_contact_.ahead();
+    std::fill(ahead.begin(), ahead.end(), 0.0);
     std::fill(guess_.begin(), guess_.end(), 0.0F);
+    if (current_.nodes.size() == 0) return;
+    contact_.solve(current_, tips, 1.0);
+    if (!contact_.last().solved) return;
     for (std::int32_t i = 0; i < current_.nodes.size(); ++i) {
-      const auto n = static_cast<std::size_t>(i);
-      add_load(current_.node_ids[n], -contact_force_[n] * current_.nodes.normal(i));
-      const double change = contact_force_[n] - current_.force[n];
-      if (change != 0.0 && columns_.has(current_.node_ids[n]))
-        columns_.add(current_.node_ids[n], static_cast<float>(change), guess_.data());
+      const std::int32_t id = current_.node_ids[at(i)], node = node_of_[at(surface_.point[at(id)])];
+      Eigen::Map<Vector3<>>(ahead.data() + 3 * at(node)) = -contact_.displacement(at(i)) * current_.nodes.normal(i);
+      const double change = contact_.force(at(i)) - current_.force[at(i)];
+      if (change != 0.0 && columns_.has(id)) columns_.add(id, static_cast<float>(change), guess_.data());
     }
   }
 
-  /// Norm of load minus internal forces, relative to the load; infinite without load.
-  [[nodiscard]] double load_residual() const {
-    double residual = 0.0, total = 0.0;
-    for (std::size_t k = 0; k < load_.size(); ++k) {
-      residual += (load_[k] - model_.gradient()[k]) * (load_[k] - model_.gradient()[k]);
-      total += load_[k] * load_[k];
+  /// Norm of the forces of the tips minus the internal forces, relative to the former; infinite without contact.
+  [[nodiscard]] double relative_residual() const {
+    double residual = 0.0;
+    for (std::size_t k = 0; k < model_.unknowns(); ++k) {
+      const double r = tips_contact_.force()[k] - model_.gradient()[k];
+      residual += r * r;
     }
-    return residual == 0.0 ? 0.0 : std::sqrt(residual / total);  // NaN counts as not at equilibrium
+    return residual == 0.0 ? 0.0 : std::sqrt(residual) / tips_contact_.force_norm();
   }
 
-  /// Norm of the change of the contact forces against those of the current model, relative to the forces.
-  [[nodiscard]] double force_change() const {
-    double change = 0.0, total = 0.0;
-    for (std::int32_t i = 0; i < current_.nodes.size(); ++i) {
-      const auto n = static_cast<std::size_t>(i);
-      change += (contact_force_[n] - current_.force[n]) * (contact_force_[n] - current_.force[n]);
-      total += contact_force_[n] * contact_force_[n];
-    }
-    return change == 0.0 ? 0.0 : std::sqrt(change / total);
-  }
-
-  void add_load(std::int32_t id, const Vector3<>& force) {
-    for_each_patch_point(id, [&](std::size_t k, double weight) {
-      for (std::size_t a = 0; a < 3; ++a) load_[k + a] += weight * force[static_cast<int>(a)];
-    });
-  }
-
-  /// Call visit(3 x free node, weight) for each free mesh point of the node's patch.
-  template <class Visit>
-  void for_each_patch_point(std::int32_t id, Visit visit) const {
-    const auto n = static_cast<std::size_t>(id);
-    for (std::int32_t s = surface_.patch_begin[n]; s < surface_.patch_begin[n + 1]; ++s) {
-      const std::int32_t node = node_of_[static_cast<std::size_t>(surface_.patch_point[static_cast<std::size_t>(s)])];
-      if (node < model_.free_nodes()) visit(3 * static_cast<std::size_t>(node), surface_.patch_weight[static_cast<std::size_t>(s)]);
-    }
-  }
-
-  [[nodiscard]] Vector3<> patch_displacement(std::int32_t id) const {
-    Vector3<> sum = Vector3<>::Zero();
-    for_each_patch_point(id, [&](std::size_t k, double weight) { sum += weight * Eigen::Map<const Vector3<>>(model_.displacement() + k); });
-    return sum;
+  [[nodiscard]] const Vector3<>& rest(std::int32_t id) const { return points_[at(surface_.point[at(id)])]; }
+  [[nodiscard]] Vector3<> displacement_of(std::int32_t id) const {
+    return Eigen::Map<const Vector3<>>(model_.displacement() + 3 * at(node_of_[at(surface_.point[at(id)])]));
   }
 
   [[nodiscard]] Vector3<> position(std::int32_t point) const {
@@ -239,8 +209,8 @@ class QuasiStaticSolver {
       const Vector3<> then = t < last_tips_.count ? Vector3<>(2.0 * now - before) : now;
       by_distance_.clear();
       for (std::int32_t i = 0; i < n; ++i) {
-        const Vector3<> at = points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(i)])] + patch_displacement(i);
-        double distance = std::min((at - now).squaredNorm(), (at - then).squaredNorm());
+        const Vector3<> place = rest(i) + displacement_of(i);
+        double distance = std::min((place - now).squaredNorm(), (place - then).squaredNorm());
         if (columns_.has(i)) distance *= 0.8;
         by_distance_.emplace_back(distance, i);
       }
@@ -260,15 +230,15 @@ class QuasiStaticSolver {
     by_distance_.clear();
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(surface_.point.size()); ++i) {
       if (std::binary_search(column_nodes_.begin(), column_nodes_.end(), i)) continue;
-      const Vector3<> at = points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(i)])] + patch_displacement(i);
+      const Vector3<> place = rest(i) + displacement_of(i);
       double distance = 1e300;
       for (int t = 0; t < tips.count; ++t) {
         const Vector3<>& now = tips.tip[static_cast<std::size_t>(t)].center;
         const Vector3<> motion = t < last_tips_.count
                                      ? Vector3<>(prediction_steps * (now - last_tips_.tip[static_cast<std::size_t>(t)].center))
                                      : Vector3<>::Zero();
-        const double square = motion.squaredNorm(), part = square > 0.0 ? std::clamp((at - now).dot(motion) / square, 0.0, 1.0) : 0.0;
-        distance = std::min(distance, (at - now - part * motion).squaredNorm());
+        const double square = motion.squaredNorm(), part = square > 0.0 ? std::clamp((place - now).dot(motion) / square, 0.0, 1.0) : 0.0;
+        distance = std::min(distance, (place - now - part * motion).squaredNorm());
       }
       by_distance_.emplace_back(distance, i);
     }
@@ -284,49 +254,69 @@ class QuasiStaticSolver {
     }
   }
 
-  /// Place the nodes of the next model. The direction of a contact node is that of the frictionless force: radial from a sphere's center,
-  /// or along the rod's axis. Other nodes take the surface normal.
+  /// Place the nodes and triangles of the next model. A node in contact moves along the force on it, others along the surface normal.
   void place_nodes(const TipPair& tips) {
     std::vector<Vector3<>> positions, normals;
     std::vector<double> areas;
     next_.node_ids.fill(0);
     next_.force.fill(0.0);
-    for (std::size_t i = 0; i < model_nodes_.size(); ++i) {
-      const std::int32_t id = model_nodes_[i];
-      next_.node_ids[i] = id;
-      next_.displacement[i] = patch_displacement(id);
-      positions.push_back(points_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(id)])] + next_.displacement[i]);
-      normals.push_back(normal(id));
-      areas.push_back(surface_.area[static_cast<std::size_t>(id)]);
-      const auto end = current_.node_ids.begin() + current_.nodes.size();
-      const auto at = std::lower_bound(current_.node_ids.begin(), end, id);
-      if (at == end || *at != id) continue;
-      const auto before = static_cast<std::size_t>(at - current_.node_ids.begin());
-      next_.force[i] = contact_force_[before];
-      if (!(contact_force_[before] > 0.0) || contact_tip_[before] >= tips.count) continue;
-      const Tip& tip = tips.tip[static_cast<std::size_t>(contact_tip_[before])];
-      const Vector3<> direction = tip.kind == Tip::Kind::sphere ? Vector3<>(tip.center - positions.back()) : tip.outward;
-      if (direction.norm() > 0.1 * tip.radius) normals.back() = direction.normalized();
-    }
-    next_.nodes = SurfaceNodes(std::move(positions), std::move(normals), areas);
     unit_forces_.clear();
     for (std::size_t i = 0; i < model_nodes_.size(); ++i) {
-      const Vector3<>& outward = next_.nodes.normal(static_cast<std::int32_t>(i));
-      for_each_patch_point(next_.node_ids[i], [&](std::size_t k, double weight) {
-        for (std::size_t a = 0; a < 3; ++a)
-          unit_forces_.entries.push_back({k + a, static_cast<float>(-weight * outward[static_cast<int>(a)])});
-      });
+      const std::int32_t id = model_nodes_[i], node = node_of_[at(surface_.point[at(id)])];
+      next_.node_ids[i] = id;
+      next_.displacement[i] = displacement_of(id);
+      positions.push_back(rest(id) + next_.displacement[i]);
+      normals.push_back(normal(id));
+      areas.push_back(layered_.area(id));
+      const Eigen::Map<const Vector3<>> force(tips_contact_.force() + 3 * at(node));
+      next_.force[i] = force.norm();
+      if (next_.force[i] > 0.0) normals.back() = -force / next_.force[i];
+      for (std::size_t a = 0; a < 3; ++a)
+        unit_forces_.entries.push_back({3 * at(node) + a, static_cast<float>(-normals.back()[static_cast<int>(a)])});
       unit_forces_.begin.push_back(unit_forces_.entries.size());
     }
+    next_.nodes = SurfaceNodes(std::move(positions), std::move(normals), areas);
+    place_triangles(tips);
+  }
+
+  /// Place the triangles around the nodes of the next model, by their distance from the tips.
+  void place_triangles(const TipPair& tips) {
+    for (std::size_t i = 0; i < model_nodes_.size(); ++i) index_of_[at(surface_.point[at(model_nodes_[i])])] = static_cast<std::int16_t>(i);
+    by_distance_.clear();
+    for (std::size_t f = 0; f < surface_.triangles.size(); ++f) {
+      const auto& t = surface_.triangles[f];
+      if (std::none_of(t.begin(), t.end(), [this](std::int32_t v) { return index_of_[at(v)] >= 0; })) continue;
+      const Vector3<> center = (position(t[0]) + position(t[1]) + position(t[2])) / 3.0;
+      double distance = 1e300;
+      for (std::size_t k = 0; k < at(tips.count); ++k) distance = std::min(distance, (center - tips.tip[k].center).squaredNorm());
+      by_distance_.emplace_back(distance, static_cast<std::int32_t>(f));
+    }
+    std::sort(by_distance_.begin(), by_distance_.end());
+    triangles_.resize(by_distance_.size());
+    for (std::size_t k = 0; k < triangles_.size(); ++k) {
+      const std::int32_t f = by_distance_[k].second;
+      triangles_[k] = {};
+      triangles_[k].normal = tips_contact_.normal(f);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::int32_t v = surface_.triangles[at(f)][c];
+        LocalTriangles::Corner& corner = triangles_[k].corner[c];
+        corner.node = index_of_[at(v)];
+        corner.position = position(v);
+        corner.displacement = corner.position - points_[at(v)];
+        if (corner.node < 0) continue;
+        corner.direction = -next_.nodes.normal(corner.node);
+        corner.layer = layered_.triangles()[at(f)].corner[c];
+      }
+    }
+    next_.triangles.assign(tips.count > 0 ? tips.tip[0].center : Vector3<>(Vector3<>::Zero()), triangles_);
+    for (const std::int32_t id : model_nodes_) index_of_[at(surface_.point[at(id)])] = -1;
   }
 
   /// Compute compliance and residual displacement of the next local model.
   void linearize() {
     const std::size_t count = model_nodes_.size();
-    // Residual load with the forces along the new directions.
-    std::fill(load_.begin(), load_.end(), 0.0);
-    for (std::size_t i = 0; i < count; ++i) add_load(next_.node_ids[i], -next_.force[i] * next_.nodes.normal(static_cast<std::int32_t>(i)));
-    for (std::size_t k = 0; k < load_.size(); ++k) residual_force_[k] = static_cast<float>(load_[k] - model_.gradient()[k]);
+    for (std::size_t k = 0; k < model_.unknowns(); ++k)
+      residual_force_[k] = static_cast<float>(tips_contact_.force()[k] - model_.gradient()[k]);
     columns_.project(unit_forces_, column_index_, residual_force_, next_.compliance_matrix.data(), LocalModel::capacity,
                      next_.residual_displacement.data());
     extrapolation_.complete(next_);
@@ -335,27 +325,25 @@ class QuasiStaticSolver {
       for (std::size_t j = 0; j < count; ++j) sum += next_.compliance_matrix[i * LocalModel::capacity + j] * next_.force[j];
       next_.elastic_displacement[i] = sum;
     }
+    next_.round();
     next_.version = current_.version + 1;
   }
 
   HyperelasticModel<Material, lanes> model_;
   bool exact_tangent_ = true;       // false: positive semidefinite tangent in use
   double indefinite_energy_ = 0.0;  // stored energy when the exact tangent was abandoned, J
-  int stalls_ = 0;                  // steps with tips at rest that hardly reduced the change of the forces
-  double last_change_ = 0.0;        // of the contact forces in the last step, relative
   TetSurface surface_;
+  LayeredSurface layered_;
+  SurfaceContact tips_contact_;
   SolverOptions options_;
   std::vector<Vector3<>> points_;                              // rest positions, m
   std::vector<std::int32_t> node_of_;                          // node of each mesh point
+  std::vector<std::int16_t> index_of_;                         // workspace: index in the local model by mesh point; -1: absent
   std::vector<std::vector<std::int32_t>> triangles_of_point_;  // by mesh point
   LocalModelContact contact_;
+  std::vector<LocalTriangles::Triangle> triangles_;  // workspace
   LocalModel current_, next_;
-  int contact_count_ = 0;  // contact nodes
-  std::array<std::int32_t, LocalModel::capacity> contact_nodes_{};
-  std::array<double, LocalModel::capacity> contact_force_{};  // by node of the current model, N
-  std::array<int, LocalModel::capacity> contact_tip_{};       // by node of the current model: tip in contact
-  std::vector<double> load_;                                  // N
-  std::vector<float> guess_, residual_force_;                 // m, N
+  std::vector<float> guess_, residual_force_;  // m, N
   std::vector<std::pair<double, std::int32_t>> by_distance_;
   std::vector<std::int32_t> column_nodes_, model_nodes_;  // ascending ids: nodes with columns, and all nodes of the next model
   std::vector<std::size_t> column_index_;                 // indices of column_nodes_ in model_nodes_

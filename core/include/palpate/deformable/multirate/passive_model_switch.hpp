@@ -8,6 +8,7 @@
 
 #include "palpate/deformable/multirate/energy_tank.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
+#include "palpate/deformable/multirate/local_model_contact.hpp"
 #include "palpate/math/triple_buffer.hpp"
 
 namespace palpate::deformable {
@@ -38,9 +39,6 @@ class PassiveModelSwitch {
     }
     tank_.potential = result_.energy;
     if (result_.nodes == 0) tank_ = {};
-    contact_count_ = b.nodes;
-    std::copy(slots_[static_cast<std::size_t>(current_)].contact.contact_nodes(),
-              slots_[static_cast<std::size_t>(current_)].contact.contact_nodes() + b.nodes, contact_nodes_.begin());
     return result_;
   }
 
@@ -49,10 +47,9 @@ class PassiveModelSwitch {
 
   /// Call visit(node, force along the inward normal [N], force of the tip [N]) for each contact node, ascending.
   template <class Visit>
-  void for_each_contact_node(ModelBuffer& models, Visit visit) const noexcept {
+  void for_each_contact_node(Visit visit) const noexcept {
     const double s = tank_.blend;
-    ContactCursor one(models, slots_[static_cast<std::size_t>(previous_)], 1.0 - s),
-        two(models, slots_[static_cast<std::size_t>(current_)], s);
+    ContactCursor one(slots_[static_cast<std::size_t>(previous_)], 1.0 - s), two(slots_[static_cast<std::size_t>(current_)], s);
     while (one || two) {
       const std::int32_t node = !two || (one && one.node() < two.node()) ? one.node() : two.node();
       double force = 0.0;
@@ -77,23 +74,17 @@ class PassiveModelSwitch {
   /// Iterates over the contact nodes of a model slot with blend weight `weight`.
   class ContactCursor {
    public:
-    ContactCursor(ModelBuffer& models, const ModelSlot& slot, double weight) noexcept
-        : model_(&models.read_slot(slot.slot)),
-          contact_(&slot.contact),
-          weight_(weight),
-          count_(weight > 0.0 ? contact_->last().nodes : 0) {}
+    ContactCursor(const ModelSlot& slot, double weight) noexcept
+        : contact_(&slot.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
     explicit operator bool() const noexcept { return at_ < count_; }
     [[nodiscard]] std::int32_t node() const noexcept { return contact_->contact_nodes()[at_]; }
     void add(double& force, Vector3<>& push) noexcept {
-      const auto end = model_->node_ids.begin() + model_->nodes.size();
-      const auto index = static_cast<std::int32_t>(std::lower_bound(model_->node_ids.begin(), end, node()) - model_->node_ids.begin());
       force += weight_ * contact_->forces()[at_];
-      push -= (weight_ * contact_->forces()[at_]) * model_->nodes.normal(index);
+      push += weight_ * contact_->node_force(at_);
       ++at_;
     }
 
    private:
-    const LocalModel* model_;
     const LocalModelContact* contact_;
     double weight_;
     int count_, at_ = 0;
@@ -101,7 +92,12 @@ class PassiveModelSwitch {
 
   const MultiTipResult& solve(ModelBuffer& models, int slot, const TipPair& tips) noexcept {
     ModelSlot& s = slots_[static_cast<std::size_t>(slot)];
-    return s.contact.solve(models.read_slot(s.slot), tips, s.compliance_scale, contact_nodes_.data(), contact_count_);
+    return s.contact.solve(models.read_slot(s.slot), tips, s.compliance_scale);
+  }
+
+  void start_from(ModelBuffer& models, int slot, int other) noexcept {
+    ModelSlot& s = slots_[static_cast<std::size_t>(slot)];
+    s.contact.start_from(models.read_slot(s.slot), slots_[static_cast<std::size_t>(other)].contact);
   }
 
   /// Set the compliance scale of a slot and return its energy [J]. Reduces the scale while the energy exceeds `allowed`.
@@ -126,11 +122,13 @@ class PassiveModelSwitch {
       blend_ticks_ = std::clamp(ticks_since_model_, 1, max_blend_ticks);
       ticks_since_model_ = 0;
       const bool first = models.read_slot(slots_[static_cast<std::size_t>(previous_)].slot).nodes.size() == 0;
+      if (!first) start_from(models, current_, previous_);
       fit_energy(models, current_, tips, 1.0, first ? unlimited : solve(models, previous_, tips).energy + tank_.level);
       tank_.blend = first ? 1.0 : 0.0;
       return;
     }
     spare.slot = models.acquire(spare.slot);
+    start_from(models, spare_, current_);
     const double s = tank_.blend, now = solve(models, current_, tips).energy;
     const double blended = (1.0 - s) * solve(models, previous_, tips).energy + s * now;
     const double gain = s * (fit_energy(models, spare_, tips, 1.0, blended + tank_.level) - now);
@@ -180,8 +178,6 @@ class PassiveModelSwitch {
   int previous_ = 0, current_ = 1, spare_ = 2;
   int ticks_since_model_ = 0;  // ticks since the last model was accepted
   int blend_ticks_ = 1;        // duration of the blend
-  int contact_count_ = 0;
-  std::array<std::int32_t, LocalModel::capacity> contact_nodes_{};
   MultiTipResult result_;
   EnergyTank tank_;
 };

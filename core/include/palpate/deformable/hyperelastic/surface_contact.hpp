@@ -1,0 +1,177 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "palpate/deformable/contact/block_matrix.hpp"
+#include "palpate/deformable/hyperelastic/layered_surface.hpp"
+#include "palpate/deformable/multirate/local_model.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::deformable {
+
+/// Forces of the tips on the surface of a body, through its elastic layer: the negative gradient of one energy by the displacements. For
+/// HyperelasticModel::step(). Vectors are those of the model.
+class SurfaceContact {
+ public:
+  SurfaceContact() = default;
+
+  /// @param node_of     node of each mesh point; the first `free` nodes are free
+  SurfaceContact(const std::vector<Vector3<>>& points, const LayeredSurface& surface, const std::vector<std::int32_t>& node_of,
+                 std::int32_t free)
+      : free_(free), rest_(points.size()), force_(3 * at(free)), right_side_(force_), reference_(force_), ahead_(force_) {
+    for (std::size_t p = 0; p < points.size(); ++p) rest_[at(node_of[p])] = points[p];
+    for (const LayeredSurface::Triangle& triangle : surface.triangles())
+      for (std::int32_t& v : triangles_.emplace_back(triangle).vertex) v = node_of[at(v)];
+    normals_.resize(triangles_.size());
+  }
+
+  /// Evaluate the surface normals at a displacement. They stay until the next call.
+  void update_normals(const double* displacement) noexcept {
+    for (std::size_t f = 0; f < triangles_.size(); ++f) {
+      const auto& t = triangles_[f].vertex;
+      const Vector3<> a = position(t[0], displacement);
+      normals_[f] = (position(t[1], displacement) - a).cross(position(t[2], displacement) - a).normalized();
+    }
+  }
+  [[nodiscard]] const Vector3<>& normal(std::int32_t triangle) const noexcept { return normals_[at(triangle)]; }
+
+  void set_tips(const TipPair& tips) noexcept { tips_ = tips; }
+
+  /// Displacement from the given one [m] at which linearize() takes forces and stiffness; entry 3 x free node + axis. Set to zero first.
+  [[nodiscard]] std::vector<double>& ahead() noexcept { return ahead_; }
+
+  /// Evaluate the forces at a displacement, and the linear forces of a Newton step from there.
+  void linearize(const double* displacement) noexcept {
+    evaluate(displacement, nullptr);
+    force_norm_ = 0.0;
+    std::fill(force_.begin(), force_.end(), 0.0);
+    for (const Pressed& p : pressed_) add_force(p, p.contact.force, force_);
+    for (const double f : force_) force_norm_ += f * f;
+    force_norm_ = std::sqrt(force_norm_);
+    if (std::none_of(ahead_.begin(), ahead_.end(), [](double a) { return a != 0.0; })) {
+      right_side_ = reference_ = force_;
+      return;
+    }
+    evaluate(displacement, ahead_.data());
+    std::fill(right_side_.begin(), right_side_.end(), 0.0);
+    std::fill(reference_.begin(), reference_.end(), 0.0);
+    for (const Pressed& p : pressed_) {
+      Vector3<> moved = Vector3<>::Zero();
+      for (std::size_t c = 0; c < 3; ++c)
+        if (const std::int32_t v = triangles_[p.triangle].vertex[c]; v < free_)
+          moved += p.weight[c] * Eigen::Map<const Vector3<>>(ahead_.data() + 3 * at(v));
+      add_force(p, p.contact.force, reference_);
+      add_force(p, p.contact.force + p.contact.stiffness * p.contact.away.dot(moved) * p.contact.away, right_side_);
+    }
+  }
+
+  /// Forces on the free nodes at the displacement of linearize(), N.
+  [[nodiscard]] const double* force() const noexcept { return force_.data(); }
+  [[nodiscard]] double force_norm() const noexcept { return force_norm_; }
+  /// Forces of the linearization, extrapolated back to that displacement, N.
+  [[nodiscard]] const double* right_side() const noexcept { return right_side_.data(); }
+
+  /// Forces at the linearization, N.
+  [[nodiscard]] const double* reference() const noexcept { return reference_.data(); }
+
+  /// Add the stiffness of the linearization, N/m.
+  void add_stiffness(BlockMatrix& tangent) const noexcept {
+    for (const Pressed& p : pressed_) {
+      const auto& vertex = triangles_[p.triangle].vertex;
+      const auto& weight = p.weight;
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b) {
+          if (vertex[a] > vertex[b] || vertex[b] >= free_ || weight[a] * weight[b] == 0.0) continue;
+          float* block = tangent.block(tangent.block_index(vertex[a], vertex[b]));
+          const double k = p.contact.stiffness * weight[a] * weight[b];
+          for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) block[3 * i + j] += static_cast<float>(k * p.contact.away[i] * p.contact.away[j]);
+        }
+    }
+  }
+
+  /// Energy of the layer at a displacement, J.
+  [[nodiscard]] double energy(const double* displacement) const noexcept {
+    double sum = 0.0;
+    for_each_contact(displacement, nullptr, [&sum](const Pressed& p) { sum += p.contact.energy; });
+    return sum;
+  }
+
+ private:
+  struct Pressed {
+    std::size_t triangle;
+    std::array<double, 3> weight;  // of the vertices
+    PointContact<double> contact;
+  };
+
+  [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
+
+  [[nodiscard]] Vector3<> position(std::int32_t node, const double* displacement) const noexcept {
+    return rest_[at(node)] + Eigen::Map<const Vector3<>>(displacement + 3 * at(node));
+  }
+
+  /// Call visit(Pressed) for the points in contact.
+  template <class Visit>
+  void for_each_contact(const double* displacement, const double* ahead, Visit visit) const noexcept {
+    for (std::size_t f = 0; f < triangles_.size(); ++f) {
+      std::array<Vector3<>, 3> corner;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::int32_t v = triangles_[f].vertex[c];
+        corner[c] = position(v, displacement);
+        if (ahead != nullptr && v < free_) corner[c] += Eigen::Map<const Vector3<>>(ahead + 3 * at(v));
+      }
+      const Vector3<> center = (corner[0] + corner[1] + corner[2]) / 3.0;
+      double reach = 0.0;
+      for (const Vector3<>& x : corner) reach = std::max(reach, (x - center).norm());
+      for (std::size_t t = 0; t < at(tips_.count); ++t) {
+        const Tip& tip = tips_.tip[t];
+        const Vector3<> y = center - tip.center;
+        if ((tip.kind == Tip::Kind::flat ? y.dot(tip.outward) : depth_in_sphere<double>(tip, y, y).depth) <= -reach) continue;
+        for (std::size_t c = 0; c < 3; ++c) {
+          const LayerPoint<double>& layer = triangles_[f].corner[c];
+          if (layer.stiffness <= 0.0) continue;
+          for (const CornerPoint& q : corner_points) {
+            Pressed pressed{.triangle = f, .weight = {}, .contact = {}};
+            pressed.weight[c] = q.own;
+            pressed.weight[(c + 1) % 3] = q.next;
+            pressed.weight[(c + 2) % 3] = q.last;
+            const Vector3<> x = pressed.weight[0] * corner[0] + pressed.weight[1] * corner[1] + pressed.weight[2] * corner[2];
+            pressed.contact =
+                press_point<double>(tip, x - tip.center, normals_[f], {q.share * layer.stiffness, layer.radius, layer.inverse});
+            if (pressed.contact.stiffness > 0.0) visit(pressed);
+          }
+        }
+      }
+    }
+  }
+
+  /// Find the points in contact.
+  void evaluate(const double* displacement, const double* ahead) noexcept {
+    pressed_.clear();
+    for_each_contact(displacement, ahead, [this](const Pressed& p) { pressed_.push_back(p); });
+  }
+
+  void add_force(const Pressed& p, const Vector3<>& force, std::vector<double>& to) const noexcept {
+    for (std::size_t c = 0; c < 3; ++c)
+      if (const std::int32_t v = triangles_[p.triangle].vertex[c]; v < free_)
+        Eigen::Map<Vector3<>>(to.data() + 3 * at(v)) += p.weight[c] * force;
+  }
+
+  std::int32_t free_ = 0;
+  std::vector<Vector3<>> rest_;                         // by node, m
+  std::vector<LayeredSurface::Triangle> triangles_;     // vertices are nodes
+  std::vector<Vector3<>> normals_;                      // by triangle
+  std::vector<Pressed> pressed_;                        // of the linearization
+  std::vector<double> force_, right_side_, reference_;  // N
+  std::vector<double> ahead_;                           // m
+  double force_norm_ = 0.0;                             // N
+  TipPair tips_;
+};
+
+}  // namespace palpate::deformable

@@ -243,4 +243,35 @@ TEST(ProxyLaws, RoundingIsNoSliding) {
   }
 }
 
+// Law: a valley holds a sliding proxy by viscous friction in the same way, however many vertices it passes.
+TEST(ProxyLaws, ViscousFrictionInAValleyDoesNotDependOnItsVertices) {
+  Surface s;
+  s.viscous = 2.0;
+  std::vector<Vector3<>> first;
+  for (const int cells : {1, 5}) {
+    Shape box = shapes::box({1.0, 1.0, 0.5}, cells);
+    for (auto& t : box.triangles) std::swap(t[0], t[1]);  // the inside is free
+    const World world(box, s, true);
+    Proxy proxy = world.proxy(0.0);
+    proxy.step({0.0, 0.1, 0.0});
+    proxy.step({1.3, 0.1, 0.7});
+    for (std::size_t k = 0; k < 8; ++k) {
+      const Vector3<> position = proxy.step({1.3, 0.85, 0.7}).position;
+      if (cells == 1) first.push_back(position);
+      EXPECT_LT((position - first[k]).norm(), 1e-12) << k;
+    }
+  }
+  EXPECT_LT(first.front()[1], 0.4);
+  EXPECT_GT(first.back()[1], 0.7);
+}
+
+// Law: a point leaves an open sheet at its corner, as at its border.
+TEST(ProxyLaws, APointLeavesASheetAtItsCorner) {
+  const World world(shapes::sheet(5, 1.0, [](double, double) { return 0.0; }), {}, true);
+  Proxy proxy = world.proxy(0.0);
+  proxy.step({0.9, 0.9, 0.1});
+  EXPECT_TRUE(proxy.step({0.9, 0.9, -0.1}).touching);
+  EXPECT_FALSE(proxy.step({1.1, 1.1, -0.1}).touching);
+}
+
 }  // namespace

@@ -66,6 +66,44 @@ TEST(LocalModelContact, AContactThatMovedEqualsANewOne) {
   }
 }
 
+// Law: no node is in the tip, also where the pressed nodes turn the body about its middle, so that they raise others into the tip.
+TEST(LocalModelContact, NodesThatTheForcesRaiseTouchToo) {
+  LocalModel model;
+  std::vector<Vector3<>> points;
+  for (int i = -10; i <= 10; ++i) points.emplace_back(1e-3 * i, 0.0, 0.0);
+  const std::size_t n = points.size();
+  model.nodes = palpate::deformable::SurfaceNodes(points, std::vector<Vector3<>>(n, Vector3<>::UnitZ()), std::vector<double>(n, 1e-6));
+  model.compliance_matrix.assign(LocalModel::capacity * LocalModel::capacity, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    model.node_ids[i] = static_cast<std::int32_t>(i);
+    model.displacement[i].setZero();
+    for (std::size_t j = 0; j < n; ++j)
+      model.compliance_matrix[i * LocalModel::capacity + j] = (i == j ? 1e-3 : 0.0) + 1e2 * points[i].x() * points[j].x();
+  }
+  model.version = 1;
+  auto contact = std::make_unique<LocalModelContact>();
+  TipPair tips;
+  tips.count = 1;
+  tips.tip[0].radius = 30e-3;
+  int raised = 0;
+  for (int k = 1; k <= 60; ++k) {
+    const double most = 1e-5 * k;
+    tips.tip[0].center = {3e-3, 0.0, 30e-3 - most};
+    const auto& a = contact->solve(model, tips, 1.0, contact->contact_nodes(), contact->last().nodes);
+    ASSERT_TRUE(a.solved);
+    for (std::size_t i = 0; i < n; ++i) {
+      const double x = points[i].x() - 3e-3, depth = std::sqrt(9e-4 - x * x) - 30e-3 + most;
+      double moved = 0.0;
+      for (int c = 0; c < a.nodes; ++c) {
+        moved += contact->forces()[c] * model.compliance(static_cast<std::int32_t>(i), contact->contact_nodes()[c]);
+        raised += contact->contact_nodes()[c] == static_cast<std::int32_t>(i) && depth < -0.3 * most ? 1 : 0;
+      }
+      ASSERT_GE(moved - depth, -1e-6 * most) << k << ' ' << i;
+    }
+  }
+  EXPECT_GT(raised, 0);
+}
+
 /// Drag of one pressed node with much friction.
 struct Drag {
   static constexpr double ratio = 1.3, common = 1e-4;

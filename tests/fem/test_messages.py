@@ -207,6 +207,14 @@ def test_quantities_are_text_or_si(body: Body) -> None:
             r"path: row 1 of 2 has .* not finite: \(0, 0, nan\)",
         ),
         (
+            lambda body: body.simulate_path([[20.0, 20.0, 28.0]], 8e-3),
+            "path: it stays 39.* m from the body, whose extent is .* m: lengths are in m",
+        ),
+        (
+            lambda body: pressed().simulate_path([[20.0, 20.0, 28.0]], 8e-3, outward=(0, 0, 1)),
+            "path: it stays 39.* m from the body",
+        ),
+        (
             lambda body: pressed().simulate_path([[0, np.inf, 0]], 8e-3, outward=(0, 0, 1)),
             "path: row 0 of 1 has .* not finite",
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,8 @@ from palpate.fem.errors import BodyError, BodyWarning
 from palpate.units import parse_quantity, to_si
 
 TipShape = Literal["sphere", "flat"]
+
+_FAR: Final = 100.0  # extents of a body from which a path is taken for one in another unit
 
 
 def number(value: float | str, unit: str, field: str) -> float:
@@ -151,6 +153,15 @@ def check_finite(points: Array, field: str) -> None:
         row = int(np.argmax(bad))
         numbers = ", ".join(f"{number:g}" for number in points[row].ravel())
         raise PoseError(f"{field}: row {row} of {len(points)} has a number that is not finite: ({numbers})")
+
+
+def check_near(path: Array, points: Array) -> None:
+    """Raise BodyError if a path (..., 3), m, never comes near a body with `points` (p, 3), m."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = float(np.linalg.norm(high - low))
+    apart = np.linalg.norm(path - np.clip(path, low, high), axis=-1).min(initial=np.inf)
+    if path.size and apart > _FAR * extent:
+        raise BodyError(f"path: it stays {apart:.3g} m from the body, whose extent is {extent:.3g} m: lengths are in m")
 
 
 def directions(outward: ArrayLike, shape: tuple[int, ...]) -> Array:

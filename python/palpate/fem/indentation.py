@@ -16,6 +16,7 @@ from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
     check_finite,
+    check_near,
     check_tip,
     directions,
     indentation_depth,
@@ -241,6 +242,7 @@ class IndentableBody(CondensedBody):
         if centers.ndim != 2 or centers.shape[1] != 3:
             raise PoseError(f"a path is (m, 3) numbers in m; this has shape {centers.shape}")
         check_finite(centers, "path")
+        check_near(centers, self.points)
         size = positive(radius, "m", "radius")
         check_tip(tip)
         if outward is None and tip == "flat":

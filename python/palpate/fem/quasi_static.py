@@ -14,6 +14,7 @@ from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
     check_finite,
+    check_near,
     check_tip,
     directions,
     indentation_depth,
@@ -142,10 +143,12 @@ class QuasiStaticSolver:
 
         Raises:
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
-            BodyError: a radius is not positive, the tip has another shape, or the contact forces were not found.
+            BodyError: a radius is not positive, the tip has another shape, the path never comes near the body, or the
+                contact forces were not found.
         """
         ticks = whole(every, "every", 1)
         arguments = _core_path(path, radius, outward, tip)
+        check_near(arguments[0], self.solid.points)
         return _history(self.core.simulate_path(*arguments, ticks), arguments[0].shape[1])
 
     def simulate_realtime(

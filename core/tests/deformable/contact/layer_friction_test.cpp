@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <palpate/deformable/contact/signed_distance_contact.hpp>
+#include <palpate/deformable/linear/creep_motion.hpp>
 
 #include "support/contact_bodies.hpp"
 
@@ -95,6 +96,25 @@ TEST(LayerFriction, DoesNotDependOnTheFrameNorOnTheOrderOfTheNodes) {
     EXPECT_LT((turn * a.force - b.force).norm(), 2e-3 * largest + 1e-9);
   }
   EXPECT_GT(largest, 0.05);
+}
+
+// Law: a point of a creeping layer stores the energy of its Kelvin element, and its compression without force decays by one law however
+// long it is not evaluated.
+TEST(LayerCreep, APointIsAKelvinElement) {
+  const SurfaceBody space = contact_bodies::half_space(2, 4e-3, 20e3);
+  const palpate::deformable::Creep law = palpate::deformable::creep_law(3.0, 0.02, 1e-3);
+  const palpate::deformable::ContactPatches patches(space.surface, law);
+  palpate::deformable::LayerCreep layer(patches.round, law);
+  const double stiffness = 700.0, force = 0.3, delayed_force = 0.2;  // long-term; N
+  const double excess = law.period_ratio * force / stiffness, state = delayed_force / stiffness;
+  const double found = 0.5 * stiffness / law.period_ratio *
+                       (static_cast<double>(layer.series()) * excess * excess + static_cast<double>(layer.delayed()) * state * state);
+  EXPECT_NEAR(found, law.energy(force * force / stiffness, delayed_force * delayed_force / stiffness), 1e-6 * found);
+  layer.mark(0);
+  for (int passed = 1; passed <= 5; ++passed) {
+    layer.begin_period();
+    EXPECT_NEAR(static_cast<double>(layer.remaining(0)), std::exp(-passed * 1e-3 / 0.02), 1e-6) << passed;
+  }
 }
 
 }  // namespace

@@ -55,8 +55,9 @@ corefuzz: .venv/test-installed  ## fuzz the C++ readers and the tick for ten min
 	build/corefuzz/core/tests/fuzz/palpate_fuzz -max_total_time=600 -max_len=65536 -timeout=20 -artifact_prefix=build/corefuzz/ \
 		build/corefuzz/corpus build/corefuzz/seeds core/tests/fuzz/corpus
 
-mutate: .venv/test-installed  ## change the Python source in a copy, 200 times, and count the changes that tests notice
+mutate: .venv/test-installed  ## change the Python source, then the C++ core, in a copy, and count the changes that tests notice
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutate.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/core_mutate.py --jobs $(JOBS)
 
 nightly: .venv/cross-installed  ## long studies: random tests with ten times the rounds, slow tests, fuzz, corefuzz, reproduce, bench
 	PALPATE_ROUNDS=10 PALPATE_NIGHTLY=1 $(PYTEST)

@@ -41,7 +41,8 @@ class Pressed(NamedTuple):
 def pressed_at(trace: Recorded, row: int) -> Pressed:
     """Return the body of a trace's scenario at sample `row`, by repeating the path of the tip up to it.
 
-    A body with a state needs a record of every tick, other bodies only the sample itself.
+    A body with a state needs a record of every tick, other bodies only the sample itself. A hyperelastic body that
+    moves is repeated within about 2 %: rounding changes the effort of its slow steps.
     """
     scenario = Scenario.from_dict(trace.metadata["scenario"])
     choice = scenario.object.body

@@ -15,6 +15,7 @@ from palpate.devices import load
 from palpate.errors import ScenarioError, StabilityError
 from palpate.linear import HumanArm
 from palpate.linear.admittance_loop import admittance_loop, sensed_plant, tip_feedback
+from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.admittance import display_matrix
@@ -258,3 +259,10 @@ def test_an_analysis_without_an_admittance_display_says_so() -> None:
 def test_a_sweep_runs_the_display_of_each_cell() -> None:
     found = sweep(display(), {"servo.tool.mass": ["0.01 kg", "0.1 kg"]})
     assert [found.verdict(i) for i in range(2)] == [State.UNSTABLE, found.simulate(1).verdict.state]
+
+
+def test_a_peak_that_is_not_an_overshoot_is_given_as_a_peak() -> None:
+    """The tool hits a wall of 1 N/um and rests 1 um deep: the impact is far beyond 5 % of that rest."""
+    row = summarize(palpate.simulate(Path(__file__).parents[2] / "scenarios" / "admittance-display.toml"))["axes"]["z"]
+    assert row["overshoot_percent"] is None
+    assert abs(row["peak_deflection_m"]) > 20.0 * abs(row["steady_deflection_m"])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
-from palpate.contact.simplices import area_vectors
+from palpate.contact.simplices import area_vectors, volumes
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -365,9 +365,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
 
 def count_inverted(points: Array, tetrahedra: Indices, displacement: Array) -> int:
     """Return how many tetrahedra (c, 4) of a mesh with points (p, 3), m, a displacement (p, 3), m, turns inside out."""
-    then, now = points[tetrahedra], (points + displacement)[tetrahedra]
-    change = np.linalg.det(then[:, 1:] - then[:, :1]) * np.linalg.det(now[:, 1:] - now[:, :1])
-    return int((change < 0.0).sum())
+    return int((volumes(points, tetrahedra) * volumes(points + displacement, tetrahedra) < 0.0).sum())
 
 
 def _warn_of_few_nodes(deep: float, count: int, error: float | None) -> None:

@@ -287,6 +287,17 @@ def test_a_tap_settles_when_it_is_back() -> None:
     tail = time[time * np.exp(-time) > 0.05 * np.exp(-1.0)][-1]
     assert found.settling_time == pytest.approx(tail, abs=2e-3)
     assert found.overshoot_percent == 0.0
+    assert found.returns
+    assert not step_response(time, time * np.exp(-time) + np.minimum(time, 0.05)).returns  # 0.05 is 12 % of its peak
+
+
+def test_a_response_returns_to_where_it_began_and_not_to_zero() -> None:
+    """Adding a constant to a response changes its values alone."""
+    for back in (0.05, 0.0501):  # of the way to the peak
+        one, other = (step_response(range(100), [begin, begin + 1.0, *98 * [begin + back]]) for begin in (0.0, 4.0))
+        assert one.returns == other.returns == (back <= 0.05 + 1e-12)
+        assert one.overshoot_percent == pytest.approx(other.overshoot_percent)
+        assert one.settling_time == other.settling_time
 
 
 def test_a_channel_is_read_by_name() -> None:

@@ -19,13 +19,14 @@ class StepResponse:
         expected: expected steady value, same unit; None if unknown.
         error_percent: (steady - expected) / |expected| * 100; None without an expected value other than 0.
         overshoot_percent: overshoot of the peak over the steady value, relative to the step; 0 if there is none, or if
-            the response returns to its initial value (within `band` of its peak).
+            the response returns.
         settling_time: time after the step from which the response stays within the band of the steady value, s; None
             if it is outside during the last twentieth of the response.
         peak: value farthest from the initial one, same unit.
         ripple: half the peak-to-peak value of the last twentieth, same unit.
         swing_growth: peak-to-peak value of the last quarter over that of the quarter before. None if the last half
             does not oscillate (fewer than four crossings of its mean in either quarter).
+        returns: whether the steady value is the initial one within `band` of the way to the peak, as after an impact.
     """
 
     steady: float
@@ -36,6 +37,7 @@ class StepResponse:
     peak: float
     ripple: float
     swing_growth: float | None
+    returns: bool
 
 
 def step_response(
@@ -75,7 +77,8 @@ def step_response(
     farthest = int(np.argmax(np.abs(y - begin)))
     reach = float(abs(y[farthest] - begin))
     overshoot, measure = 0.0, reach
-    if abs(step) > band * reach:
+    returns = abs(step) <= band * reach
+    if not returns:
         overshoot, measure = max(0.0, float(np.max((y - steady) / step))) * 100.0, abs(step)
     settled: float | None = 0.0
     outside = np.flatnonzero(np.abs(y - steady) > band * measure)
@@ -92,6 +95,7 @@ def step_response(
         peak=float(y[farthest]),
         ripple=float(np.ptp(tail)) / 2.0,
         swing_growth=_swing_growth(y, reach),
+        returns=returns,
     )
 
 

@@ -154,12 +154,10 @@ def _passivity(
     """
     passive, required, remark = _passivity_condition(s, loop)
     example = None
-    addition = ""
     if not math.isnan(required):
         margin["passive_damping_required_N_s_per_m"] = required
         margin["device_damping_N_s_per_m"] = loop.device_damping
     if passive:
-        addition = ", and passive: stable with every passive operator"
         longest = _longest_interval(s, loop)
         if longest > s.period:
             margin["max_passive_interval_s"] = longest
@@ -168,21 +166,21 @@ def _passivity(
         example = destabilizing_operator(s)
         if example is not None:
             passive = False
-        addition = (
-            ", with the operator described; it is not passive, so another operator can destabilize it"
-            if passive is False
-            else ", with the operator described; whether it is passive is not known"
-        )
-        if example is None:
+        else:
             steps.append(
                 "No mass and spring that destabilizes the loop was found; more general passive operators were not "
                 "searched."
             )
-    elif s.servo.topology == "impedance_display":
-        addition = ", with the operator described; whether it is passive is not known"
     if remark:
         steps.append(remark)
-    return passive, example, addition
+    if s.servo.topology != "impedance_display":
+        return passive, example, ""
+    additions = {
+        True: ", and passive: stable with every passive operator",
+        False: ", with the operator described; it is not passive, so another operator can destabilize it",
+        None: ", with the operator described; whether it is passive is not known",
+    }
+    return passive, example, additions[passive]
 
 
 def _range(m: Margins, loop: ScenarioLoop) -> str:

@@ -17,7 +17,15 @@ from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.recorded import Recorded, held_tip
 
-__all__ = ["LinearRadii", "linear_radii_of", "linear_sign", "loop_at_rest"]
+__all__ = [
+    "LinearRadii",
+    "display_at_rest",
+    "has_display_loop",
+    "linear_radii_of",
+    "linear_sign",
+    "loop_at_rest",
+    "touches_at_rest",
+]
 
 AT_REST = 5e-3  # m/s: largest speed of a tip at rest
 AT_LIMIT = 1e-9  # distance of a spectral radius from 1 within which the linear loop is at its limit
@@ -88,16 +96,25 @@ def _spring(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
 
 def _display(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
     """Return the spectral radii of an admittance display on a spring or a wall, or None and the reason."""
-    if scenario.contact_kind not in ("spring", "wall") or scenario.object.coupling != "backward":
+    if not has_display_loop(scenario):
         return None, "an admittance display has one on a spring or a wall with backward difference alone"
     try:
-        start, rest = display_matrix(scenario), None
-        if touches_at_rest(trace, scenario)[0]:
-            pose, force = trace["angle"][-1], trace["operator_force"][-1]
-            rest = _radius(display_matrix(scenario, pose=pose, operator_force=force))
+        start, rest = display_matrix(scenario), display_at_rest(trace, scenario)
     except PalpateError as problem:
         return None, str(problem)
-    return LinearRadii(_radius(start), rest), ""
+    return LinearRadii(_radius(start), None if rest is None else _radius(rest)), ""
+
+
+def has_display_loop(scenario: Scenario) -> bool:
+    """Return whether the object of an admittance display has a linear loop."""
+    return scenario.contact_kind in ("spring", "wall") and scenario.object.coupling == "backward"
+
+
+def display_at_rest(trace: Recorded, scenario: Scenario) -> Array | None:
+    """Return the `display_matrix` where a run came to rest, or None if it did not."""
+    if not touches_at_rest(trace, scenario)[0]:
+        return None
+    return display_matrix(scenario, pose=trace["angle"][-1], operator_force=trace["operator_force"][-1])
 
 
 def _radius(matrix: Array) -> float:

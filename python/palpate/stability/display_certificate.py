@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.admittance import display_matrix
-from palpate.simulation.linear_evidence import touches_at_rest
+from palpate.simulation.linear_evidence import display_at_rest, has_display_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions, method
@@ -27,7 +27,7 @@ def certify_display(s: Scenario) -> Certificate:
         StabilityError: the object is no spring or wall, or its damper is no backward difference.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`; or the pose is near a singular one.
     """
-    if s.contact_kind not in ("spring", "wall") or s.object.coupling != "backward":
+    if not has_display_loop(s):
         raise StabilityError(
             "object: an admittance_display is certified on a spring or a wall with backward difference; judge it on "
             "another object by its run"
@@ -37,8 +37,8 @@ def certify_display(s: Scenario) -> Certificate:
     run = trace.verdict
     steps = (*method(s), f"The full scenario was run for {s.run.duration:g} s; its verdict is {run.state.label}.")
     loops = {"start": matrix}
-    if trace.completed and touches_at_rest(trace, s)[0]:
-        loops["rest"] = display_matrix(s, pose=trace["angle"][-1], operator_force=trace["operator_force"][-1])
+    if (rest := display_at_rest(trace, s)) is not None:
+        loops["rest"] = rest
     found = {place: check_stability(one) for place, one in loops.items()}
     criteria: Mapping[str, bool] = found["start"][1]
     margin = {f"spectral_radius_at_{place}": radius for place, (radius, _) in found.items()}

@@ -10,7 +10,16 @@ from scipy.sparse.csgraph import connected_components
 
 from palpate.arrays import Array, Indices
 
-__all__ = ["FACES", "area_vectors", "boundary", "components", "equal_neighbors", "half_edges", "volumes"]
+__all__ = [
+    "FACES",
+    "adjacent_faces",
+    "area_vectors",
+    "boundary",
+    "components",
+    "equal_neighbors",
+    "half_edges",
+    "volumes",
+]
 
 FACES: Final = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))  # of a tetrahedron, counterclockwise seen from outside
 
@@ -37,8 +46,17 @@ def boundary(cells: Indices) -> Indices:
 
     They are in the order of `FACES`, then of the tetrahedra.
     """
+    faces, one, other = adjacent_faces(cells)
+    return np.delete(faces, np.append(one, other), axis=0)
+
+
+def adjacent_faces(cells: Indices) -> tuple[Indices, Indices, Indices]:
+    """Return the faces (4 m, 3) of tetrahedra (m, 4), and the pairs of `equal_neighbors` among them.
+
+    Face i is one of tetrahedron i % m, counterclockwise seen from outside, in the order of `FACES`.
+    """
     faces = np.concatenate([cells[:, face] for face in FACES])
-    return np.delete(faces, np.concatenate(equal_neighbors(np.sort(faces, axis=1))), axis=0)
+    return faces, *equal_neighbors(np.sort(faces, axis=1))
 
 
 def equal_neighbors(rows: Indices) -> tuple[Indices, Indices]:

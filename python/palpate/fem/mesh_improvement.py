@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from palpate.arrays import Array, Flags, Indices
-from palpate.contact.simplices import FACES, boundary, components, equal_neighbors, half_edges, volumes
+from palpate.contact.simplices import FACES, adjacent_faces, boundary, components, equal_neighbors, half_edges, volumes
 from palpate.fem.closed_surface import ClosedSurface
 
 MIN_ANGLE: Final = 10.0  # degrees, smallest dihedral angle that a moved point may leave
@@ -190,6 +190,5 @@ def _split_pinched(points: Array, cells: Indices) -> tuple[Array, Indices]:
 
 def _groups(cells: Indices) -> Indices:
     """Return the index of the part of each tetrahedron (m,). Parts share no face."""
-    faces = np.sort(np.concatenate([cells[:, face] for face in FACES]), axis=1)
-    one, two = equal_neighbors(faces)
+    _, one, two = adjacent_faces(cells)
     return components(one % len(cells), two % len(cells), len(cells))

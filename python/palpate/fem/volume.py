@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import check_triangles, check_vertices
-from palpate.contact.simplices import FACES, components, volumes
+from palpate.contact.simplices import adjacent_faces, components, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
@@ -116,11 +116,10 @@ class Volume:
     @cached_property
     def surface(self) -> Indices:
         """Triangles of the surface (k, 3), counterclockwise seen from outside."""
-        faces = np.concatenate([self.tetrahedra[:, face] for face in FACES])
-        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        if (count > 2).any():
+        faces, one, other = adjacent_faces(self.tetrahedra)
+        if np.isin(one, other).any():
             raise BodyError("more than two tetrahedra share a face: the mesh overlaps itself; mesh again")
-        return np.asarray(faces[np.sort(first[count == 1])])
+        return np.delete(faces, np.append(one, other), axis=0)
 
     @cached_property
     def parts(self) -> Indices:

@@ -272,6 +272,37 @@ def test_what_is_refused() -> None:
         body.simulate_realtime(np.zeros((5, 3)), RADIUS, outward=UP, period="0 s")
 
 
+PAD = block((0.064, 0.064, 0.008), 0.004)
+RADII = np.array([8e-3, 14e-3, 20e-3])
+
+
+def test_a_tip_over_more_nodes_than_a_local_model_holds_is_refused() -> None:
+    """A flat end of 30 mm has 176 nodes under it, a local model 128: its force would be too small."""
+    body = QuasiStaticSolver(HyperelasticModel(PAD, MATERIAL, BOTTOM, half_space("z", ">", 0.008 - 1e-9)))
+    middle = np.array([0.032, 0.032, 0.008])
+    with pytest.raises(BodyError, match=r"depth: at 0\.4 mm more than 128 nodes lie under the tip: use a smaller tip"):
+        body.indent(middle, 30e-3, 4e-4, outward=UP, tip="flat")
+    body.reset()
+    down = middle - np.outer(np.append(np.linspace(-1e-4, 4e-4, 100), np.full(60, 4e-4)), UP)
+    with pytest.raises(BodyError, match=r"the forces of \d+ of 160 ticks were not found: more than 128 nodes"):
+        body.simulate_path(down, 30e-3, outward=UP, tip="flat")
+
+
+def test_a_flat_end_on_a_pad_grows_between_that_on_a_half_space_and_its_area() -> None:
+    """Up to the nodes that a local model holds: the force grows with the radius R by more than R and less than R^2."""
+    body = QuasiStaticSolver(HyperelasticModel(PAD, MATERIAL, BOTTOM, half_space("z", ">", 0.008 - 1e-9)))
+    middle, found = np.array([0.032, 0.032, 0.008]), []
+    for radius in RADII:
+        force, _ = body.indent(middle, radius, 4e-4, outward=UP, tip="flat")
+        path = np.tile(middle - 4e-4 * UP, (200, 1))
+        held = body.simulate_path(path, radius, outward=UP, tip="flat")
+        assert held.force[-1, 0, 2] == pytest.approx(force[2], rel=1e-3)
+        found.append(force[2])
+    over_radius, over_area = np.array(found) / RADII, np.array(found) / RADII**2
+    assert np.all(np.diff(over_radius) > 0.0)
+    assert np.all(np.diff(over_area) < 0.0)
+
+
 def test_wide_code_of_the_solids_is_shared_with_nothing() -> None:
     """The same templates are compiled for several widths of registers: each file's copy is its own."""
     names = shutil.which("nm")

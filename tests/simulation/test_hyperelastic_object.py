@@ -14,6 +14,8 @@ from palpate.fem import BodyError, HyperelasticModel, Material, QuasiStaticSolve
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import pressed_at, scenario_body
+from palpate.simulation.judgment import judge
+from palpate.simulation.verdict import State
 from palpate.stability import contact_stability
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -130,6 +132,20 @@ def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
     judged = contact_stability(trace)
     assert judged.stable
     assert judged.static_stiffness > 1.1 * force[2] / depth  # it stiffens: the slope is above the secant
+
+
+def test_a_run_on_more_nodes_than_a_local_model_holds_is_not_settled(tmp_path: Path) -> None:
+    """176 nodes lie under the flat end, a local model has 128: the force is too small, however calm the tip."""
+    pad, path = bodies.block((0.064, 0.064, 0.008), 0.004), tmp_path / "pad.h5"
+    bodies.build(pad, young=8e3, poisson=0.4, fixed=BOTTOM, touch=bodies.half_space("z", ">", 7.9e-3), output=path)
+    here = {"origin": ["32 mm", "32 mm", "8 mm"], "tip": "flat"}
+    wide = simulate(tables(path, 2.0, 2e-4, "0.8 s", radius="30 mm", **here))
+    assert summarize(wide)["palpation"]["unsolved"] > 400
+    assert judge(wide).state is State.UNDECIDED
+    assert "the contact force was not found in" in judge(wide).reason
+    small = simulate(tables(path, 2.0, 2e-4, "0.8 s", radius="18 mm", **here))
+    assert summarize(small)["palpation"]["unsolved"] == 0
+    assert judge(small).state is State.SETTLED
 
 
 def test_what_cannot_be_is_refused(block: Path) -> None:

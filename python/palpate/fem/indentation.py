@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,7 @@ from palpate.fem.model_spec import ModelSpec
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
+TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 _NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 _MAX_TIPS = 8
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
@@ -337,8 +338,8 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
         inverted: returns the number of tetrahedra of negative volume at present.
 
     Raises:
-        BodyError: there is no equilibrium at the last depth or at ten consecutive ones, or the tip has lost contact
-            or inverted tetrahedra at the last depth.
+        BodyError: there is no equilibrium at the last depth or at ten consecutive ones, or the tip has lost contact,
+            inverted tetrahedra or more nodes under it than a local model holds at the last depth.
     """
     settled_depth, touched, unsettled = 0.0, False, 0
     for index, depth in enumerate(depths):
@@ -360,6 +361,8 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
                 else "nor is there one at a smaller depth"
             )
             raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
+    if row[_SOLVED] == 0.0:
+        raise BodyError(f"depth: at {1e3 * depth:.3g} mm {TOO_MANY_NODES}")
     return row
 
 
@@ -403,6 +406,6 @@ def _warn_of_unsolved(rows: Array) -> None:
 def _history(rows: Array) -> ContactHistory:
     """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
     if not rows[:, _SOLVED].all():
-        raise BodyError("more than 128 nodes lie under the tip: take a smaller tip, or a coarser mesh")
+        raise BodyError(TOO_MANY_NODES)
     nodes, lost = rows[:, _NODES].astype(np.int64), rows[:, _LOST] > 0.0
     return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
@@ -26,7 +26,7 @@ from palpate.fem.checks import (
 )
 from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
-from palpate.fem.indentation import count_inverted, settle_at_depths
+from palpate.fem.indentation import TOO_MANY_NODES, count_inverted, settle_at_depths
 
 
 class MultiTipHistory(NamedTuple):
@@ -103,7 +103,8 @@ class QuasiStaticSolver:
             The force on the tip (3,), N, and the displacement of all points (N, 3), m.
 
         Raises:
-            BodyError: the tip loses contact or inverts tetrahedra, or there is no equilibrium.
+            BodyError: the tip loses contact or inverts tetrahedra, there is no equilibrium, or more than 128 nodes
+                lie under the tip.
         """
         x, size, deep = point_of(point), positive(radius, "m", "radius"), indentation_depth(depth)
         normal = directions(outward, (3,))
@@ -144,7 +145,8 @@ class QuasiStaticSolver:
         Raises:
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
             BodyError: a radius is not positive, the tip has another shape, the path never comes near the body, or the
-                contact forces were not found.
+                contact forces of a tick were not found: more than 128 nodes lie under a tip, or it moves too far
+                between two updates.
         """
         ticks = whole(every, "every", 1)
         arguments = _core_path(path, radius, outward, tip)
@@ -210,8 +212,12 @@ def _core_path(
 
 def _history(rows: Array, tips: int) -> MultiTipHistory:
     """Return the rows of the core as a history; raise BodyError if the forces of one were not found."""
-    if not all(rows[:, 10 * t + 9].all() for t in range(tips)):
-        raise BodyError("path: the contact forces were not found: use smaller steps")
+    found: NDArray[np.bool_] = np.asarray(rows[:, 9 : 10 * tips : 10].all(axis=1))
+    if not found.all():
+        raise BodyError(
+            f"path: the forces of {np.count_nonzero(~found)} of {len(found)} ticks were not found: {TOO_MANY_NODES}; "
+            "or a tip moves too far between two model updates: use smaller steps or fewer ticks per update"
+        )
     each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
     potential, tank, _, empty = rows[:, 10 * tips :].T
     return MultiTipHistory(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, tank, empty > 0)

@@ -205,7 +205,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
         text += f"; only {few} that force: take a finer mesh or a larger tip"
     if found.unsolved:
-        text += f"; in {found.unsolved} samples more nodes were under the tip than the solver considers"
+        text += f"; in {found.unsolved} samples the contact force was not found"
     if found.contact_lost:
         text += f"; in {found.contact_lost} samples the contact was lost: the tip was pushed through the body"
     began = float(np.linalg.norm(trace["deflection"][0])) if trace["touching"][0, 0] else 0.0

@@ -17,6 +17,7 @@ from palpate.simulation.verdict import (
     FAILED,
     GROWING,
     OSCILLATES,
+    SHARE,
     Evidence,
     State,
     Verdict,
@@ -45,6 +46,9 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     """
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
+        lacking = _without_force(trace, slice(None))
+        if lacking is not None:
+            return Verdict(State.UNDECIDED, lacking)
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
     linear, unknown = linear_radii_of(trace, scenario) if radius is None else (_alone(radius), "")
     if trace.unstable_from is not None or len(trace.time) < 2:
@@ -127,6 +131,9 @@ def _explained(
 ) -> Verdict:
     """Return the verdict with its reason."""
     time = trace.time
+    lacking = _without_force(trace, window.ending)
+    if state is State.SETTLED and lacking is not None:
+        return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
     swing = f"{1e3 * amplitude:.3g} mm along {axis}" + (f" at {frequency:.3g} Hz" if frequency else "")
@@ -164,6 +171,17 @@ def _explained(
     if not swings:
         return Verdict(state, reason, since, linear=_text(linear))
     return Verdict(state, reason, since, axis, amplitude, frequency, _text(linear))
+
+
+def _without_force(trace: Recorded, rows: slice) -> str | None:
+    """Return why the force on a body is not known in rows of the trace; None if it is."""
+    solved = trace["solved"][rows, 0] if "solved" in trace else np.ones(1)
+    if np.mean(solved == 0.0) <= SHARE:
+        return None
+    return (
+        f"the contact force was not found in {np.count_nonzero(solved == 0.0)} of {len(solved)} samples at the end: "
+        "more than 128 nodes lie under the tip, or the contact has not converged: use a smaller tip or a coarser mesh"
+    )
 
 
 def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:

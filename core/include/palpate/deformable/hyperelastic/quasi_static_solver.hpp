@@ -292,7 +292,8 @@ class QuasiStaticSolver {
       by_distance_.emplace_back(distance, static_cast<std::int32_t>(f));
     }
     std::sort(by_distance_.begin(), by_distance_.end());
-    triangles_.resize(by_distance_.size());
+    triangles_.resize(std::min(by_distance_.size(), LocalTriangles::max_triangles));
+    beyond_.assign(surface_.triangles.size(), true);
     for (std::size_t k = 0; k < triangles_.size(); ++k) {
       const std::int32_t f = by_distance_[k].second;
       triangles_[k] = {};
@@ -303,11 +304,17 @@ class QuasiStaticSolver {
         corner.node = index_of_[at(v)];
         corner.position = position(v);
         corner.displacement = corner.position - points_[at(v)];
-        if (corner.node < 0) continue;
+        const LayerPoint<double>& layer = layered_.triangles()[at(f)].corner[c];
+        if (corner.node < 0) {
+          if (layer.stiffness > 0.0) triangles_[k].complete = false;
+          continue;
+        }
         corner.direction = -next_.nodes.normal(corner.node);
-        corner.layer = layered_.triangles()[at(f)].corner[c];
+        corner.layer = layer;
       }
+      beyond_[at(f)] = !triangles_[k].complete;
     }
+    next_.truncated = tips_contact_.part_on(beyond_) > LocalModel::max_beyond;
     next_.triangles.assign(tips.count > 0 ? tips.tip[0].center : Vector3<>(Vector3<>::Zero()), triangles_);
     for (const std::int32_t id : model_nodes_) index_of_[at(surface_.point[at(id)])] = -1;
   }
@@ -342,6 +349,7 @@ class QuasiStaticSolver {
   std::vector<std::vector<std::int32_t>> triangles_of_point_;  // by mesh point
   LocalModelContact contact_;
   std::vector<LocalTriangles::Triangle> triangles_;  // workspace
+  std::vector<bool> beyond_;                         // workspace: triangles with contact nodes outside of the next model
   LocalModel current_, next_;
   std::vector<float> guess_, residual_force_;  // m, N
   std::vector<std::pair<double, std::int32_t>> by_distance_;

@@ -71,6 +71,16 @@ class SurfaceContact {
     }
   }
 
+  /// Part of the forces at the linearization that act on triangles of a set (whether each triangle is in it).
+  [[nodiscard]] double part_on(const std::vector<bool>& set) const noexcept {
+    double on = 0.0, total = 0.0;
+    for (const Pressed& p : pressed_) {
+      total += p.contact.force.norm();
+      if (set[p.triangle]) on += p.contact.force.norm();
+    }
+    return total > 0.0 ? on / total : 0.0;
+  }
+
   /// Forces on the free nodes at the displacement of linearize(), N.
   [[nodiscard]] const double* force() const noexcept { return force_.data(); }
   [[nodiscard]] double force_norm() const noexcept { return force_norm_; }

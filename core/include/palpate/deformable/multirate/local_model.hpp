@@ -26,6 +26,8 @@ struct LocalModel {
   static constexpr int capacity = ContactLcp::capacity;
   static constexpr int max_inner = 64;  ///< nodes with computed compliance; that of the others is extrapolated (ComplianceExtrapolation)
 
+  static constexpr double max_beyond = 0.01;  ///< part of the force that surface with nodes outside of the model may bear
+
   SurfaceNodes nodes;                                    ///< deformed positions and outward normals (negative displacement directions)
   std::array<std::int32_t, capacity> node_ids{};         ///< surface node of each, ascending
   std::array<bool, capacity> inner{};                    ///< whether the compliance was computed
@@ -36,6 +38,7 @@ struct LocalModel {
   std::vector<double> compliance_matrix;                 ///< capacity x capacity, along the inward normals, m/N
   std::vector<detail::FloatLine> single;                 ///< same in single precision
   LocalTriangles triangles;                              ///< of the surface, by distance from the tips
+  bool truncated = false;                                ///< whether the model lacks surface that bears force at the state
   long version = 0;                                      ///< of the state, increasing
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {

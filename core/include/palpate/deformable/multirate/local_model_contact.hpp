@@ -22,7 +22,7 @@ struct MultiTipResult {
   std::array<ContactResult, TipPair::max_tips> tip{};
   double energy = 0.0;  ///< released when all tips leave, J
   int nodes = 0;        ///< number of contact nodes
-  bool solved = true;
+  bool solved = true;   ///< the forces have converged, and the model has the nodes that bear them
 };
 
 /// Frictionless contact of rigid tips with a local model through the elastic layer of its surface; the tips interact through the body.
@@ -67,7 +67,7 @@ class LocalModelContact {
       if (iteration > 0 && now > 0.5 * before && now < step_tolerance) break;  // round-off
       before = now;
     }
-    finish(energy, error(round_off_length) <= acceptable);
+    finish(energy, error(round_off_length) <= acceptable && is_complete());
     converged_ = before <= tolerance;
     return result_;
   }
@@ -379,6 +379,18 @@ class LocalModelContact {
         if (p.stiffness[3 + c].v[l] != 0.0F) newton_.add(nodes[c], nodes[(c + 1) % 3], p.stiffness[3 + c].v[l]);
       }
     }
+  }
+
+  /// Whether triangles whose contact nodes are all in the model bear the force.
+  [[nodiscard]] bool is_complete() const noexcept {
+    double beyond = 0.0, total = 0.0;
+    for (std::size_t k = 0; k < pressed_count_; ++k)
+      for (std::size_t l = 0; l < lanes; ++l) {
+        const auto push = static_cast<double>(pressed_[k].total.v[l]);
+        total += push;
+        if (!model_->triangles.is_complete(pressed_[k].first + l)) beyond += push;
+      }
+    return !model_->truncated && beyond <= LocalModel::max_beyond * total;
   }
 
   void finish(double energy, bool solved) noexcept {

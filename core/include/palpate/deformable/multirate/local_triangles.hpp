@@ -26,6 +26,7 @@ class LocalTriangles {
   struct Triangle {
     std::array<Corner, 3> corner;
     Vector3<> normal = Vector3<>::Zero();  ///< of the surface at the state, outward
+    bool complete = true;                  ///< whether the model has all contact nodes among the corners
   };
 
   /// Rows of numbers: 3 x corner + axis for vectors of the corners, axis for the normal, corner for numbers of the corners.
@@ -38,6 +39,7 @@ class LocalTriangles {
     stride_ = (count_ + 15) / 16 * 16;
     lines_.assign(row_count * stride_ / 16, detail::FloatLine{});
     nodes_.assign(stride_, {-1, -1, -1});
+    complete_.assign(stride_, 1);
     for (std::size_t t = 0; t < stride_; ++t)
       for (std::size_t c = 0; c < 3; ++c) {
         if (t >= count_) {  // out of reach of any tip
@@ -47,6 +49,7 @@ class LocalTriangles {
         }
         const Corner& corner = triangles[t].corner[c];
         nodes_[t][c] = corner.node;
+        complete_[t] = triangles[t].complete ? 1 : 0;
         for (std::size_t a = 0; a < 3; ++a) {
           const int axis = static_cast<int>(a);
           entry(position + 3 * c + a, t) = static_cast<float>(corner.position[axis] - origin[axis]);
@@ -69,6 +72,7 @@ class LocalTriangles {
     return {load(row, first), load(row + 1, first), load(row + 2, first)};
   }
   [[nodiscard]] const std::array<std::int16_t, 3>& nodes(std::size_t triangle) const noexcept { return nodes_[triangle]; }
+  [[nodiscard]] bool is_complete(std::size_t triangle) const noexcept { return complete_[triangle] != 0; }
 
  private:
   [[nodiscard]] float& entry(std::size_t row, std::size_t triangle) noexcept {
@@ -79,6 +83,7 @@ class LocalTriangles {
   std::size_t count_ = 0, stride_ = 0;
   std::vector<detail::FloatLine> lines_;
   std::vector<std::array<std::int16_t, 3>> nodes_;  // by triangle
+  std::vector<std::uint8_t> complete_;              // same
 };
 
 }  // namespace palpate::deformable

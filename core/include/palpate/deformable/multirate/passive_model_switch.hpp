@@ -167,6 +167,7 @@ class PassiveModelSwitch {
       to.deflection = (1.0 - s) * one.deflection + s * two.deflection;
       to.energy = (1.0 - s) * one.energy + s * two.energy;
       to.nodes = std::max(one.nodes, two.nodes);
+      to.solved = one.solved && two.solved;
     }
   }
 

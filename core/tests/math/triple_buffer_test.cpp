@@ -19,7 +19,7 @@ struct Page {
 // reader do not change.
 TEST(TripleBuffer, ValuesAreCompleteAndOrdered) {
   palpate::math::TripleBuffer<Page, 3> buffer;
-  std::atomic<bool> done{false};
+  std::atomic<bool> done{false}, seen{false};
   const long last = 50000;
   std::thread writer([&] {
     for (long n = 1; n <= last; ++n) {
@@ -27,6 +27,7 @@ TEST(TripleBuffer, ValuesAreCompleteAndOrdered) {
       page.number = n;
       page.copies.fill(n);
       buffer.publish();
+      while (n == 1 && !seen) std::this_thread::yield();  // so that the reader acquires more than the last page
     }
     done = true;
   });
@@ -44,6 +45,7 @@ TEST(TripleBuffer, ValuesAreCompleteAndOrdered) {
     number[k] = buffer.read_slot(held[k]).number;
     errors += number[k] > newest ? 0 : 1;
     newest = number[k];
+    seen = true;
     for (std::size_t i = 0; i < 3; ++i) {
       const Page& page = buffer.read_slot(held[i]);
       errors += page.number == number[i] ? 0 : 1;

@@ -213,4 +213,19 @@ std::clamp(ticks_since_model_, 1, max_blend_ticks) => 1
 tank_.level -= gain; =>
 == deformable/multirate/multirate_coupling.hpp
 last_report_.relative_residual <= rest_tolerance => true
+== deformable/multirate/local_newton.hpp
+if (a != b) stiffness(b, a) += value; =>
+line[a] += 1.0F; => line[a] += 2.0F;
+right_[k] = sum * pivot_[k]; => right_[k] = sum;
+== deformable/multirate/local_model_contact.hpp
+0.5 * static_cast<double>(force_[i]) * moved(i) => static_cast<double>(force_[i]) * moved(i)
+0.5 * static_cast<double>(tip_target_[i]) * moved(i) => 0.0
+if (total > 0.0) tip.deflection /= total; =>
+now.center != then.center => false
+== deformable/contact/layer_point.hpp
+(one + Scalar(0.5) * part) => (one + part)
+(Scalar(12.0) * x * (one - x)) => (Scalar(6.0) * x * (one - x))
+Scalar(LayerConstants::extra) * layer.radius => Scalar(0.0)
+Scalar(cosine) * height, => ($ON ? Scalar(0.0) : Scalar(cosine) * height),
+least < Scalar(tip.radius * tip.radius) => square < Scalar(tip.radius * tip.radius)
 """)

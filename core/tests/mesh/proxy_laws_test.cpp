@@ -1,6 +1,8 @@
 // Laws of a proxy that closed forms of one contact do not show: two contacts, two sides, a field, and reflex edges.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -272,6 +274,171 @@ TEST(ProxyLaws, APointLeavesASheetAtItsCorner) {
   proxy.step({0.9, 0.9, 0.1});
   EXPECT_TRUE(proxy.step({0.9, 0.9, -0.1}).touching);
   EXPECT_FALSE(proxy.step({1.1, 1.1, -0.1}).touching);
+}
+
+/// A valley along y with walls z = |x| slope, open upwards, with vertices along its bottom.
+Shape valley(double slope) {
+  return shapes::sheet(4, 1.0, [slope](double x, double) { return slope * std::fabs(x); });
+}
+
+// Law: a point at the bottom of a notch sharper than 90 degrees stays on the wall that its tip enters, with the tip in front of the other
+// wall.
+TEST(ProxyLaws, APointAtTheBottomOfASharpNotchStaysOnTheWallThatItsTipEnters) {
+  const double slope = 5.0;
+  const World world(valley(slope), {}, true);
+  for (const double side : {1.0, -1.0})
+    for (const double under : {0.01, 0.05}) {
+      Proxy proxy = world.proxy();
+      proxy.step({0.0, 0.1, 1.0});
+      ASSERT_LT((proxy.step({0.0, 0.1, -0.1}).position - Vector3<>(0.0, 0.1, 0.0)).norm(), 1e-12);
+      const Vector3<> wall = Vector3<>(side, 0.0, slope).normalized(), out = Vector3<>(-side * slope, 0.0, 1.0).normalized();
+      const Vector3<> foot = Vector3<>(0.0, 0.1, 0.0) + 0.5 * wall;
+      const Contact& c = proxy.step(foot - under * out);
+      EXPECT_TRUE(c.touching) << side;
+      EXPECT_LT((c.position - foot).norm(), 1e-12) << side;
+    }
+}
+
+// Law: a point follows the bottom of a sharp notch past its vertices, also while the tip is beyond one wall rather than below the bottom.
+TEST(ProxyLaws, APointFollowsTheBottomOfASharpNotchPastItsVertices) {
+  const World world(valley(5.0), {}, true);
+  for (const double aside : {0.1, -0.1})
+    for (const double end : {0.7, -0.7}) {
+      Proxy proxy = world.proxy();
+      proxy.step({0.0, 0.1, 1.0});
+      proxy.step({0.0, 0.1, -0.1});
+      proxy.step({aside, 0.1, -0.03});
+      const Contact& c = proxy.step({aside, end, -0.03});
+      EXPECT_TRUE(c.touching) << aside << ' ' << end;
+      EXPECT_LT((c.position - Vector3<>(0.0, end, 0.0)).norm(), 1e-12) << aside << ' ' << end;
+    }
+}
+
+// Law: force shading does not slow the motion along a ridge, where the shaded normal does not change: the proxy follows the tip exactly.
+TEST(ProxyLaws, AShadedProxyFollowsTheTipAlongARidge) {
+  Surface s;
+  s.shading = 1.4;
+  const World world(valley(-0.5), s, true);
+  Proxy proxy = world.proxy();
+  proxy.step({0.2, -0.6, 0.5});
+  for (int k = 0; k < 5; ++k) proxy.step({0.2, -0.6, -0.2});
+  for (const double y : {-0.3, -0.1, 0.2, 0.6}) {
+    const Contact& c = proxy.step({0.2, y, -0.2});
+    EXPECT_GT(std::fabs(c.normal[0]), 0.05);
+    EXPECT_NEAR(c.position[1], y, 1e-13);
+  }
+}
+
+// Law: below a shaded ball a field changes faster with the tip than with the surface. Around the ball at one depth, the work of a sphere
+// across its normal is -depth^2 / 2 times the change of the stiffness.
+TEST(ProxyLaws, TheWorkOfASphereAroundAShadedFieldIsTheChangeOfItsEnergy) {
+  const Shape shape = shapes::ball(8, 1.0);
+  Surface s;
+  s.tangential = 0.0;
+  s.field = palpate::mesh::FieldKind::continuous;
+  s.shading = 1.0;
+  for (const Vector3<>& v : shape.vertices) s.stiffness.push_back(1000.0 + 300.0 * v[2]);
+  s.stiffness.erase(s.stiffness.begin());  // the default
+  const World world(shape, s);
+  Proxy proxy = world.proxy(0.5);
+  Vector3<> last_tip(0.0, 0.0, 2.0), last_force = Vector3<>::Zero();
+  proxy.step(last_tip);
+  double work = 0.0, from = 0.0;
+  for (double angle = 0.4; angle < 2.7; angle += 0.005) {
+    const Vector3<> tip = 1.2 * Vector3<>(std::sin(angle), 0.1, std::cos(angle)).normalized();  // the center is at 1.5
+    const Contact& c = proxy.step(tip);
+    const Vector3<> force = c.force - c.force.dot(c.normal) * c.normal;
+    if (from == 0.0)
+      from = c.stiffness;
+    else
+      work += 0.5 * (force + last_force).dot(tip - last_tip);
+    last_force = force;
+    last_tip = tip;
+  }
+  const double change = -0.5 * 0.3 * 0.3 * (proxy.contact().stiffness - from);
+  EXPECT_NEAR(work, change, 0.1 * change);
+}
+
+// Law: a shaded sphere that two faces hold has the mean of their shaded normals, weighted by the penetrations of the tip.
+TEST(ProxyLaws, AShadedSphereHasTheMeanNormalOfItsFacesWeightedByPenetration) {
+  const double slope = 0.4, radius = 0.3, y = 0.1;
+  Surface s;
+  s.shading = 1.4;
+  const World world(valley(slope), s, true);
+  const Vector3<> center(0.0, y, radius * std::sqrt(1.0 + slope * slope));
+  for (const double aside : {-5e-4, -2e-4, 0.0, 5e-4}) {
+    Proxy proxy = world.proxy(radius);
+    proxy.step({0.0, y, 1.0});
+    proxy.step({0.0, y, 0.1});
+    const Vector3<> tip(aside, y, 0.1);
+    const Contact& c = proxy.step(tip);
+    ASSERT_LT((c.position - center).norm(), 1e-12);
+    Vector3<> mean = Vector3<>::Zero();
+    for (const double side : {-1.0, 1.0}) {
+      const Vector3<> normal = Vector3<>(-side * slope, 0.0, 1.0).normalized(), foot = center - radius * normal;
+      for (std::int32_t f = 0; f < world.mesh.size(); ++f) {
+        if ((palpate::mesh::nearest_point(world.mesh.face(f), foot).point - foot).norm() > 1e-9) continue;
+        mean += normal.dot(center - tip) * world.field.shading().normal_at(world.mesh, f, foot);
+        break;
+      }
+    }
+    EXPECT_LT((c.normal - mean.normalized()).norm(), 1e-9) << aside;
+  }
+}
+
+/// Nearest point to `to` of the cone of motions that three unit normals admit: the nearest of all that are admissible.
+Vector3<> nearest_in_cone(const std::array<Vector3<>, 3>& normal, const Vector3<>& to) {
+  Vector3<> best = Vector3<>::Zero();
+  const auto consider = [&](const Vector3<>& x) {
+    for (const Vector3<>& n : normal)
+      if (n.dot(x) < -1e-12) return;
+    if ((x - to).norm() < (best - to).norm()) best = x;
+  };
+  consider(to);
+  for (std::size_t i = 0; i < 3; ++i) {
+    consider(to - normal[i].dot(to) * normal[i]);
+    const Vector3<> line = normal[i].cross(normal[(i + 1) % 3]).normalized();
+    consider(to.dot(line) * line);
+  }
+  return best;
+}
+
+// Law: the normal of a sphere that friction holds in a corner of three faces points from its tip to the nearest point that they admit.
+TEST(ProxyLaws, TheNormalOfASphereInACornerPointsToTheNearestAdmissiblePoint) {
+  Surface s;
+  s.static_friction = s.dynamic_friction = 0.1;
+  std::mt19937 random(4);
+  std::normal_distribution<double> gauss;
+  int seen = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    std::array<Vector3<>, 3> normal;
+    Shape shape;
+    Vector3<> sum = Vector3<>::Zero();
+    for (Vector3<>& n : normal) {
+      n = Vector3<>(gauss(random), gauss(random), 0.3 * std::fabs(gauss(random)) + 0.05).normalized();
+      sum += n;
+      const Vector3<> e = n.unitOrthogonal(), g = n.cross(e);
+      const auto v = static_cast<std::int32_t>(shape.vertices.size());
+      for (const double turn : {0.0, 2.0, 4.0}) shape.vertices.emplace_back(-n + 0.5 * std::cos(turn) * e + 0.5 * std::sin(turn) * g);
+      shape.triangles.push_back({v, v + 1, v + 2});
+    }
+    if (std::fabs(normal[0].dot(normal[1].cross(normal[2]))) < 0.2) continue;
+    if (std::min({sum.dot(normal[0]), sum.dot(normal[1]), sum.dot(normal[2])}) < 0.2) continue;
+    const World world(shape, s, true);
+    Proxy proxy = world.proxy(1.0);
+    proxy.step(0.2 * sum);
+    proxy.step(Vector3<>::Zero());
+    if (proxy.step(-0.2 * sum).position.norm() > 1e-9) continue;
+    for (int k = 0; k < 300; ++k) {
+      const Vector3<> tip(gauss(random), gauss(random), gauss(random)), goal = nearest_in_cone(normal, tip);
+      if (!(goal.norm() < 0.09 * (goal - tip).norm())) continue;  // friction does not hold it
+      const Contact& c = proxy.step(tip);
+      ASSERT_LT(c.position.norm(), 1e-9);
+      ASSERT_LT((c.normal - (goal - tip).normalized()).norm(), 1e-6) << trial << ' ' << k;
+      ++seen;
+    }
+  }
+  EXPECT_GT(seen, 500);
 }
 
 }  // namespace

@@ -309,4 +309,20 @@ TEST(PlantIntegrator, DryFrictionIsExactThroughBreakawayAndReversal) {
     }
 }
 
+// Law: through viscous and dry friction the reversal is at the root of the closed form: v' = (F + f - b v) / m, then (F - f - b v) / m.
+TEST(PlantIntegrator, TheReversalThroughViscousFrictionIsAtItsClosedForm) {
+  const double mass = 0.06, dry = 0.04, b = 0.8, force = 0.1, period = 1e-3, tau = mass / b;
+  JointFriction<1> friction;
+  friction.viscous[0] = b;
+  friction.coulomb[0] = friction.breakaway[0] = dry;
+  const PlantIntegrator<Slider> motion(Slider(mass), friction, HumanArm{});
+  for (const double start : {4e-4, 1e-3, 1.9e-3}) {
+    PlantState<1> s;
+    s.qd[0] = -start;
+    motion.advance(s, Joints<1>(force), ForceSegment<>{}, period, 1);
+    const double back = (force + dry) / b, forth = (force - dry) / b, left = period - tau * std::log1p(start / back);
+    EXPECT_NEAR(s.qd[0], forth * -std::expm1(-left / tau), 1e-12) << start;
+  }
+}
+
 }  // namespace

@@ -117,4 +117,45 @@ TEST(LayerCreep, APointIsAKelvinElement) {
   }
 }
 
+// Law: full sliding lasts until every node sticks, also through a reversal in which some nodes slip back at once.
+TEST(LayerFriction, FullSlidingLastsUntilEveryNodeSticks) {
+  const SurfaceBody space = contact_bodies::half_space(16, 8e-3, 20e3);
+  SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{0.5, 0.4});
+  const double radius = 20e-3, depth = 0.3e-3;
+  const auto slides = [&](double way) { return contact.step(TipGeometry::sphere(radius), {way, 0.0, radius - depth}).sliding; };
+  for (int k = 0; k <= 20; ++k) contact.step(TipGeometry::sphere(radius), {0.0, 0.0, radius - depth * k / 20.0});
+  EXPECT_FALSE(slides(0.1e-3));  // partial slip from rest
+  for (int k = 1; k <= 10; ++k) slides(0.1e-3 * k);
+  EXPECT_TRUE(slides(1.1e-3));
+  EXPECT_TRUE(slides(1.0e-3));  // the rim slips back, the center sticks
+  for (int k = 0; k < 10; ++k) slides(1.0e-3);
+  EXPECT_FALSE(slides(1.0e-3));  // every node sticks
+}
+
+// Law: a layer that is unloaded carries less in shear: while the tip lifts without slip, the body never stores more than the tip has
+// worked.
+TEST(LayerFriction, LiftingATipThatSticksAddsNoEnergy) {
+  const SurfaceBody space = contact_bodies::half_space(8, 6e-3, 20e3);
+  SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{50.0, 50.0});
+  const double radius = 10e-3, depth = 1e-3, way = 0.1e-3;
+  Vector3<> place(0.0, 0.0, radius), force = Vector3<>::Zero();
+  double work = 0.0, largest = 0.0, behind = 0.0;
+  const auto move = [&](const Vector3<>& to) {
+    for (int k = 1; k <= 200; ++k) {
+      const Vector3<> next = place + (to - place) / (201 - k);
+      const ContactResult& a = contact.step(TipGeometry::sphere(radius), next);
+      work -= 0.5 * (a.force + force).dot(next - place);
+      largest = std::max(largest, a.energy);
+      behind = std::max(behind, a.energy - work);
+      force = a.force;
+      place = next;
+    }
+  };
+  move({0.0, 0.0, radius - depth});
+  move({way, 0.0, radius - depth});
+  EXPECT_GT(-force.x(), 0.05 * force.z());
+  move({way, 0.0, radius});
+  EXPECT_LT(behind, 3e-3 * largest);  // residual of the sweeps
+}
+
 }  // namespace

@@ -472,4 +472,29 @@ TEST(TipContact, FrictionOfAFlatEndOnCreepingPatchesDoesNotDependOnTheOrderOfThe
   }
 }
 
+// Law: full sliding lasts until every node sticks: until then a node that slips has the dynamic coefficient, also beside one that sticks.
+TEST(PartialSlip, FullSlidingLastsUntilEveryNodeSticks) {
+  const HalfSpace space(21, 1e-3, 5e3, 0.45);
+  palpate::deformable::PartialSlip slip({0.8, 0.4}, space.nodes.size(), 100);
+  const std::int32_t pressed[] = {0, 440};
+  const double covers[] = {1.0, 1.0}, even[] = {1e-3, 1e-3}, uneven[] = {1e-3, 1e-1};
+  const auto ratio = [&](const double* forces, double way) {
+    slip.step(space.nodes, space, pressed, forces, covers, 2, Vector3<>(way, 0.0, 0.0));
+    return slip.force(0).norm() / forces[0];
+  };
+  ratio(uneven, 0.0);
+  for (int k = 0; k < 5; ++k) ratio(uneven, 1e-4);
+  EXPECT_FALSE(slip.sliding());  // partial slip from rest
+  EXPECT_NEAR(ratio(uneven, 1e-4), 0.8, 1e-6);
+  slip.reset();
+  ratio(even, 0.0);
+  for (int k = 0; k < 5; ++k) ratio(even, 1e-4);
+  EXPECT_TRUE(slip.sliding());
+  for (int k = 0; k < 5; ++k) EXPECT_NEAR(ratio(uneven, 1e-4), 0.4, 1e-6) << k;
+  EXPECT_LT(slip.force(440).norm(), 0.5 * 0.4 * uneven[1]);  // sticks
+  EXPECT_TRUE(slip.sliding());
+  ratio(uneven, 0.0);
+  EXPECT_FALSE(slip.sliding());
+}
+
 }  // namespace

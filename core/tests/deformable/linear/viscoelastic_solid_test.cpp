@@ -155,4 +155,29 @@ TEST(StandardLinearSolid, TheDeflectionIsThatOfTheTipWhileTheBodyCreeps) {
   EXPECT_GT(body.free_displacement(0), 0.5e-3);
 }
 
+// Law: a patch that loses contact keeps the creep of the whole patch only: its next force does not depend on how far the tip has left it.
+TEST(StandardLinearSolid, APatchForgetsTheCreepOfItsCoverageWhereItLosesContact) {
+  using palpate::math::Vector3;
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0}, {3e-3, 0, -0.5e-3}}, {{0, 0, 1}, {0, 0, 1}}, {1e-6, 1e-6});
+  std::vector<float> full(36, 0.0F);
+  for (std::size_t k = 0; k < 6; ++k) full[7 * k] = 1e-3F;
+  const auto force_after = [&](double lifted) {
+    palpate::deformable::StandardLinearSolid body(palpate::deformable::Compliance(nodes, full.data()), 1.2, 0.02, 1e-3);
+    palpate::deformable::TipContact<palpate::deformable::StandardLinearSolid> contact(nodes, body);
+    palpate::deformable::Tip tip;
+    tip.kind = palpate::deformable::Tip::Kind::flat;
+    tip.radius = 3e-3;  // its edge crosses the second patch
+    tip.center = {0, 0, -1e-3};
+    for (int k = 0; k < 100; ++k) contact.step(tip);
+    EXPECT_EQ(contact.last().nodes, 2);
+    EXPECT_LT(contact.forces()[1], 0.4 * contact.forces()[0]);
+    tip.center.z() = -1e-3 + lifted;
+    EXPECT_EQ(contact.step(tip).nodes, 1);
+    tip.center.z() = -1e-3;
+    EXPECT_EQ(contact.step(tip).nodes, 2);
+    return contact.forces()[1];
+  };
+  EXPECT_NEAR(force_after(0.45e-3), force_after(0.6e-3), 1e-9);
+}
+
 }  // namespace

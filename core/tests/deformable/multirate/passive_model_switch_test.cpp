@@ -6,6 +6,7 @@
 #include <palpate/deformable/hyperelastic/neo_hookean.hpp>
 #include <palpate/deformable/multirate/passive_model_switch.hpp>
 #include <random>
+#include <vector>
 
 #include "support/tet_block.hpp"
 
@@ -54,7 +55,10 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
     ASSERT_GE(servo->tank().level, 0.0);
     ASSERT_GE(now.energy, 0.0);
     for (std::size_t t = 0; t < 2 && k > 0; ++t) work -= 0.5 * (now.tip[t].force + last.tip[t].force).dot(tips.tip[t].center - before[t]);
-    if (now.nodes == 0) work = 0.0;
+    if (now.nodes == 0) {
+      work = 0.0;
+      ASSERT_EQ(servo->tank().level, 0.0);  // a free body stores nothing
+    }
     error = std::max(error, std::abs(work - now.energy - servo->tank().level));
     most = std::max(most, now.energy);
     touched += now.nodes > 0 ? 1 : 0;
@@ -65,6 +69,50 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
   EXPECT_LT(touched, 12000);
   EXPECT_GT(most, 1e-4);
   EXPECT_LT(error, 0.015 * most);  // quadrature error of the work
+}
+
+// Law: a model is blended in over the time that the last one took to arrive, linearly: the result of a tip that rests is the mean of those
+// of both models, its force, energy and deflection alike.
+TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
+  const TetBlock block(6, 4, 2, 8e3, 0.4);
+  palpate::deformable::SolverOptions options;
+  options.nodes_per_tip = 16;
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), options);
+  auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
+  auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
+  palpate::deformable::TipPair tips;
+  tips.count = 1;
+  tips.tip[0].radius = 7e-3;
+  const auto publish = [&](double depth) {
+    tips.tip[0].center = {0.013, 0.011, 0.01 + tips.tip[0].radius - depth};
+    for (int k = 0; k < 10; ++k) solver.step(tips, models->write_slot());
+    models->publish();
+  };
+  constexpr int ticks = 20;
+  publish(1e-3);
+  palpate::deformable::ContactResult before, after;
+  const double depth = 2e-3;
+  const auto step = [&] {
+    tips.tip[0].center.z() = 0.01 + tips.tip[0].radius - depth;
+    return servo->step(*models, tips).tip[0];
+  };
+  for (int k = 0; k < ticks; ++k) before = step();
+  publish(3e-3);
+  std::vector<palpate::deformable::ContactResult> blend;
+  for (int k = 0; k < ticks; ++k) blend.push_back(step());
+  for (int k = 0; k < 3; ++k) after = step();
+  EXPECT_FALSE(servo->tank().empty);
+  ASSERT_GT((after.force - before.force).norm(), 5e-3 * before.force.norm());
+  ASSERT_GT((after.deflection - before.deflection).norm(), 5e-3 * before.deflection.norm());
+  ASSERT_GT(std::abs(after.energy - before.energy), 5e-3 * before.energy);
+  for (int k = 0; k < ticks; ++k) {
+    const auto mean = [k](const auto& one, const auto& two) { return (1.0 - (k + 1.0) / ticks) * one + (k + 1.0) / ticks * two; };
+    const auto& at = blend[static_cast<std::size_t>(k)];
+    EXPECT_LT((at.force - mean(before.force, after.force)).norm(), 2e-3 * (after.force - before.force).norm()) << k;
+    EXPECT_LT((at.deflection - mean(before.deflection, after.deflection)).norm(), 2e-3 * (after.deflection - before.deflection).norm())
+        << k;
+    EXPECT_NEAR(at.energy, mean(before.energy, after.energy), 2e-3 * std::abs(after.energy - before.energy)) << k;
+  }
 }
 
 }  // namespace

@@ -55,9 +55,8 @@ PYTHON_TESTS: Final = {
     "fem/test_deep_indentation.py fem/test_mass_spring.py simulation/test_body_object.py "
     "simulation/test_hyperelastic_object.py simulation/test_body_response.py",
 }  # files, and folders of files, of the tests of each folder of headers
-OF_SOURCE: Final = (
-    "tests/simulation/test_batch.py::test_wide_code_stays_in_its_own_file"  # compiles the source, which lacks mutant.hpp
-)
+# Compiles the source without mutant.hpp.
+OF_SOURCE: Final = "tests/simulation/test_batch.py::test_wide_code_stays_in_its_own_file"
 SWITCH: Final = """#pragma once
 #include <cstdio>
 #include <cstdlib>

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -135,9 +137,12 @@ def test_a_surface_that_cannot_be_is_refused(options: dict[str, object], words: 
 
 def test_shapes_of_tips_and_paths_are_checked() -> None:
     proxy = Proxy(Mesh(*box((1.0, 1.0, 1.0), 2)))
-    for bad in (lambda: proxy.step([1.0, 2.0]), lambda: proxy.simulate_path([1.0, 2.0, 3.0])):
-        with pytest.raises(PalpateError, match="shape"):
-            bad()
+    for shape in ((2,), (4,), (1, 3)):
+        with pytest.raises(PalpateError, match=re.escape(f"a tip is three numbers in m; this has shape {shape}")):
+            proxy.step(np.ones(shape))
+    for shape in ((3,), (2, 2), (1, 2, 3)):
+        with pytest.raises(PalpateError, match=re.escape(f"a path is (n, 3) numbers in m; this has shape {shape}")):
+            proxy.simulate_path(np.ones(shape))
     with pytest.raises(SurfaceError, match="radius"):
         Proxy(proxy.mesh, radius=-1.0)
 

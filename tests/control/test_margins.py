@@ -144,6 +144,17 @@ def test_peak_gain_finds_a_resonance_narrower_than_the_grid() -> None:
     assert peak == pytest.approx(1 / ((1 - r) * abs(np.exp(1j * t) - r * np.exp(-1j * t))), rel=1e-4)
 
 
+def test_an_interval_of_gains_ends_on_both_sides_where_the_pole_leaves_the_circle() -> None:
+    """0.5/(z - 1.1) closes to the pole 1.1 - k/2, which is inside for 0.2 < k < 4.2, from any gain in between."""
+    loop = control.StateSpace([[1.1]], [[0.5]], [[1.0]], [[0.0]], T)
+    for around in (0.25, 1.0, 4.0):
+        assert gain_interval(loop, around) == pytest.approx((0.2, 4.2), rel=1e-9)
+    m = loop_margins(loop)
+    assert (m.gain_down, m.gain_up) == pytest.approx((0.2, 4.2), rel=1e-9)
+    stable = control.StateSpace([[0.5]], [[0.0]], [[1.0]], [[0.0]], T)
+    assert gain_interval(stable) == (0.0, np.inf)
+
+
 def test_critical_gain_of_an_unstable_loop() -> None:
     """5/(z-1) is unstable; from small gains up it leaves the circle at 2/5."""
     assert critical_gain(integrator(5.0)) == pytest.approx(0.4, rel=1e-9)

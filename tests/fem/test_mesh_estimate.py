@@ -13,7 +13,7 @@ from palpate.fem import BodyError, BodyWarning
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
-from palpate.fem.mesh_estimate import check_parts, estimate
+from palpate.fem.mesh_estimate import _inner_samples, check_parts, estimate
 from palpate.fem.selectors import parse_selectors
 
 trimesh = pytest.importorskip("trimesh")
@@ -64,6 +64,24 @@ def test_a_fixed_place_within_or_on_a_large_triangle_counts(fixed: str) -> None:
     shell = trimesh.util.concatenate([block, trimesh.creation.icosphere(2, 0.01).apply_translation([0.015, 0.0, 0.0])])
     check_parts(surface_of(block), parse_selectors(fixed), 0.01)
     check_parts(surface_of(shell), parse_selectors(fixed), 0.01)  # the cavity needs no place
+
+
+def test_the_grid_finds_every_fixed_ball_as_wide_as_half_a_spacing() -> None:
+    """Its points are a quarter of a spacing apart, so a ball of half a spacing across holds one, wherever it lies."""
+    surface = surface_of(trimesh.creation.box((0.06, 0.04, 0.02)).apply_translation([0.1, -0.2, 0.3]))
+    rng = np.random.default_rng(8)
+    for spacing in (4e-3, 10e-3):
+        for _ in range(8):
+            x, y, z = 1e3 * (np.array([0.1, -0.2, 0.3]) + rng.uniform(-0.45, 0.45, 3) * [0.06, 0.04, 0.02])
+            ball = parse_selectors(f"sphere {x} {y} {z} mm radius {250 * spacing} mm")
+            assert len(_inner_samples(surface, ball, spacing)) > 0
+    whole = _inner_samples(surface, parse_selectors("z > -1 m"), 9e-3)
+    assert len(whole) == 27 * 18 * 9  # 26.7, 17.8 and 8.9 quarters of a spacing
+    np.testing.assert_allclose(whole.min(axis=0), [0.07, -0.22, 0.29])
+    np.testing.assert_allclose(whole.max(axis=0), [0.13, -0.18, 0.31])
+    assert len(_inner_samples(surface, parse_selectors("z > -1 m"), 1e-4)) == 60**3  # not more, however fine
+    assert len(_inner_samples(surface, parse_selectors("z > -1 m"), 1.0)) == 2**3
+    assert len(_inner_samples(surface, parse_selectors("surface z > -1 m"), 10e-3)) == 0
 
 
 def test_a_size_in_the_wrong_unit_is_asked_about() -> None:

@@ -173,6 +173,13 @@ def test_instruments_without_an_excitation_are_refused_and_auto_takes_least_squa
     assert identify.estimate_parameters(bare, ARM).method == "least_squares"
 
 
+def test_a_fit_names_the_file_of_its_recording():
+    bare = replace(short_recording(0), metadata={})
+    assert identify.estimate_parameters(bare, ARM).file == "a recording"
+    named = replace(bare, metadata={"file": "palm.csv"})
+    assert identify.estimate_parameters(named, ARM).file == "palm.csv"
+
+
 def test_weights_make_the_torques_of_all_joints_equally_large():
     torque = np.random.default_rng(3).normal(size=(500, 3)) * [1e-3, 5.0, 0.0]
     weighted = torque * _balance(torque)

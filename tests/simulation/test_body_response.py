@@ -9,6 +9,7 @@ import control
 import numpy as np
 import pytest
 from palpate import fem
+from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, body_response, multirate_response
 from palpate.simulation.body_response.realization import realize
@@ -88,6 +89,54 @@ def test_modes_answer_as_their_oscillators_under_a_held_force(block: Path) -> No
         state = a @ state + b @ (shapes.T @ force)
     np.testing.assert_allclose(found.markov[:60, 0, 0], expected[: len(found.markov)], atol=2e-4 * expected[0])
     assert found.one_tick[0, 0] > 1.2 * found.static[0, 0]
+
+
+class Relaxing:
+    """A tip whose force on its body is 1000 N/m of its displacement and decays by a factor from tick to tick."""
+
+    frame, radius, period, friction, memoryless, rounds, nodes, core = (
+        np.eye(3),
+        0.01,
+        PERIOD,
+        False,
+        False,
+        False,
+        4,
+        None,
+    )
+
+    def __init__(self, decay: float) -> None:
+        self.decay, self.ticks, self.state = decay, 0, np.zeros(3)
+
+    def move(self, path: np.ndarray) -> tuple[np.ndarray, None]:
+        forces = np.empty((len(path), 3))
+        if len(path) == 1:
+            self.state = np.zeros(3)  # at rest when a record begins
+        for tick, moved in enumerate(path):
+            self.state = self.decay * self.state + 1000.0 * moved
+            forces[tick] = self.state
+        self.ticks = max(self.ticks, len(path))
+        return forces, None
+
+
+def test_a_record_is_as_long_as_a_response_takes_to_decay() -> None:
+    """256 ticks or a power of two times as many: after three quarters of them 1e-5 of the response is left."""
+    for decay, ticks in ((0.9, 256), (0.975, 1024), (0.99, 2048)):
+        tip = Relaxing(decay)
+        found = body_response(tip)  # type: ignore[arg-type]
+        assert tip.ticks == ticks
+        assert decay ** (0.75 * ticks) < 1e-5 < decay ** (0.375 * ticks) or ticks == 256
+        np.testing.assert_allclose(found.markov[:50, 1, 1], 1000.0 * decay ** np.arange(50), rtol=1e-6)
+        np.testing.assert_allclose(found.static, 1000.0 / (1.0 - decay) * np.eye(3), atol=1e-2 / (1.0 - decay))
+
+
+def test_a_response_that_decays_too_slowly_is_refused_after_4096_ticks() -> None:
+    """A quarter of 4096 ticks must lose a tenth: 0.99988 to the power of 1024 is 0.88, and 0.9999 is 0.90."""
+    tip = Relaxing(0.9998)
+    body_response(tip)  # type: ignore[arg-type]
+    assert tip.ticks == 4096
+    with pytest.raises(StabilityError, match="has not decayed after 4096 ticks: give the body more damping"):
+        body_response(Relaxing(0.99992))  # type: ignore[arg-type]
 
 
 def test_a_realization_reproduces_a_random_system_within_its_bound() -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -119,6 +120,28 @@ def test_the_file_does_not_depend_on_who_fills_it(tmp_path: Path) -> None:
     assert len(np.unique(found["peak_object_force"])) > 5900
     other = sweep(slider, OVER, **{**options, "seed": 8})
     assert not np.array_equal(other["peak_object_force"], found["peak_object_force"])
+
+
+@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize(("todo", "cells"), [([0, 1, 2], [4, 8, 10]), ([1], [4])])
+def test_each_chunk_is_run_once_and_progress_counts_the_cells_that_are_done(
+    todo: list[int], cells: list[int], workers: int | None
+) -> None:
+    """Here or by an executor: ten cells in chunks of four, the last of two; a shard counts its own chunks alone."""
+    ran: list[tuple[int, int]] = []
+    kept: dict[int, Any] = {}
+    said: list[tuple[str, float]] = []
+
+    def run(first: int, last: int, threads: int = 1) -> dict[str, Any]:
+        ran.append((first, last))
+        return {"first": first}
+
+    plan, store = SimpleNamespace(chunk=4, count=10, run=run), SimpleNamespace(put=kept.__setitem__)
+    with ThreadPoolExecutor(1) as pool:
+        _run(plan, todo, store, pool if workers else None, workers, lambda *one: said.append(one))  # type: ignore
+    assert sorted(ran) == [(4 * chunk, min(4 * chunk + 4, 10)) for chunk in todo]
+    assert kept == {chunk: {"first": 4 * chunk} for chunk in todo}
+    assert said == [(f"{n} of {cells[-1]} cells", (i + 1) / len(todo)) for i, n in enumerate(cells)]
 
 
 def test_two_dask_workers_give_the_same_file_as_none(tmp_path: Path) -> None:

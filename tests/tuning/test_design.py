@@ -121,6 +121,24 @@ def test_a_way_beyond_the_reach_names_the_range_of_stiffness() -> None:
     assert found.remedies[0].startswith('--stiffness "')
 
 
+def test_the_ends_of_what_can_be_asked_for_are_allowed() -> None:
+    """The motors' whole force and 16 samples of delay are; what is checked later may still refuse them."""
+    force = ARM.peak_force
+    asked = {"device": NAME, "stiffness": "50 N/m..10 N/mm", "settle": 0.025, "period": None, "pose": None, "tip": None}
+    given = specify(**asked, force=force, delay=16, operators=(), against=(NAME,))
+    assert (given.force, given.delay, given.stiffness) == (force, 16, (50.0, 1e4))
+    assert given.period == ARM.servo_period
+    assert given.objects == "50 to 10000 N/m"
+    assert (
+        specify(**{**asked, "stiffness": "1 N/mm"}, force=1.0, delay=0, operators=(), against=()).objects == "1000 N/m"
+    )
+    for wrong in (17, 1.0):
+        with pytest.raises(DesignError, match=f"whole number of samples from 0 to 16 is needed, not {wrong}"):
+            specify(**asked, force=1.0, delay=wrong, operators=(), against=())
+    with pytest.raises(DesignError, match=r"but the motors of phantom-premium-1\.5a give at most 8\.5 N"):
+        specify(**asked, force=1.001 * force, delay=0, operators=(), against=())
+
+
 @pytest.mark.parametrize(
     ("change", "error", "says"),
     [

@@ -162,3 +162,17 @@ def test_the_static_gain_counts_the_direct_path() -> None:
     assert _static_gain(control.StateSpace([[0.5]], [[1.0]], [[3.0]], [[2.0]], T)) == pytest.approx(8.0)
     assert _static_gain(control.StateSpace([[0.5]], [[1.0]], [[-3.0]], [[2.0]], T)) == pytest.approx(-4.0)
     assert _static_gain(control.StateSpace([[1.0]], [[1.0]], [[3.0]], [[2.0]], T)) == np.inf
+
+
+@pytest.mark.parametrize(("coupling", "stable"), [(0.9, True), (1.1, False)])
+def test_axes_that_act_on_each_other_more_than_on_themselves_need_decoupling(coupling: float, stable: bool) -> None:
+    """Integrators behind [[1, c], [c, 1]]: the loop of the difference has the gain 1 - c, unstable if negative."""
+    mix = np.eye(3)
+    mix[0, 1] = mix[1, 0] = coupling
+    plant = control.StateSpace(np.eye(3), T * mix, np.eye(3), np.zeros((3, 3)), T)
+    assert margins(lead_lag(plant), plant).gain_up > 1.0
+    if stable:
+        assert margins(lead_lag(plant, decouple=False), plant).gain_up > 1.0
+        return
+    with pytest.raises(DesignError, match=r"loops are unstable \(spectral radius 1\.0\d+\); use decouple=True"):
+        lead_lag(plant, decouple=False)

@@ -22,6 +22,7 @@ from palpate.metrics import (
     vibration_threshold,
 )
 from palpate.scenario import Scenario
+from palpate.simulation.trace import Trace
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -239,3 +240,35 @@ def test_guards_are_compared_from_the_command_line(tmp_path: Path) -> None:
     assert written["axis"]["mass"] == pytest.approx(0.06)
     assert len(written["rows"]) == 15
     assert written["rows"][0]["felt"] is None
+
+
+def test_the_loop_on_a_mesh_is_that_of_the_wall_under_the_last_contact() -> None:
+    """Its normal, stiffness and pose are those of the last sample in contact, not of those before or after."""
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "step", "force": ["0 N", "0 N", "-0.5 N"]},
+        "object": {
+            "kind": "mesh",
+            "mesh": {"shape": "box", "edge": "80 mm", "divisions": 1},
+            "surface": {"stiffness": "400 N/m", "damping": "1.5 N*s/m"},
+        },
+    }
+    scenario = Scenario.from_dict(tables)
+    touching = np.array([0.0, 1.0, 1.0, 1.0, 0.0])[:, None]
+    turn = np.array([0.3, 0.4, 0.5, 0.6, 0.7])
+    channels = {
+        "touching": touching,
+        "surface_stiffness": 100.0 * np.arange(1.0, 6.0)[:, None],
+        "normal": np.stack([0.0 * turn, np.sin(turn), np.cos(turn)], axis=1),
+        "angle": np.array(scenario.start.pose) + 0.01 * np.arange(5)[:, None],
+    }
+    found = LoopResponse.on_mesh(scenario, Trace.of(1e-3 * np.arange(5), channels))
+    normal = channels["normal"][3]
+    np.testing.assert_allclose(found.stiffness, 400.0 * np.outer(normal, normal), atol=1e-9)
+    np.testing.assert_allclose(found.damping, 1.5 * np.outer(normal, normal), atol=1e-9)
+    np.testing.assert_allclose(found.pose, channels["angle"][3])
+    np.testing.assert_allclose(found.directions(), [normal], atol=1e-9)
+    with pytest.raises(StabilityError, match="never touches the mesh in this run; move the mesh"):
+        LoopResponse.on_mesh(scenario, Trace.of(1e-3 * np.arange(5), channels | {"touching": 0.0 * touching}))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -412,3 +414,14 @@ def test_a_page_states_verdict_facts_and_every_warning(pressed: Trace) -> None:
     ):
         if found[key]:
             assert f"{found[key] * scale:.4g} {unit}" in text
+
+
+def test_a_page_reproduces_the_scenario_and_the_controller_of_its_run(pressed: Trace) -> None:
+    """Both are on the page as JSON, collapsed, with every letter as it is."""
+    told = dict(pressed.metadata) | {"controller": {"kind": "lqg", "stiffness": "1 N/mm ± 5 µ<N>"}}
+    trace = Trace.of(pressed.time[:1], {name: pressed[name][:1] for name in pressed.channels}, metadata=told)
+    text = run_page(trace, summarize(pressed)).html()
+    codes = dict(re.findall(r"<details><summary>(\w+)</summary><pre><code>(.*?)</code></pre></details>", text, re.S))
+    assert json.loads(unescape(codes["Scenario"])) == trace.scenario
+    assert json.loads(unescape(codes["Controller"])) == told["controller"]
+    assert "± 5 µ&lt;N&gt;" in codes["Controller"]

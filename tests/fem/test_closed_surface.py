@@ -103,6 +103,18 @@ def test_a_large_hole_and_a_single_side_are_refused() -> None:
         closed(rows.reshape(-1, 3), faces)
 
 
+def test_far_from_a_single_tetrahedron_the_winding_number_is_zero() -> None:
+    """The grid of its few triangles has few cells, and none outside of them."""
+    corners = np.vstack([np.zeros(3), np.eye(3)])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    for count in (1, 4):
+        number = WindingNumber(corners, faces if count == 4 else np.array([[0, 1, 2], [0, 2, 1]]))
+        far = np.random.default_rng(1).normal(size=(50, 3))
+        far *= 9.0 / np.linalg.norm(far, axis=1, keepdims=True)
+        np.testing.assert_array_equal(number(far), np.zeros(50))
+        assert number(np.array([[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]])).tolist() == [count == 4, 0.0]
+
+
 @pytest.mark.parametrize("shape", [SPHERE, trimesh.creation.box((0.05, 0.03, 0.07))], ids=["sphere", "box"])
 def test_the_nearest_triangle_and_the_winding_number_agree_on_the_inside(shape: Any) -> None:
     surface = closed(shape.vertices, shape.faces)

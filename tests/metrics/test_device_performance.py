@@ -155,6 +155,18 @@ def test_the_two_port_of_the_slider_in_closed_form(delay: int) -> None:
     assert np.all(np.isfinite(llewellyn(port.h11, port.h12, port.h21, port.h22)))
 
 
+@pytest.mark.parametrize(("stiffness", "damping"), [(0.4, 0.0), (0.0, 0.4), (0.4, 0.4)])
+def test_a_coupling_of_a_spring_or_a_damper_alone_is_one(stiffness: float, damping: float) -> None:
+    """Y22 = 1/(b + k T z/(z - 1)), however soft; without either there is no coupling."""
+    f = np.array([1.0, 40.0])
+    z = np.exp(2j * np.pi * f * T)
+    tables = slider("impedance_display", 1.0, 0)
+    port = two_port(tables, f, [1, 0, 0], coupling_stiffness=stiffness, coupling_damping=damping)
+    assert port.h22 * (damping + stiffness * T * z / (z - 1.0)) == pytest.approx(np.ones(2))
+    assert port.h22.dtype == complex
+    assert np.array_equal(two_port(tables, f, [1, 0, 0]).h22, np.zeros(2))
+
+
 def test_the_transmitted_impedance_is_the_rendered_one_below_the_aliases() -> None:
     tables = slider("impedance_display", 1.0, 1)
     tables["object"]["stiffness"] = "300 N/m"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 import palpate
 import pytest
@@ -130,6 +131,17 @@ def test_a_controller_that_divides_by_the_stiffness_is_not_judged() -> None:
 def loop_on(stiffness: float) -> Any:
     wall = {"kind": "wall", "stiffness": f"{stiffness} N/m", "normal": [1.0, 0.0, 0.0]}
     return scenario_loop(Scenario.from_dict({**slider(), "object": wall})).path
+
+
+def test_no_multiplier_proves_a_loop_that_is_unstable_at_the_least_slope() -> None:
+    """The condition on the circle says nothing of a loop x <- (a + k b) x with its pole on or outside of it."""
+    for pole, proven in ((0.95, True), (1.0, False), (1.05, False), (-1.5, False)):
+        path = control.StateSpace([[pole]], [[-1e-6]], [[1.0]], [[0.0]], 1e-3)
+        assert (_multiplier(path, 0.0, 1000.0) is not None) == proven
+    held = control.StateSpace([[1.05]], [[-1e-4]], [[1.0]], [[0.0]], 1e-3)
+    assert _multiplier(held, 400.0, 500.0) is None  # 1.01 at 400 N/m
+    assert _multiplier(held, 600.0, 800.0) is not None  # 0.99
+    assert _multiplier(held, 600.0, 600.0) == (0.0, 0.0)
 
 
 def test_the_exact_test_of_the_multiplier_agrees_with_a_dense_grid() -> None:

@@ -54,6 +54,7 @@ def test_the_slides_are_stable_in_every_mode_and_any_order_within_five_seconds(n
     assert "stay bounded in any order of the modes" in certificate.claim
     assert certificate.margin["gain_margin"] > 1.1
     assert all(certificate.criteria.values())
+    assert any(step.startswith("Where the run ends it was pushed with ") for step in certificate.method)
     assert spent < 5.0
 
 

@@ -174,6 +174,7 @@ def test_the_command_writes_a_scenario_or_exits_with_1(tmp_path: Path) -> None:
     assert code == 0, text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["design.json", "scenario.toml"]
     assert "of the optimal robustness" in text
+    assert f"certificate: {json.loads((tmp_path / 'design.json').read_text('utf-8'))['certificate']}" in text
     limit, share = re.search(r"Above (\S+) N/m one encoder count is .*?, (\S+) % of the deflection", text).groups()  # type: ignore[union-attr]
     assert float(limit) * float(share) / 100 == pytest.approx(0.05 * 10e3, rel=0.01)
     code, text = run(*common, "--settle", "25")

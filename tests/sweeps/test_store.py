@@ -1,0 +1,113 @@
+"""File of a sweep: every cell comes back bit for bit, and a chunk that changed on the disk does not count as done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from palpate.errors import PalpateWarning
+from palpate.sweeps import SweepError, merge
+from palpate.sweeps.outcomes import QUANTITIES
+from palpate.sweeps.plan import Plan
+from palpate.sweeps.run import plan_of
+from palpate.sweeps.store import FileStore, MemoryStore, read
+
+SLIDER: dict[str, Any] = {
+    "device": {"name": "slider"},
+    "servo": {"topology": "impedance_display"},
+    "operator": {"kind": "force", "shape": "step", "force": ["-0.5 N", "0 N", "0 N"]},
+    "object": {"kind": "spring", "stiffness": "1 N/mm"},
+    "run": {"duration": "30 s"},
+}
+
+
+def plan(count: int = 250) -> Plan:
+    """Return a plan of three chunks or more, the last of which is smaller."""
+    over = {"object.damping": [0.0, 1.0], "object.stiffness": f"100 N/m..20 N/mm:{count}"}
+    found = plan_of(SLIDER, over)
+    assert found.chunks > 2
+    assert found.count % found.chunk
+    return found
+
+
+def outcomes(of: Plan, seed: int = 0) -> dict[str, np.ndarray]:
+    """Return random outcomes of all cells."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: rng.normal(size=(of.count, columns)[: 1 + (columns > 1)]) for name, (columns, _, _) in QUANTITIES.items()
+    }
+
+
+def chunk_of(of: Plan, chunk: int, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: rows[chunk * of.chunk : (chunk + 1) * of.chunk] for name, rows in values.items()}
+
+
+def filled(path: Path, of: Plan, chunks: Any, values: dict[str, np.ndarray]) -> Path:
+    with FileStore(path, of) as store:
+        for chunk in chunks:
+            store.put(chunk, chunk_of(of, chunk, values))
+    return path
+
+
+def test_cells_come_back_from_their_chunks_and_the_others_are_nan(tmp_path: Path) -> None:
+    """In any order of the chunks, from a file or from memory, by name and by HDF5 itself."""
+    of = plan()
+    values, last = outcomes(of), of.chunks - 1
+    path, memory = tmp_path / "a.h5", MemoryStore(of)
+    filled(path, of, [last, 0], values)
+    for chunk in (last, 0):
+        memory.put(chunk, chunk_of(of, chunk, values))
+    left = np.zeros(of.count, dtype=bool)
+    left[of.chunk : last * of.chunk] = True
+    same, stored, done = read(path)
+    assert same.text() == of.text()
+    assert done.tolist() == [True, *[False] * (last - 1), True]
+    assert list(stored) == list(QUANTITIES)
+    with h5py.File(path) as file:
+        for name, rows in values.items():
+            expected = rows.copy()
+            expected[left] = np.nan
+            for found in (stored[name].reshape(rows.shape), memory.values()[name], file[name][()]):
+                np.testing.assert_array_equal(found, expected)
+            assert stored[name].shape[:2] == of.shape
+        assert np.count_nonzero(file["done"][()]) == 2
+    assert memory.missing() == list(range(1, last))
+    with FileStore(path, of) as store:
+        assert store.missing() == list(range(1, last))
+
+
+@pytest.mark.parametrize("name", list(QUANTITIES))
+def test_a_chunk_that_changed_on_the_disk_is_found_and_run_again(name: str, tmp_path: Path) -> None:
+    """One number of the second chunk: a read refuses the file, and the sweep goes on with that chunk alone."""
+    of = plan()
+    path = filled(tmp_path / "a.h5", of, range(of.chunks), outcomes(of))
+    with h5py.File(path) as file:
+        place = file[name].id.get_offset() + 8 * QUANTITIES[name][0] * (of.chunk + 1)
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(SweepError, match=f"1 of {of.chunks} chunks differ from their checksums, the first is 1; the "):
+        read(path)
+    with pytest.warns(PalpateWarning, match="1 chunks differ"), FileStore(path, of) as store:
+        assert store.missing() == [1]
+    assert read(path)[2].tolist() == [chunk != 1 for chunk in range(of.chunks)]
+
+
+def test_shards_make_the_file_that_one_run_makes(tmp_path: Path) -> None:
+    of, values = plan(), outcomes(plan())
+    whole = filled(tmp_path / "whole.h5", of, range(of.chunks), values)
+    even = filled(tmp_path / "even.h5", of, range(0, of.chunks, 2), values)
+    odd = filled(tmp_path / "odd.h5", of, range(1, of.chunks, 2), values)
+    assert merge([even, odd], tmp_path / "all.h5").read_bytes() == whole.read_bytes()
+    with pytest.raises(SweepError, match=f"{len(range(1, of.chunks, 2))} chunks are done in none of these files"):
+        merge([even, even], tmp_path / "half.h5")
+    other = filled(tmp_path / "other.h5", plan(251), [], values)
+    with pytest.raises(SweepError, match=r"other\.h5 is of another sweep than .*even\.h5"):
+        merge([even, odd, other], tmp_path / "none.h5")
+    assert not (tmp_path / "half.h5").exists()
+    assert not (tmp_path / "none.h5").exists()
+    with pytest.raises(SweepError, match="no files to put together"):
+        merge([], tmp_path / "none.h5")

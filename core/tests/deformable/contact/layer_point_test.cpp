@@ -79,4 +79,17 @@ TEST(LayerPoint, PointsSideBySideAreThoseOneByOne) {
     }
 }
 
+// Law: a flat end presses the points within its radius and the rounding, a quarter of the layer's b, and none beyond.
+TEST(LayerPoint, AFlatEndReachesBeyondItsRadiusByItsRounding) {
+  Tip tip;
+  tip.kind = Tip::Kind::flat;
+  tip.radius = 8e-3;
+  const double edge = tip.radius + palpate::deformable::LayerConstants::extra * tested_layer.radius;
+  for (const double share : {0.5, 0.99, 1.01, 1.5}) {
+    const double distance = tip.radius + share * (edge - tip.radius);
+    const Vector3<> place(distance, 0.0, 3e-3), normal = Vector3<>(1.0, 0.0, -1.0).normalized();  // deep, on a flank
+    EXPECT_EQ(palpate::deformable::press_point<double>(tip, place, -normal, tested_layer).energy > 0.0, share < 1.0) << share;
+  }
+}
+
 }  // namespace

@@ -2,9 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <palpate/deformable/multirate/local_model_slip.hpp>
+#include <palpate/deformable/multirate/local_newton.hpp>
 #include <palpate/deformable/multirate/multirate_coupling.hpp>
 #include <vector>
 
@@ -92,6 +95,35 @@ TEST(MultirateCoupling, SettlesAtEquilibriumOnly) {
     EXPECT_EQ(coupling.settle({}, updates), updates >= 15) << updates;  // 2^-14 < 1e-4 < 2^-13
     EXPECT_EQ(coupling.update_count(), std::min(updates, 15) + 1) << updates;
   }
+}
+
+// Law: a Newton step solves (I + s H C) x = r over the nodes that were added, and is zero at the others.
+TEST(LocalNewton, SolvesTheSystemOfItsNodes) {
+  const LocalModel model = flat_model(3, 1e-3, 1);
+  auto newton = std::make_unique<palpate::deformable::LocalNewton>();
+  const std::vector<std::int16_t> rows{1, 7, 4, 2};
+  const double scale = 0.7;
+  double stiffness[9][9] = {};
+  const auto couple = [&](std::int16_t a, std::int16_t b, double value) {
+    newton->add(a, b, static_cast<float>(value));
+    stiffness[a][b] += value;
+    if (a != b) stiffness[b][a] += value;
+  };
+  for (const std::int16_t a : rows) couple(a, a, 900.0 + 300.0 * a);
+  couple(1, 7, 800.0);
+  couple(4, 2, -700.0);
+  couple(7, 2, 1500.0);
+  newton->factor(model, static_cast<float>(scale));
+  const auto right = [](std::size_t i) { return 0.1F * static_cast<float>(i) - 0.25F; };
+  std::array<float, 9> x{};
+  newton->solve(right, x);
+  for (const std::int16_t a : rows) {
+    double sum = x[static_cast<std::size_t>(a)];
+    for (const std::int16_t c : rows)
+      for (const std::int16_t b : rows) sum += scale * stiffness[a][c] * model.compliance(c, b) * x[static_cast<std::size_t>(b)];
+    EXPECT_NEAR(sum, right(static_cast<std::size_t>(a)), 1e-5) << a;
+  }
+  for (const std::size_t other : {0, 3, 5, 6, 8}) EXPECT_EQ(x[other], 0.0F);
 }
 
 }  // namespace

@@ -102,6 +102,7 @@ TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
   for (int k = 0; k < ticks; ++k) blend.push_back(step());
   for (int k = 0; k < 3; ++k) after = step();
   EXPECT_FALSE(servo->tank().empty);
+  EXPECT_NEAR(-before.deflection.z(), 0.8 * depth, 0.1 * depth);  // mean under Hertz's pressure: depth - <r^2> / (2 R)
   ASSERT_GT((after.force - before.force).norm(), 5e-3 * before.force.norm());
   ASSERT_GT((after.deflection - before.deflection).norm(), 5e-3 * before.deflection.norm());
   ASSERT_GT(std::abs(after.energy - before.energy), 5e-3 * before.energy);

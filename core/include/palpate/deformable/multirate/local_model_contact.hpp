@@ -13,6 +13,7 @@
 #include "palpate/deformable/contact/layer_point.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
 #include "palpate/deformable/multirate/local_newton.hpp"
+#include "palpate/deformable/multirate/pressed_triangles.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -67,7 +68,7 @@ class LocalModelContact {
       if (iteration > 0 && now > 0.5 * before && now < step_tolerance) break;  // round-off
       before = now;
     }
-    finish(energy, error(round_off_length) <= acceptable && is_complete());
+    finish(energy, error(round_off_length) <= acceptable && pressed_.is_complete());
     converged_ = before <= tolerance;
     return result_;
   }
@@ -96,35 +97,22 @@ class LocalModelContact {
   [[nodiscard]] double force(std::size_t node) const noexcept { return static_cast<double>(force_[node]); }
 
  private:
-  using Scalar = detail::FloatPack;
-  using PackVector = Vector3<Scalar>;
+  using Group = PressedTriangles::Group;
   static constexpr std::size_t capacity = LocalModel::capacity;
-  static constexpr std::size_t lanes = detail::float_lanes;
-  static constexpr std::size_t max_groups = TipPair::max_tips * LocalTriangles::max_triangles / lanes;
+  static constexpr std::size_t lanes = PressedTriangles::lanes;
   static constexpr double tolerance = 2e-6;         // of the forces, relative to their sum
   static constexpr double step_tolerance = 1e-3;    // same, at most, after an iteration; the rest is left to the next call
   static constexpr double acceptable = 1e-2;        // same
   static constexpr double kept_rate = 0.2;          // of an error by a step, above which the factor is not kept
   static constexpr double round_off = 1e-6;         // of the energy
   static constexpr double round_off_length = 4e-9;  // of a position, m
-  static constexpr double list_margin = 0.05;       // over the radius of the tip
   static constexpr int max_halvings = 6;
 
   template <class T>
   using ByNode = std::array<T, capacity + 1>;  // the last entry is that of nodes that do not move
 
-  /// Triangles side by side under a tip.
-  struct Pressed {
-    std::size_t first = 0, tip = 0;
-    std::array<PackVector, 3> force;  // on the corners, N
-    std::array<Scalar, 6> stiffness;  // between the corners along their directions: 00, 11, 22, 01, 12, 20, N/m
-    PackVector deflection;            // of the layer's outer side, weighted by the force, N m
-    Scalar total, energy;             // sum of the weights, N; J
-  };
-
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] std::size_t size() const noexcept { return static_cast<std::size_t>(model_->nodes.size()); }
-  [[nodiscard]] static std::size_t slot(std::int16_t node) noexcept { return node < 0 ? capacity : static_cast<std::size_t>(node); }
 
   void adopt(const LocalModel& model) noexcept {
     version_ = model.version;
@@ -203,150 +191,16 @@ class LocalModelContact {
     double energy = 0.0;
     for (std::size_t i = 0; i < size(); ++i)
       if (force_[i] != 0.0F) energy += 0.5 * static_cast<double>(force_[i]) * moved(i);
-    pressed_count_ = 0;
     total_stiffness_ = 0.0;
     target_.fill(0.0F);
-    if (may_reach_others()) list_near();
-    for (std::size_t k = 0; k < near_count_; ++k) press(near_[k].tip, near_[k].first);
-    for (std::size_t k = 0; k < pressed_count_; ++k) {
-      const Pressed& p = pressed_[k];
+    pressed_.press(model, *tips_, displacement_);
+    for (const Group& p : pressed_) {
       energy += static_cast<double>(detail::sum_of(p.energy.v));
       total_stiffness_ += static_cast<double>(detail::sum_of((p.stiffness[0] + p.stiffness[1] + p.stiffness[2]).v));
-      for_each_force(p, [this](std::size_t node, float force) { target_[node] += force; });
+      pressed_.for_each_force(p, [this](std::size_t node, float force) { target_[node] += force; });
     }
     target_[capacity] = 0.0F;
     return energy;
-  }
-
-  /// Call visit(node, force along its direction) for the corners of the triangles.
-  template <class Visit>
-  void for_each_force(const Pressed& p, Visit visit) const noexcept {
-    for (std::size_t c = 0; c < 3; ++c) {
-      const Scalar along = detail::dot(p.force[c], model_->triangles.load_vector(LocalTriangles::direction + 3 * c, p.first));
-      for (std::size_t l = 0; l < lanes; ++l) visit(slot(model_->triangles.nodes(p.first + l)[c]), along.v[l]);
-    }
-  }
-
-  /// Corners of triangles side by side relative to a tip, and the directions in which they move.
-  [[gnu::always_inline]] void place(const Tip& tip, std::size_t first, std::array<PackVector, 3>& corner,
-                                    std::array<PackVector, 3>& direction) const noexcept {
-    const LocalTriangles& triangles = model_->triangles;
-    const PackVector center = detail::spread<Scalar>(tip.center - triangles.origin());
-    for (std::size_t c = 0; c < 3; ++c) {
-      Scalar moved;
-      for (std::size_t l = 0; l < lanes; ++l) moved.v[l] = displacement_[slot(triangles.nodes(first + l)[c])];
-      direction[c] = triangles.load_vector(LocalTriangles::direction + 3 * c, first);
-      corner[c] = (triangles.load_vector(LocalTriangles::position + 3 * c, first) - center) + moved * direction[c];
-    }
-  }
-
-  /// Whether triangles that are not listed may be in a tip by now. A point moves in a tip by no more than the tip and its nodes move.
-  [[nodiscard]] bool may_reach_others() const noexcept {
-    if (listed_version_ != version_ || listed_tips_.count != tips_->count) return true;
-    Scalar most(0.0);
-    for (std::size_t i = 0; i < size(); i += lanes) {
-      const Scalar d(*detail::as_floats(displacement_.data() + i) - *detail::as_floats(listed_displacement_.data() + i));
-      most = max_of(most, d * d);
-    }
-    float square = 0.0F;
-    for (std::size_t l = 0; l < lanes; ++l) square = std::max(square, most.v[l]);
-    for (std::size_t t = 0; t < at(tips_->count); ++t) {
-      const Tip &now = tips_->tip[t], &then = listed_tips_.tip[t];
-      if (now.kind != then.kind || now.radius != then.radius || now.outward != then.outward) return true;
-      if ((now.center - then.center).norm() + static_cast<double>(std::sqrt(square)) > list_margin * now.radius) return true;
-    }
-    return false;
-  }
-
-  /// List the triangles that are in a tip or near it.
-  void list_near() noexcept {
-    listed_version_ = version_;
-    listed_tips_ = *tips_;
-    listed_displacement_ = displacement_;
-    near_count_ = 0;
-    std::array<PackVector, 3> corner, direction;
-    for (std::size_t t = 0; t < at(tips_->count); ++t)
-      for (std::size_t first = 0; first < model_->triangles.count(); first += lanes) {
-        place(tips_->tip[t], first, corner, direction);
-        if (within_reach(tips_->tip[t], corner, first, list_margin * tips_->tip[t].radius)) near_[near_count_++] = {first, t};
-      }
-  }
-
-  /// Press triangles side by side by tip `t`.
-  void press(std::size_t t, std::size_t first) noexcept {
-    const LocalTriangles& triangles = model_->triangles;
-    const Tip& tip = tips_->tip[t];
-    std::array<PackVector, 3> corner, direction;
-    place(tip, first, corner, direction);
-    if (!within_reach(tip, corner, first, 0.0)) return;
-    Pressed& p = pressed_[pressed_count_];
-    p.first = first;
-    p.tip = t;
-    const Scalar zero(0.0);
-    p.force.fill(PackVector(zero, zero, zero));
-    p.stiffness.fill(zero);
-    p.deflection = PackVector(zero, zero, zero);
-    p.total = p.energy = zero;
-    std::array<Scalar, 3> share{zero, zero, zero};
-    const PackVector normal = triangles.load_vector(LocalTriangles::normal, first);
-    bool touched = false;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const std::size_t next = (c + 1) % 3, last = (c + 2) % 3;
-      const Scalar stiffness = triangles.load(LocalTriangles::stiffness + c, first),
-                   radius = triangles.load(LocalTriangles::radius + c, first);
-      const Scalar inverse = Scalar(1.0) / (Scalar(LayerConstants::scale) * radius);
-      for (const CornerPoint& q : corner_points) {
-        const Scalar own_weight(q.own), next_weight(q.next), last_weight(q.last);
-        const PackVector y = own_weight * corner[c] + next_weight * corner[next] + last_weight * corner[last];
-        if (tip.kind == Tip::Kind::sphere && !any(may_be_in_sphere(tip, y))) continue;
-        const PointContact<Scalar> contact = press_point<Scalar>(tip, y, normal, {Scalar(q.share) * stiffness, radius, inverse});
-        if (!any(contact.stiffness > zero)) continue;
-        touched = true;
-        p.energy += contact.energy;
-        p.total += contact.push;
-        p.deflection += (contact.push * contact.depth) * contact.away;
-        p.force[c] += own_weight * contact.force;
-        share[c] += own_weight * contact.push;
-        const Scalar along = own_weight * detail::dot(contact.away, direction[c]), stiff = contact.stiffness * along;
-        p.stiffness[c] += stiff * along;
-        if (q.own == 1.0) continue;
-        p.force[next] += next_weight * contact.force;
-        p.force[last] += last_weight * contact.force;
-        share[next] += next_weight * contact.push;
-        share[last] += last_weight * contact.push;
-        const Scalar along_next = next_weight * detail::dot(contact.away, direction[next]);
-        const Scalar along_last = last_weight * detail::dot(contact.away, direction[last]);
-        const Scalar stiff_last = contact.stiffness * along_last;
-        p.stiffness[next] += contact.stiffness * along_next * along_next;
-        p.stiffness[last] += stiff_last * along_last;
-        p.stiffness[3 + c] += stiff * along_next;
-        p.stiffness[3 + next] += stiff_last * along_next;
-        p.stiffness[3 + last] += stiff_last * along;
-      }
-    }
-    if (!touched) return;
-    const PackVector center = detail::spread<Scalar>(tip.center - triangles.origin());
-    for (std::size_t c = 0; c < 3; ++c)
-      p.deflection += share[c] * (triangles.load_vector(LocalTriangles::displacement + 3 * c, first) +
-                                  (corner[c] + center - triangles.load_vector(LocalTriangles::position + 3 * c, first)));
-    ++pressed_count_;
-  }
-
-  /// Whether any of the triangles may be in the tip.
-  [[nodiscard, gnu::always_inline]] bool within_reach(const Tip& tip, const std::array<PackVector, 3>& corner, std::size_t first,
-                                                      double margin) const noexcept {
-    const PackVector center = Scalar(1.0 / 3.0) * (corner[0] + corner[1] + corner[2]);
-    Scalar reach(0.0), size(0.0);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const PackVector arm = corner[c] - center;
-      reach = max_of(reach, detail::dot(arm, arm));
-      size = max_of(size, model_->triangles.load(LocalTriangles::radius + c, first));
-    }
-    const Scalar radius = Scalar(tip.radius) + Scalar(LayerConstants::extra) * size;
-    const Scalar depth = tip.kind == Tip::Kind::sphere
-                             ? depth_in_sphere<Scalar>(tip, center, center).depth
-                             : TipGeometry::in_cylinder<Scalar>(center, center, tip.outward, radius, Scalar(1e-3) * radius).depth;
-    return any(depth + sqrt(reach) > Scalar(-margin));
   }
 
   /// Whether the factor of an earlier step serves again.
@@ -363,7 +217,7 @@ class LocalModelContact {
       factored_version_ = version_;
       factored_scale_ = scale_;
       newton_.clear();
-      for (std::size_t k = 0; k < pressed_count_; ++k) add_stiffness(pressed_[k]);
+      for (const Group& p : pressed_) add_stiffness(p);
       for (std::size_t i = 0; i < size(); ++i)
         if (force_[i] != 0.0F || target_[i] != 0.0F) newton_.add_row(static_cast<std::int16_t>(i));
       newton_.factor(*model_, static_cast<float>(scale_));
@@ -371,7 +225,7 @@ class LocalModelContact {
     newton_.solve([this](std::size_t i) { return target_[i] - force_[i]; }, change_);
   }
 
-  void add_stiffness(const Pressed& p) noexcept {
+  void add_stiffness(const Group& p) noexcept {
     for (std::size_t l = 0; l < lanes; ++l) {
       const auto& nodes = model_->triangles.nodes(p.first + l);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -381,23 +235,11 @@ class LocalModelContact {
     }
   }
 
-  /// Whether triangles whose contact nodes are all in the model bear the force.
-  [[nodiscard]] bool is_complete() const noexcept {
-    double beyond = 0.0, total = 0.0;
-    for (std::size_t k = 0; k < pressed_count_; ++k)
-      for (std::size_t l = 0; l < lanes; ++l) {
-        const auto push = static_cast<double>(pressed_[k].total.v[l]);
-        total += push;
-        if (!model_->triangles.is_complete(pressed_[k].first + l)) beyond += push;
-      }
-    return !model_->truncated && beyond <= LocalModel::max_beyond * total;
-  }
-
   void finish(double energy, bool solved) noexcept {
     result_ = {};
     result_.energy = energy;
     result_.solved = solved;
-    if (pressed_count_ == 0) {
+    if (pressed_.empty()) {
       for (ContactResult& tip : result_.tip) tip.solved = solved;
       return;
     }
@@ -408,8 +250,7 @@ class LocalModelContact {
       tip.solved = solved;
       tip_target_.fill(0.0F);
       double total = 0.0;
-      for (std::size_t k = 0; k < pressed_count_; ++k) {
-        const Pressed& p = pressed_[k];
+      for (const Group& p : pressed_) {
         if (p.tip != t) continue;
         tip.energy += static_cast<double>(detail::sum_of(p.energy.v));
         total += static_cast<double>(detail::sum_of(p.total.v));
@@ -418,10 +259,10 @@ class LocalModelContact {
           for (std::size_t l = 0; l < lanes; ++l) {
             const Vector3<> force(static_cast<double>(p.force[c][0].v[l]), static_cast<double>(p.force[c][1].v[l]),
                                   static_cast<double>(p.force[c][2].v[l]));
-            push[slot(model_->triangles.nodes(p.first + l)[c])] += force;
+            push[PressedTriangles::slot(model_->triangles.nodes(p.first + l)[c])] += force;
             tip.force -= force;
           }
-        for_each_force(p, [this](std::size_t node, float force) { tip_target_[node] += force; });
+        pressed_.for_each_force(p, [this](std::size_t node, float force) { tip_target_[node] += force; });
       }
       for (std::size_t i = 0; i < size(); ++i) {
         if (!(tip_target_[i] > 0.0F)) continue;
@@ -440,29 +281,22 @@ class LocalModelContact {
     }
   }
 
-  struct Near {
-    std::size_t first = 0, tip = 0;
-  };
-
   // Large members first: they are aligned to cache lines.
-  alignas(64) std::array<float, capacity + 16> displacement_{};         // v; the entry after the last is zero
-  alignas(64) std::array<float, capacity + 16> listed_displacement_{};  // when the list was made
+  alignas(64) PressedTriangles::Displacements displacement_{};  // v
   LocalNewton newton_;
-  std::array<Pressed, max_groups> pressed_;
+  PressedTriangles pressed_;
   const LocalModel* model_ = nullptr;
   const TipPair* tips_ = nullptr;
   long version_ = -1;
   double scale_ = 1.0;
   double total_force_ = 0.0, total_stiffness_ = 0.0;  // of the last evaluation: sum of |F|, N, and of the diagonal of H, N/m
   double last_way_ = 0.0;                             // square of the tips' way from the call before to the last, m^2
-  std::size_t pressed_count_ = 0, near_count_ = 0;
-  long listed_version_ = -1, factored_version_ = -1;  // states of the list and of the factor
+  long factored_version_ = -1;                        // state of the factor
   double factored_scale_ = 1.0;
   std::array<Vector3<>, TipPair::max_tips> last_move_{Vector3<>::Zero(), Vector3<>::Zero()};  // to the last call, m
-  TipPair last_tips_, listed_tips_;
+  TipPair last_tips_;
   MultiTipResult result_;
   std::array<double, capacity> contact_forces_{};
-  std::array<Near, max_groups> near_{};
   std::array<Vector3<>, capacity> node_forces_{};  // by contact node, N
   ByNode<Vector3<>> node_forces_of_{};             // of the layer, by node, N
   std::array<std::int32_t, capacity> contact_nodes_{};

@@ -83,6 +83,26 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     assert destabilizing_operator(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none
 
 
+def test_the_worst_operator_is_at_least_as_bad_as_random_ones() -> None:
+    """Without a damper of its own, and at the mass and stiffness that are written."""
+    spring = {"kind": "spring", "stiffness": "2000 N/m", "damping": "3 N*s/m"}
+    scenario = Scenario.from_dict(slider("2000 N/m", object=spring))
+    found = destabilizing_operator(scenario)
+    assert found is not None
+    written = Scenario.from_dict(found.scenario).operator
+    assert written.damping == 0.0
+
+    def radius(mass: float, stiffness: float) -> float:
+        arm = HumanArm(mass, 0.0, stiffness)
+        return scenario_loop(scenario, arm=arm, operator_force=(0.0, 0.0, 0.0)).spectral_radius()
+
+    worst = radius(written.mass or 0.0, written.stiffness or 0.0)
+    rng = np.random.default_rng(2)
+    others = [radius(*10.0 ** rng.uniform([-3.0, -1.0], [1.0, 7.0])) for _ in range(40)]
+    assert worst > 1.0
+    assert worst - 1.0 > 0.9 * (max(others) - 1.0)
+
+
 def test_a_claim_names_the_operator_unless_the_loop_is_passive() -> None:
     def claim(stiffness: str, **tables: Any) -> str:
         return certify(slider(stiffness, **tables)).claim

@@ -215,7 +215,6 @@ def volume_of(
     """
     if isinstance(source, Volume):
         return source
-    _check_source(source, unit)
     if isinstance(source, (str, Path)) and Path(source).suffix.lower() not in SURFACES:
         assert unit is not None  # checked
         return read_volume(source, unit=unit)

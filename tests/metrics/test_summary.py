@@ -165,3 +165,21 @@ def test_without_a_crossing_its_step_is_zero() -> None:
     assert found.step_at_crossing == 0.0
     assert found.step_elsewhere is not None
     assert 0.0 < found.step_elsewhere < 0.1
+
+
+@pytest.mark.parametrize(("above", "remark"), [("3 mm", True), ("0.05 mm", False), ("-1 mm", False)])
+def test_a_free_tip_that_begins_deep_in_a_wall_is_remarked(above: str, remark: bool) -> None:
+    """A wall whose surface lies over the tip throws it out; where nothing can move it is a test of statics."""
+    scenario = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"tip": ["10 mm", "-20 mm", "40 mm"]},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"},
+        "object": {"kind": "wall", "stiffness": "1 N/mm", "position": ["0 mm", above, "0 mm"], "normal": [0, 1, 0]},
+        "controller": {"kind": "none"},
+        "run": {"duration": "0.1 s"},
+    }
+    told = "it began 3 mm deep in the wall; check object.position"
+    assert (told in summarize(simulate(scenario))["verdict"]) is remark
+    held = {**scenario, "operator": {"kind": "fixed"}}
+    assert summarize(simulate(held))["verdict"].endswith("there is no loop that could oscillate")

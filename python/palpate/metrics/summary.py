@@ -75,7 +75,9 @@ def _summarize(trace: Trace) -> dict[str, Any]:
     elif "contact_nodes" in trace:
         details = _on_body(summary, trace)
     else:
-        details = _on_axes(summary, trace, scenario)
+        details = [*_on_axes(summary, trace, scenario), *_in_wall(trace, scenario)]
+        if scenario is not None and scenario.operator.kind == "fixed":
+            details = []  # nothing moves
     if trace.verdict.settled and scenario is not None and scenario.operator.kind != "fixed":
         if details:
             colon = "" if details[0].startswith("to 5 %") else ":"
@@ -154,6 +156,15 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
     return [text if worst is None else f"{text}, steady error {worst:.3g} %"]
 
 
+def _in_wall(trace: Trace, scenario: Scenario | None) -> list[str]:
+    """Return that a tip that is free to move began deep in a wall."""
+    if scenario is None or scenario.contact_kind not in ("wall", "force_law") or scenario.operator.kind == "fixed":
+        return []
+    if "deflection" not in trace or not len(trace) or not trace["touching"][0, 0]:
+        return []
+    return _began(float(np.linalg.norm(trace["deflection"][0])), "wall")
+
+
 def _magnitude(trace: Trace, expected: Sequence[float | None], start: float) -> tuple[float | None, float]:
     """Return settling time, s, and steady error, percent, of the deflection as a vector, whatever the axes."""
     known = [axis for axis, value in enumerate(expected) if value is not None]
@@ -221,7 +232,8 @@ def _at_the_end(found: SlidingMetrics | PalpationMetrics, trace: Trace) -> str:
 def _began(depth: float, touched: str) -> list[str]:
     if depth <= MAX_INITIAL_DEPTH:
         return []
-    return [f"it began {depth * 1e3:.3g} mm deep in the {touched}; check object.position and the unit of its file"]
+    check = "check object.position" + ("" if touched == "wall" else " and the unit of its file")
+    return [f"it began {depth * 1e3:.3g} mm deep in the {touched}; {check}"]
 
 
 def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:

@@ -155,6 +155,16 @@ def test_an_interval_of_gains_ends_on_both_sides_where_the_pole_leaves_the_circl
     assert gain_interval(stable) == (0.0, np.inf)
 
 
+def test_a_narrow_range_of_unstable_gains_ends_the_interval() -> None:
+    """Poles 0.2 +- sqrt(d^2/10 - 0.961), d = k - 3: outside of the circle for |d| < 0.1, and from sqrt(16.01)."""
+    m = np.sqrt(0.1) * np.diag([1.0, -1.0])
+    at_three = np.array([[0.2, -np.sqrt(0.961)], [np.sqrt(0.961), 0.2]])
+    loop = control.StateSpace(at_three + 3.0 * m, np.eye(2), m, np.zeros((2, 2)), T)
+    assert gain_interval(loop, 1.0) == pytest.approx((0.0, 2.9), rel=1e-9)
+    assert gain_interval(loop, 4.0) == pytest.approx((3.1, 3.0 + np.sqrt(16.01)), rel=1e-9)
+    assert critical_gain(loop, 3.0) == pytest.approx(2.9, rel=1e-9)
+
+
 def test_critical_gain_of_an_unstable_loop() -> None:
     """5/(z-1) is unstable; from small gains up it leaves the circle at 2/5."""
     assert critical_gain(integrator(5.0)) == pytest.approx(0.4, rel=1e-9)

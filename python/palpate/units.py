@@ -274,7 +274,9 @@ def _remedy(unit: str) -> str:
 
 
 def _without_unit(shown: str, number: str, unit: str) -> str:
-    hint = f'"{number} {"GB" if unit == "byte" else unit}"'  # the unit that a user of a bare number has in mind
+    usual = UNITS[unit][1].split(" ")[1] if unit in UNITS else unit  # which a user of a bare number may have in mind
+    choices = [usual] if unit == "byte" else dict.fromkeys((unit, usual))
+    hint = " or ".join(f'"{number} {choice}"' for choice in choices)
     return f"{shown} has no unit, and {_article(_measure(unit))} is needed; write it as {hint}"
 
 

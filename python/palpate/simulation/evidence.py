@@ -21,7 +21,7 @@ from palpate.simulation.windows import Window
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
-__all__ = ["evidence", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
+__all__ = ["evidence", "interruption", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
 
 
 def lossy(scenario: Scenario, device: Device) -> bool:
@@ -97,7 +97,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     device, last, ending = scenario.load_device(), window.end, window.ending
     balance = energy_balance(trace, scenario, window)
     generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
-    one_sided = all(one.object.kind in ONE_SIDED for one in scenario.each_object.values())
+    one_sided = is_one_sided(scenario)
     expected = _expected(trace, scenario, window)
     return {
         "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
@@ -110,6 +110,19 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "error": np.nan if expected is None else float(steady_error(deflection[ending].mean(axis=0), expected)[0]),
         "drift": np.nan if scenario.reference is None else _drift(trace, ending),
     }
+
+
+def is_one_sided(scenario: Scenario) -> bool:
+    """Return whether the tip can leave every object of the scenario."""
+    return all(one.object.kind in ONE_SIDED for one in scenario.each_object.values())
+
+
+def interruption(trace: Recorded, scenario: Scenario | None) -> float:
+    """Return for how long a run that ends in contact was off its object after the bounces of an impact, s."""
+    touching = trace["touching"][:, 0] > 0.0
+    if scenario is None or not is_one_sided(scenario) or len(touching) < 2 or not touching[-1]:
+        return 0.0
+    return float(np.median(np.diff(trace.time)) * np.count_nonzero(~touching[_established(touching) :]))
 
 
 def _drift(trace: Recorded, ending: slice) -> float:

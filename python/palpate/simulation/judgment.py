@@ -9,7 +9,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import evidence, pushed_through
+from palpate.simulation.evidence import evidence, interruption, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
 from palpate.simulation.verdict import (
@@ -165,6 +165,8 @@ def _explained(
             reason = f"its oscillation of {swing} decays by a factor of {ratio:.3g} in {span}; {linear}"
     else:
         reason = _undecided(time, e, swing)
+    if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
+        reason += f"; contact lost for {1e3 * off:.4g} ms on the way"
     swings = state in OSCILLATES
     if linear is not None and (swings or state is State.UNDECIDED):
         reason += f"; {linear}"

@@ -69,6 +69,18 @@ struct Columns {
   }
 };
 
+/// Return the first part of a loop that does not run in lanes.
+template <class Mechanism>
+std::string reason_alone(const palpate::servo::SimulationSetup<Mechanism>& s) {
+  if (s.fixed) return "a fixed tip";
+  if (s.linear) return "a linear device";
+  if (s.guard.active()) return "a guard";
+  if (!s.object.template get_if<palpate::object::SpringWall>()) return "another object";
+  if constexpr (Mechanism::dof <= 3)
+    if (s.controller.template get_if<palpate::control::AdmittanceController<Mechanism>>()) return "the controller of an admittance display";
+  return "another controller";
+}
+
 template <class Mechanism>
 nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, const Rows& operator_force,
                      const std::map<std::string, Rows>& columns, std::ptrdiff_t count, int threads, int lanes) {
@@ -78,7 +90,11 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
   palpate::servo::SimulationSetup<Mechanism> rigid = base.complete();
   rigid.flexible.reset();  // with a mode the cells run one loop at a time
   if (!palpate::servo::runs_in_lanes(rigid))
-    throw nb::value_error("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear or a workspace controller");
+    throw nb::value_error(
+        ("a batch runs the nonlinear device, free to move, at a spring or wall, under a linear or a workspace controller, without a guard; "
+         "this loop has " +
+         reason_alone(rigid) + ": run it alone")
+            .c_str());
   struct Own {
     const double* data;
     int width;

@@ -586,6 +586,12 @@ class WorkspaceParameters:
     @normal_only.setter
     def normal_only(self, arg: bool, /) -> None: ...
 
+    @property
+    def operator_mass(self) -> float: ...
+
+    @operator_mass.setter
+    def operator_mass(self, arg: float, /) -> None: ...
+
     def fault(self) -> str:
         """Return the first thing that is wrong; None if nothing is."""
 

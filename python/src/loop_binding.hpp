@@ -355,6 +355,7 @@ inline void bind_loop_parts(nb::module_& m) {
       .def_rw("share", &WorkspaceParameters::share)
       .def_rw("stiffness", &WorkspaceParameters::stiffness)
       .def_rw("normal_only", &WorkspaceParameters::normal_only)
+      .def_rw("operator_mass", &WorkspaceParameters::operator_mass)
       .def("fault", &WorkspaceParameters::fault, "Return the first thing that is wrong; None if nothing is.");
   nb::class_<WorkspaceGains>(m, "WorkspaceGains", "Gains of a workspace controller for one axis.")
       .def(nb::init<const WorkspaceParameters&, double>(), "parameters"_a, "period"_a)

@@ -12,50 +12,20 @@ import numpy as np
 import palpate
 import pytest
 from palpate.arrays import Array
-from palpate.control import WorkspaceController, closed_loop, gain_interval, loop_gain, loop_margins, workspace
-from palpate.devices import Device, load
-from palpate.devices.device import Parameters
+from palpate.control import WorkspaceController, closed_loop, gain_interval, loop_margins, workspace
+from palpate.devices import load
 from palpate.errors import DesignError, PalpateError, ScenarioError
 from palpate.linear.discretization import rendering_plant
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.loop_config import resolve
+from palpate.simulation.simulator import build_simulation
 from palpate.simulation.verdict import State
+from workspace_loops import OTHER, PERIOD, POSE, axis_loop, mass, slide, tables
 
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 ARM = load("phantom-premium-1.5a")
-POSE = np.array([0.0, 2.2305, 3.2776])
-OTHER = np.array([0.0, 0.5, -0.3])
-PERIOD = 5e-4
-
-
-def tables(pose: Array, stiffness: float, force: float, **device: Any) -> dict[str, Any]:
-    return {
-        "device": {"name": "phantom-premium-1.5a", **device},
-        "start": {"pose": [f"{float(q)!r} rad" for q in pose]},
-        "servo": {"period": "0.5 ms"},
-        "reference": {"shape": "step", "force": f"{force} N"},
-        "object": {"kind": "spring", "stiffness": f"{stiffness!r} N/m"},
-        "controller": {"kind": "workspace"},
-        "run": {"duration": "0.3 s"},
-    }
-
-
-def mass(kilograms: float = 0.1) -> Device:
-    return Device(
-        "mass", "", "tip_device", Parameters({"mass.apparent": (kilograms,) * 3, "friction.viscous": (0.0,) * 3})
-    )
-
-
-def axis_loop(controller: WorkspaceController) -> control.StateSpace:
-    """Return the loop gain of one axis of a mass."""
-    t, m, k = controller.period, 0.1, controller.stiffness[0]
-    eye = np.eye(3)
-    a = np.kron([[1.0, t], [0.0, 1.0]], eye)
-    b = np.kron([[t * t / 2 / m], [t / m]], eye)
-    plant = control.StateSpace(a, b, np.kron([[k, 0.0]], eye), np.zeros((3, 3)), t)
-    return loop_gain(controller.linearized(np.zeros(3)), plant)
 
 
 @pytest.mark.parametrize(
@@ -142,6 +112,28 @@ def test_a_step_settles_near_the_bound_of_the_drive_at_every_pose(stiffness: flo
         assert steady <= 1e-4
 
 
+def test_five_percent_more_bandwidth_settles_in_25_ms_at_every_pose() -> None:
+    """The default needs 26 ms at one of the 40 poses, whose bound is 18 ms; unknown rotors overshoot no more."""
+    faster = workspace(ARM, PERIOD, bandwidth=210.0, reference=262.5, share=0.95)
+    for pose in poses(40, 2e-3) if NIGHTLY else poses(9, 2e-3)[8:]:
+        assert settling_and_overshoot(pose, 500.0, faster)[0] <= 25e-3 + 1e-9
+    for pose in poses(40, 1e-3) if NIGHTLY else poses(3, 1e-3):
+        assert settling_and_overshoot(pose, 1000.0, faster, bare_rotors=True)[1] <= 0.05
+    assert settling_and_overshoot(poses(9, 2e-3)[8], 500.0, workspace(ARM, PERIOD))[0] > 25e-3 + 1e-9
+
+
+def settling_and_overshoot(
+    pose: Array, stiffness: float, law: WorkspaceController, *, bare_rotors: bool = False
+) -> tuple[float, float]:
+    """Return settling, s, and overshoot of a step of 1 N on all axes; with rotors, without dry friction."""
+    device = {"name": "phantom-premium-1.5a-rotors"} if bare_rotors else {}
+    simulation = build_simulation(tables(pose, stiffness, 1.0, saturation=True, **device), law)
+    simulation.setup.friction = simulation.device.with_friction(coulomb=0.0).core_friction
+    share = simulation.simulate()["deflection"] * stiffness
+    outside = np.flatnonzero(np.any(np.abs(share - 1.0) > 0.05, axis=1))
+    return PERIOD * (int(outside[-1]) + 1), float(share.max() - 1.0)
+
+
 @pytest.mark.parametrize(("stiffness", "largest"), [(3500.0, 1e-3), (10000.0, 4e-3)])
 def test_the_mean_displayed_force_with_counts_is_exact(stiffness: float, largest: float) -> None:
     """Law: in every window of 0.2 s, two time constants of the disturbance's observer, from 0.3 s on.
@@ -213,33 +205,6 @@ def test_the_linear_model_is_the_small_motion_of_the_core_near_a_singular_pose()
     )
     assert np.abs(linear[1:, -1] / force - 1.0).min() > 0.02  # the damping acts
     assert np.abs(pressed - still - linear.T).max() < 2e-2 * force
-
-
-SURFACE = {"static_friction": 0.2, "tangential": "1 N/mm"}
-LEADING = {
-    "kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m", "shape": "table",
-    "table": [["0 s", "0 N", "0 N", "0 N"], ["0.2 s", "0 N", "0 N", "0 N"], ["0.7 s", "4 N", "0.8 N", "0 N"]],
-}  # fmt: skip
-
-
-def slide(slope: float, friction: bool, normal_only: bool) -> dict[str, Any]:
-    """A hand leads the tip by 20 mm over a plane of triangles, tilted by a slope in degrees, pressed with 1 N."""
-    mesh = {"shape": "box", "edge": "200 mm", "divisions": 8, "rotation": ["0 deg", f"{slope} deg", "0 deg"]}
-    surface = {"stiffness": ["0.3 N/mm", "3 N/mm"], "pattern": "stripes", "width": "8 mm"}
-    return {
-        "device": {"name": "phantom-premium-1.5a", "saturation": True},
-        "start": {"pose": [f"{float(q)!r} rad" for q in POSE]},
-        "servo": {"period": "0.5 ms"},
-        "reference": {"shape": "ramp", "force": ["0 N", "0 N", "-1 N"], "rise": "0.1 s"},
-        "operator": LEADING,
-        "object": {
-            "kind": "mesh",
-            "mesh": mesh,
-            "surface": surface | (SURFACE if friction else {"tangential": "0 N/m"}),
-        },
-        "controller": {"kind": "workspace", "normal_only": normal_only},
-        "run": {"duration": "1.5 s"},
-    }
 
 
 @pytest.mark.parametrize("slope", [0.0, 20.0])

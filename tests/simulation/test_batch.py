@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from palpate import _core
 from palpate.simulation.simulator import Simulation, build_simulation
+from workspace_loops import slide
 
 ROOT = Path(__file__).parents[2]
 POSE = ["0.1 rad", "2.2305 rad", "3.2776 rad"]
@@ -86,7 +87,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "servo": {"topology": "force_tracking", "period": "0.5 ms"},
         "reference": {"shape": "step", "force": ["0.1 N", "0 N", "-0.5 N"]},
         "object": {"kind": "wall", "normal": [0, 0, 1], "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-2 mm"]},
-        "controller": {"kind": "workspace", "bandwidth": "100 rad/s"},
+        "controller": {"kind": "workspace", "bandwidth": "100 rad/s", "operator_mass": "0.1 kg"},
     },
     "workspace of two joints": {
         "device": {"name": "haply-2diy", "encoder": True, "saturation": True},
@@ -191,6 +192,27 @@ def test_wrong_columns_are_refused() -> None:
         _core.run_cells(experiment.setup, experiment.reference, experiment.operator, {"stifness": np.ones((2, 3))}, 2)
     with pytest.raises(ValueError, match="cells x 3"):
         _core.run_cells(experiment.setup, experiment.reference, experiment.operator, {"stiffness": np.ones((2, 2))}, 2)
+
+
+def test_a_loop_that_lanes_cannot_run_is_refused_by_its_reason() -> None:
+    tool = {"mass": "0.1 kg", "damping": "2 N*s/m"}
+    display = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"period": "0.5 ms", "topology": "admittance_display", "tool": tool},
+        "operator": {**ARM, "force": ["0 N", "0 N", "-1 N"]},
+        "object": {"kind": "wall", "normal": [0, 0, 1], "stiffness": "1 N/mm"},
+        "controller": {"kind": "workspace"},
+        "run": {"duration": "0.1 s"},
+    }
+    for tables, reason in (
+        (display, "the controller of an admittance display"),
+        (slide(0.0, False, True), "another object"),
+        ({**SCENARIOS["rigid hand"], "guard": {"kind": "energy_bound"}}, "a guard"),
+    ):
+        experiment = build_simulation(tables)
+        with pytest.raises(ValueError, match=f"this loop has {reason}: run it alone"):
+            _core.run_cells(experiment.setup, experiment.reference, experiment.operator, {}, 2)
 
 
 def test_wide_code_stays_in_its_own_file(tmp_path: Path) -> None:

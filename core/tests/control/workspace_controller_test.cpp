@@ -83,6 +83,22 @@ TEST(WorkspaceController, AReversalWithinANarrowLimitEndsWithoutOvershoot) {
   EXPECT_GT(least, -1.5 * 1.02);
 }
 
+// Law: the operator's mass is a weightless mass at the tip, as if the device were heavier.
+TEST(WorkspaceController, TheOperatorsMassIsPartOfTheTip) {
+  const TipDevice light({.mass = {0.1, 0.1, 0.1}}), heavy({.mass = {0.25, 0.25, 0.25}});
+  auto setup = press(heavy, Joints<3>(0.0, 0.0, 0.0), 100.0);
+  palpate::servo::Loop known(setup);
+  setup.controller = WorkspaceController<TipDevice>(light, Joints<3>::Zero(), WorkspaceParameters{.operator_mass = 0.15}, setup.period);
+  palpate::servo::Loop told(setup);
+  for (int k = 0; k < 400; ++k) {
+    const Vector3<> reference(k < 200 ? 6.0 : 1.0, 0.5, 0.0);
+    ASSERT_NEAR((known.tick(reference).object_force - told.tick(reference).object_force).norm(), 0.0, 1e-9);
+    ASSERT_TRUE(known.advance(Vector3<>::Zero(), Vector3<>::Zero()));
+    ASSERT_TRUE(told.advance(Vector3<>::Zero(), Vector3<>::Zero()));
+  }
+  EXPECT_NE(WorkspaceParameters{.operator_mass = -0.1}.fault(), nullptr);
+}
+
 TEST(WorkspaceController, CommandsNothingAtASingularPose) {
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   WorkspaceController<Premium> controller(arm, Joints<3>::Zero(), WorkspaceParameters{}, 5e-4);

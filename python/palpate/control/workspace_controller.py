@@ -35,6 +35,7 @@ OPTIONS: Final = {
     "share": "",
     "stiffness": "N/m",
     "normal_only": None,
+    "operator_mass": "kg",
 }  # option: unit; None: true or false
 
 
@@ -55,6 +56,8 @@ class WorkspaceController:
         stiffness: by which forces without a known stiffness are divided, per axis, N/m.
         normal_only: whether an object with a normal is tracked along it alone. Along the surface the motors then
             display the object's force, such as friction, and the operator moves the tip.
+        operator_mass: that the operator adds to the tip, kg. With that of the operator or a larger one, a change of
+            the object's stiffness neither overshoots nor ends the contact.
     """
 
     device: Device
@@ -68,6 +71,7 @@ class WorkspaceController:
     share: float = 0.85
     stiffness: tuple[float, float, float] = (_STIFFNESS, _STIFFNESS, _STIFFNESS)
     normal_only: bool = False
+    operator_mass: float = 0.0
 
     kind: Final = "workspace"
 
@@ -119,7 +123,7 @@ class WorkspaceController:
             raise PoseError("workspace: the pose is singular, so the tip's inertia is not defined")
         reach = reachable_axes(jacobian)
         inverse: Array = np.asarray(np.linalg.pinv(jacobian) @ reach, dtype=float)  # (dof, dof)
-        inertia = inverse.T @ self.device.mass_matrix(q) @ inverse
+        inertia = inverse.T @ self.device.mass_matrix(q) @ inverse + self.operator_mass * np.eye(len(inverse))
         friction = inverse.T @ np.diag(self.device.viscous) @ inverse
         scale = reach.T @ np.diag(1.0 / np.asarray(self.stiffness))
         g, t = self.gains, self.period

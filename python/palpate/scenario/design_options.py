@@ -40,6 +40,7 @@ OPTIONS: Final[dict[str, dict[str, tuple[str, bool]]]] = {
         "share": ("", False),
         "stiffness": ("N/m", True),
         "normal_only": (FLAG, False),
+        "operator_mass": ("kg", False),
     },
 }
 

@@ -67,7 +67,7 @@ class AdmittanceController : public TipPositioning<Mechanism, double> {
   /// Return the motors' force at the tip [N] for the signals of a tick; zero at a singular pose.
   Vector command(const TickInput& input) noexcept {
     const bool regular = Base::update(input.angles);
-    const auto dynamics = mechanism_.dynamics(kinematics_.current);
+    const auto dynamics = Base::dynamics();
     measured_ = input.reference;
     place_tool(input.tip);
     const Vector push = inverse_.reachable(jacobian_, measured_);
@@ -101,7 +101,7 @@ class AdmittanceController : public TipPositioning<Mechanism, double> {
   }
 
  private:
-  using Base::inverse_, Base::jacobian_, Base::kinematics_, Base::mechanism_, Base::model_position_, Base::model_velocity_;
+  using Base::inverse_, Base::jacobian_, Base::model_position_, Base::model_velocity_;
   using Base::period_, Base::started_;
 
   /// Start the tool at the tip, or keep it in the directions in which the tip can move.

@@ -19,6 +19,7 @@ namespace palpate::control {
 /// - An observer per axis estimates position, velocity and a constant disturbance. It is driven by the force that was applied, so that a
 ///   limit winds nothing up. The disturbance is the integrator.
 /// - With fewer than three joints, all of this happens in the directions in which the tip can move (range of J).
+/// - An operator who holds the tip adds a mass to it, M + m J^T J; the weight of that mass is left to the operator.
 /// - Near a singular pose the inverse of the mobility A = J M^-1 J^T is damped, so that no direction takes all of the drive's force.
 ///
 /// With the motion to follow (x_r, v_r, a_r) and the estimate (x, v, w):
@@ -51,6 +52,7 @@ class TipPositioning {
     friction_ = one.friction_;
     gains_ = one.gains_;
     period_ = one.period_;
+    operator_mass_ = one.operator_mass_;
   }
 
   /// Set the state of one lane; all lanes share the parameters.
@@ -72,6 +74,12 @@ class TipPositioning {
     jacobian_ = mechanism_.jacobian(kinematics_.current);
     lost_ = Vector::Constant(0.0);
     return inverse_.update(jacobian_);
+  }
+
+  /// Return the equations of motion of this tick, with the operator's mass at the tip.
+  [[nodiscard]] auto dynamics() const noexcept {
+    if (operator_mass_ > 0.0) return mechanism_.dynamics(kinematics_.current, mechanism_.inertia_parameters(operator_mass_));
+    return mechanism_.dynamics(kinematics_.current);
   }
 
   /// Remember the command of this tick [N]: `force` at a regular pose, zero at a singular one, from which the estimate starts again.
@@ -161,7 +169,7 @@ class TipPositioning {
     Condition<Scalar> differs = missing[0] != Scalar(0.0);
     for (int i = 1; i < 3; ++i) differs = differs | (missing[i] != Scalar(0.0));
     if (any(differs)) {  // J M^-1 J^T times it
-      const Angles more = mechanism_.dynamics(kinematics_.current).inverse() * math::transposed_product(jacobian_, missing);
+      const Angles more = dynamics().inverse() * math::transposed_product(jacobian_, missing);
       const Vector change = restrict_to(Vector(math::product(jacobian_, more)));
       acceleration = select_each(differs, Vector(acceleration + change), acceleration);
       left_out = select_each(differs, Vector(left_out + change), left_out);
@@ -189,6 +197,7 @@ class TipPositioning {
   Joints<dof> friction_ = Joints<dof>::Zero();
   WorkspaceGains gains_;
   double period_ = 1e-3;
+  double operator_mass_ = 0.0;  // at the tip, weightless, kg
   Kinematics kinematics_ = Kinematics(rest());
   Condition<Scalar> started_ = false;
   Vector position_ = Vector::Constant(0.0), velocity_ = Vector::Constant(0.0), disturbance_ = Vector::Constant(0.0);  // estimate

@@ -41,7 +41,9 @@ class WorkspaceController : public TipPositioning<Mechanism, Number> {
   /// @param p          must have no fault()
   /// @param period     servo period, s
   WorkspaceController(const Mechanism& mechanism, const Joints<dof>& friction, const WorkspaceParameters& p, double period)
-      : Base(mechanism, friction, WorkspaceGains(p, period), period), parameters_(p), normalization_(p.stiffness) {}
+      : Base(mechanism, friction, WorkspaceGains(p, period), period), parameters_(p), normalization_(p.stiffness) {
+    operator_mass_ = p.operator_mass;
+  }
 
   /// Return the same controller for a lane scalar.
   template <class Other>
@@ -65,7 +67,7 @@ class WorkspaceController : public TipPositioning<Mechanism, Number> {
   /// Return the tip force [N] for the signals of a tick; zero at a singular pose.
   Vector command(const BasicTickInput<Scalar>& input) noexcept {
     const Condition<Scalar> regular = Base::update(input.angles);
-    const auto dynamics = mechanism_.dynamics(kinematics_.current);
+    const auto dynamics = Base::dynamics();
     const auto forces = normalization_.apply(input);
     const Vector force = parameters_.normal_only ? along_normal(input, forces.reference, forces.object, dynamics)
                                                  : in_space(input, forces.reference, forces.object, dynamics);
@@ -89,8 +91,8 @@ class WorkspaceController : public TipPositioning<Mechanism, Number> {
  private:
   template <class, class>
   friend class WorkspaceController;
-  using Base::acceleration_, Base::disturbance_, Base::friction_, Base::gains_, Base::inverse_, Base::jacobian_, Base::kinematics_;
-  using Base::lost_, Base::mechanism_, Base::model_position_, Base::model_velocity_, Base::period_, Base::position_, Base::started_;
+  using Base::acceleration_, Base::disturbance_, Base::friction_, Base::gains_, Base::inverse_, Base::jacobian_;
+  using Base::lost_, Base::model_position_, Base::model_velocity_, Base::operator_mass_, Base::period_, Base::position_, Base::started_;
   using Base::velocity_;
 
   /// Return the force of operator and motors [N] that tracks the scaled forces in all directions in which the tip can move.

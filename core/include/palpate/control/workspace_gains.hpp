@@ -19,6 +19,7 @@ struct WorkspaceParameters {
   double share = 0.85;                 ///< of the drive's limit that the reference model uses, above 0 and at most 1
   Vector3<> stiffness{1e3, 1e3, 1e3};  ///< by which forces without a known stiffness are divided, per axis, N/m
   bool normal_only = false;            ///< track an object with a normal along it alone; display its force along the surface
+  double operator_mass = 0.0;          ///< that the operator adds to the tip, kg; rather too large than too small
 
   /// Return the first thing that is wrong, as a sentence; null if nothing is.
   [[nodiscard]] const char* fault() const noexcept {
@@ -29,6 +30,7 @@ struct WorkspaceParameters {
       return "damping and reference_damping must be above 0 and at most 1";
     if (!positive(share) || share > 1.0) return "share must be above 0 and at most 1";
     if (!stiffness.allFinite() || !(stiffness.minCoeff() > 0.0)) return "stiffness must be positive and finite [N/m]";
+    if (!(operator_mass >= 0.0) || !std::isfinite(operator_mass)) return "operator_mass must be finite and not negative [kg]";
     return nullptr;
   }
 };

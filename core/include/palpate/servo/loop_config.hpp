@@ -316,6 +316,7 @@ class LoopConfigLoader {
     p.share = from.positive("share");
     p.stiffness = from.vector("stiffness");
     p.normal_only = from.has("normal_only") && from.flag("normal_only");
+    if (from.has("operator_mass")) p.operator_mass = from.number("operator_mass");
     if (const char* fault = p.fault(); fault != nullptr && reader_.ok()) from.fail("kind", fault);
     config_.workspace_ = p;
   }

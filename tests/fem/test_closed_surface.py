@@ -28,6 +28,30 @@ def test_the_winding_number_is_one_inside_and_zero_outside() -> None:
     np.testing.assert_array_equal(found[clear], (radius < 0.04)[clear])
 
 
+def test_shells_that_share_an_edge_alone_are_separate() -> None:
+    """Four triangles meet at the edge, so that it connects none of them."""
+    points = 0.01 * np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0, 1, 0.5], [-1, 0, 0.5], [0, -1, 0.5]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    one, other = np.array([1, 0, 2, 3])[faces], np.array([1, 0, 4, 5])[faces]
+    surface = closed(points, np.vstack([one, other]))
+    assert surface.volume == pytest.approx(2.0 * 0.01**3 / 6.0)
+    assert surface.shells == 2
+    for rows in ([4, 0, 5, 1, 6, 2, 7, 3], [7, 6, 5, 4, 3, 2, 1, 0]):
+        assert closed(points, np.vstack([one, other])[rows]).shells == 2
+    assert closed(points, one).shells == 1
+
+
+@pytest.mark.parametrize("extent", [1e-5, 1.0, 1e4])
+def test_a_shape_encloses_a_volume_at_every_scale(extent: float) -> None:
+    """A plate of a thousandth of its width does; the same plate squeezed to nothing does not."""
+    plate = trimesh.creation.box((1.0, 1.0, 1e-3))
+    surface = closed(extent * plate.vertices, plate.faces)
+    assert surface.volume == pytest.approx(1e-3 * extent**3)
+    assert surface.thickness == pytest.approx(1e-3 * extent, rel=3e-3)
+    with pytest.raises(BodyError, match=r"encloses no volume|is empty"):
+        closed(extent * plate.vertices * [1.0, 1.0, 1e-9], plate.faces)
+
+
 def test_a_clean_surface_needs_no_repair() -> None:
     surface = closed(SPHERE.vertices, SPHERE.faces)
     assert surface.repairs == []

@@ -10,6 +10,7 @@ import pytest
 from palpate import Mesh
 from palpate import fem as bodies
 from palpate.fem import BodyError, BodyWarning
+from palpate.fem.builder import _NODES, _spacing_of
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
@@ -82,6 +83,21 @@ def test_the_grid_finds_every_fixed_ball_as_wide_as_half_a_spacing() -> None:
     assert len(_inner_samples(surface, parse_selectors("z > -1 m"), 1e-4)) == 60**3  # not more, however fine
     assert len(_inner_samples(surface, parse_selectors("z > -1 m"), 1.0)) == 2**3
     assert len(_inner_samples(surface, parse_selectors("surface z > -1 m"), 10e-3)) == 0
+
+
+def test_the_default_spacing_is_a_fifteenth_of_a_body_or_half_of_a_thin_one() -> None:
+    """But not less than a sixtieth of its extent, nor so small that the body has too many nodes."""
+    ball = surface_of(SPHERE)
+    assert _spacing_of(ball, None) == pytest.approx(ball.extent / 15.0)
+    plate = surface_of(trimesh.creation.box((0.1, 0.1, 8e-3)))
+    assert _spacing_of(plate, None) == pytest.approx(plate.thickness / 2.0)
+    thin = surface_of(trimesh.creation.box((0.1, 0.1, 1e-3)))
+    assert thin.extent / 60.0 <= _spacing_of(thin, None) < thin.extent / 15.0
+    assert estimate(thin, _spacing_of(thin, None), 2).nodes <= _NODES
+    assert _spacing_of(ball, "4 mm") == 4e-3
+    assert _spacing_of(ball, ball.extent) == ball.extent
+    with pytest.raises(BodyError, match=r"exceeds the extent of the body, 0\.10"):
+        _spacing_of(ball, 1.001 * ball.extent)
 
 
 def test_a_size_in_the_wrong_unit_is_asked_about() -> None:

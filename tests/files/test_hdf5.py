@@ -97,6 +97,30 @@ def test_the_nth_write_that_fails_is_one_sentence(
     READ[kind](tmp_path / "a.h5")
 
 
+@pytest.mark.parametrize("kind", ["trace", "body"])
+def test_a_write_that_fails_once_is_reported_although_all_later_ones_succeed(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first problem is the one that is reported, and no file with a gap is left."""
+    real, made, failing = os.pwrite, 0, 0
+
+    def pwrite(handle: int, data: bytes, offset: int) -> int:
+        nonlocal made
+        made += 1
+        if made == failing:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return real(handle, data, offset)
+
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    WRITE[kind](tmp_path / "a.h5")
+    for failing in {1, made // 2, made - 1, made}:  # noqa: B007
+        made = 0
+        (tmp_path / "a.h5").unlink(missing_ok=True)
+        with pytest.raises(OutputError, match=rf"a\.h5: cannot be written: {os.strerror(errno.EIO)}"):
+            WRITE[kind](tmp_path / "a.h5")
+        assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("kind", ["trace", "body", "sweep"])
 def test_a_changed_byte_anywhere_is_detected(kind: str, tmp_path: Path) -> None:
     """The seal covers every byte but the cells of a sweep, and each chunk of those has a checksum."""

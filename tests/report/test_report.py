@@ -388,6 +388,10 @@ def test_traces_are_compared_in_one_figure(pressed: Trace) -> None:
     figure = figures.compare({"one": pressed, "two": pressed}, targets=(None, 1e-3, 2e-3))
     assert [len(panel.lines) for panel in figure.axes] == [2, 3, 3]
     assert [entry.get_text() for entry in figure.legends[0].get_texts()] == ["one", "two"]
+    single = figures.compare({"one": pressed}, components=(2,), targets=(None, 1e-3, 2e-3))
+    assert [panel.get_title(loc="left") for panel in single.axes] == ["along z"]
+    assert [panel.get_ylabel() for panel in figure.axes] == [single.axes[0].get_ylabel(), "", ""]
+    assert [entry.get_text() for entry in single.legends[0].get_texts()] == ["one"]
 
 
 def test_an_extended_page_keeps_sections_and_numbers_of_both() -> None:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from palpate import devices
-from palpate.control import lead_lag, lqg
+from palpate.control import Controller, lead_lag, lqg
 from palpate.errors import DesignError, ScenarioError
 from palpate.linear import rendering_plant
 from palpate.scenario import Scenario
 from palpate.scenario.design_options import FLAG, OPTIONS, sort_options
-from palpate.simulation.controllers import build_controller
+from palpate.simulation.controllers import build_controller, with_controller
 
 ARM = devices.load("phantom-premium-1.5a")
 POSE = np.array([0.0, 2.2305, 3.2776])
@@ -114,3 +115,23 @@ def test_an_option_of_the_whole_design_takes_no_list(kind: str, option: str) -> 
     assert option not in per_axis or (kind, option) == ("workspace", "disturbance")
     with pytest.raises(ValueError, match=option):
         sort_options({"kind": kind, option: [1.0, 1.0, 1.0]}, {"kind"})
+
+
+@pytest.mark.parametrize(
+    ("gains", "kind"), [([0.0, 1.0, 2.0], "gain"), ([0.0, 0.0, 0.0], "gain"), ([-0.1, 1.0, 1.0], "state_space")]
+)
+def test_gains_that_are_not_negative_are_written_as_gains_and_others_as_a_matrix(gains: list[float], kind: str) -> None:
+    """Either way the controller that is read back has the same matrices."""
+    slider = {
+        "device": {"name": "slider"},
+        "reference": {"force": ["1 N", "0 N", "0 N"]},
+        "object": {"stiffness": "1 N/mm"},
+    }
+    scenario = Scenario.from_dict(slider)
+    through = np.hstack([np.diag(gains), -np.diag(gains)])
+    law = Controller(control.StateSpace([], [], [], through, scenario.period), None, "own", {})
+    written = with_controller(scenario, law)
+    assert written.controller.kind == kind
+    again = Scenario.from_dict(written.to_dict())
+    device = again.load_device()
+    np.testing.assert_allclose(build_controller(again, device, np.zeros(1)).system.D, through)

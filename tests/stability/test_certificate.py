@@ -75,6 +75,10 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     example = certificate.counter_example
     assert example is not None
     assert "in a hand of" in example.sentence
+    exactly = (
+        "Passivity, exactly: the object requires 4 N s/m of the device's own damping at the tip and there is 0.05 N"
+    )
+    assert any(step.startswith(exactly) for step in certificate.method)  # K T / 2 + B
     hand = Scenario.from_text(example.toml())
     assert hand.operator.kind == "arm"
     assert hand.operator.damping == 0.0

@@ -237,7 +237,9 @@ def slope(
         "normal": normal,
         "proxy": speed * PERIOD * np.arange(rows)[:, None] * np.array([0.6, 0.8, 0.0]),
     }
-    observed = SimpleNamespace(trace=Trace.of(PERIOD * np.arange(rows), trace), rest=rows - 1)
+    trace = {name: np.vstack([values, values[-1:]]) for name, values in trace.items()}
+    trace["reference_force"][-1] = 9.0  # after the rest the force changes, and no longer counts
+    observed = SimpleNamespace(trace=Trace.of(PERIOD * np.arange(rows + 1), trace), rest=rows - 1)
     return no_rest(SimpleNamespace(scenario=s, observed=observed, touching=touching))  # type: ignore[arg-type]
 
 

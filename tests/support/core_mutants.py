@@ -1,7 +1,6 @@
 """Mistakes chosen for the headers of the core; `core_mutate.py` compiles all of them behind one switch.
 
 Some survive because they change no result:
-- `stick_slip.hpp`, absolute excess: only the order of release changes, and a joint released in vain stops at once.
 - `proxy.hpp`, no stiffness: `FrictionCone::remaining_lag` also counts infinity times zero as no friction.
 - `contact_lcp.hpp`, pivot above zero: only the shares of coincident rows change.
 - `sphere_proxy.hpp`, tip that is not away: the center differs from the tip by rounding.
@@ -74,7 +73,7 @@ fraction * (end[i] - begin[i]) => ($ON ? 0.5 : fraction) * (end[i] - begin[i])
 Scalar(-ratio * ratio) => Scalar(-ratio)
 any(breakaway[i] > Scalar(0.0)) => any(coulomb[i] > Scalar(0.0))
 == plant/stick_slip.hpp
-magnitude(required[i]) / breakaway[i] - 1.0 => magnitude(required[i]) - breakaway[i]
+excess[i] * excess[i] / inertia[i] => excess[i]
 select(required[i] > zero, Scalar(-1.0), Scalar(1.0)) => select(required[i] > zero, Scalar(1.0), Scalar(-1.0))
 for (int i = 0; i < dof; ++i) next.qd[i] = select(modes.direction[i] * next.qd[i] < Scalar(0.0), Scalar(0.0), next.qd[i]); =>
 t = select(mode_ends, t + elapsed, t); =>

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -323,6 +324,41 @@ TEST(PlantIntegrator, TheReversalThroughViscousFrictionIsAtItsClosedForm) {
     const double back = (force + dry) / b, forth = (force - dry) / b, left = period - tau * std::log1p(start / back);
     EXPECT_NEAR(s.qd[0], forth * -std::expm1(-left / tau), 1e-12) << start;
   }
+}
+
+// Law: Coulomb's law at rest: a joint that friction can hold rests, any other accelerates against its breakaway torque.
+template <class Mechanism>
+void expect_coulombs_law(const Mechanism& mechanism, double angle, double strength) {
+  using Angles = Joints<Mechanism::dof>;
+  States states;
+  int moved = 0, held = 0;
+  for (int k = 0; k < 8000; ++k) {
+    const Joints<3> size = states.draw(1.0), drawn = states.draw(strength), pose = states.draw(angle);
+    JointFriction<Mechanism::dof> friction;
+    Angles torque, q;
+    for (int i = 0; i < Mechanism::dof; ++i) {
+      friction.coulomb[i] = friction.breakaway[i] = strength * std::pow(10.0, size[i] - 1.0);
+      torque[i] = drawn[i];
+      q[i] = pose[i];
+    }
+    const Angles a = PlantIntegrator<Mechanism>(mechanism, friction, HumanArm{}).acceleration(q, Angles::Zero(), torque);
+    const Angles kept = torque - mechanism.gravity(q) - mechanism.mass_matrix(q) * a;  // by friction
+    for (int i = 0; i < Mechanism::dof; ++i) {
+      if (a[i] == 0.0) {
+        ASSERT_LE(std::abs(kept[i]), friction.breakaway[i] * (1.0 + 1e-9)) << k;
+      } else {
+        ASSERT_NEAR(kept[i], std::copysign(friction.breakaway[i], a[i]), 1e-9 * strength) << k;
+      }
+      ++(a[i] == 0.0 ? held : moved);
+    }
+  }
+  EXPECT_GT(std::min(held, moved), 1000);
+}
+TEST(PlantIntegrator, PremiumsJointsAtRestObeyCoulombsLaw) {
+  expect_coulombs_law(arm, 2.0, 0.15);
+}
+TEST(PlantIntegrator, FiveBarsJointsAtRestObeyCoulombsLaw) {
+  expect_coulombs_law(palpate::mechanism::FiveBar(), 0.5, 0.15);
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ class StickSlip {
   };
 
   /// Return the modes at a state. A joint at rest sticks if breakaway friction can hold it. Of the joints that it cannot hold, the one
-  /// with the largest excess is released first.
+  /// with the largest excess torque over the root of its inertia is released first: the motion of one other cannot push it back.
   template <HandCoupling coupling>
   [[nodiscard]] JointModes choose_modes(const PointDynamics& here, const State& s, const AppliedLoad& load, const Scalar& t) const {
     const Torque& breakaway = plant_.friction().breakaway;
@@ -59,17 +59,14 @@ class StickSlip {
     }
     for (int released = 0; released < dof && modes.any_stuck(); ++released) {
       const Torque required = holding_torque<coupling>(here, s, load, t, modes);
-      std::array<Bool, dof> worst{};
-      Scalar max_excess = 0.0;
+      Torque excess;
       Bool some = false;
       for (int i = 0; i < dof; ++i) {
-        const Scalar excess = magnitude(required[i]) / breakaway[i] - 1.0;
-        worst[i] = modes.stuck[i] & (excess > max_excess);
-        max_excess = select(worst[i], excess, max_excess);
-        some = some | worst[i];
-        for (int before = 0; before < i; ++before) worst[before] = worst[before] & !worst[i];
+        excess[i] = select(modes.stuck[i], magnitude(required[i]) - breakaway[i], zero);
+        some = some | (excess[i] > zero);
       }
       if (!any(some)) break;
+      const std::array<Bool, dof> worst = worst_of(here, excess);
       for (int i = 0; i < dof; ++i) {
         // The joint begins to slide against the friction torque that would be required.
         modes.stuck[i] = modes.stuck[i] & !worst[i];
@@ -123,6 +120,22 @@ class StickSlip {
     const Torque after_friction =
         modes.after_friction(plant_.template generalized_force<coupling>(point, s, load, t, hand_acceleration), s.qd, plant_.friction());
     return point.dynamics.inertia_torque(modes.inverse(point.dynamics) * after_friction) - after_friction;
+  }
+
+  /// Return which joint has the largest positive `excess` [N*m] over the root of its inertia.
+  static std::array<Bool, dof> worst_of(const PointDynamics& point, const Torque& excess) {
+    std::array<Bool, dof> worst{};
+    Scalar largest = 0.0;
+    for (int i = 0; i < dof; ++i) {
+      Torque unit = Torque::Constant(0.0);
+      unit[i] = 1.0;
+      const Torque inertia = point.dynamics.inertia_torque(unit);
+      const Scalar size = excess[i] * excess[i] / inertia[i];
+      worst[i] = (excess[i] > Scalar(0.0)) & (size > largest);
+      largest = select(worst[i], size, largest);
+      for (int before = 0; before < i; ++before) worst[before] = worst[before] & !worst[i];
+    }
+    return worst;
   }
 
   /// How far each joint in state `s` is past the end of its mode: reversed speed [rad/s] when sliding, torque beyond breakaway friction

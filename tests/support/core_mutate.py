@@ -55,8 +55,12 @@ PYTHON_TESTS: Final = {
     "fem/test_deep_indentation.py fem/test_mass_spring.py simulation/test_body_object.py "
     "simulation/test_hyperelastic_object.py simulation/test_body_response.py",
 }  # files, and folders of files, of the tests of each folder of headers
-# Compiles the source without mutant.hpp.
-OF_SOURCE: Final = "tests/simulation/test_batch.py::test_wide_code_stays_in_its_own_file"
+# Fail in the copy without a mutant: the first compiles the source without mutant.hpp; the second compares two
+# translation units within 1e-9 N, which -O1 rounds differently.
+LEFT_OUT: Final = (
+    "tests/simulation/test_batch.py::test_wide_code_stays_in_its_own_file",
+    "tests/simulation/test_hyperelastic_object.py::test_the_loop_feels_what_the_body_answers",
+)
 SWITCH: Final = """#pragma once
 #include <cstdio>
 #include <cstdlib>
@@ -232,7 +236,7 @@ def python_tests(folder: str, records: Records) -> Records:
 
 def pytest_command(files: list[str]) -> list[str]:
     """Return the command that runs files of Python tests until one fails."""
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1", "--deselect", OF_SOURCE]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1", *(f"--deselect={one}" for one in LEFT_OUT)]
     return [sys.executable, "-m", "pytest", *options, *files]
 
 

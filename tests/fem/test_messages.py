@@ -132,6 +132,7 @@ def test_quantities_are_text_or_si(body: Body) -> None:
     assert felt.force == pytest.approx(same.force, rel=1e-12)
     assert np.array_equal(body.simulate_path([TEXT], "8 mm").force, body.simulate_path([MIDDLE], 8e-3).force)
     assert body.scaled_stiffness("2").contents.young[0] == pytest.approx(2e4)
+    assert body.scaled_stiffness(4.0).scaled_stiffness(0.5).record["scaled_stiffness"] == 2.0
     solid = HyperelasticModel(block("20 mm", "10 mm"), Material("5 kPa"), "z < 0.001 mm")
     forces = [QuasiStaticSolver(solid).indent(at, 8e-3, 1e-4, outward=(0, 0, 2))[0] for at in (TEXT[:3], MIDDLE)]
     assert np.array_equal(*forces)

@@ -7,7 +7,7 @@ import pytest
 from palpate import devices
 from palpate.errors import PoseError
 from palpate.metrics import tip_axis
-from palpate.metrics.device_performance import tip_inertia
+from palpate.metrics.device_performance import moving_force, tip_inertia
 from palpate.metrics.guard_comparison import _movable
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -52,3 +52,16 @@ def test_the_chosen_direction_is_the_last_along_which_the_tip_moves(name: str, a
     moves = [number for number in range(3) if np.linalg.norm(device.jacobian(pose)[number]) > 1e-9]
     assert along.tolist() == np.eye(3)[moves[-1]].tolist()
     assert axis in (None, moves[-1])
+
+
+def test_a_joint_that_a_direction_does_not_turn_is_not_moved_by_it() -> None:
+    """The first joint turns across the plane of the arm; its lever is rounding, and its friction none."""
+    free = ARM.with_friction(coulomb=[0.0, 0.02, 0.03])
+    jacobian = free.jacobian(POSE)
+    across = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0])
+    for along in (jacobian[:, 1] + 0.3 * jacobian[:, 2], jacobian[:, 2] - 0.2 * jacobian[:, 1]):
+        e = along - (along @ across) * across
+        e /= np.linalg.norm(e)
+        expected = min(friction / abs(e @ jacobian[:, joint]) for joint, friction in ((1, 0.02), (2, 0.03)))
+        assert moving_force(free, POSE, e) == pytest.approx(expected)
+        assert moving_force(free, POSE, e + 1e-3 * across) == 0.0

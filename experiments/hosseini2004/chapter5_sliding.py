@@ -16,6 +16,7 @@ from palpate.simulation.trace import Trace
 
 from experiments.hosseini2004.checks import Check, at_most, statement
 from experiments.hosseini2004.sliding import FIELDS, GROUNDS, Field, Kind, Pair, pairs, slide_controller, slide_scenario
+from experiments.hosseini2004.workspace_slides import workspace_slides
 
 __all__ = ["sliding"]
 
@@ -52,7 +53,7 @@ def sliding(page: Page, tick: Callable[[str, float], None]) -> list[Check]:
         for tangential in TANGENTIAL
         for field in FIELDS
     }
-    checks = _comparison(page, found)
+    checks = [*_comparison(page, found), workspace_slides(page)]
     checks.append(_by_forces(page, laws))
     tick("pairs of stiffnesses", 0.3)
     checks += _pairs(page, laws, tick)
@@ -116,8 +117,8 @@ def _comparison(page: Page, found: dict[Run, tuple[SlidingMetrics, bool]]) -> li
         "facets, whatever the stiffness does. The lead–lag's error is the hand's: its spring bears a part of the "
         "press, and without an integrator it takes seconds to make up for that. Large errors of the LQG are on 0.2 "
         "N/mm, where it still sinks in when the run ends. The normalized LQG divides both forces by the stiffness of "
-        "the tick and settles alike on each. The workspace controller has no row: it tracks the force along the "
-        "surface exactly, and so carries the tip against the hand on a slope, and on the cube to the straight elbow."
+        "the tick and settles alike on each. The workspace controller has a table of its own: by default it tracks the "
+        "force along the surface too, and so fights the hand on a slope; along the normal alone it does not."
     )
     return _field_checks(found)
 

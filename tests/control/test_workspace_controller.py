@@ -280,7 +280,8 @@ def test_a_device_with_fewer_joints_follows_where_its_tip_can_move(name: str) ->
     assert palpate.stability.certify(own | {"object": {"kind": "spring", "stiffness": "1 N/mm"}}).stable
 
 
-def test_the_linear_model_of_a_linkage_is_the_small_motion_of_the_core() -> None:
+@pytest.mark.parametrize("known", [0.0, 0.05])
+def test_the_linear_model_of_a_linkage_is_the_small_motion_of_the_core(known: float) -> None:
     scenario = {
         "device": {"name": "haply-2diy"},
         "start": {"tip": ["10 mm", "120 mm", "0 mm"]},
@@ -290,6 +291,7 @@ def test_the_linear_model_of_a_linkage_is_the_small_motion_of_the_core() -> None
         "run": {"duration": "60 ms"},
     }
     linkage = load("haply-2diy")
-    law = workspace(linkage, PERIOD).linearized(linkage.inverse([0.01, 0.12, 0.0]))
-    own, linear = (palpate.simulate(scenario, one) for one in (workspace(linkage, PERIOD), law))
+    full = workspace(linkage, PERIOD, operator_mass=known)
+    law = full.linearized(linkage.inverse([0.01, 0.12, 0.0]))
+    own, linear = (palpate.simulate(scenario, one) for one in (full, law))
     assert own["object_force"] == pytest.approx(linear["object_force"], abs=1e-3 * 1e-4)

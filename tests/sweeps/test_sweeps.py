@@ -75,6 +75,24 @@ def test_a_cell_is_what_simulate_finds() -> None:
     assert not found.unstable.all()
 
 
+def test_a_cell_that_rests_off_force_over_stiffness_is_not_settled() -> None:
+    """An arm of 100 N/m takes its share of the force: 25, 9.1 and 3.8 % of F/K; up to 5 % count as settled."""
+    arm = {"kind": "arm", "mass": "0.05 kg", "damping": "8 N*s/m", "stiffness": "100 N/m"}
+    tables = {
+        "device": {"name": "slider"},
+        "servo": {"period": "1 ms"},
+        "reference": {"force": ["1 N", "0 N", "0 N"]},
+        "controller": {"kind": "gain", "gain": [1.0, 1.0, 1.0]},
+        "operator": arm,
+        "object": {"kind": "spring", "stiffness": "1 N/mm", "damping": "0.5 N*s/m"},
+        "run": {"duration": "1 s"},
+    }
+    found = sweep(tables, {"object.stiffness": ["300 N/m", "1 N/mm", "2.5 N/mm"]})
+    assert [found.verdict(cell) for cell in range(3)] == [State.UNDECIDED, State.UNDECIDED, State.SETTLED]
+    np.testing.assert_allclose(found["steady_tip"][:, 0], 1.0 / (np.array([300.0, 1000.0, 2500.0]) + 100.0), rtol=1e-3)
+    assert [found.simulate(cell).verdict.state for cell in range(3)] == [found.verdict(cell) for cell in range(3)]
+
+
 def test_keys_without_a_lane_of_their_own_are_made_ready_anew() -> None:
     """The servo period and a word change the whole setup; a designed controller follows its object."""
     over = {

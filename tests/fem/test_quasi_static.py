@@ -284,7 +284,7 @@ def test_a_tip_over_more_nodes_than_a_local_model_holds_is_refused() -> None:
         body.indent(middle, 30e-3, 4e-4, outward=UP, tip="flat")
     body.reset()
     down = middle - np.outer(np.append(np.linspace(-1e-4, 4e-4, 100), np.full(60, 4e-4)), UP)
-    with pytest.raises(BodyError, match=r"the forces of \d+ of 160 ticks were not found: more than 128 nodes"):
+    with pytest.raises(BodyError, match=r"contact forces of \d+ of 160 ticks were not found: more than 128 nodes"):
         body.simulate_path(down, 30e-3, outward=UP, tip="flat")
 
 
@@ -301,6 +301,23 @@ def test_a_flat_end_on_a_pad_grows_between_that_on_a_half_space_and_its_area() -
     over_radius, over_area = np.array(found) / RADII, np.array(found) / RADII**2
     assert np.all(np.diff(over_radius) > 0.0)
     assert np.all(np.diff(over_area) < 0.0)
+
+
+def test_a_body_that_collapses_gives_bounded_forces_no_energy_and_comes_back() -> None:
+    """Half the block's height deep, where tetrahedra are inverted, and out again."""
+    body = pressed("corotational")
+    way = (np.linspace(-1e-3, 16e-3, 1200), np.full(200, 16e-3), np.linspace(16e-3, -1e-3, 1200), np.full(200, -1e-3))
+    path = np.array([centre(0.02, 0.02, depth) for depth in np.concatenate(way)])
+    rows = body.core.simulate_path(path[:, None], np.tile(UP, (len(path), 1, 1)), np.array([RADIUS]), False, 20)
+    force, lost = rows[:, 2], np.flatnonzero(rows[:, 9] == 0.0)
+    assert np.all(np.diff(lost) == 1)
+    assert 0.008 < np.concatenate(way)[lost[0]] < 0.013
+    assert force.max() < 1.6 * force[lost[0]]  # a linear model: the tip goes in by 60 % more
+    work = np.append(0.0, np.cumsum(-0.5 * (force[1:] + force[:-1]) * np.diff(path[:, 2])))
+    assert np.all(work - rows[:, 10] - rows[:, 11] > -1e-4 * work.max())
+    assert rows[-1, 7] == 0
+    again = body.core.simulate_path(path[:700, None], np.tile(UP, (700, 1, 1)), np.array([RADIUS]), False, 20)
+    np.testing.assert_allclose(again[:, 2], force[:700], atol=0.02 * force[:700].max())
 
 
 def test_wide_code_of_the_solids_is_shared_with_nothing() -> None:

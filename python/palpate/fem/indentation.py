@@ -31,7 +31,7 @@ from palpate.fem.model_spec import ModelSpec
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
-TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
+_TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 _NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 _MAX_TIPS = 8
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
@@ -252,6 +252,8 @@ class IndentableBody(CondensedBody):
         rows = self.core.simulate_path(centers, axes, size, tip == "flat")
         if isinstance(self.core, _core.SignedDistanceBody):
             _warn_of_unsolved(rows)
+        if isinstance(self.core, _core.HyperelasticBody):
+            check_found(rows[:, _SOLVED])
         return _history(rows)
 
     def simulate_tips(
@@ -362,7 +364,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
             )
             raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
     if row[_SOLVED] == 0.0:
-        raise BodyError(f"depth: at {1e3 * depth:.3g} mm {TOO_MANY_NODES}")
+        raise BodyError(f"depth: at {1e3 * depth:.3g} mm {_TOO_MANY_NODES}")
     return row
 
 
@@ -403,9 +405,19 @@ def _warn_of_unsolved(rows: Array) -> None:
         )
 
 
+def check_found(solved: Array) -> None:
+    """Raise BodyError if the forces on a hyperelastic body were not found in some ticks: `solved` (m,) is 0."""
+    if missing := int(np.count_nonzero(solved == 0.0)):
+        raise BodyError(
+            f"path: the contact forces of {missing} of {len(solved)} ticks were not found: more than 128 nodes lie "
+            "under the tip, it inverts tetrahedra of the body, or it moves too far between two model updates: use a "
+            "smaller depth or tip, a coarser mesh, or smaller steps"
+        )
+
+
 def _history(rows: Array) -> ContactHistory:
     """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
     if not rows[:, _SOLVED].all():
-        raise BodyError(TOO_MANY_NODES)
+        raise BodyError(_TOO_MANY_NODES)
     nodes, lost = rows[:, _NODES].astype(np.int64), rows[:, _LOST] > 0.0
     return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
@@ -26,7 +26,7 @@ from palpate.fem.checks import (
 )
 from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
-from palpate.fem.indentation import TOO_MANY_NODES, count_inverted, settle_at_depths
+from palpate.fem.indentation import check_found, count_inverted, settle_at_depths
 
 
 class MultiTipHistory(NamedTuple):
@@ -145,8 +145,8 @@ class QuasiStaticSolver:
         Raises:
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
             BodyError: a radius is not positive, the tip has another shape, the path never comes near the body, or the
-                contact forces of a tick were not found: more than 128 nodes lie under a tip, or it moves too far
-                between two updates.
+                contact forces of a tick were not found: more than 128 nodes lie under a tip, it inverts tetrahedra, or
+                it moves too far between two updates.
         """
         ticks = whole(every, "every", 1)
         arguments = _core_path(path, radius, outward, tip)
@@ -212,12 +212,7 @@ def _core_path(
 
 def _history(rows: Array, tips: int) -> MultiTipHistory:
     """Return the rows of the core as a history; raise BodyError if the forces of one were not found."""
-    found: NDArray[np.bool_] = np.asarray(rows[:, 9 : 10 * tips : 10].all(axis=1))
-    if not found.all():
-        raise BodyError(
-            f"path: the forces of {np.count_nonzero(~found)} of {len(found)} ticks were not found: {TOO_MANY_NODES}; "
-            "or a tip moves too far between two model updates: use smaller steps or fewer ticks per update"
-        )
+    check_found(rows[:, 9 : 10 * tips : 10].min(axis=1))
     each = rows[:, : 10 * tips].reshape(len(rows), tips, 10)
     potential, tank, _, empty = rows[:, 10 * tips :].T
     return MultiTipHistory(each[..., 0:3], each[..., 3:6], each[..., 7].astype(np.int64), potential, tank, empty > 0)

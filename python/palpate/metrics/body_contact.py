@@ -50,8 +50,8 @@ class PalpationMetrics:
         final_force: magnitude of the object force, mean over the last 0.1 s.
         final_swing: peak-to-peak object force over the last 0.1 s, largest of the axes.
         touching_at_end: whether contact was kept over the last 0.1 s.
-        unsolved: number of samples whose contact force was not found: more than 128 nodes lie under the tip, or a tip
-            on a hyperelastic body moves too far between two model updates.
+        unsolved: number of samples whose contact force was not found: more than 128 nodes lie under the tip, or it
+            inverts tetrahedra of a hyperelastic body or moves too far between two of its model updates.
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
     """
 

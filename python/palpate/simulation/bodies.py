@@ -42,7 +42,8 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     """Return the body of a trace's scenario at sample `row`, by repeating the path of the tip up to it.
 
     A body with a state needs a record of every tick, other bodies only the sample itself. A hyperelastic body that
-    moves is repeated within about 2 %: rounding changes the effort of its slow steps.
+    moves is repeated within about 2 %: rounding changes the effort of its slow steps. Samples whose contact force was
+    not found ("solved" is 0) are repeated like the others.
     """
     scenario = Scenario.from_dict(trace.metadata["scenario"])
     choice = scenario.object.body
@@ -54,7 +55,8 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     tip = seen_from_object(trace, trace["tip"])[: row % len(trace.time) + 1]
     way = (tip - anchor) @ turn + origin_of(choice, body)
     body.core.reset()
-    body.simulate_path(way, choice.radius, outward=[0.0, 0.0, 1.0] if choice.tip == "flat" else None, tip=choice.tip)
+    axes = np.tile([0.0, 0.0, 1.0], (len(way), 1)) if choice.tip == "flat" else np.empty((0, 3))
+    body.core.simulate_path(np.ascontiguousarray(way), axes, choice.radius, choice.tip == "flat")
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 

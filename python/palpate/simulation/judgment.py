@@ -182,7 +182,8 @@ def _without_force(trace: Recorded, rows: slice) -> str | None:
         return None
     return (
         f"the contact force was not found in {np.count_nonzero(solved == 0.0)} of {len(solved)} samples at the end: "
-        "more than 128 nodes lie under the tip, or the contact has not converged: use a smaller tip or a coarser mesh"
+        "more than 128 nodes lie under the tip, it inverts tetrahedra of the body, or the contact has not converged: "
+        "use a smaller force or tip, or a coarser mesh"
     )
 
 

@@ -29,6 +29,9 @@ namespace palpate::deformable {
 /// compliance is unbounded. When the energy recoverable by the linear model exceeds twice the stored energy, which the energy tank could
 /// not supply (PassiveModelSwitch), the tangent is made positive semidefinite until the stored energy falls below 0.7 of its value then.
 /// Nodes farther out, which a fast tip may reach before the next model arrives, have no columns (see ComplianceExtrapolation).
+///
+/// A state with inverted tetrahedra has no meaning, and its tangent may have any compliance. The last local model stays until they have
+/// turned back.
 template <template <class> class Material, int lanes>
 class QuasiStaticSolver {
  public:
@@ -44,6 +47,7 @@ class QuasiStaticSolver {
         layered_(mesh.points, surface_.triangles, surface_.point, moduli(mesh, surface_.point)),
         options_(options),
         points_(mesh.points),
+        tetrahedra_(mesh.tetrahedra),
         guess_(model_.unknowns()),
         residual_force_(model_.unknowns()),
         columns_(model_.unknowns(), static_cast<std::size_t>(std::min(TipPair::max_tips * options.nodes_per_tip, LocalModel::max_inner))) {
@@ -89,6 +93,12 @@ class QuasiStaticSolver {
     std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
+    if (has_inverted()) {
+      current_.inverted = true;
+      ++current_.version;
+      to = current_;
+      return report;
+    }
     select_column_nodes(tips);
     place_nodes(tips);
     if (!exact_tangent_ && model_.energy() < 0.7 * indefinite_energy_) set_exact_tangent(true);
@@ -155,7 +165,7 @@ class QuasiStaticSolver {
     std::vector<double>& ahead = tips_contact_.ahead();
     std::fill(ahead.begin(), ahead.end(), 0.0);
     std::fill(guess_.begin(), guess_.end(), 0.0F);
-    if (current_.nodes.size() == 0) return;
+    if (current_.nodes.size() == 0 || current_.inverted) return;
     contact_.solve(current_, tips, 1.0);
     if (!contact_.last().solved) return;
     for (std::int32_t i = 0; i < current_.nodes.size(); ++i) {
@@ -184,6 +194,13 @@ class QuasiStaticSolver {
   [[nodiscard]] Vector3<> position(std::int32_t point) const {
     return points_[static_cast<std::size_t>(point)] +
            Eigen::Map<const Vector3<>>(model_.displacement() + 3 * static_cast<std::size_t>(node_of_[static_cast<std::size_t>(point)]));
+  }
+
+  [[nodiscard]] bool has_inverted() const {
+    return std::any_of(tetrahedra_.begin(), tetrahedra_.end(), [this](const std::array<std::int32_t, 4>& t) {
+      const Vector3<> a = position(t[0]);
+      return (position(t[1]) - a).cross(position(t[2]) - a).dot(position(t[3]) - a) <= 0.0;
+    });
   }
 
   /// Outward normal of the deformed surface, area-weighted over the adjacent triangles.
@@ -333,6 +350,7 @@ class QuasiStaticSolver {
       next_.elastic_displacement[i] = sum;
     }
     next_.round();
+    next_.inverted = false;
     next_.version = current_.version + 1;
   }
 
@@ -344,6 +362,7 @@ class QuasiStaticSolver {
   SurfaceContact tips_contact_;
   SolverOptions options_;
   std::vector<Vector3<>> points_;                              // rest positions, m
+  std::vector<std::array<std::int32_t, 4>> tetrahedra_;        // mesh points
   std::vector<std::int32_t> node_of_;                          // node of each mesh point
   std::vector<std::int16_t> index_of_;                         // workspace: index in the local model by mesh point; -1: absent
   std::vector<std::vector<std::int32_t>> triangles_of_point_;  // by mesh point

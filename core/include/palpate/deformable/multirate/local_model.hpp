@@ -38,6 +38,7 @@ struct LocalModel {
   std::vector<double> compliance_matrix;                 ///< capacity x capacity, along the inward normals, m/N
   std::vector<detail::FloatLine> single;                 ///< same in single precision
   LocalTriangles triangles;                              ///< of the surface, by distance from the tips
+  bool inverted = false;                                 ///< whether the body has inverted tetrahedra since the state
   bool truncated = false;                                ///< whether the model lacks surface that bears force at the state
   long version = 0;                                      ///< of the state, increasing
 

@@ -61,7 +61,7 @@ class PressedTriangles {
     }
   }
 
-  /// Whether triangles whose contact nodes are all in the model bear the forces of press().
+  /// Whether the model is that of the body, and triangles whose contact nodes are all in it bear the forces of press().
   [[nodiscard]] bool is_complete() const noexcept {
     double beyond = 0.0, total = 0.0;
     for (const Group& p : *this)
@@ -70,7 +70,7 @@ class PressedTriangles {
         total += push;
         if (!model_->triangles.is_complete(p.first + l)) beyond += push;
       }
-    return !model_->truncated && beyond <= LocalModel::max_beyond * total;
+    return !model_->truncated && !model_->inverted && beyond <= LocalModel::max_beyond * total;
   }
 
  private:

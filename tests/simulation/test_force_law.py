@@ -142,6 +142,7 @@ def test_no_multiplier_proves_a_loop_that_is_unstable_at_the_least_slope() -> No
     assert _multiplier(held, 400.0, 500.0) is None  # 1.01 at 400 N/m
     assert _multiplier(held, 600.0, 800.0) is not None  # 0.99
     assert _multiplier(held, 600.0, 600.0) == (0.0, 0.0)
+    assert _multiplier(held, 400.0, 400.0) is None
 
 
 def test_the_exact_test_of_the_multiplier_agrees_with_a_dense_grid() -> None:

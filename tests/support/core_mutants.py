@@ -4,6 +4,9 @@ Some survive because they change no result:
 - `proxy.hpp`, no stiffness: `FrictionCone::remaining_lag` also counts infinity times zero as no friction.
 - `contact_lcp.hpp`, pivot above zero: only the shares of coincident rows change.
 - `sphere_proxy.hpp`, tip that is not away: the center differs from the tip by rounding.
+
+One run over all 146 (23 November 2026): GoogleTests alone kill 25 of 25 in plant, 35 of 35 in servo, 28 of 30 in mesh and
+55 of 56 in deformable, 97.9 % together. The three above survive the Python tests too; they count as survivors.
 """
 
 # ruff: noqa: E501

@@ -70,6 +70,32 @@ TEST(LayerFriction, NoClosedPathGainsWork) {
   }
 }
 
+// Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps, and a
+// tip that sticks has always worked as much as the body stores.
+TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
+  const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
+  const auto work_of = [&body](double mu, int ticks) {
+    SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{mu, mu});
+    Vector3<> force = Vector3<>::Zero(), place(0.0, 0.0, 15.2e-3);
+    double work = 0.0;
+    for (const Vector3<>& to : {Vector3<>(0.0, 0.0, 14e-3), Vector3<>(0.5e-3, 0.0, 14e-3), Vector3<>(0.3e-3, 0.4e-3, 13.8e-3),
+                                Vector3<>(-0.4e-3, 0.0, 14e-3), Vector3<>(0.0, 0.0, 14e-3), Vector3<>(0.0, 0.0, 15.2e-3)}) {
+      const Vector3<> from = place;
+      for (int k = 1; k <= ticks; ++k) {
+        const Vector3<> next = from + (to - from) * k / ticks;
+        const ContactResult& a = contact.step(TipGeometry::sphere(5e-3), next);
+        work -= 0.5 * (a.force + force).dot(next - place);
+        EXPECT_LT(a.energy - work, 1e-10);
+        force = a.force;
+        place = next;
+      }
+    }
+    return work;
+  };
+  EXPECT_NEAR(work_of(0.3, 5000) / work_of(0.3, 100), 1.0, 0.005);
+  work_of(50.0, 5000);
+}
+
 TEST(LayerFriction, DoesNotDependOnTheFrameNorOnTheOrderOfTheNodes) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3<>(0.3, -0.7, 0.4).normalized()).toRotationMatrix();
   const shapes::Shape ball = shapes::ball(3, 10e-3);

@@ -15,7 +15,8 @@ namespace palpate::deformable {
 /// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact. The traction T of a node
 /// is perpendicular to its force F:
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
-/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node.
+/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. What they lack at the end of a
+/// tick is made up in the next.
 ///
 /// The layer carries less than before where its stiffness has fallen, and no more where it has risen, so its energy T.T / (2 k) never
 /// grows without slip: friction only dissipates.
@@ -64,18 +65,21 @@ class LayerFriction {
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
+      p.last_traction = p.traction;
       if (p.rubs && p.stiffness > 0.0) {
         const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.stiffness;
         Vector3<> missing = (carried_[at(k)] - p.traction) / stiffness - (relative - p.last_relative);
         missing -= missing.dot(p.direction) * p.direction;
         const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
                            p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
+        const Vector3<> carried = p.traction + stiffness * missing;
+        const double size = carried.norm();
+        p.last_traction = size > limit ? Vector3<>(carried * (limit / size)) : carried;
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       }
       p.rubs = p.stiffness > 0.0;
       p.last_relative = relative;
-      p.last_traction = p.traction;
       p.last_stiffness = p.stiffness;
     }
     for (std::size_t t = 0; t < max_tips; ++t) sliding_[t] = any[t] && (all[t] || sliding_[t]);

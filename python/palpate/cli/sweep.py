@@ -122,7 +122,7 @@ def _print_result(found: Sweep, path: Path, shard: str | None, idle: bool) -> No
             f"nothing for shard {shard} to run: the {cells:,} cells are {chunks:,} chunk{'s' * (chunks > 1)} of up to "
             f"{found.plan.chunk:,}, and shard {run_by}"
         )
-    output.print(f"[bold]{escape(str(found.plan.tables.get('title', '')))}[/]: {done}", soft_wrap=True)
+    output.print(f"[bold]{escape(str(found.plan.tables.get('title') or path.stem))}[/]: {done}", soft_wrap=True)
     if not idle:
         counts = ", ".join(f"{count:,} {state.label}" for state, count in zip(State, tally(path), strict=True) if count)
         output.print(f"  {counts}", soft_wrap=True)

@@ -121,10 +121,12 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
     start = 0.0 if scenario is None else float((scenario.reference or scenario.operator).start)
     least = max(LEAST_DEFLECTION, BAND * float(np.max(np.linalg.norm(deflection, axis=1))))
     driven, constant = any(expected), windows(external_forces(trace, scenario))[-1].constant
+    of_peak = False
     for axis in range(deflection.shape[1]):
         if not expected[axis] and (driven or np.max(np.abs(deflection[:, axis])) < least):
             continue  # coupling or rounding
         response = step_response(trace.time, deflection[:, axis], start=start, expected=expected[axis])
+        of_peak |= response.returns
         summary["axes"][AXES[axis]] = {
             "steady_deflection_m": response.steady,
             "expected_deflection_m": response.expected,
@@ -152,7 +154,10 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
         worst = max((abs(row["error_percent"]) for row in rows if row["error_percent"] is not None), default=None)
     if slowest is None:
         return [trace.verdict.reason]
-    text = "to 5 % in " + (f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s")
+    text = f"to 5 %{' of its peak' if of_peak else ''} in "
+    text += f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s"
+    if scenario is not None and scenario.run.record_every > 1:
+        text += f" (recorded every {1e3 * scenario.run.record_every * scenario.period:.3g} ms)"
     return [text if worst is None else f"{text}, steady error {worst:.3g} %"]
 
 
@@ -192,10 +197,8 @@ def _on_mesh(summary: dict[str, Any], trace: Trace) -> list[str]:
         return began
     text = f"slides {found.path * 1e3:.3g} mm over the mesh, {_at_the_end(found, trace)} at the end"
     if found.step_at_crossing is not None:
-        text += (
-            f"; contact lost for {found.lost_ticks} ticks, largest force step at a crossing "
-            f"{found.step_at_crossing:.3g} N"
-        )
+        held = f"lost for {found.lost_ticks} ticks" if found.lost_ticks else "held"
+        text += f"; contact {held}, largest force step at a crossing {found.step_at_crossing:.3g} N"
     return [text, *began]
 
 

@@ -25,14 +25,25 @@ def force_over_stiffness(force: ArrayLike, stiffness: ArrayLike, dof: int) -> Ar
 
 
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:
-    """Return force over stiffness per axis, m, for a constant reference force; None for other axes."""
-    if scenario is None or scenario.reference is None or scenario.contact_kind != "spring":
-        return [None, None, None]
+    """Return force over stiffness per axis, m, for a constant reference force; None for other axes.
+
+    On a wall that the force presses, under force tracking, it is the deflection along the normal.
+    """
+    unknown: list[float | None] = [None, None, None]
+    if scenario is None or scenario.reference is None or scenario.contact_kind not in ("spring", "wall"):
+        return unknown
     reference, stiffness = scenario.reference, scenario.object.stiffness
     if reference.shape not in ("step", "ramp") or reference.stop is not None or reference.force is None:
-        return [None, None, None]
-    assert stiffness is not None  # a spring has one
-    expected = force_over_stiffness(reference.force, stiffness, scenario.load_device().dof)[0]
+        return unknown
+    assert stiffness is not None  # springs and walls have one
+    force = np.array(reference.force)
+    if scenario.contact_kind == "wall":
+        normal = np.array(scenario.object.normal, dtype=float)
+        if scenario.servo.topology != "force_tracking" or not presses(force, normal)[0]:
+            return unknown
+        normal /= np.linalg.norm(normal)
+        force = np.where(normal != 0.0, force @ normal * normal, np.nan)
+    expected = force_over_stiffness(force, stiffness, scenario.load_device().dof)[0]
     return [None if np.isnan(value) else float(value) for value in expected]
 
 

@@ -217,7 +217,7 @@ class _Axis:
         """Return the first constraint that a law does not meet; None: it meets all."""
         if (force := self.count_force(law)) > MOST_COUNT_FORCE:
             return _Violation(
-                ENCODER, f"one encoder count changes the command by more than {MOST_COUNT_FORCE:g} N ({force:.3g} N)"
+                ENCODER, f"one encoder count changes the command by more than {MOST_COUNT_FORCE:g} N ({force:.4g} N)"
             )
         for further in range(FURTHER_DELAY + 1):
             if _radius(self.loop(law, self.delay + further)) >= 1.0:

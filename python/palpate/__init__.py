@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError
 
+TYPE_CHECKING = False  # the import of typing takes longer than the rest, and Ctrl-C during it ends in a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
     __version__: str
 
     from palpate.contact import Contact as Contact

@@ -13,7 +13,7 @@ from palpate.errors import DesignError, ScenarioError
 from palpate.linear import rendering_plant
 from palpate.scenario import Scenario
 from palpate.scenario.design_options import FLAG, OPTIONS, sort_options
-from palpate.simulation.controllers import build_controller, with_controller
+from palpate.simulation.controllers import build_controller, build_law, with_controller
 
 ARM = devices.load("phantom-premium-1.5a")
 POSE = np.array([0.0, 2.2305, 3.2776])
@@ -135,3 +135,14 @@ def test_gains_that_are_not_negative_are_written_as_gains_and_others_as_a_matrix
     again = Scenario.from_dict(written.to_dict())
     device = again.load_device()
     np.testing.assert_allclose(build_controller(again, device, np.zeros(1)).system.D, through)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [("share", 1.5, "share must be above 0"), ("bandwidth", "-200 rad/s", "must be positive and finite")],
+)
+def test_a_value_that_a_workspace_controller_refuses_has_its_place(option: str, value: object, says: str) -> None:
+    chosen = scenario({"kind": "workspace", option: value})
+    for build in (build_law, build_controller):
+        with pytest.raises(DesignError, match=rf"^controller\.{option}: .*{says}"):
+            build(chosen, ARM, POSE)

@@ -74,7 +74,7 @@ def design_for(
 def build_law(scenario: Scenario, device: Device, start: Array) -> Controller | WorkspaceController:
     """Return the scenario's controller as it runs; arguments and errors as `build_controller`."""
     if scenario.controller.kind == "workspace":
-        return workspace(device, scenario.period, **scenario.controller.options)
+        return _workspace(scenario, device)
     return build_controller(scenario, device, start)
 
 
@@ -104,7 +104,7 @@ def build_controller(scenario: Scenario, device: Device, start: Array) -> Contro
             "to force; judge the loop by its run"
         )
     if table.kind == "workspace":
-        adapting = workspace(device, period, **table.options)
+        adapting = _workspace(scenario, device)
         if adapting.normal_only and scenario.object.kind not in ("spring", "none"):
             raise DesignError(
                 "controller.normal_only: along the surface nothing but the operator holds the tip, so the controller "
@@ -114,6 +114,19 @@ def build_controller(scenario: Scenario, device: Device, start: Array) -> Contro
     normalize = table.normalize is True
     law = design_for(table.kind, table.options, device, start, scenario.object.stiffness, period, normalize)
     return law if normalize else _normalized(law, table)
+
+
+def _workspace(scenario: Scenario, device: Device) -> WorkspaceController:
+    """Return the workspace controller of a scenario; raise DesignError with the place of a wrong option."""
+    options = scenario.controller.options
+    try:
+        return workspace(device, scenario.period, **options)
+    except DesignError as error:
+        sentence = str(error).removeprefix("workspace: ")
+        name = sentence.split(" ")[0]
+        if name not in options:
+            raise
+        raise DesignError(str(scenario.mistake(f"controller.{name}", sentence))) from error
 
 
 def _normalized(law: Controller, table: ControllerChoice) -> Controller:

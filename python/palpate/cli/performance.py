@@ -83,7 +83,9 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         markup=False,
         soft_wrap=True,
     )
-    output.print("  guard: largest wall up to which the tip rests; a guarantee is passivity, which does not make the tip rest")
+    output.print(
+        "  guard: largest wall up to which the tip rests; a guarantee is passivity, which does not make the tip rest"
+    )
     for row in found.rows:
         reach = (
             "no wall"

@@ -144,6 +144,11 @@ def test_a_run_on_more_nodes_than_a_local_model_holds_is_not_settled(tmp_path: P
     assert judge(wide).state is State.UNDECIDED
     assert "the contact force was not found in" in judge(wide).reason
     assert pressed_at(wide, -1).displacement.min() < -1e-4  # the page shows it all the same
+    scene = tables(path, 2.0, 2e-4, "0.6 s", radius="30 mm", **here)
+    far = {"kind": "wall", "normal": [0.0, 0.0, 1.0], "stiffness": "1 N/mm", "position": ["0 mm", "0 mm", "-50 mm"]}
+    scene["objects"] = {"pad": scene.pop("object"), "floor": far}
+    assert judge(simulate(scene)).state is State.UNDECIDED
+    assert "the contact force was not found in" in judge(simulate(scene)).reason
     small = simulate(tables(path, 2.0, 2e-4, "0.8 s", radius="18 mm", **here))
     assert summarize(small)["palpation"]["unsolved"] == 0
     assert judge(small).state is State.SETTLED

@@ -280,11 +280,14 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
         },
         "run": {"duration": "0.15 s"},
     }
-    trace = palpate.simulate(tables)
-    assert trace["touching"].any()
-    assert trace["contact_lost"][-1, 0] == 1.0
-    assert trace.verdict.state is State.CONTACT_LOST
-    assert "pushed through the body" in trace.verdict.reason
+    spring = {"kind": "spring", "stiffness": "0.01 N/mm"}
+    pad = tables["object"]
+    scene = {key: table for key, table in tables.items() if key != "object"} | {"objects": {"pad": pad, "held": spring}}
+    for trace, channel in ((palpate.simulate(tables), "contact_lost"), (palpate.simulate(scene), "pad_contact_lost")):
+        assert trace["touching"].any()
+        assert trace[channel][-1, 0] == 1.0
+        assert trace.verdict.state is State.CONTACT_LOST
+        assert "pushed through the body" in trace.verdict.reason
 
 
 @pytest.mark.parametrize(("friction", "hides"), [(0.0, False), (0.4, True)])

@@ -154,7 +154,7 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
         worst = max((abs(row["error_percent"]) for row in rows if row["error_percent"] is not None), default=None)
     if slowest is None:
         return [trace.verdict.reason]
-    text = f"to 5 %{' of its peak' if of_peak else ''} in "
+    text = f"to 5 %{' of its peak' if of_peak and not several else ''} in "
     text += f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s"
     if scenario is not None and scenario.run.record_every > 1:
         text += f" (recorded every {1e3 * scenario.run.record_every * scenario.period:.3g} ms)"

@@ -13,7 +13,7 @@ from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.linear_evidence import linear_sign
-from palpate.simulation.recorded import Recorded, held_tip
+from palpate.simulation.recorded import Recorded, held_tip, of_each_object
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.verdict import BAND, Evidence
 from palpate.simulation.windows import Window
@@ -69,6 +69,7 @@ def evidence(
 
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
+    lost = pushed_through(trace) is not None
     known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
     return Evidence.of(
         1,
@@ -81,14 +82,14 @@ def evidence(
         swing=swing(trace.time[ending], tip[ending]),
         swing_before=swing(trace.time[before], tip[before]),
         deflection=float(np.linalg.norm(deflection[ending].mean(axis=0))),
-        touching=float(touching[ending].mean()),
+        touching=0.0 if lost else float(touching[ending].mean()),  # lost in a body, the tip may still touch others
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
         saturated=float(trace["saturated"][ending].mean()),
         constant=window.constant,
         linear=0 if radius is None else linear_sign(radius),
         decay=np.nan if radius is None else min(radius, FASTEST ** (1.0 / (fifth * every or 1))) ** (fifth * every),
         kept=kept,
-        **known,
+        **(known | {"pressed": lost or known.get("pressed", False)}),
     )
 
 
@@ -102,7 +103,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     return {
         "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
         "beyond": leaves_reach(trace, scenario, window),
-        "pressed": one_sided and (pushed_through(trace) is not None or _pressed(trace, scenario, touching, last)),
+        "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "lossy": lossy(scenario, device),
         "generated": generated,
@@ -215,10 +216,12 @@ def _established(touching: Flags) -> int:
 
 def pushed_through(trace: Recorded) -> float | None:
     """Return the time from which on a tip is in a body without contact until the end; None if it is not."""
-    if "contact_lost" not in trace or not trace["contact_lost"][-1, 0] > 0.0:
-        return None
-    there = np.flatnonzero(trace["contact_lost"][:, 0] <= 0.0)
-    return float(trace.time[there[-1] + 1 if len(there) else 0])
+    begins = []
+    for lost in of_each_object(trace, "contact_lost"):
+        if lost[-1, 0] > 0.0:
+            there = np.flatnonzero(lost[:, 0] <= 0.0)
+            begins.append(float(trace.time[there[-1] + 1 if len(there) else 0]))
+    return min(begins, default=None)
 
 
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:

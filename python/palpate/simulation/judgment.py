@@ -11,7 +11,7 @@ from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence, interruption, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
-from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
+from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
 from palpate.simulation.verdict import (
     BAND,
     FAILED,
@@ -177,11 +177,13 @@ def _explained(
 
 def _without_force(trace: Recorded, rows: slice) -> str | None:
     """Return why the force on a body is not known in rows of the trace; None if it is."""
-    solved = trace["solved"][rows, 0] if "solved" in trace else np.ones(1)
-    if np.mean(solved == 0.0) <= SHARE:
+    missing = np.zeros(1, dtype=bool)
+    for solved in of_each_object(trace, "solved"):
+        missing = missing | (solved[rows, 0] == 0.0)
+    if np.mean(missing) <= SHARE:
         return None
     return (
-        f"the contact force was not found in {np.count_nonzero(solved == 0.0)} of {len(solved)} samples at the end: "
+        f"the contact force was not found in {np.count_nonzero(missing)} of the last {len(missing)} samples: "
         "more than 128 nodes lie under the tip, it inverts tetrahedra of the body, or the contact has not converged: "
         "use a smaller force or tip, or a coarser mesh"
     )

@@ -10,7 +10,7 @@ from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 
-__all__ = ["Recorded", "external_forces", "held_tip", "recorded_scenario"]
+__all__ = ["Recorded", "external_forces", "held_tip", "of_each_object", "recorded_scenario"]
 
 
 class Recorded(Protocol):
@@ -46,6 +46,13 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
 def held_tip(trace: Recorded) -> Array:
     """Return the position of the tip that the operator holds (n, 3), m: behind the flexible mode, if there is one."""
     return trace["tip"] + trace["tip_offset"] if "tip_offset" in trace else trace["tip"]
+
+
+def of_each_object(trace: Recorded, channel: str) -> list[Array]:
+    """Return a channel of the object, or of each of several objects that have it (n, k); [] if none has."""
+    scenario = trace.metadata.get("scenario") or {}
+    names = [channel, *(f"{name}_{channel}" for name in scenario.get("objects") or {})]
+    return [trace[name] for name in names if name in trace]
 
 
 def external_forces(trace: Recorded, scenario: Scenario | None) -> Array:

@@ -12,15 +12,22 @@
 
 namespace {
 
+// A soft block, its slow solver, and the servo's side of it.
+struct SwitchedBlock {
+  TetBlock block;
+  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver;
+  std::unique_ptr<palpate::deformable::PassiveModelSwitch::ModelBuffer> models =
+      std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
+  std::unique_ptr<palpate::deformable::PassiveModelSwitch> servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
+
+  SwitchedBlock(int nx, int ny, int nz) : block(nx, ny, nz, 8e3, 0.4), solver(block.mesh, block.top(), {.nodes_per_tip = 16}) {}
+};
+
 // Two tips in random motion with synchronous model updates: their work equals potential plus tank level, both nonnegative, and each model's
 // compliance is symmetric with a positive diagonal. (Each random step takes two ticks, for an accurate sum.)
 TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
-  const TetBlock block(8, 6, 4, 8e3, 0.4);
-  palpate::deformable::SolverOptions options;
-  options.nodes_per_tip = 16;
-  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), options);
-  auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
-  auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
+  SwitchedBlock body(8, 6, 4);
+  auto& [block, solver, models, servo] = body;
   palpate::deformable::TipPair tips;
   tips.count = 2;
   std::mt19937 random(7);
@@ -74,12 +81,8 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
 // Law: a model is blended in over the time that the last one took to arrive, linearly: the result of a tip that rests is the mean of those
 // of both models, its force, energy and deflection alike.
 TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
-  const TetBlock block(6, 4, 2, 8e3, 0.4);
-  palpate::deformable::SolverOptions options;
-  options.nodes_per_tip = 16;
-  palpate::deformable::QuasiStaticSolver<palpate::deformable::NeoHookean, 2> solver(block.mesh, block.top(), options);
-  auto models = std::make_unique<palpate::deformable::PassiveModelSwitch::ModelBuffer>();
-  auto servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
+  SwitchedBlock body(6, 4, 2);
+  auto& [block, solver, models, servo] = body;
   palpate::deformable::TipPair tips;
   tips.count = 1;
   tips.tip[0].radius = 7e-3;

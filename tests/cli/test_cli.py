@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -166,6 +167,10 @@ def test_a_warning_is_told_in_a_line_once(tmp_path: Path) -> None:
     assert text.count('warning: young: 5 Pa is softer than any tissue; for a value in kPa, write "5 kPa"') == 1
     assert "BodyWarning" not in text
     assert ".py" not in text
+    (size,) = re.findall(r"([\d,]+) tetrahedra, ([\d,]+) vertices, [\d,]+ contact nodes", text)
+    cells, vertices = (int(number.replace(",", "")) for number in size)
+    assert cells % 600 == 0  # of 10 x 10 cubes a layer
+    assert vertices == 121 * (cells // 600 + 1)
 
 
 def test_a_folder_keeps_its_old_files_when_a_new_one_fails(tmp_path: Path) -> None:
@@ -216,6 +221,11 @@ def test_identify_makes_a_recording_and_reads_it(tmp_path: Path) -> None:
     found = json.loads((tmp_path / "found" / "identification.json").read_text())
     mass = next(row for row in found["parameters"] if row["name"] == "m")
     assert mass["value"] == pytest.approx(0.060, rel=0.05)
+
+
+def test_square_brackets_in_a_device_s_name_are_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.identification.identify_recording", lambda *_args, **_options: {"summary": "[red] 1"})
+    assert palpate("identify", tmp_path / "recording.csv") == (0, "[red] 1")
 
 
 @pytest.mark.parametrize("command", ["run", "certify", "zwidth", "workspace", "performance", "sweep", "resolve"])

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from palpate.cli.command import one_sentence
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
 from palpate.devices import load
@@ -215,6 +216,17 @@ def test_the_nth_allocation_that_fails_ends_a_command_in_one_sentence(
     assert sentences or made == 0
     assert palpate(*words, program=program)[0] == 0
     assert _contents(out).keys() == before.keys()
+
+
+@pytest.mark.parametrize(("reason", "said"), [("", ""), ("Unable to allocate 9 GiB", ": Unable to allocate 9 GiB")])
+def test_memory_that_is_missing_is_one_sentence(reason: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def command() -> None:
+        raise MemoryError(reason)
+
+    with pytest.raises(Exit) as end:
+        one_sentence(command)()
+    assert end.value.exit_code == 2
+    assert capsys.readouterr().err == f"error: not enough memory{said}\n"
 
 
 def _contents(folder: Path) -> dict[str, str]:

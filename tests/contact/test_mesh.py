@@ -78,6 +78,7 @@ def test_files_are_read_in_the_stated_unit(kind: str, tmp_path: Path) -> None:
     assert mesh.size == pytest.approx((0.02, 0.03, 0.04), rel=1e-6)
     assert "20 × 30 × 40 mm" in repr(mesh)
     assert "20 × 30 × 40 mm" in str(mesh.diagnose())
+    assert "closed, 2.4e-05 m^3" in str(mesh.diagnose())
     assert len(mesh.vertices) == 8
     assert mesh.closed
 

@@ -101,20 +101,30 @@ def test_a_command_without_cost_is_refused() -> None:
         h_infinity(scalar_problem(0.9, 0.0, 0.0, 1.0), 1, 1)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_controller_keeps_its_level_on_any_problem(seed: int) -> None:
+@pytest.mark.parametrize("dt", [0, True])
+def test_a_plant_without_a_period_is_refused(dt: float) -> None:
+    plant = scalar_problem(0.9, 1.0, 1.0, 1.0)
+    with pytest.raises(DesignError, match="must be sampled with its period"):
+        h_infinity(control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt), 1, 1)
+
+
+@pytest.mark.parametrize(("seed", "count"), [(0, 1), (1, 1), (2, 2)])
+def test_the_controller_keeps_its_level_on_any_problem(seed: int, count: int) -> None:
     """Three exogenous inputs and outputs, full feedthrough also from command to measurement, mixed coordinates."""
     rng = np.random.default_rng(seed)
     a = rng.normal(size=(3, 3))
     a *= 1.1 / np.abs(np.linalg.eigvals(a)).max()
-    b, c, d = rng.normal(size=(3, 4)), rng.normal(size=(4, 3)), 0.3 * rng.normal(size=(4, 4))
+    b, c, d = rng.normal(size=(3, 3 + count)), rng.normal(size=(3 + count, 3)), 0.3 * rng.normal(size=[3 + count] * 2)
     d[:3, 3] += [1.0, -0.5, 0.8]
     d[3, :3] += [0.7, 1.0, -0.6]
-    design = h_infinity(control.StateSpace(a, b, c, d, 1.0), 1, 1)
+    if count == 2:
+        d[:3, 4] += [0.4, 1.0, 0.9]
+        d[4, :3] += [-0.5, 0.8, 1.0]
+    design = h_infinity(control.StateSpace(a, b, c, d, 1.0), count, count)
     k = design.controller
-    e = 1.0 / (1.0 - float(k.D[0, 0]) * d[3, 3])  # u = e (C_k x_k + D_k (C_2 x + D_21 w))
-    into_u = e * np.hstack([k.D @ c[3:], k.C, k.D @ d[3:, :3]])
-    into_y = np.hstack([c[3:], np.zeros((1, k.nstates)), d[3:, :3]]) + d[3, 3] * into_u
+    e = np.linalg.inv(np.eye(count) - k.D @ d[3:, 3:])  # u = e (C_k x_k + D_k (C_2 x + D_21 w))
+    into_u = e @ np.hstack([k.D @ c[3:], k.C, k.D @ d[3:, :3]])
+    into_y = np.hstack([c[3:], np.zeros((count, k.nstates)), d[3:, :3]]) + d[3:, 3:] @ into_u
     n = 3 + k.nstates
     loop_a = np.block([[a, np.zeros((3, k.nstates))], [np.zeros((k.nstates, 3)), k.A]])
     loop_a = loop_a + np.vstack([b[:, 3:] @ into_u[:, :n], k.B @ into_y[:, :n]])

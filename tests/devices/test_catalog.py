@@ -143,6 +143,8 @@ def test_a_variant_says_only_what_it_changes(tmp_path: Path) -> None:
         ('mechanism = "slider"', 'mechanism = "hexapod"',
          'mechanism must be "premium", "slider", "five_bar" or "tip_device", not \'hexapod\''),
         ('mechanism = "slider"\n', "", 'mechanism is missing; write mechanism = "…" at the top of the file'),
+        ('mechanism = "slider"', 'mechanism = "slider"\nidentified_model = 3',
+         "identified_model must be the name of a model or the path of its file"),
         ('name = "bench"\n', "", 'name is missing; write name = "…" at the top of the file'),
         ('viscous = { value = "2 N*s/m", source = "guess" }\n', "", "friction.viscous is missing (a value in N*s/m)"),
         ("[mass]", "[mass", "not valid TOML"),
@@ -194,6 +196,12 @@ def test_a_variant_that_is_no_arm_is_refused(tmp_path: Path, change: str, says: 
     """Lists where joints differ, signs, and a mass matrix that is positive definite everywhere."""
     text = f'name = "odd"\nbased_on = "phantom-premium-1.5a"\n{change}\n'
     assert refusal(tmp_path, text).startswith(says)
+
+
+def test_links_that_never_meet_are_refused(tmp_path: Path) -> None:
+    """Motors one metre apart and two links of 0.16 m on each side."""
+    text = 'name = "wide"\nbased_on = "haply-2diy"\n[geometry]\nbase = { value = "1 m", source = "me" }\n'
+    assert refusal(tmp_path, text) == "the mechanism cannot be assembled at any pose: check its lengths"
 
 
 @pytest.mark.parametrize("name", [None, 3, b"slider"])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from palpate import devices
-from palpate.devices.reach import check_reach
+from palpate.devices.device import Parameters
+from palpate.devices.reach import check_reach, near_limits
 from palpate.errors import PoseError
 from palpate.linear import linearize
 from riesz import riesz_derivative
@@ -181,6 +182,10 @@ def test_reach_is_checked_before_a_task() -> None:
         check_reach(ARM, [0.0, 2.2305, 2.2305 + np.pi / 2], "task")
     slider = devices.load("slider")
     check_reach(slider, [0.0], "task")
+    ends = {"limits.lower": (-0.1,), "limits.upper": (0.3,)}
+    limited = devices.Device(slider.name, "", "slider", Parameters({**slider.parameters.values, **ends}))
+    for at, remarks in ((-0.1, 1), (0.3, 1), (0.1, 0)):
+        assert near_limits(limited, np.array([[at]])) == ["joint 1 comes near its limit"] * remarks
     beyond = np.nextafter(slider.joint_limits[1], np.inf)
     if np.isfinite(beyond).all():
         with pytest.raises(PoseError, match="task: joint 1 of slider is beyond its limits"):

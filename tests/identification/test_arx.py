@@ -172,6 +172,8 @@ def test_independence_has_its_false_alarm_rate_for_coloured_signals_and_sees_a_m
     def slow():
         return np.convolve(draw.normal(size=3000), 0.9 ** np.arange(40), mode="valid")
 
+    white = draw.normal(size=(2, 4000))
+    assert independence(*white, confidence=0.95).limit == pytest.approx(1.96 / np.sqrt(4000), rel=0.1)
     passed = [independence(slow(), slow()).passed for _ in range(200)]
     assert np.mean(passed) > 0.9
     u = slow()

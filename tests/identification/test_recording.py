@@ -72,6 +72,10 @@ def without(first, last):
         (changed(0, "time [s], theta1 [rad], tau1 [N]"), "rad goes with N*m"),
         (changed(0, "time [s], theta2 [rad], tau1 [N*m]"), "the angle columns are numbered [2]"),
         (changed(0, "time [s], theta1 [rad], current [A]"), "there is no torque column"),
+        (
+            [f"{line}, {'0' if k else 'time [s]'}" for k, line in enumerate(lines())],
+            "header: there are 2 time columns; one is expected",
+        ),
         (lines()[:20], "19 samples are too few"),
         ([], "the file is empty"),
     ],

@@ -239,6 +239,9 @@ def test_guards_are_compared_from_the_command_line(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "guards.json").read_text("utf-8"))
     assert written["axis"]["mass"] == pytest.approx(0.06)
     assert len(written["rows"]) == 15
+    axis, walls = written["axis"], written["stiffnesses"]
+    assert f"slider: 60 g, 0.05 N s/m, {axis['coulomb']:.3g} N of dry friction, counts of" in done.output
+    assert f"T = 1 ms; walls of {walls[0]:g} to {walls[-1]:g} N/m" in done.output
     assert written["rows"][0]["felt"] is None
 
 

@@ -71,6 +71,9 @@ def test_a_formula_and_a_plane_that_make_no_law_are_refused() -> None:
         ForceLaw.formula(lambda x: [x, x], "5 mm", ORIGIN, UP)  # type: ignore[arg-type, return-value]
     with pytest.raises(ScenarioError, match="no length"):
         ForceLaw.table([0, 1e-3], [0, 1.0], ORIGIN, [0, 0, 0])
+    for point, normal in (([0.0, 0.0], UP), (ORIGIN, UP[1:]), (ORIGIN, [0.0, np.nan, 1.0])):
+        with pytest.raises(ScenarioError, match="point and normal must be three finite numbers each"):
+            ForceLaw.table([0, 1e-3], [0, 1.0], point, normal)
 
 
 def slider(push: str = "1 N", **arm: str) -> dict[str, Any]:

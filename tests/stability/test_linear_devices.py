@@ -122,6 +122,10 @@ def test_controller_and_filter_in_the_loop() -> None:
     assert critical_stiffness(tip, period=T, controller=shift, virtual_damping=3.0) == pytest.approx(
         critical_stiffness(tip, period=T, delay=1, virtual_damping=3.0), rel=1e-11
     )
+    lag, tripled = control.TransferFunction([0.7], [1, -0.3], T), control.TransferFunction([2.1], [3, -0.9], T)
+    assert critical_stiffness(tip, period=T, controller=tripled) == pytest.approx(
+        critical_stiffness(tip, period=T, controller=lag), rel=1e-11
+    )
     filtered = critical_stiffness(tip, period=T, velocity_filter=0.8, virtual_damping=10.0)
     assert filtered < critical_stiffness(tip, period=T, virtual_damping=10.0)
     loop = wall_loop(tip, T, 0.0, 0.8)

@@ -6,12 +6,14 @@ import json
 import os
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import palpate
 import pytest
+from palpate.cli.design import summary
 from palpate.cli.main import app
 from palpate.control import workspace
 from palpate.devices import load
@@ -119,6 +121,9 @@ def test_a_way_beyond_the_reach_names_the_range_of_stiffness() -> None:
     assert found.constraint == "stiffness range"
     assert "500 mm" in found.reason
     assert found.remedies[0].startswith('--stiffness "')
+    for share, said in ((0.0, []), (0.625, ["62.5 %"]), (1.0, [])):
+        lines = [line for line in summary(replace(found, within_reach=share)) if line.startswith("ways within reach")]
+        assert lines == [f"ways within reach on the softest object: {one}; there is no claim beyond" for one in said]
 
 
 def test_the_ends_of_what_can_be_asked_for_are_allowed() -> None:

@@ -47,14 +47,10 @@ def control_c() -> Iterator[None]:
         try:
             yield
         except typer.Exit:
-            dropped = False
             raise
         except Exception:
             if dropped:
                 raise KeyboardInterrupt from None
-            raise
-        except BaseException:
-            dropped = False
             raise
     if dropped:
         raise KeyboardInterrupt

@@ -17,7 +17,7 @@ then has the stiffness k n n^T, a valley edge k (I - t t^T), and a vertex k I.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,16 +69,6 @@ class SurfacePoint:
     def least_kept(self) -> float:
         """Return g = c / (1 + c), the least share of the lag that a slide keeps."""
         return self.drag / (1.0 + self.drag)
-
-    def scaled(self, stiffness: float, damping: float) -> SurfacePoint:
-        """Return the point with k and k_t times ``stiffness`` and the damping ``damping``, N s/m."""
-        return replace(
-            self,
-            stiffness=self.stiffness * stiffness,
-            tangential=self.tangential * stiffness,
-            drag=self.drag / stiffness,
-            damping=damping,
-        )
 
     def tangents(self) -> Array:
         """Return two unit vectors along the surface, (2, 3)."""

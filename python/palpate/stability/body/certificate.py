@@ -147,7 +147,7 @@ def _at_rest(s: Scenario, run: ObservedRun) -> tuple[ContactStability | None, in
         return None, 0, "the tip does not touch the body in the run"
     rows = [last]
     if not run.lasts or not touching[last]:
-        depth = np.linalg.norm(trace["deflection"][: last + 1], axis=1)
+        depth = np.linalg.norm(trace["deflection"], axis=1)
         late = inside[inside >= min(last // 2, inside[-1])]
         rows = [int(late[np.argmin(np.abs(depth[late] - np.quantile(depth[late], q)))]) for q in _QUANTILES]
     tries = [(row, row != last) for row in rows] + [(row, False) for row in rows if row != last and _hyperelastic(s)]

@@ -73,7 +73,7 @@ def wall_polynomial(
     a = np.exp(-x)
     phi1 = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1.0), 1.0)
     small = x < 1e-2
-    series = 0.5 - x / 6 + x**2 / 24 - x**3 / 120 + x**4 / 720 - x**5 / 5040 + x**6 / 40320
+    series = 0.5 - x / 6 + x**2 / 24 - x**3 / 120 + x**4 / 720 - x**5 / 5040
     phi2 = np.where(small, series, (1 - phi1) / np.where(small, 1.0, x))
     scale = t**2 / m
     b1, b0 = scale * phi2, scale * (phi1 - phi2)

@@ -84,7 +84,6 @@ def routh(coefficients: ArrayLike) -> Routh:
     upper[..., : len(range(0, d + 1, 2))] = q[..., 0::2]
     lower[..., : len(range(1, d + 1, 2))] = q[..., 1::2]
     column = [upper[..., 0]]
-    scale = np.abs(q).max(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(d):
             column.append(lower[..., 0])
@@ -93,7 +92,7 @@ def routh(coefficients: ArrayLike) -> Routh:
             following[..., :-1] = upper[..., 1:] - ratio * lower[..., 1:]
             upper, lower = lower, following
     first = np.stack(column, axis=-1)
-    clear = np.isfinite(first).all(axis=-1) & (np.abs(first) > 1e-300 + 0 * scale[..., None]).all(axis=-1)
+    clear = np.isfinite(first).all(axis=-1) & (np.abs(first) > 1e-300).all(axis=-1)
     changes = (np.sign(first[..., 1:]) != np.sign(first[..., :-1])).sum(axis=-1)
     outside = np.where(clear, changes, -1)
     return Routh(first, outside == 0, np.asarray(outside, dtype=np.int64))

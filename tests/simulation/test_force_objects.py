@@ -215,6 +215,10 @@ def test_a_textured_wall_is_judged_where_its_run_rests(texture: dict[str, Any]) 
 
     slope = [(force(place + step * e) - force(place - step * e)) / (2.0 * step) for e in np.eye(3)]
     assert pytest.approx(np.array(slope).T, abs=1e-3) == texture_law(parameters, place, 1e-3).D
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turned = {**parameters, "normal": turn @ parameters["normal"], "across": turn @ parameters["across"]}
+    oblique = texture_law(turned, parameters["point"] + turn @ (place - parameters["point"]), 1e-3)
+    assert pytest.approx(turn @ np.array(slope).T @ turn.T, abs=1e-3) == oblique.D
 
 
 def test_a_virtual_mass_is_judged_by_its_own_sampled_motion() -> None:
@@ -223,7 +227,12 @@ def test_a_virtual_mass_is_judged_by_its_own_sampled_motion() -> None:
         ball = field("virtual_mass", mass="0.2 kg", stiffness=stiffness, coupling_damping="0.5 N*s/m")
         tables = slider(ball)
         tables["run"] = {"duration": "6 s"}
-        assert certify(tables).verdict.state is expected
+        judged = certify(tables)
+        assert judged.verdict.state is expected
+        if expected is State.UNSTABLE:
+            assert judged.counter_example is not None
+            assert judged.counter_example.scenario == judged.scenario
+            assert judged.counter_example.growth == np.inf
     free = slider(field("virtual_mass", mass="0.2 kg", stiffness="200 N/m", coupling_damping="0.5 N*s/m"))
     free["operator"] = {"kind": "none"}
     found = certify(free)

@@ -17,9 +17,9 @@ from palpate.report import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.verdict import State
-from palpate.stability import certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
-from palpate.stability.counter_example import growth, to_toml
-from palpate.stability.maps.zwidth_map import wall_loops
+from palpate.stability import certification, certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
+from palpate.stability.counter_example import divergence_example, growth, to_toml
+from palpate.stability.maps.zwidth_map import _edge, loop_radii, wall_loops
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -50,6 +50,8 @@ def test_stable_and_passive_slider() -> None:
     assert set(certificate.criteria) == {"eigenvalues", "Jury", "Routh", "Lyapunov"}
     assert all(certificate.criteria.values())
     assert "passive" in certificate.claim
+    assert any("the tip does not rest" in step for step in certificate.method)
+    assert "spectral_radius_at_rest" not in certificate.margin
     json.dumps(certificate.to_dict(), allow_nan=False)
 
 
@@ -64,6 +66,43 @@ def test_unstable_slider_has_a_counter_example_that_runs() -> None:
     trace = simulate(Scenario.from_text(example.toml()))
     assert growth(trace["tip"]) == pytest.approx(example.growth, rel=1e-9)
     assert example.growth > 5
+    assert str(certificate).endswith(f"Counter-example: {example.sentence}")
+
+
+def test_the_counter_example_of_a_wall_holds_the_tip_from_both_sides() -> None:
+    """The linear verdict is of a tip that stays in contact: a bilateral spring along the normal shows it."""
+    scenario = Scenario.from_dict(slider(object={"kind": "wall", "stiffness": "2 N/mm", "normal": [-1, 0, 0]}))
+    example = divergence_example(scenario, scenario_loop(scenario).spectral_radius())
+    assert example is not None
+    assert example.scenario["object"]["kind"] == "spring"
+    assert scenario_loop(Scenario.from_dict(example.scenario)).spectral_radius() == pytest.approx(
+        scenario_loop(scenario).spectral_radius(), rel=1e-12
+    )
+
+
+def test_a_loop_at_its_limit_or_with_criteria_that_disagree_is_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact = wall_limit(mass=0.06, damping=0.05, period=1e-3).critical_stiffness
+    at_limit = certify(slider(f"{exact!r} N/m"))
+    assert at_limit.verdict.state is State.UNDECIDED
+    assert "so near its limit (spectral radius 1 " in at_limit.claim
+    mixed = {"eigenvalues": True, "Jury": False, "Routh": True, "Lyapunov": True}
+    monkeypatch.setattr(certification, "check_stability", lambda _: (0.999, mixed))
+    doubtful = certify(slider())
+    assert doubtful.verdict.state is State.UNDECIDED
+    assert "(eigenvalues: stable, Jury: unstable, Routh: stable, Lyapunov: stable)" in doubtful.claim
+    monkeypatch.setattr(certification, "check_stability", lambda _: (1.0 - 1e-13, dict.fromkeys(mixed, True)))
+    assert certify(slider()).verdict.state is State.UNDECIDED
+
+
+def test_a_wall_seen_through_an_encoder_needs_friction_to_be_passive() -> None:
+    """Without Coulomb friction no stiffness is passive (Abbott & Okamura 2005), and the remark says so."""
+    for encoder in (False, True):
+        scenario = Scenario.from_dict(slider("90 N/m", device={"name": "slider", "encoder": encoder}))
+        passive, required, remark = certification._passivity_condition(scenario, scenario_loop(scenario))
+        assert passive is not encoder
+        assert required == pytest.approx(0.045)  # K T / 2
+        needs = "counts of 23 µm at the tip require friction for 90 N/m, and the friction suffices for 0 N/m"
+        assert (needs in remark) is encoder
 
 
 def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
@@ -75,6 +114,7 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     example = certificate.counter_example
     assert example is not None
     assert "in a hand of" in example.sentence
+    assert not any("destabilizes the loop was found" in step for step in certificate.method)
     exactly = (
         "Passivity, exactly: the object requires 4 N s/m of the device's own damping at the tip and there is 0.05 N"
     )
@@ -105,6 +145,8 @@ def test_the_worst_operator_is_at_least_as_bad_as_random_ones() -> None:
     others = [radius(*10.0 ** rng.uniform([-3.0, -1.0], [1.0, 7.0])) for _ in range(40)]
     assert worst > 1.0
     assert worst - 1.0 > 0.9 * (max(others) - 1.0)
+    run = Scenario.from_dict(found.scenario).run  # until an oscillation has grown a thousandfold
+    assert worst ** (run.duration / scenario.period) == pytest.approx(1e3, rel=1e-2)
 
 
 def test_a_claim_names_the_operator_unless_the_loop_is_passive() -> None:
@@ -151,6 +193,9 @@ def test_scenarios_of_the_project_are_certified(name: str) -> None:
     assert certificate.stable
     assert certificate.margin["gain_margin"] > 2
     assert certificate.margin["spectral_radius"] < 1
+    tested_again = any("the loop was tested again where it came to rest" in step for step in certificate.method)
+    assert tested_again is name.startswith("press")
+    assert ("spectral_radius_at_rest" in certificate.margin) is tested_again
     assert "operator" in " ".join(certificate.assumptions) or "reference force" in " ".join(certificate.assumptions)
 
 
@@ -201,7 +246,7 @@ def test_zwidth_of_a_slider() -> None:
     assert corner.window == pytest.approx((0.1275, 250.0))
     assert corner.simulated is not None
     assert corner.simulated.furthest < 2e-3
-    assert corner.edge.damping.max() > corner.window[0]
+    assert corner.window[0] < corner.edge.damping.max() < 1.15 * corner.window[0]
     for b, k in zip(corner.simulated.damping[::10], corner.simulated.stiffness[::10], strict=True):
         exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, virtual_damping=b).critical_stiffness
         assert k == pytest.approx(exact, rel=2e-3)
@@ -280,3 +325,17 @@ def test_certificate_of_a_held_slider_is_the_one_line_answer() -> None:
         exact = wall_limit(mass=0.06, damping=0.05, period=1e-3, arm=arm).critical_stiffness
         assert certificate.stable
         assert 1000 * certificate.margin["gain_margin"] == pytest.approx(exact, rel=1e-8)
+
+
+def test_on_the_boundary_of_two_directions_a_root_is_on_the_circle() -> None:
+    scenario = Scenario.from_dict(
+        slider(
+            device={"name": "haply-2diy"},
+            start={"tip": ["20 mm", "100 mm", "0 mm"]},
+            operator={"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"},
+        )
+    )
+    loop = scenario_loop(scenario)
+    assert loop.directions.shape == (3, 2)
+    edge = _edge(loop, 60)
+    assert loop_radii(loop, edge.stiffness, edge.damping) == pytest.approx(np.ones(len(edge.damping)), abs=2e-9)

@@ -130,3 +130,9 @@ def test_textbook_polynomials() -> None:
 def test_what_is_no_polynomial_is_refused(road: object, bad: object) -> None:
     with pytest.raises(StabilityError, match=r"^(jury|routh): "):
         road(bad)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("bad", [[0.5], np.ones((2, 3)), [[0.5, np.nan], [0.0, 0.5]]])
+def test_lyapunov_refuses_what_is_no_square_finite_matrix(bad: object) -> None:
+    with pytest.raises(StabilityError, match=r"^lyapunov: "):
+        lyapunov(bad)  # type: ignore[arg-type]

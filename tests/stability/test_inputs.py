@@ -54,6 +54,7 @@ def test_neglected_effects_are_named() -> None:
     assert "560 N/m that grips rigidly" in words
     plain = said(slider())
     assert "Neglected" not in plain
+    assert "Links and transmission are rigid" in plain
     assert "a hand that only pushes" in plain
 
 
@@ -134,6 +135,8 @@ def test_what_is_no_number_or_too_long_is_told() -> None:
         MeasuredResponse(frequencies, response + 0j, 1e-3, np.array([1e-5, 1e-5]))
     with pytest.raises(StabilityError, match="the most is 1000"):
         discretize_zoh(LinearDevice.of_mass(0.06, 0.05), 1e-3, 1e6)
+    with pytest.raises(StabilityError, match="at most half the sampling rate, 500 Hz"):
+        MeasuredResponse(np.linspace(2, 501, 50), response, 1e-3)
     with pytest.raises(StabilityError, match=r"LinearDevice\.at_pose"):
         discretize_zoh(devices.load("slider"), 1e-3)  # type: ignore[arg-type]
     with pytest.raises(StabilityError, match="must be numbers"):
@@ -149,6 +152,9 @@ def test_what_is_no_number_or_too_long_is_told() -> None:
 def test_options_and_devices_that_a_loop_does_not_have_are_told() -> None:
     with pytest.raises(StabilityError, match="the wall's damping is virtual_damping"):
         wall_spectral_radius(LinearDevice.of_mass(0.06, 0.05), stiffness=1.0, damping=1.0, period=1e-3)
+    for wall in ({"stiffness": np.nan}, {"stiffness": 1.0, "virtual_damping": np.inf}):
+        with pytest.raises(StabilityError, match="must be finite, in N/m"):
+            wall_spectral_radius(LinearDevice.of_mass(0.06, 0.05), period=1e-3, **wall)
     arm = devices.load("phantom-premium-1.5a")
     alone = LinearDevice.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1))  # gravity throws it along the wall
     with pytest.raises(StabilityError, match="give the tip an arm"):

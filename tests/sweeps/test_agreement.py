@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,17 @@ from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.linear import LinearDevice
 from palpate.scenario import Scenario
+from palpate.simulation.outcome_rows import Excursion
+from palpate.simulation.simulator import build_simulation
 from palpate.simulation.verdict import BAND
 from palpate.stability import critical_stiffness
 from palpate.sweeps import State, SweepError, sweep
+from palpate.sweeps.judged_rows import _beyond
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "0") == "1"
 SIZE = 100 if NIGHTLY else 24
+SHOULDER = np.array([0.0, 0.17, -0.215])  # m, of the arm
 # scenario: largest stiffness (N/m) and damping (N s/m) of the map, duration
 MAPS = {
     "slider-wall-stable": (200.0, 0.2, "20 s"),
@@ -114,6 +119,21 @@ def test_a_cell_that_overshoots_the_reach_is_out_of_reach() -> None:
     assert found.outcomes["beyond_reach"][0] == 1.0
 
 
+@pytest.mark.parametrize("kinematics", ["nonlinear", "linear"])
+def test_a_cell_that_ends_near_the_stretched_arm_is_beyond_reach_if_its_rest_is(kinematics: str) -> None:
+    """The arm of 385 mm bends by 6 deg at the end; a tip with a frozen Jacobian has no such limit."""
+    tables = tables_of("press-stiff-cube-lqg")
+    tables["device"]["kinematics"] = kinematics
+    simulation = build_simulation(tables)
+    stretched, bent = np.array([0.0, 2.0, 2.0 + np.pi / 2]), np.array([0.0, 2.0, 2.0 + np.pi / 2 + 0.1])
+    begin, near, outside = (np.asarray(simulation.device.forward(q)) for q in (simulation.start, bent, stretched))
+    ends = np.tile(bent, (3, 1))
+    farther = 1.01 * (outside - SHOULDER) + SHOULDER
+    rests = np.array([near - begin, farther - begin, farther - begin])
+    found = _beyond(simulation, Excursion(ends, ends, ends, ends), rests, np.array([0.06, 0.06, 0.0]))
+    assert found.tolist() == [False, kinematics == "nonlinear", False]  # the last has come to rest there
+
+
 def test_a_joint_that_passes_its_limit_and_returns_puts_a_cell_out_of_reach(tmp_path: Path) -> None:
     text = (SCENARIOS.parent / "python/palpate/devices/phantom-premium-1.5a.toml").read_text("utf-8")
     lower, upper = '["-1 rad", "1 rad", "3.2767 rad"]', '["1 rad", "3 rad", "4 rad"]'
@@ -151,6 +171,14 @@ def test_a_cell_has_the_verdict_of_its_run() -> None:
     assert states >= {State.SETTLED, State.UNSTABLE}
     for i in range(12):
         assert found.simulate(i).verdict.state is found.verdict(i)
+
+
+def test_a_fast_divergence_overflows_without_a_warning() -> None:
+    tables = tables_of("press-stiff-cube-lqg", "3 s")
+    tables["object"] = {"kind": "spring", "stiffness": "300 N/m", "damping": "80 N*s/m"}
+    with warnings.catch_warnings(action="error"):
+        found = sweep(tables, {"object.stiffness": ["300 N/m"]}, design="once")
+    assert found.verdict(0) is State.UNSTABLE
 
 
 def test_a_spring_away_from_the_start_is_judged_by_its_own_deflection() -> None:

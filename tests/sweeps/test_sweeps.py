@@ -19,7 +19,7 @@ from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
 from palpate.report.sweep import sweep_page
 from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
-from palpate.sweeps.axes import Axis, axes_of, stored_axis, with_value
+from palpate.sweeps.axes import Axis, axes_of, limits_of, stored_axis, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
 from resealed import changed
@@ -279,6 +279,9 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
         sweep(SLIDER, {"object.stiffness": [1.0]}, out=tmp_path)
     with pytest.raises(SweepError, match=r"none\.h5: there is no such file"):
         merge([tmp_path / "none.h5"], tmp_path / "all.h5")
+    for wrong in (np.nan, np.inf, None, {}):
+        with pytest.raises(SweepError, match=f"object.stiffness: {wrong!r} is not a finite number"):
+            sweep(SLIDER, {"object.stiffness": [wrong]})
     with pytest.raises(SweepError, match="a stiffness is needed"):
         sweep(SLIDER, {"object.stiffness": ["3 kg"]})
     with pytest.raises(SweepError, match="cannot be drawn at random"):
@@ -357,6 +360,40 @@ def test_ranges_and_lists() -> None:
     assert axis.text(1) == "0.001 s"
     (axis,) = axes_of({"operator.force.z": ["1 N", "-2 N"]})
     assert with_value(SLIDER, axis, 1)["operator"]["force"] == ["-0.5 N", "0 N", "-2.0 N"]
+    (axis,) = axes_of({"object.stiffness.y": ["2 N/m"]})  # the other axes keep their common value
+    assert with_value(SLIDER, axis, 0)["object"]["stiffness"] == ["1 N/mm", "2.0 N/m", "1 N/mm"]
+    assert limits_of("operator.mass", "0.1 kg..0.1 kg") == (0.1, 0.1)
+    with pytest.raises(SweepError, match=r"from the smaller to the larger, not from 0\.2 kg to 0\.1 kg"):
+        limits_of("operator.mass", "0.2 kg..0.1 kg")
+
+
+def test_one_component_of_a_stiffness_is_varied_as_the_whole_key() -> None:
+    """The slider moves along x alone: the stiffness along x is its stiffness, and that along y is not felt."""
+    stiffness = ["1 N/mm", "2 N/mm"]
+    whole, x, y = (
+        sweep(SLIDER, {f"object.stiffness{axis}": stiffness})["peak_object_force"] for axis in ("", ".x", ".y")
+    )
+    np.testing.assert_array_equal(x, whole)
+    assert y[0] == y[1] == whole[0] != whole[1]
+
+
+def test_equal_plans_have_equal_text_whatever_the_order_of_their_keys() -> None:
+    random = {"operator.mass": "0.05 kg..0.3 kg", "operator.damping": "0.5 N*s/m..4 N*s/m"}
+    one, other = (plan_of(SLIDER, OVER, random=dict(pairs)) for pairs in (random.items(), reversed(random.items())))
+    assert one == other
+    assert one.text() == other.text()
+
+
+@pytest.mark.parametrize("keys", [("operator.mass", "operator.damping"), ("operator.damping", "operator.mass")])
+def test_draws_do_not_depend_on_the_order_of_their_keys(keys: tuple[str, str], tmp_path: Path) -> None:
+    """A file sorts the keys; its scenarios are those whose outcomes it holds."""
+    ranges = {"operator.mass": "0.05 kg..0.3 kg", "operator.damping": "0.5 N*s/m..4 N*s/m"}
+    random = {key: ranges[key] for key in keys}
+    path = tmp_path / "draws.h5"
+    found = sweep(SLIDER, {"object.stiffness": [500.0]}, random=random, draws=2, seed=7, out=path)
+    for one in (found, open_sweep(path)):
+        peak = np.linalg.norm(one.simulate(0, 1)["object_force"], axis=1).max()
+        assert one["peak_object_force"][0, 1] == pytest.approx(peak, rel=1e-9)
 
 
 def test_memory_does_not_grow_with_the_count(tmp_path: Path) -> None:
@@ -406,3 +443,27 @@ def test_a_key_is_varied_or_drawn_and_not_both() -> None:
 def test_the_page_of_one_cell_gives_it_a_share_of_one() -> None:
     text = sweep_page(sweep(SLIDER, {"object.stiffness": [1.0]})).html()
     assert re.search(r'<td class="number">1</td><td class="number">100</td>', text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "design", "says"),
+    [
+        ("lead_lag", "cell", "for each cell"),
+        ("lead_lag", "once", "once, for the scenario as it stands"),
+        ("gain", "once", ""),
+        ("", "cell", ""),
+    ],
+)
+def test_the_page_says_for_what_a_controller_is_designed(kind: str, design: Any, says: str) -> None:
+    """A given gain is not designed, nor is there one without a controller."""
+    tracking: dict[str, Any] = {
+        "device": {"name": "slider"},
+        "reference": {"force": ["1 N", "0 N", "0 N"]},
+        "object": {"stiffness": "1 N/mm"},
+        "run": {"duration": "20 ms"},
+    }
+    if kind:
+        tracking["controller"] = {"kind": kind, **({"gain": 0.5} if kind == "gain" else {})}
+    text = sweep_page(sweep(tracking, {"object.stiffness": [1000.0]}, draws=2, design=design)).html()
+    assert text.count("The controller is designed") == bool(says)
+    assert not says or f"The controller is designed {says}." in text

@@ -49,6 +49,8 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         error = steady_error(steady, expected)
     beyond = _beyond(simulation, excursions(rows), expected, error)
     linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
+    with np.errstate(over="ignore"):
+        decay = radii ** ((len(simulation.reference) - 1 - simulation.setup.window_start) // 5)
     evidence = Evidence.of(
         count,
         unstable_from=out["unstable_from"],
@@ -65,7 +67,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         beyond=beyond,
         resolution=resolution(scenario, device, simulation.start)[0],
         linear=linear.astype(int),
-        decay=radii ** ((len(simulation.reference) - 1 - simulation.setup.window_start) // 5),
+        decay=decay,
         lossy=lossy(scenario, device),
     )
     reach = np.where(np.isnan(out["unstable_from"]), beyond.astype(float), np.nan)

@@ -240,8 +240,8 @@ class Plan:
             return out
         for row, cell in enumerate(cells):
             generator = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(int(cell),)))
-            for path, (low, high) in self.random.items():
-                out[path][row] = generator.uniform(low, high)
+            for path in sorted(self.random):  # `text` sorts them too
+                out[path][row] = generator.uniform(*self.random[path])
         return out
 
 

@@ -115,8 +115,6 @@ def run_pushed(scenario: Scenario, observed: Observed, watch: float, radius: flo
     push[rest + 1 : rest + 1 + ticks] = size * shape[:, None] * _direction(observed.trace["normal"][rest])
     free = simulation.simulate()
     pushed = replace(simulation, operator=simulation.operator + push).simulate()
-    if np.array_equal(free["tip"], pushed["tip"]):  # a sampled model of the device has no operator
-        pushed = replace(simulation, reference=simulation.reference + push).simulate()
     start = rest + 1 + ticks
     for trace in (pushed, free):
         if trace.unstable_from is not None:

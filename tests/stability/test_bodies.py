@@ -17,6 +17,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.observed_run import observe
 from palpate.simulation.verdict import State
 from palpate.stability import certify, contact_stability, zwidth
+from palpate.stability.body.certificate import _assumptions
 
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
@@ -109,6 +110,22 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
     assert felt.static_stiffness == pytest.approx(expected.static_stiffness, rel=1e-2)
     assert felt.transparency_bandwidth == pytest.approx(expected.transparency_bandwidth, rel=0.1)
     assert felt.bandwidth == pytest.approx(expected.bandwidth, rel=0.05)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_contact_is_scaled_in_every_direction_in_which_friction_holds_it(friction: float, tmp_path: Path) -> None:
+    """At the margin a root of the loop is on the circle; and only without friction the operator holds the tip."""
+    tables = press(one_node(512.0, tmp_path / "one.h5"), "compliance", 1.0, static_friction=friction)
+    tables["object"]["body"].pop("origin")
+    tables["operator"] |= {"rise": "20 ms"}
+    tables["run"] = {"duration": "0.1 s"}
+    found = contact_stability(simulate(tables))
+    assert len(found.loop.normal) == (3 if friction else 1)
+    assert found.loop.radius(found.stiffness_margin) == pytest.approx(1.0, abs=1e-8)
+    said = "Without friction the operator controls motions along the surface."
+    assert said not in _assumptions(Scenario.from_dict(tables))
+    pushed = {**tables, "operator": {"kind": "force", "force": ["0 N", "0 N", "-1 N"]}}
+    assert (said in _assumptions(Scenario.from_dict(pushed))) is (friction == 0.0)
 
 
 def test_runs_at_the_depth_of_the_map_decay_below_its_undamped_limit_and_oscillate_above(block: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import control
@@ -19,6 +20,7 @@ from palpate.stability.body.body_loop import BodyLoop, stiffness_margin, unstabl
 from palpate.stability.body.multirate_loop import MultirateLoop
 from palpate.stability.body.update_rate import slowest_update
 from palpate.stability.body.zwidth import _boundary, _interval
+from palpate.stability.contact_loop import judge
 
 PERIOD = 1e-3
 
@@ -172,6 +174,16 @@ def test_the_boundary_of_an_elastic_body_is_that_of_a_wall() -> None:
     assert scaled.damping[-1] == pytest.approx(found.damping[-1], rel=1e-3)
 
 
+@pytest.mark.parametrize("every", [1, 4])
+def test_the_radius_of_a_contact_is_per_tick_and_its_margin_that_of_the_scaled_loop(every: int) -> None:
+    loop, scaled = multirate_loop(3, every, 2, 3), elastic_loop(400.0)
+    response: Any = SimpleNamespace(frame=np.eye(3), nodes=5, static=np.eye(3), one_tick=2.0 * np.eye(3))
+    found = judge(loop, scaled, response, 1e-3)
+    assert found.radius == pytest.approx(loop.radius(), rel=1e-12)
+    assert found.radius**every == pytest.approx(np.abs(np.linalg.eigvals(loop.matrix())).max(), rel=1e-12)
+    assert scaled.radius(found.stiffness_margin) == pytest.approx(1.0, abs=1e-8)
+
+
 def test_a_margin_is_infinite_only_if_no_factor_up_to_10000_is_unstable() -> None:
     for edge in (1.02, 3.0, 9_500.0):
         assert stiffness_margin(lambda k, edge=edge: 0.5 + 0.5 * k / edge) == pytest.approx(edge, rel=1e-8)
@@ -188,6 +200,15 @@ def test_nyquist_counts_the_unstable_eigenvalues(seed: int) -> None:
         a = p.A.copy()
         a[0, 0] += 0.3
         loop = BodyLoop(sampled(a, p.B, p.C, p.D), loop.body, loop.markov, loop.axes, loop.normal, loop.error)
+    assert unstable_poles(loop) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 50.0, 2e4])
+def test_a_free_tip_has_a_pole_at_one_and_is_not_counted_as_unstable(stiffness: float) -> None:
+    """A damped mass without a spring: the body alone holds it."""
+    motion = control.StateSpace([[0.0, 1.0], [0.0, -5.0]], [[0.0], [-10.0]], [[1.0, 0.0]], [[0.0]])
+    loop = replace(elastic_loop(stiffness), path=control.c2d(motion, PERIOD))
+    assert np.abs(np.linalg.eigvals(loop.path.A)).max() == 1.0
     assert unstable_poles(loop) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
 
 

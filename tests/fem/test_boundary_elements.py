@@ -42,13 +42,28 @@ def test_a_rigid_rotation_needs_no_traction_and_c_is_the_solid_angle(order: int)
     everything = np.ones(len(mesh.triangles), dtype=bool)
     fixed = mesh.vertices[:, 2] < 1e-6
     elements = BoundaryElements(mesh.vertices, mesh.triangles.astype(np.int64), everything, fixed, 10e3, 0.3, order)
-    t, _, _ = elements._integrals(np.flatnonzero(fixed))
+    t, load, reaction = elements._integrals(np.unique(elements.elements[elements.fixed_triangles]))
+    assert t.nbytes + load.nbytes + reaction.nbytes < elements.memory - 0.4e9  # the factor and the right side besides
+    assert elements.memory - 0.4e9 < t.nbytes + 3.0 * load.nbytes + 2.0 * reaction.nbytes
     count = len(elements.nodes)
     shares = np.einsum("iaia->i", t.reshape(count, 3, count, 3)) / 3.0  # of a sphere, at corners, edges and faces
     assert {round(float(share), 4) for share in shares} == {0.125, 0.25, 0.5}
     for axis in np.eye(3):
         turned = np.cross(axis, elements.nodes)
         assert np.abs(t @ turned.ravel()).max() < 1e-5 * np.abs(turned).max()
+
+
+def test_the_widest_angle_is_that_of_the_cosine_rule() -> None:
+    """Of a pyramid on an equilateral base: its sides have the sides 1, s and s."""
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    everything = np.ones(4, dtype=bool)
+    base = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0]])
+    for height in (2.0**0.5 / 3.0**0.5, 0.2):
+        points = 0.01 * np.vstack([base, base.mean(axis=0) + [0.0, 0.0, height]])
+        side = 1.0 / 3.0 + height**2  # squared
+        elements = BoundaryElements(points, faces, everything, everything, 10e3, 0.3, 1)
+        expected = max(60.0, np.degrees(np.arccos(1.0 - 0.5 / side)))
+        assert elements._widest_angle() == pytest.approx(expected)
 
 
 def test_a_column_without_lateral_contraction_shortens_as_hooke_says() -> None:
@@ -180,7 +195,10 @@ def test_a_refusal_names_its_reason(change: dict[str, object], message: str) -> 
         (None, "boundary elements need a clean surface, oriented outward"),  # one block, turned inside out
         ((0.0173, 0.0071, 0.0), "boundary elements need a clean surface"),
         ((0.02, 0.01, 0.0), "the surface overlaps or touches itself at"),  # edges meet edges: no edge cuts a triangle
-        ((0.04, 0.0, 0.0), "the surface overlaps or touches itself at"),  # side by side, not united
+        (
+            (0.04, 0.0, 0.0),
+            r"the surface overlaps or touches itself at \(40, [\d.]+, [\d.]+\) mm",
+        ),  # side by side, not united
     ],
 )
 def test_a_surface_without_an_exact_inside_is_refused(offset: tuple[float, ...] | None, message: str) -> None:

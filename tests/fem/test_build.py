@@ -14,10 +14,11 @@ import pytest
 from palpate import fem as bodies
 from palpate.fem import BodyError, BodyWarning, Volume, block, dense
 from palpate.fem.condensation import Condensation, check_memory
-from palpate.fem.dissection import nested_dissection
+from palpate.fem.dissection import _vertex_cover, nested_dissection
 from palpate.fem.elements import Elements
 from palpate.fem.factor import Factor, installed
 from palpate.fem.material import Material, Region, SurfaceLayer
+from palpate.fem.multifrontal import MultifrontalSolver, _contribution_bytes
 from palpate.fem.selectors import box, half_space, parse_selector, sphere
 from scipy import sparse
 
@@ -285,6 +286,22 @@ def test_dissection_parts_what_it_halves(small: Elements, monkeypatch: pytest.Mo
         assert i in ways[j] or j in ways[i]
 
 
+def test_a_separator_is_a_smallest_vertex_cover() -> None:
+    """Of every choice of the left nodes, with the neighbors of those left out."""
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        n = 5
+        between = rng.random((n, n)) < 0.3
+        between[0, rng.integers(n)] = True
+        graph = sparse.csr_matrix(np.block([[np.zeros((n, n)), between], [between.T, np.zeros((n, n))]]))
+        cover = _vertex_cover(graph, np.repeat([0, 1], n).astype(np.int8))
+        covered = np.isin(np.arange(2 * n), cover)
+        assert not (between & ~covered[:n, None] & ~covered[n:]).any()
+        chosen = np.array(list(np.ndindex(*[2] * n)), dtype=bool)
+        sizes = chosen.sum(axis=1) + ((~chosen).astype(int) @ between > 0).sum(axis=1)
+        assert len(cover) == sizes.min()
+
+
 def test_a_compliance_that_rounding_has_spoiled_is_refused(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trial loads, carried through in double precision, notice an error of a ten-thousandth in the loads' part."""
     monkeypatch.setattr("palpate.fem.multifrontal._single", lambda a: (1.0002 * a).astype(np.float32, order="F"))
@@ -295,11 +312,27 @@ def test_a_compliance_that_rounding_has_spoiled_is_refused(small: Elements, monk
 def test_memory_is_checked_before_anything_is_solved(small: Elements) -> None:
     """The file's size is known, the fronts' are counted; what is refused is refused with a proposal."""
     condensation = Condensation(small)
+    gradients = sum(field[0].grad.size for field in small._basis.basis) * 8.0
+    assert gradients < small.memory < 10.0 * gradients
     assert condensation.memory > 12 * (3 * len(small.contact_nodes)) ** 2
     assert f"condensing to {len(small.contact_nodes)} contact nodes" in str(condensation)
     check_memory(len(small.contact_nodes), condensation.memory, "1 GB")
     with pytest.raises(BodyError, match=r"over the budget of 0.01 MB.*coarser mesh, a smaller contact surface"):
         check_memory(len(small.contact_nodes), condensation.memory, "10 kB")
+
+
+def test_the_bytes_of_a_front_are_those_of_its_arrays(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = MultifrontalSolver._eliminate
+
+    def eliminate(solver: Any, front: Any, blocks: Any) -> Any:
+        found = real(solver, front, blocks)
+        arrays = (found.stiffness, found.load, found.compliance)
+        assert _contribution_bytes(*front.sizes) == sum(array.nbytes for array in arrays)
+        return found
+
+    monkeypatch.setattr(MultifrontalSolver, "_eliminate", eliminate)
+    monkeypatch.setattr("palpate.fem.dissection._LEAF", 12)
+    Condensation(small).compliance()
 
 
 def test_expected_memory_is_what_the_system_counts() -> None:
@@ -395,8 +428,10 @@ def test_a_mesh_of_too_many_tetrahedra_is_refused_before_it_is_made() -> None:
     with pytest.raises(BodyError, match="tetrahedra: use a larger spacing"):
         block((0.06, 0.06, 0.03), 1e-4)
     sphere = trimesh.creation.icosphere(2, 40.0)
-    with pytest.raises(BodyError, match="check size, spacing and unit"):
+    with pytest.raises(BodyError, match="check size, spacing and unit") as refusal:
         bodies.fill(sphere.vertices, sphere.faces, 0.01)
+    regular = 0.01**3 / (6.0 * 2.0**0.5)  # volume of a regular tetrahedron
+    assert f"would need about {sphere.volume / regular:.1g} tetrahedra" in str(refusal.value)
 
 
 def test_tetrahedra_come_from_a_file(tmp_path: Path) -> None:
@@ -434,6 +469,7 @@ def test_the_phantom_is_softer_without_its_nodule() -> None:
         middle = int(np.argmin(np.linalg.norm(body.nodes - [0.05, 0.05, 0.05], axis=1)))
         felt[contrast] = float(body.compliance[3 * middle + 2, 3 * middle + 2])
     assert felt[5.0] < 0.97 * felt[1.0]
+    assert body.record["regions"] == ["sphere 50 50 37.5 radius 7.5 mm = 50 kPa"]  # its top is 5 mm deep
     with pytest.raises(BodyError, match="nodule lies between"):
         bodies.phantom(depth=0.04)
 
@@ -472,3 +508,4 @@ def test_the_progress_of_a_build_rises_within_its_whole() -> None:
     assert min(shares) >= 0.0
     assert max(shares) < 1.0
     assert all(text for text, _ in told)
+    assert "assembling 24 tetrahedra, 18 vertices" in [text for text, _ in told]

@@ -81,6 +81,35 @@ def test_an_inverted_surface_is_turned() -> None:
     assert closed(SPHERE.vertices, SPHERE.faces[:, ::-1]).volume == pytest.approx(SPHERE.volume)
 
 
+def test_a_hole_of_several_edges_is_closed_by_a_cap() -> None:
+    """A hexagon about a vertex: the fan about its center has its area, and the volume lacks a flat pyramid."""
+    fine = trimesh.creation.icosphere(4, 0.04)
+    apex = 100
+    around = (fine.faces == apex).any(axis=1)
+    assert around.sum() == 6
+    surface = closed(fine.vertices, fine.faces[~around])
+    rim = np.setdiff1d(fine.faces[around], [apex])
+    raised = fine.vertices.copy()
+    raised[apex] = raised[rim].mean(axis=0)
+    capped = trimesh.Trimesh(raised, fine.faces, process=False)
+    assert surface.volume == pytest.approx(capped.volume, rel=1e-9)
+    share = capped.area_faces[around].sum() / fine.area_faces[~around].sum()
+    assert surface.repairs == [f"1 hole closed, {100.0 * share:.2g} % of the area"]
+
+
+def test_a_surface_is_the_same_in_any_order_of_its_triangles() -> None:
+    """Also where two tetrahedra share an edge, so that two triangles have the same first and last vertex."""
+    points = 0.01 * np.array([[0, 0, 0], [0, 0, 1], [1, 1, 0.5], [1, 2, 0.5], [1, -1, 0.5], [1, -2, 0.5]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    faces = np.vstack([faces, np.array([0, 1, 4, 5])[faces]])
+    one = closed(points, faces)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        other = closed(points, faces[rng.permutation(8)])
+        np.testing.assert_array_equal(other.vertices, one.vertices)
+        np.testing.assert_array_equal(other.triangles, one.triangles)
+
+
 def test_a_vertex_on_an_edge_is_a_seam_and_no_hole() -> None:
     box = trimesh.creation.box((0.02, 0.03, 0.04))
     a, b, c = box.faces[0]

@@ -60,5 +60,8 @@ def test_arrays_of_another_kind_are_refused(wrong: NDArray[Any]) -> None:
 def test_sizes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="do not match"):
         dense.trsm(np.eye(3, order="F"), np.zeros((2, 4), order="F"))
+    for rows in (1, 3):
+        with pytest.raises(ValueError, match="do not match"):
+            dense.syrk(1.0, np.zeros((2, 4), order="F"), np.zeros((rows, rows), order="F"))
     with pytest.raises(ValueError, match="do not match"):
         dense.gemm(-1.0, np.zeros((2, 3), order="F"), np.zeros((3, 3), order="F"), np.zeros((2, 2), order="F"))

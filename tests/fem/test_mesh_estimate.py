@@ -10,7 +10,7 @@ import pytest
 from palpate import Mesh
 from palpate import fem as bodies
 from palpate.fem import BodyError, BodyWarning
-from palpate.fem.builder import _NODES, _spacing_of
+from palpate.fem.builder import _NODES, _check_extent, _spacing_of
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
@@ -57,6 +57,19 @@ def test_a_part_without_a_fixed_place_is_refused_at_once() -> None:
     with pytest.raises(BodyError, match="1 of the 2 parts of the surface has no fixed place"):
         bodies.build(Mesh(two.vertices, two.faces), young=5e3, fixed="x < 0 mm", spacing=2e-3)
     check_parts(surface_of(two), parse_selectors("z < 0 mm"), 0.01)
+
+
+def test_parts_that_do_not_meet_need_a_place_each_although_their_boxes_meet() -> None:
+    """Two balls aside along a diagonal; those that intersect are one part."""
+    for shift, loose in ((0.05, True), (0.03, False)):
+        two = trimesh.util.concatenate([SPHERE, SPHERE.copy().apply_translation([shift, shift, 0.0])])
+        surface = surface_of(two)
+        assert surface.simple == loose
+        if loose:
+            with pytest.raises(BodyError, match="1 of the 2 parts of the surface has no fixed place"):
+                check_parts(surface, parse_selectors("x < -20 mm"), 0.01)
+        else:
+            check_parts(surface, parse_selectors("x < -20 mm"), 0.01)
 
 
 @pytest.mark.parametrize("fixed", ["sphere 0 0 0 radius 5 mm", "surface z < -29 mm", "box -1 -1 28 to 1 1 31 mm"])
@@ -107,6 +120,19 @@ def test_a_size_in_the_wrong_unit_is_asked_about() -> None:
         pytest.raises(BodyError, match="no fixed place"),
     ):
         bodies.build(Mesh(ball.vertices, ball.faces), young=5e3, fixed="z < -100 m")
+
+
+def test_a_size_is_asked_about_once() -> None:
+    ball = trimesh.creation.icosphere(1, 150.0)
+    with pytest.warns(BodyWarning) as told:
+        bodies.fill(ball.vertices, ball.faces, 40.0)
+    assert len(told) == 1
+
+
+def test_the_smallest_body_has_a_micrometre() -> None:
+    _check_extent(1.01e-6, "body")
+    with pytest.raises(BodyError, match=r"body: an extent of 9\.9e-07 m; a body has 1e-06 to"):
+        _check_extent(0.99e-6, "body")
 
 
 def test_a_modulus_of_metal_is_asked_about() -> None:

@@ -238,6 +238,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: bodies.Volume(np.eye(4, 3), [[0, 1, 2, -1]]), "has the point index -1; indices are 0 to 3"),
         (lambda body: bodies.fill(np.eye(3), [[0, 1, 9]], 0.1), "triangle 0 is"),
         (lambda body: HyperelasticModel(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),
+        (
+            lambda body: HyperelasticModel(CUBE, Material(5e3), []),
+            "nothing is fixed, so the body has rigid-body motions",
+        ),
         (lambda body: QuasiStaticSolver(CUBE), "solid: a palpate.fem.HyperelasticModel is needed"),
         (
             lambda body: HyperelasticModel(CUBE, Material(5e3), "z < 1 mm").solve_equilibrium(

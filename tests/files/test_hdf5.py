@@ -19,7 +19,7 @@ from palpate import fem
 from palpate.errors import OutputError, PalpateError, RecordingError
 from palpate.fem.errors import BodyError
 from palpate.files import hdf5_output
-from palpate.files.hdf5_input import Hdf5Reader
+from palpate.files.hdf5_input import Hdf5Reader, open_foreign, read_everything, read_seal
 from palpate.identification.recording import Recording
 from palpate.simulation.trace import Trace, TraceError
 from palpate.sweeps import SweepError, merge, open_sweep
@@ -281,6 +281,56 @@ def test_a_file_of_another_structure_is_refused(
     reseal(path, later)
     with pytest.raises(PalpateError, match=r"a\.h5"):
         READ[kind](path)
+
+
+def test_only_files_that_a_digest_names_are_read_once_by_a_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file without a seal is read each time, and one whose digest leaves out cells too."""
+    tried: list[str] = []
+    monkeypatch.setattr("palpate.files.hdf5_input._try_in_process", lambda path, *_args: tried.append(path.name))
+    monkeypatch.setattr("palpate.files.hdf5_input.known_digests", set())
+    with h5py.File(tmp_path / "foreign.h5", "w") as file:
+        file["x"] = 1.0
+    for kind, name in (("trace", "sealed.h5"), ("sweep", "cells.h5")):
+        WRITE[kind](tmp_path / name)
+    tried.clear()
+    for name in ("foreign.h5", "sealed.h5", "cells.h5"):
+        for _ in range(3):
+            open_foreign(tmp_path / name, OutputError, "thing").__exit__(None, None, None)
+    assert [tried.count(name) for name in ("foreign.h5", "sealed.h5", "cells.h5")] == [3, 1, 3]
+
+
+@pytest.mark.parametrize("name", ["data", "group/data"])
+def test_a_damaged_chunk_is_found_in_a_group_too(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        data = file.create_dataset(name, data=np.arange(200.0), chunks=(200,), compression="gzip")
+        place = data.id.get_chunk_info(0)
+    assert read_everything(path) == ""
+    whole = path.read_bytes()
+    path.write_bytes(whole[: place.byte_offset] + bytes(place.size) + whole[place.byte_offset + place.size :])
+    assert read_everything(path) != ""
+
+
+def test_the_handles_of_files_are_closed(tmp_path: Path) -> None:
+    def lowest() -> int:
+        handle = os.open(tmp_path, os.O_RDONLY)
+        os.close(handle)
+        return handle
+
+    trace().save(tmp_path / "a.h5")
+    before = lowest()
+    read_seal(tmp_path / "a.h5", OutputError, "trace")
+    assert lowest() == before
+
+
+def test_reserved_space_that_is_not_used_is_given_back(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file["x"] = np.arange(9.0)
+
+    plain = hdf5_output.write_hdf5(tmp_path / "a.h5", fill).stat().st_size
+    assert hdf5_output.write_hdf5(tmp_path / "b.h5", fill, reserve=1_000_000).stat().st_size == plain
 
 
 def test_external_data_are_not_read(tmp_path: Path) -> None:

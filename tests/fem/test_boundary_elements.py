@@ -59,7 +59,7 @@ def test_the_widest_angle_is_that_of_the_cosine_rule() -> None:
     everything = np.ones(4, dtype=bool)
     base = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0]])
     for height in (2.0**0.5 / 3.0**0.5, 0.2):
-        points = 0.01 * np.vstack([base, base.mean(axis=0) + [0.0, 0.0, height]])
+        points = 0.01 * np.vstack([base, [0.5, 0.75**0.5 / 3.0, height]])
         side = 1.0 / 3.0 + height**2  # squared
         elements = BoundaryElements(points, faces, everything, everything, 10e3, 0.3, 1)
         expected = max(60.0, np.degrees(np.arccos(1.0 - 0.5 / side)))

@@ -101,7 +101,7 @@ def test_a_surface_is_the_same_in_any_order_of_its_triangles() -> None:
     """Also where two tetrahedra share an edge, so that two triangles have the same first and last vertex."""
     points = 0.01 * np.array([[0, 0, 0], [0, 0, 1], [1, 1, 0.5], [1, 2, 0.5], [1, -1, 0.5], [1, -2, 0.5]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    faces = np.vstack([faces, np.array([0, 1, 4, 5])[faces]])
+    faces = np.vstack([faces, np.array([0, 1, 5, 4])[faces]])
     one = closed(points, faces)
     rng = np.random.default_rng(0)
     for _ in range(5):

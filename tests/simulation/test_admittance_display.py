@@ -236,7 +236,12 @@ def test_the_loop_along_the_surface_counts() -> None:
 
 
 def test_a_free_direction_is_neutral_and_left_out() -> None:
+    """A spring leaves no direction free, so a tool without damper is judged by its loop."""
     push = {"kind": "force", "force": ["0 N", "0 N", "-1 N"]}
+    held = display(operator=push, object={"kind": "spring", "stiffness": "1 N/mm"})
+    held["servo"] = {**held["servo"], "tool": {"mass": "0.1 kg", "damping": "0 N*s/m"}}
+    slowest = np.abs(np.linalg.eigvals(display_matrix(Scenario.from_dict(held)))).max()
+    assert slowest == pytest.approx(1.0 / np.sqrt(1.0 + 1000.0 * 5e-4**2 / 0.1), rel=1e-6)  # of the backward difference
     assert np.abs(np.linalg.eigvals(display_matrix(Scenario.from_dict(display(operator=push))))).max() < 0.999
     bare = display(operator=push)
     bare["servo"] = {**bare["servo"], "tool": {"mass": "0.1 kg", "damping": "0 N*s/m"}}

@@ -12,7 +12,9 @@ from palpate import fem
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, body_response, multirate_response
+from palpate.simulation.body_response.held_tip import _frame
 from palpate.simulation.body_response.realization import realize
+from palpate.simulation.body_response.response import _choose_step
 
 PERIOD, DEPTH = 1e-3, 0.3e-3
 PATH = np.linspace([0.0, 0.0, 0.0], [0.0, 0.0, -0.2e-3 - DEPTH], 50)
@@ -91,6 +93,13 @@ def test_modes_answer_as_their_oscillators_under_a_held_force(block: Path) -> No
     assert found.one_tick[0, 0] > 1.2 * found.static[0, 0]
 
 
+def test_the_frame_of_a_contact_is_orthonormal_and_begins_with_the_normal() -> None:
+    for normal in ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.6, 0.0, -0.8], [1.0, 2.0, 2.0]):
+        frame = _frame(np.array(normal))
+        np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=1e-15)
+        np.testing.assert_allclose(frame[:, 0], np.array(normal) / np.linalg.norm(normal), atol=1e-15)
+
+
 class Relaxing:
     """A tip whose force on its body is 1000 N/m of its displacement and decays by a factor from tick to tick."""
 
@@ -117,6 +126,20 @@ class Relaxing:
             forces[tick] = self.state
         self.ticks = max(self.ticks, len(path))
         return forces, None
+
+
+class Softening(Relaxing):
+    """A tip on 1000 N/m, with 4 % more in one direction; moved by more than 0.3 um, on 100 N/m, with 10 % more."""
+
+    def move(self, path: np.ndarray) -> tuple[np.ndarray, None]:
+        far = np.abs(path) > 0.3e-6
+        odd = np.where(far, 0.10, 0.04) * (path > 0.0)
+        return np.where(far, 100.0, 1000.0) * (1.0 + odd) * path, None
+
+
+def test_the_step_is_that_whose_answers_differ_least_for_their_size() -> None:
+    """The answers to large steps differ by 10 N/m in 100, and those to small ones by 40 N/m in 1000."""
+    assert _choose_step(Softening(0.0)) < 0.3e-6  # type: ignore[arg-type]
 
 
 def test_a_record_is_as_long_as_a_response_takes_to_decay() -> None:
@@ -153,6 +176,15 @@ def test_a_realization_reproduces_a_random_system_within_its_bound() -> None:
         z = np.exp(1j * angle)
         true = d + c @ np.linalg.solve(z * np.eye(6) - a, b)
         assert np.all(np.abs(noisy(z) - true) <= bound + 1e-4 * np.sqrt(len(markov)) * 4)
+
+
+def test_a_realization_uses_the_whole_of_a_short_record() -> None:
+    """Five values give a 2 x 2 Hankel matrix, which is enough for two states."""
+    record = np.array([3.0, *(0.02**k - 2.0 * 0.03**k for k in range(4))])[:, None, None]
+    system, error = realize(record, PERIOD)
+    assert system.nstates == 2
+    assert sorted(system.poles().real) == pytest.approx([0.02, 0.03], rel=1e-6)
+    assert error.max() < 1e-5 * np.abs(record).sum()
 
 
 def test_a_hyperelastic_body_follows_its_local_model_between_updates(block: Path) -> None:

@@ -17,7 +17,8 @@ from palpate.simulation.evidence import (
     second_differences,
     swing,
 )
-from palpate.simulation.judgment import _lost, _oscillation, judge, judge_pushed
+from palpate.simulation.judgment import _hidden, _lost, _oscillation, _undecided, judge, judge_pushed
+from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import Evidence, State, decide, growth
@@ -53,6 +54,11 @@ def test_early_prior_and_late_are_the_second_fourth_and_last_fifth_of_the_window
         run = trace(kinks(last + 1, {50: 9.0, **sizes}))
         found = evidence(run, None, Window(first, last), None)
         assert (found.early[0], found.prior[0], found.late[0]) == pytest.approx((1e-1, 1e-3, 1e-4), rel=1e-6)
+        still = np.zeros((last + 1, 3))
+        full = trace(run["tip"], object_force=still, command_force=still)
+        cell = outcome_of(full, PERIOD, Window(first, last))
+        fifths = (cell["oscillation_2"], cell["oscillation_4"], cell["oscillation_5"])
+        assert fifths == pytest.approx((1e-1, 1e-3, 1e-4), rel=1e-6)
 
 
 def test_an_oscillation_grows_by_its_factor_per_fifth() -> None:
@@ -194,6 +200,8 @@ def test_an_oscillation_is_described_along_its_largest_axis_without_its_trend() 
         assert found == name
         assert amplitude == pytest.approx(0.5 * np.ptp(tip[:, axis]))
         assert frequency == pytest.approx(20.0, rel=0.03)
+    alternating = np.where(np.arange(9) % 2, -1.0, 1.0)  # between any two samples it crosses its mean
+    assert _oscillation(t[:9], along_x(alternating))[2] == pytest.approx(0.5 / PERIOD)
     assert _oscillation(t, along_x(t))[2] is None
     assert _oscillation(t[:2], along_x(t[:2])) == ("x", pytest.approx(0.5e-3), None)
 
@@ -334,6 +342,37 @@ def test_a_diverging_run_says_when_and_along_which_axis() -> None:
     one = Trace(run.time[:1], {}, 0.001)
     assert judge(one).reason == "diverges at t = 0.001 s"
     assert judge(Trace(np.zeros(1), {})).reason == "the run has no samples to judge"
+
+
+def test_two_samples_are_judged() -> None:
+    run = trace(along_x(np.array([0.0, 1e-3])), reference_force=np.ones((2, 3)))
+    assert "no samples to judge" not in judge(run).reason
+
+
+def test_a_run_that_leaves_its_start_says_how_far_it_goes() -> None:
+    """From the first sample to the last: 3 mm and 4 mm across each other."""
+    way = np.linspace(0.0, 1e-3, 50)[:, None] * np.array([3.0, 0.0, -4.0])
+    linear: Any = SimpleNamespace(leaves=True)
+    assert _hidden(trace(way), settled(), "", linear).endswith("comes to rest 5 mm away")
+
+
+@pytest.mark.parametrize(("deflection", "resolution"), [(1e-3, 0.0), (1e-6, 1e-6)])
+def test_a_tip_off_its_target_rests_if_it_moves_less_than_the_approach_and_the_counts(
+    deflection: float, resolution: float
+) -> None:
+    """Up to 1e-3 of the deflection, or two encoder counts."""
+    for ripple, rests in ((0.99e-6, True), (1.01e-6, False)):
+        found = settled(error=0.2, ripple=ripple, deflection=deflection, resolution=resolution)
+        said = _undecided(np.array([0.0, 1.0]), found, "its swing")
+        expected = "it rests" if rests else "after 1 s it is"
+        assert said.startswith(f"{expected} 20 % from force over stiffness")
+
+
+def test_a_motion_at_rounding_level_does_not_grow() -> None:
+    """However small it was before: second differences below 1e-14 m are rounding."""
+    before = {"early": 1e-17, "prior": 1e-17, "swing": 2e-6, "swing_before": 1e-6, "ripple": 2e-6, "linear": 0}
+    assert state(**before, late=0.9e-14) is State.SETTLED
+    assert state(**before, late=1.1e-14) is State.UNSTABLE
 
 
 def test_a_run_that_nothing_excites_is_undecided() -> None:

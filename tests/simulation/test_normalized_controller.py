@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from palpate.scenario import Scenario
 from palpate.simulation import ContactResult, scenario_loop
 from palpate.simulation.controllers import build_controller, with_controller
 from palpate.simulation.linear_contact import contact_radius
+from palpate.simulation.linear_loop import controlled_object, touched_directions
 from palpate.simulation.loop_config import resolve
 from palpate.simulation.verdict import State
 from palpate.stability import certify, zwidth
@@ -300,3 +302,20 @@ def test_a_resolved_loop_and_a_scenario_of_the_controller_keep_the_normalization
     assert np.array_equal(given["tip"], palpate.simulate(press(object=spring(200.0)))["tip"])
     again = Scenario.from_dict(with_controller(scenario, law).to_dict())
     assert again.controller.normalize == pytest.approx((1000.0,) * 3)
+
+
+def test_a_normalized_controller_sees_its_design_stiffness_in_any_object_with_a_spring() -> None:
+    """In 0.5 N/m as well as in 4 N/mm, and the damping in the same ratio; an axis without a spring is left alone."""
+    touched = SimpleNamespace(stiffness=(0.5, 4000.0, 0.0), damping=(0.1, 2.0, 3.0))
+    scenario: Any = SimpleNamespace(object=touched)
+    law: Any = SimpleNamespace(design_stiffness=np.full(3, 1000.0))
+    k, b = controlled_object(scenario, law)
+    np.testing.assert_allclose(k, [1000.0, 1000.0, 0.0])
+    np.testing.assert_allclose(b, [200.0, 0.5, 3.0])
+
+
+def test_an_object_is_felt_where_it_has_a_spring_or_a_damper() -> None:
+    touched = SimpleNamespace(kind="spring", stiffness=(1.0, 0.0, 0.0), damping=(2.0, 3.0, 0.0))
+    scenario: Any = SimpleNamespace(object=touched)
+    np.testing.assert_array_equal(touched_directions(scenario, np.eye(3)), np.eye(3)[:, :2])
+    np.testing.assert_array_equal(touched_directions(scenario, np.diag([0.0, 1.0, 1.0])), np.eye(3)[:, 1:2])

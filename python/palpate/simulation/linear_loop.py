@@ -38,7 +38,6 @@ class ScenarioLoop:
         stiffness: K (r, r), N/m; damping: B (r, r), N s/m.
         coupling: "backward" or "bilinear".
         device_damping: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
-        hidden: number of modes that the object does not feel or the controller does not move.
         rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
         normalized: whether the controller divides by the object's stiffness; K is then its design stiffness, and B is
             the object's damping times K over the object's stiffness.
@@ -50,7 +49,6 @@ class ScenarioLoop:
     damping: Array
     coupling: str
     device_damping: float
-    hidden: int
     rests: bool = True
     normalized: bool = False
 
@@ -138,8 +136,7 @@ def scenario_loop(
     rests = _rests(device, at, geometric_stiffness)
     own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
     normalized = law.design_stiffness is not None
-    hidden = len(a) - path.nstates
-    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, hidden, rests, normalized)
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, rests, normalized)
 
 
 def controlled_object(scenario: Scenario, law: Controller) -> tuple[Array, Array]:

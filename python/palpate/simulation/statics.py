@@ -27,7 +27,7 @@ def force_over_stiffness(force: ArrayLike, stiffness: ArrayLike, dof: int) -> Ar
 def expected_deflection(scenario: Scenario | None) -> list[float | None]:
     """Return force over stiffness per axis, m, for a constant reference force; None for other axes.
 
-    On a wall that the force presses, under force tracking, it is the deflection along the normal.
+    On a wall that the force presses it is the deflection along the normal.
     """
     unknown: list[float | None] = [None, None, None]
     if scenario is None or scenario.reference is None or scenario.contact_kind not in ("spring", "wall"):
@@ -39,7 +39,7 @@ def expected_deflection(scenario: Scenario | None) -> list[float | None]:
     force = np.array(reference.force)
     if scenario.contact_kind == "wall":
         normal = np.array(scenario.object.normal, dtype=float)
-        if scenario.servo.topology != "force_tracking" or not presses(force, normal)[0]:
+        if not presses(force, normal)[0]:
             return unknown
         normal /= np.linalg.norm(normal)
         force = np.where(normal != 0.0, force @ normal * normal, np.nan)

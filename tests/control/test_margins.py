@@ -144,6 +144,35 @@ def test_peak_gain_finds_a_resonance_narrower_than_the_grid() -> None:
     assert peak == pytest.approx(1 / ((1 - r) * abs(np.exp(1j * t) - r * np.exp(-1j * t))), rel=1e-4)
 
 
+def resonance(r: float, t: float, peak: float) -> control.StateSpace:
+    """Return g/(z^2 - 2 r cos(t) z + r^2): peak g/((1 - r^2) sin(t)) where cos(theta) = cos(t) (1 + r^2)/(2 r)."""
+    a = np.array([[2 * r * np.cos(t), -(r**2)], [1.0, 0.0]])
+    return control.StateSpace(a, [[1.0], [0.0]], [[0.0, peak * (1 - r**2) * np.sin(t)]], [[0.0]], T)
+
+
+@pytest.mark.parametrize("angle", [0.7, 1.3, 2.1, 2.5])
+def test_peak_gain_of_two_channels_is_that_of_the_higher_although_the_grid_hits_the_lower(angle: float) -> None:
+    for r in (0.6, 0.75, 0.9):
+        sharp, blunt = resonance(1 - 1e-5, 1.2, 1.0), resonance(r, angle, 1.0005)
+        peak, where = peak_gain(control.append(sharp, blunt))
+        assert peak == pytest.approx(1.0005, rel=2e-6)
+        assert np.cos(where) == pytest.approx(np.cos(angle) * (1 + r**2) / (2 * r), abs=1e-3)
+
+
+@pytest.mark.parametrize("above", [1e-4, 1e-3, 1e-2])
+def test_a_peak_that_just_exceeds_one_has_both_its_crossings(above: float) -> None:
+    """|z^2 + a z + b|^2 = (1 - b)^2 + a^2 + 2 a (1 + b) cos(theta) + 4 b cos(theta)^2 on the circle."""
+    r, t = 0.99, 1.0
+    loop = resonance(r, t, 1 + above)
+    a, b, g = -2 * r * np.cos(t), r**2, float(loop.C[0, 1])
+    theta = np.arccos(np.roots([4 * b, 2 * a * (1 + b), (1 - b) ** 2 + a**2 - g**2]))
+    z = np.exp(1j * theta)
+    phases = np.pi - np.abs(np.angle(g / (z**2 + a * z + b)))
+    m = loop_margins(loop)
+    assert np.radians(m.phase) == pytest.approx(phases.min(), rel=1e-7)
+    assert m.crossover * T == pytest.approx(theta[np.argmin(phases)], rel=1e-9)
+
+
 def test_an_interval_of_gains_ends_on_both_sides_where_the_pole_leaves_the_circle() -> None:
     """0.5/(z - 1.1) closes to the pole 1.1 - k/2, which is inside for 0.2 < k < 4.2, from any gain in between."""
     loop = control.StateSpace([[1.1]], [[0.5]], [[1.0]], [[0.0]], T)

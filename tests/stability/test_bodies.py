@@ -96,7 +96,10 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
     tables = press(path, "compliance", 1.0)
     tables["object"]["body"] = {"file": str(path), "radius": "20 mm", "tip": "flat"}
     wall = {**tables, "object": {"kind": "wall", "stiffness": "512 N/m", "normal": [0, 0, 1]}}
-    ours, exact = zwidth(tables), zwidth(wall, simulated=False)
+    told: list[float] = []
+    ours, exact = zwidth(tables, progress=lambda _, share: told.append(share)), zwidth(wall, simulated=False)
+    assert told == sorted(told)
+    assert 0.0 <= told[0] <= told[-1] <= 1.0
     assert len(ours.curves) >= 2
     for name, curve in ours.curves.items():
         assert curve.stiffness[0] == pytest.approx(exact.curves[name].stiffness[0], rel=2e-2)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate.stability.maps.boundary_curve import Boundary
+from palpate.linear import HumanArm, LinearDevice
+from palpate.stability.maps.boundary_curve import Boundary, stability_boundary
 
 
 def curve(damping: np.ndarray, stiffness: np.ndarray, jump: float = 0.05) -> Boundary:
@@ -59,3 +60,30 @@ def test_a_part_of_a_curve_keeps_its_points_and_their_angles() -> None:
     np.testing.assert_array_equal(part.angle, ARC.angle[kept])
     assert (part.inside, part.jump) == (ARC.inside, ARC.jump)
     assert len(ARC.up_to("5 N*s/m").damping) == 400
+
+
+@pytest.mark.parametrize("points", [40, 300])
+@pytest.mark.parametrize(
+    ("damping", "arm", "delay", "least"),
+    [
+        (0.05, None, 0, 0.0),
+        (0.05, None, 2, 0.0),
+        (5.0, None, 1, 0.0),
+        (0.05, HumanArm(0.15, 4.5, 560.0, 500.0, 0.5), 1, 0.0),
+        (0.05, None, 0, 10.0),
+        (100.0, None, 0, 0.0),
+    ],
+)
+def test_a_curve_is_evenly_spaced_and_runs_from_the_least_damping_to_no_stiffness(
+    points: int, damping: float, arm: HumanArm | None, delay: int, least: float
+) -> None:
+    found = stability_boundary(
+        LinearDevice.of_mass(0.06, damping, arm), period=1e-3, delay=delay, min_damping=least, points=points
+    )
+    b, k = found.damping / found.damping.max(), found.stiffness / found.stiffness.max()
+    assert len(b) == points
+    assert b[0] == pytest.approx(least / found.damping.max(), abs=2e-7)
+    assert k[-1] == pytest.approx(0.0, abs=2e-7)
+    steps = np.hypot(np.diff(b), np.diff(k))
+    steps = steps[steps > 1e-6]  # but where two segments meet
+    assert np.abs(steps / np.median(steps) - 1.0).max() < 0.2

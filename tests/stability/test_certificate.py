@@ -231,7 +231,10 @@ def test_loop_of_a_slider_scenario_is_the_wall_loop() -> None:
 
 def test_zwidth_of_a_slider() -> None:
     """The simulated boundary lies on the exact curve; the passive region below it; a rigid grip above."""
-    found = zwidth(slider())
+    told: list[float] = []
+    found = zwidth(slider(), progress=lambda _, share: told.append(share))
+    assert told == sorted(told)
+    assert 0.0 <= told[0] <= told[-1] <= 1.0
     names = list(found.curves)
     assert names[0] == "nobody holds it"
     assert found.simulated is not None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from time import process_time
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from palpate.errors import StabilityError
 from palpate.metrics import measure_performance
@@ -14,6 +16,8 @@ from palpate.scenario import Scenario
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import State
 from palpate.stability import certify, switching, zwidth
+from palpate.stability.mesh_certificate import _order
+from palpate.stability.mode_stability import Switching
 from random_mesh_loops import loops, outcome
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -108,8 +112,16 @@ def test_a_mesh_that_the_tip_cannot_reach_is_an_error_with_a_remedy() -> None:
 
 
 def test_the_zwidth_of_a_mesh_ends_where_a_mode_becomes_unstable() -> None:
-    found = zwidth(_press("500 N/m"))
+    told: list[tuple[str, float]] = []
+    found = zwidth(_press("500 N/m"), progress=lambda text, share: told.append((text, share)))
+    for text in {text for text, _ in told}:
+        shares = [share for one, share in told if one == text]
+        assert isinstance(text, str)
+        assert shares == sorted(shares)
+        assert 0.0 <= shares[0] <= shares[-1] <= 1.0
     curve = found.curves["every contact mode"]
+    gaps = np.hypot(np.diff(curve.damping) / curve.damping.max(), np.diff(curve.stiffness) / curve.stiffness.max())
+    assert gaps.max() < 0.2  # of the size of the curve
     assert found.here == (0.0, 500.0)
     undamped = float(curve.stiffness[0])
     assert certify(_press(f"{0.95 * undamped} N/m")).stable
@@ -253,3 +265,14 @@ def test_a_loop_that_rests_late_or_past_an_unstable_pose_is_judged_where_it_rest
     assert certificate.stable, certificate.claim
     assert claim in certificate.claim
     assert any(place in sentence for sentence in certificate.assumptions)
+
+
+def test_the_dwell_time_is_that_of_the_slowest_pair_in_seconds() -> None:
+    contact: Any = SimpleNamespace(scenario=SimpleNamespace(period=2e-3))
+    pairs = [
+        Switching(contact, "dwell", 0.0, dwell, False, pair) for dwell, pair in ((20.0, ("a", "b")), (45.0, ("c", "d")))
+    ]
+    margin: dict[str, float] = {}
+    said = _order(contact, pairs, margin)
+    assert margin == {"dwell_time_s": pytest.approx(0.09)}
+    assert "lasts 0.09 s on average (worst between c and d)" in said

@@ -10,13 +10,17 @@ import pytest
 from palpate.contact import Mesh, Surface
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
+from palpate.simulation.contact_law import ContactLaw
 from palpate.simulation.meshes import box_mesh
 from palpate.simulation.trace import Trace
-from palpate.stability.mesh_modes import face_modes
+from palpate.stability.mesh_contact import mesh_contact
+from palpate.stability.mesh_modes import face_modes, sliding_mode
 from palpate.stability.mesh_sites import (
     GROUPS,
+    KEPT,
     NEAR,
     NORMAL_RESOLUTION,
+    SLIDES,
     TouchedSurface,
     contact_rows,
     face_stiffness,
@@ -242,3 +246,47 @@ def test_a_surface_is_curved_by_shading_a_field_or_a_sphere_alone(tmp_path: Path
     normals = touched(tmp_path).normals
     assert np.linalg.norm(normals, axis=1) == pytest.approx(np.ones(4))
     assert np.all(normals[:, 2] > 0.0)
+
+
+@pytest.mark.parametrize("design", [None, (100.0, 300.0, 800.0)])
+def test_slips_measured_on_a_flat_part_of_a_shaded_surface_are_those_of_a_face(
+    design: tuple[float, float, float] | None, tmp_path: Path
+) -> None:
+    """Also where a normalized controller scales the normal force: the cone of friction is that of the surface."""
+    box = {"shape": "box", "edge": "40 mm", "divisions": 1}
+    surface = touched(tmp_path, box, shading="30 deg", static_friction=0.5, dynamic_friction=0.3)
+    if design is not None:
+        surface.controller = surface.controller.normalized(design)
+    normal = np.array([0.0, 0.0, 1.0])
+    face = int(np.argmax(surface.normals @ normal))
+    place, depth = surface.mesh.vertices[surface.mesh.triangles[face]].mean(axis=0), 3e-4
+    channels = {
+        "proxy": place[None], "triangle": np.array([[face]]), "normal": normal[None], "depth": np.array([[depth]]),
+        "surface_stiffness": np.array([[400.0]]),
+    }  # fmt: skip
+    rest, slips = surface._measured(Trace.of(np.zeros(1), channels), 0, 0.0)
+    point = surface.point(normal, 400.0, 0.0, static=False)
+    assert rest is not None
+    assert pytest.approx(np.diag([400.0, 400.0, 400.0 if design is None else 800.0]), abs=1e-3) == rest.law.D
+    assert len(slips) == SLIDES
+    for k, slip in enumerate(slips):
+        angle = 2.0 * np.pi * k / SLIDES
+        s = np.array([np.cos(angle), np.sin(angle)]) @ point.tangents()
+        exact = sliding_mode(point, s, KEPT)
+        for z in (1.01, np.exp(0.3j), -1.0):
+            assert response(slip.law, z) == pytest.approx(response(exact.law, z), abs=0.2)
+
+
+def response(law: ContactLaw, z: complex) -> np.ndarray:
+    return law.D + law.C @ np.linalg.solve(z * np.eye(len(law.A)) - law.A, law.B)
+
+
+def test_a_mesh_of_one_triangle_is_a_site_with_its_face(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    corners = np.array([[-0.05, -0.04, 0.0], [0.05, -0.04, 0.0], [0.0, 0.06, 0.0]])
+    trimesh.Trimesh(corners, [[0, 1, 2]], process=False).export(tmp_path / "one.obj")
+    mesh = {"file": str(tmp_path / "one.obj"), "unit": "m", "open": True}
+    tables = touched(tmp_path, mesh).scenario.to_dict()
+    tables["operator"]["force"] = ["0 N", "0 N", "-1 N"]
+    for site in mesh_contact(Scenario.from_dict(tables)).sites:
+        assert [point.stiffness for point in site.points] == [400.0]

@@ -72,9 +72,11 @@ def test_exact_damping_against_every_motion_of_a_finite_length(stiffness: float,
 )
 @settings(max_examples=60, deadline=None)
 def test_sufficient_damping_suffices(stiffness: float, damping: float, delay: float) -> None:
-    """K(n + 1/2)T + |B| is never less than what the wall needs."""
+    """K(n + 1/2)T + |B| is never less than what the wall needs, and exactly that without delay."""
     given_ = {"stiffness": stiffness, "virtual_damping": damping, "period": 0.7, "delay": delay}
     assert passive_damping(**given_) <= sufficient_damping(**given_) * (1 + 1e-9) + 1e-9
+    at_once = {**given_, "delay": 0.0}
+    assert sufficient_damping(**at_once) == pytest.approx(passive_damping(**at_once), rel=1e-9)
 
 
 @given(

@@ -20,6 +20,7 @@ from palpate.simulation import scenario_loop
 from palpate.stability import Workspace, certify, stability_interval, workspace
 from palpate.stability.counter_example import growth
 from palpate.stability.maps.pose_loops import PoseLoops
+from palpate.stability.maps.reachable_poses import reachable_poses
 from palpate.stability.maps.zwidth_map import wall_loops
 from typer.testing import CliRunner
 
@@ -51,6 +52,13 @@ def placed(tables: dict[str, Any], pose: np.ndarray, normal: np.ndarray, stiffne
 def delayed() -> tuple[dict[str, Any], Workspace]:
     tables = display(delay=1, damping=1.5)
     return tables, workspace(tables, poses=120)
+
+
+def test_the_poses_of_an_arm_that_points_ahead_are_their_own_mirror_image() -> None:
+    for start in ([0.0, 0.3, 0.2], [0.0, 2.2305, 3.2776]):
+        _, tips, _, _ = reachable_poses(ARM, np.array(start), 120)
+        left, right = (np.round(1e6 * tips * [side, 1, 1]) for side in (-1, 1))
+        assert {tuple(tip) for tip in left + 0.0} == {tuple(tip) for tip in right + 0.0}
 
 
 def test_every_limit_is_that_of_the_pose_by_itself(delayed: tuple[dict[str, Any], Workspace]) -> None:

@@ -92,3 +92,14 @@ def test_a_loop_that_is_unstable_by_itself_is_named() -> None:
 def test_the_spectral_radius_is_that_of_the_observers_slow_pole() -> None:
     loops = workspace_loops(workspace(mass(0.1), PERIOD), np.zeros((1, 3)))
     assert np.abs(np.linalg.eigvals(loops[0])).max() == pytest.approx(0.995012479, rel=1e-6)
+
+
+def test_a_delayed_command_is_the_tip_acceleration_of_the_next_tick_at_every_pose() -> None:
+    """In the state, over the bandwidth: a tick adds T times it to the velocity, and T^2 / 2 to the deflection."""
+    controller = workspace(ARM, PERIOD)
+    tick = PERIOD * controller.bandwidth
+    for loop in workspace_loops(controller, drawn(3, seed=1), delay=2):
+        now, late = loop[:, 9:12], loop[:, 6:9]
+        assert now[3:6] / tick == pytest.approx(np.eye(3), abs=5e-3)
+        assert now[:3] / tick**2 == pytest.approx(0.5 * np.eye(3), abs=5e-3)
+        assert late[:6] == pytest.approx(0.0, abs=1e-12)

@@ -235,6 +235,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
             r"no contact node: all .* are fixed; the body extends from \(0, 0, 0\) to \(20, 20, 20\) mm$",
         ),
         (lambda body: bodies.Volume([["0 mm"] * 3] * 3 + [["1 s"] * 3], [[0, 1, 2, 3]]), 'points: "1 s" is a time'),
+        (
+            lambda body: bodies.Volume([[0, 0, 0], [1, np.nan, 0], [0, 1, 0], [0, np.inf, np.nan]], [[0, 1, 2, 3]]),
+            r"these are \(4, 3\), 2 of them not finite, the first has index 1",
+        ),
         (lambda body: bodies.Volume(np.eye(4, 3), [[0, 1, 2, -1]]), "has the point index -1; indices are 0 to 3"),
         (lambda body: bodies.fill(np.eye(3), [[0, 1, 9]], 0.1), "triangle 0 is"),
         (lambda body: HyperelasticModel(CUBE, 5e3, "z < 1 mm"), "a Volume and a Material, not of <Volume: 48"),

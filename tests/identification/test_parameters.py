@@ -8,8 +8,10 @@ from identify_data import premium_recording, short_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
+from palpate.identification.instruments import expected_angles
 from palpate.identification.parameters import _balance, long_run_covariance
 from palpate.identification.weak_form import TestFunctions, weak_rows
+from scipy import signal
 
 ARM = devices.load("phantom-premium-1.5a")
 
@@ -69,6 +71,19 @@ def test_instruments_remove_the_bias_of_the_closed_loop():
     assert error["least_squares"][0] < -6 * error["least_squares"][1]
     assert error["least_squares"][0] < -0.03
     assert abs(error["instruments"][0]) < 3 * error["instruments"][1]
+
+
+def test_instruments_at_half_the_rate_are_nearer_than_lines_between_exact_samples():
+    """Without noise the instruments of a linear loop are its angles, but for the interpolation."""
+    period, n = 5e-3, 2000
+    push = identify.multisine([1.0], (0.5, 8.0), lines=15, seed=1).sample(n * period, period)
+    step = signal.cont2discrete(([1.0], [1.0, 20.0, 900.0]), period)
+    angle = signal.lfilter(step[0].ravel(), step[1], push[:, 0])
+    time, middle = period * np.arange(n), slice(200, -200)
+    found = expected_angles(identify.Recording(time, angle[:, None], push, excitation=push), order=2)
+    lines = np.interp(time, time[::2], angle[::2])
+    off = [np.linalg.norm((one - angle)[middle]) for one in (found[:, 0], lines)]
+    assert off[0] < 0.8 * off[1] < 0.01 * np.linalg.norm(angle)
 
 
 def test_weak_form_where_second_differences_drown_in_counts():

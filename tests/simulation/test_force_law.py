@@ -146,6 +146,8 @@ def test_no_multiplier_proves_a_loop_that_is_unstable_at_the_least_slope() -> No
     assert _multiplier(held, 600.0, 800.0) is not None  # 0.99
     assert _multiplier(held, 600.0, 600.0) == (0.0, 0.0)
     assert _multiplier(held, 400.0, 400.0) is None
+    edge = control.StateSpace([[1.5]], [[-1.0 / 1024.0]], [[1.0]], [[0.0]], 1e-3)
+    assert _multiplier(edge, 512.0, 512.0) is None  # exactly 1
 
 
 def test_the_exact_test_of_the_multiplier_agrees_with_a_dense_grid() -> None:

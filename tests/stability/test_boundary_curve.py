@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from palpate.linear import HumanArm, LinearDevice
+from palpate.linear import HumanArm, LinearDevice, wall_loop
 from palpate.stability.maps.boundary_curve import Boundary, stability_boundary
 
 
@@ -64,22 +64,22 @@ def test_a_part_of_a_curve_keeps_its_points_and_their_angles() -> None:
 
 @pytest.mark.parametrize("points", [40, 300])
 @pytest.mark.parametrize(
-    ("damping", "arm", "delay", "least"),
+    ("damping", "arm", "delay", "filtered", "least"),
     [
-        (0.05, None, 0, 0.0),
-        (0.05, None, 2, 0.0),
-        (5.0, None, 1, 0.0),
-        (0.05, HumanArm(0.15, 4.5, 560.0, 500.0, 0.5), 1, 0.0),
-        (0.05, None, 0, 10.0),
-        (100.0, None, 0, 0.0),
+        (0.05, None, 0, 0.0, 0.0),
+        (0.05, None, 2, 0.0, 0.0),
+        (5.0, None, 1, 0.0, 0.0),
+        (0.05, HumanArm(0.15, 4.5, 560.0, 500.0, 0.5), 1, 0.0, 0.0),
+        (0.05, HumanArm(0.012, 0.44, 4.5, 230.0, 0.01), 3, 0.5, 0.0),
+        (0.05, None, 0, 0.0, 10.0),
+        (100.0, None, 0, 0.0, 0.0),
     ],
 )
 def test_a_curve_is_evenly_spaced_and_runs_from_the_least_damping_to_no_stiffness(
-    points: int, damping: float, arm: HumanArm | None, delay: int, least: float
+    points: int, damping: float, arm: HumanArm | None, delay: int, filtered: float, least: float
 ) -> None:
-    found = stability_boundary(
-        LinearDevice.of_mass(0.06, damping, arm), period=1e-3, delay=delay, min_damping=least, points=points
-    )
+    loop = wall_loop(LinearDevice.of_mass(0.06, damping, arm), 1e-3, delay, filtered)
+    found = stability_boundary(loop, min_damping=least, points=points)
     b, k = found.damping / found.damping.max(), found.stiffness / found.stiffness.max()
     assert len(b) == points
     assert b[0] == pytest.approx(least / found.damping.max(), abs=2e-7)

@@ -225,6 +225,19 @@ def test_measured_response_that_cannot_tell_says_why(measured: MeasuredResponse,
     assert np.isnan(verdict.critical_stiffness)
 
 
+def test_of_two_crossings_between_neighboring_frequencies_the_softer_one_is_the_limit() -> None:
+    """W = K + j (theta - a)(theta - b) with a stiffness that rises with the angle: the limit is K(a)."""
+    step = 0.45 / T / 64
+    frequency = step * np.arange(1, 65)
+    angle = 2 * np.pi * frequency * T
+    first, second = (2 * np.pi * step * T * place for place in (30.1, 31.2))
+    required = 1000.0 + 100.0 * angle + 50j * (angle - first) * (angle - second)
+    found = MeasuredResponse(frequency, -1.0 / required, T, np.full(64, 1e-12)).critical_stiffness()
+    assert found.known
+    assert found.critical_stiffness == pytest.approx(1000.0 + 100.0 * first, rel=1e-9)
+    assert found.frequency == pytest.approx(30.1 * step, rel=1e-9)
+
+
 def test_measured_response_that_is_none_is_refused() -> None:
     with pytest.raises(StabilityError, match="half the sampling rate"):
         MeasuredResponse(np.array([1.0, 600.0]), np.array([1.0, 1.0 + 0j]), T)

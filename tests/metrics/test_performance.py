@@ -110,7 +110,19 @@ def test_a_hold_has_lost_half_its_power_at_443_thousandths_of_the_rate() -> None
     """|sin x / x| = 1/sqrt 2 at f T = 0.44295; a half-period delay at low frequency."""
     assert abs(hold_response([442.946], T)[0]) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
     assert np.angle(hold_response([1.0], T)[0]) == pytest.approx(-np.pi * 1e-3, rel=1e-9)
-    assert measure_performance(slider()).hold_bandwidth == pytest.approx(442.946, rel=1e-6)
+    said: list[tuple[str, float]] = []
+    found = measure_performance(slider(title="shaken"), progress=lambda *one: said.append(one))
+    assert found.hold_bandwidth == pytest.approx(442.946, rel=1e-6)
+    assert (found.title, found.topology) == ("shaken", "impedance_display")
+    assert said == [("frequency response", 0.1), ("simulating", 0.5)]
+
+
+def test_a_guard_is_refused_before_a_run_on_a_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.metrics.performance.simulate", lambda _scenario: pytest.fail("a run"))
+    mesh = {"shape": "box", "edge": "40 mm", "divisions": 2, "radius": "2 mm"}
+    touched = {"kind": "mesh", "mesh": mesh, "surface": {"stiffness": "100 N/m"}}
+    with pytest.raises(StabilityError, match="a guard makes the loop nonlinear"):
+        measure_performance(slider(object=touched, guard={"kind": "half_sample"}))
 
 
 def test_force_on_a_hand_is_divided_between_hand_and_device() -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
 from palpate import simulate
 from palpate.metrics import summarize
+from palpate.metrics.body_contact import PalpationMetrics
 from palpate.metrics.mesh_contact import _ripple_power, sliding_metrics
 from palpate.metrics.summary import _magnitude, _plain
 from palpate.simulation.trace import TraceError
@@ -91,6 +93,42 @@ def test_a_wall_across_the_plane_of_a_planar_device_is_warned_of(normal: list[in
     }
     found = summarize(simulate(scenario))["warnings"]
     assert any("cannot move along the wall's normal" in sentence for sentence in found) is warned
+
+
+def test_a_response_that_returns_settles_to_a_share_of_its_peak() -> None:
+    """A spring that begins taut moves the tip until a ramp of force holds it where it began."""
+    tables = {
+        **SLIDER,
+        "operator": {"kind": "force", "shape": "ramp", "rise": "0.1 s", "force": ["-1 N", "0 N", "0 N"]},
+        "object": {
+            "kind": "spring",
+            "stiffness": "100 N/m",
+            "damping": "3 N*s/m",
+            "position": ["10 mm", "0 mm", "0 mm"],
+        },
+        "run": {"duration": "1 s"},
+    }
+    found = summarize(simulate(tables))
+    assert found["axes"]["x"]["overshoot_percent"] is None
+    assert found["verdict"].startswith("settled to 5 % of its peak in")
+
+
+def test_the_shortest_run_has_a_response() -> None:
+    """A servo period has two samples."""
+    tables = {key: table for key, table in SLIDER.items() if key != "operator"}
+    tables |= {"servo": {"period": "1 ms"}, "reference": {"force": ["1 N", "0 N", "0 N"]}, "run": {"duration": "1 ms"}}
+    trace = simulate(tables)
+    assert len(trace) == 2
+    assert summarize(trace)["axes"]["x"]["expected_deflection_m"] == pytest.approx(1.0 / 100.0)
+
+
+def test_a_palpation_settles_with_a_swing_of_1_percent_of_its_force_or_1_mn() -> None:
+    none = dict.fromkeys((one.name for one in fields(PalpationMetrics)), 0.0)
+    for force, most in ((0.02, 1e-3), (0.5, 5e-3)):
+        for swing, settled in ((0.99 * most, True), (1.01 * most, False)):
+            values: Any = {**none, "final_force": force, "final_swing": swing, "touching_at_end": True}
+            assert PalpationMetrics(**values).settled is settled
+            assert not PalpationMetrics(**{**values, "touching_at_end": False}).settled
 
 
 def test_metrics_of_a_slide_are_found_a_second_way() -> None:

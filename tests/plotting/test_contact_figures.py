@@ -12,6 +12,7 @@ from palpate import fem, simulate
 from palpate.metrics import summarize
 from palpate.metrics.body_contact import JND, stiffness_along_path, work_so_far
 from palpate.plotting.body_contact import body_energy, force_and_deflection, stiffness_along_path_figure
+from palpate.plotting.figures import deflection, panels
 from palpate.plotting.mesh_contact import profile, stiffness_and_depth, trajectory
 from palpate.report import Page, contact, html
 from palpate.simulation import Trace
@@ -69,6 +70,7 @@ def test_the_paths_are_those_of_the_trace_in_mm_over_the_surface_that_faces_the_
     contact = slide["touching"][:, 0] > 0.0
     assert 10 < contact.sum() < len(contact)
     tip, proxy = (np.array(line.get_data_3d()).T for line in space.lines)
+    assert [text.get_text() for text in space.get_legend().get_texts()] == ["tip", "proxy"]
     np.testing.assert_allclose(tip, 1e3 * (slide["tip"] - slide["tip"][0]))
     np.testing.assert_allclose(proxy[contact], 1e3 * (slide["proxy"] - slide["tip"][0])[contact])
     assert np.isnan(proxy[~contact]).all()
@@ -127,8 +129,25 @@ def test_force_deflection_stiffness_and_energy_of_a_body_are_drawn(press: Trace)
     np.testing.assert_allclose(lines(panel)[0], np.column_stack([1e3 * path, stiffness]))
     band = panel.patches[0].get_extents().transformed(panel.transData.inverted())
     assert (band.y0, band.y1) == pytest.approx((np.median(stiffness), (1.0 + JND) * np.median(stiffness)))
+    assert panel.get_xlabel() == "path length normal to the force [mm]"
+    assert panel.get_ylabel() == "force / deflection [N/m]"
     top = max(stiffness.max(), band.y1)
     assert panel.get_ylim() == pytest.approx((0.0, 1.1 * top))
+
+
+def test_a_target_beyond_the_motion_is_in_sight(slide: Trace) -> None:
+    """The deflection goes from 0 to some mm down: targets above, within and below it are all drawn."""
+    motion = 1e3 * slide["deflection"][:, 2]
+    for target in (-9.0, 0.5 * motion.min(), 9.0):
+        figure = deflection(slide, [None, None, 1e-3 * target])
+        low, high = figure.axes[-1].get_ylim()
+        assert low <= min(target, motion.min())
+        assert max(target, motion.max()) <= high
+
+
+def test_each_panel_has_its_title() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        panels([0.0, 1.0], np.zeros((2, 2)), ["joint 1"], "angle")
 
 
 SUFFIXES = {"_m": "m", "_N": "N", "_J": "J", "_N2": "N^2", "_N_per_m": "N/m", "_percent": "%", "_ticks": "", "": ""}

@@ -43,6 +43,8 @@ stiffness = "3.5 N/mm"
 duration = "0.1 s"
 """
 ARM = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+BODY = {"kind": "body", "stiffness": None}
+MESH = {"kind": "mesh", "stiffness": None, "mesh": {"shape": "box", "edge": "40 mm", "divisions": 2}}
 
 
 def tables(**changes: Any) -> dict[str, Any]:
@@ -188,6 +190,12 @@ def test_a_mistake_is_told_with_file_line_field_and_remedy(old: str, new: str, s
          "B is 1 x 1; with 1 states, 6 inputs [F_ref; F_object] and 3 outputs it must be 1 x 6"),
         (tables(controller={"kind": "state_space", "A": [[1.0, 2.0], [3.0]]}), "the rows of a matrix must be equally"),
         (tables(controller={"kind": "state_space", "A": [[math.inf]]}), "finite"),
+        (tables(object={**BODY, "body": {"file": "none.h5", "radius": "8 mm"}}),
+         "none.h5: there is no such file; palpate body build or palpate body phantom makes one"),
+        (tables(object={**MESH,
+                         "surface": {"stiffness": ["1 N/mm", "-1 N/mm"], "pattern": "stripes", "width": "1 mm"}}),
+         "object.surface.stiffness: ['1 N/mm', '-1 N/mm'] must not be negative"),
+        (tables(object={**MESH, "surface": {"stiffness": "1 N/mm", "shading": "86 deg"}}), "it must be at most 85 deg"),
     ],
 )  # fmt: skip
 def test_choices_that_do_not_go_together_are_refused(changed: dict[str, Any], says: str) -> None:
@@ -307,6 +315,19 @@ def test_a_scenario_survives_the_way_to_text_and_back(path: Path) -> None:
     again = Scenario.from_dict(scenario.to_dict())
     assert again.model_dump() == scenario.model_dump()
     assert again.to_dict() == scenario.to_dict()
+
+
+def test_a_key_without_a_value_is_one_that_is_left_out() -> None:
+    """TOML has no word for it."""
+    without = {**tables()["object"], "normal": None}
+    assert Scenario.from_dict({**tables(), "object": without}).to_dict() == Scenario.from_dict(tables()).to_dict()
+
+
+def test_the_stiffnesses_of_a_pattern_may_be_zero_and_its_shading_85_deg() -> None:
+    surface = {"stiffness": ["1 N/mm", "0 N/m"], "pattern": "stripes", "width": "5 mm", "shading": "85 deg"}
+    read = Scenario.from_dict(tables(object={**MESH, "surface": surface})).object.surface
+    assert read is not None
+    assert (read.stiffness, read.shading) == ((1000.0, 0.0), pytest.approx(math.radians(85.0)))
 
 
 positive = st.floats(min_value=1e-6, max_value=1e6)

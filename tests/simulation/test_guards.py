@@ -11,6 +11,7 @@ import palpate
 import pytest
 from palpate import devices, metrics, stability
 from palpate.errors import PalpateError, ScenarioError, StabilityError
+from palpate.metrics.guard_comparison import _ways
 from palpate.scenario import Scenario
 from palpate.simulation import Trace, build_simulation, resolve, simulate
 from palpate.sweeps import sweep
@@ -293,6 +294,17 @@ def test_guards_compare_as_published_on_the_arms_axis() -> None:
     bounds = [row for row in found.rows if row.name.startswith("energy bound")]
     assert len(bounds) == 2
     assert all(row.swing <= 15e-6 for row in bounds)
+
+
+def test_a_way_to_render_a_wall_has_the_numbers_of_its_name() -> None:
+    axis = metrics.TipAxis(mass=0.045, damping=0.35, coulomb=0.04, count=25e-6)
+    ways = _ways(axis, 1e-3, 0)
+    dampers = {way.name: way.damping for way in ways if way.damping}
+    assert dampers == {f"damper of {c} m/T": pytest.approx(c * 45.0) for c in (0.1, 0.4)}
+    caps = {way.name: way.guard["cap"] for way in ways if way.guard and "cap" in way.guard}
+    assert caps == {f"passivity controller, cap {c} m/T": c for c in (0.1, 0.5)}
+    couplings = [way.coupling for way in ways if np.isfinite(way.coupling)]
+    assert couplings == pytest.approx([2 * 350.0, 8 * 350.0])
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import re
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from palpate.stability.switching import has_solver
 from palpate.stability.workspace_certificate import workspace_loops
 from palpate.tuning import ControllerDesign
 from palpate.tuning.designer import _Designer
+from palpate.tuning.remedies import drive_remedies
 from palpate.tuning.specification import specify
 from typer.testing import CliRunner
 
@@ -208,6 +210,29 @@ def test_dry_friction_is_named_where_only_stiff_objects_do_not_settle() -> None:
     assert found.settling[1000.0] <= 0.04 < found.settling[10000.0]
     (remedy,) = found.remedies
     assert remedy.startswith('--stiffness "1000 N/m..')
+
+
+def test_a_weaker_force_on_the_stiffest_object_is_the_remedy_where_nothing_less_helps() -> None:
+    """Presses settle on 1000 N/m alone, with up to 0.5 N of the 1 N asked for."""
+    asked: Any = SimpleNamespace(stiffness=(100.0, 1000.0), force=1.0, settle=0.04)
+    trial: Any = SimpleNamespace(specification=asked, settles=lambda force, k: k == 1000.0 and force <= 0.5)
+    assert drive_remedies(trial, {100.0: np.inf, 1000.0: np.inf}) == ('--force "0.5 N" --stiffness "1000 N/m"',)
+    asked.stiffness = (1000.0, 1000.0)
+    assert drive_remedies(trial, {1000.0: 0.0412}) == ('--settle "41.2 ms"', '--force "0.5 N"')
+
+
+@pytest.mark.parametrize(("hold", "told"), [(0.25, True), (0.0, False), (np.inf, False)])
+def test_a_press_that_never_settles_says_how_long_the_motors_hold_it(hold: float, told: bool) -> None:
+    asked = specify("slider", "1 N/mm", "0.5 N", "40 ms", None, 0, None, None, (), ())
+    trial: Any = SimpleNamespace(specification=asked, hold=lambda _force: hold, settles=lambda _force, _k: False)
+    axis: Any = SimpleNamespace(settling=0.01)
+    worst: Any = SimpleNamespace(bound=0.05)
+    found = _Designer(asked, lambda _text, _share: None)._judged(axis, trial, {1000.0: np.inf}, worst)
+    assert found[0] == "drive limit"
+    held = ", and cold motors hold the force for 0.25 s" if told else ""
+    assert found[1] == (
+        f"The motors need at least 50 ms at the worst pose on 1000 N/m{held}; the controller does not settle."
+    )
 
 
 TIP_DEVICE = """

@@ -21,8 +21,10 @@ from palpate.simulation.body_response.held_tip import HeldTip
 
 __all__ = ["MultirateResponse", "multirate_response"]
 
-_STEPS = (1e-3, 1e-4, 1e-5)  # displacement of the tip, relative to its radius
+_STEPS = (1e-3, 3e-4, 1e-4)  # displacement of the tip, relative to its radius: smaller ones drown in single precision
 _DECAYED = 1e-5  # correction of the last update, relative to the stiffness, that ends the record
+_RESTING = 1e-2  # change of it from update to update, relative to it, that does so: round-off remains
+_MOST_MOVING, _MOST_LEFT = 1e-2, 5e-2  # largest change, and correction, of the last update, relative to the stiffness
 _UPDATES, _MOST_UPDATES = 6, 48
 
 
@@ -74,10 +76,11 @@ def multirate_response(held: HeldTip) -> MultirateResponse:
         forth, back = _impulses(held, step, updates * every)
         mean, size = 0.5 * (forth + back), float(np.linalg.norm(0.5 * (forth + back)[0], ord=2))
         last = float(np.linalg.norm(mean[-every:], ord=2, axis=(1, 2)).max())
-        if last <= _DECAYED * size or updates >= _MOST_UPDATES:
+        moving = float(np.linalg.norm(mean[-every:] - mean[-2 * every : -every], ord=2, axis=(1, 2)).max())
+        if last <= _DECAYED * size or moving <= _RESTING * last or updates >= _MOST_UPDATES:
             break
         updates *= 2
-    if last > 1e-2 * size:
+    if moving > _MOST_MOVING * size or last > _MOST_LEFT * size:
         raise StabilityError(
             f"the body's force has not settled {updates} updates after a displacement of the tip; the updates do not "
             "converge there"

@@ -46,7 +46,7 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
       way[t] += step[t];
       palpate::deformable::Tip& tip = tips.tip[t];
       tip.radius = 7e-3;
-      tip.center = place[t] + 6.0 * way[t] + palpate::math::Vector3<>(0, 0, 0.02 + tip.radius - 1.5e-3 + 4e-3 * std::cos(2e-3 * k));
+      tip.center = place[t] + 5.0 * way[t] + palpate::math::Vector3<>(0, 0, 0.02 + tip.radius - 1.5e-3 + 4e-3 * std::cos(2e-3 * k));
     }
     if (k % 80 == 0) {
       solver.step(tips, models->write_slot());

@@ -20,10 +20,13 @@ struct LayerPoint {
   Scalar inverse;    ///< 1 / (scale b), 1/m
 };
 
-/// Constants of the layer, fitted to presses of cylinders and blocks of tetrahedra.
+/// Constants of the layer, fitted to presses of cylinders and blocks of tetrahedra. The layer also replaces the curvature of a sphere that
+/// flat facets miss; small facets miss less.
 struct LayerConstants {
-  static constexpr double sphere_beta = 0.55;
   static constexpr double flat_beta = 0.25;
+  static constexpr double sphere_beta = 6.5;  ///< of spheres of the radius R: beta over (b / R)^2, within the following limits
+  static constexpr double least_beta = 0.1;
+  static constexpr double most_beta = 2.0;
   static constexpr double scale = 0.06;  ///< depth at which the secant stiffness has doubled, over b
   static constexpr double rim = 0.3;     ///< radius of the rounded edge of a flat end, over b
   static constexpr double extra = 0.25;  ///< radius that the rounding adds to it, over b
@@ -96,6 +99,15 @@ template <class Scalar>
           select_each(in_cone, cone.bend, round.bend)};
 }
 
+/// beta of the layer under a tip.
+template <class Scalar>
+[[nodiscard, gnu::always_inline]] inline Scalar layer_beta(const Tip& tip, const Scalar& radius) noexcept {
+  if (tip.kind == Tip::Kind::flat) return Scalar(LayerConstants::flat_beta);
+  const Scalar ratio = radius * Scalar(1.0 / tip.radius);
+  return min_of(max_of(Scalar(LayerConstants::sphere_beta) * ratio * ratio, Scalar(LayerConstants::least_beta)),
+                Scalar(LayerConstants::most_beta));
+}
+
 /// Press a point at `y`, relative to the tip's center [m], of a surface with the outward unit normal `normal`. The energy is
 /// 1/2 k w depth^2 (1 + (depth / scale)^2 / 2), with the depth in the tip. w falls from 1 to 0 where the surface looks away from the tip by
 /// 90 to 120 degrees.
@@ -110,8 +122,7 @@ template <class Scalar>
                             : TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, radius,
                                                                min_of(Scalar(LayerConstants::rim) * layer.radius, radius));
   const Scalar x = min_of(max_of(one - Scalar(2.0) * detail::dot(in.away, normal), zero), one), weight = x * x * (Scalar(3.0) - (x + x));
-  const Scalar depth = max_of(in.depth, zero),
-               k = layer.stiffness * Scalar(1.0 / (is_sphere ? LayerConstants::sphere_beta : LayerConstants::flat_beta));
+  const Scalar depth = max_of(in.depth, zero), k = layer.stiffness / layer_beta<Scalar>(tip, layer.radius);
   const Scalar over = depth * layer.inverse, part = over * over;
   const Scalar energy = (Scalar(0.5) * k) * (depth * depth) * (one + Scalar(0.5) * part), pressed = k * weight;
   const Scalar push = pressed * depth * (one + part), turned = (Scalar(12.0) * x * (one - x)) * energy;

@@ -235,6 +235,28 @@ def test_a_press_that_never_settles_says_how_long_the_motors_hold_it(hold: float
     )
 
 
+@pytest.mark.parametrize(
+    ("judged", "lost", "expected"),
+    [
+        (("", "", ()), "", ("", "")),
+        (("", "", ()), "unstable at 3 deg", ("operator", "The whole arm is unstable at 3 deg.")),
+        (("encoder", "too coarse", ()), "unstable at 3 deg", ("encoder", "too coarse")),
+    ],
+)
+def test_a_lost_operator_is_the_constraint_of_a_design_that_is_met_otherwise(
+    judged: Any, lost: str, expected: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = specify("slider", "1 N/mm", "0.5 N", "40 ms", None, 0, None, None, (), ())
+    tuned = SimpleNamespace(options={"bandwidth": 200.0})
+    none = SimpleNamespace(overshoot=np.zeros(1), times=np.zeros(1))
+    monkeypatch.setattr("palpate.tuning.designer.tune_axis", lambda *_: tuned)
+    monkeypatch.setattr("palpate.tuning.designer.Trial.run", lambda *_: none)
+    designer: Any = _Designer(asked, lambda _text, _share: None)
+    designer._judged, designer._lost_operator = (lambda *_: judged), (lambda _: lost)
+    designer._result = lambda *given: given
+    assert designer.run()[3:5] == expected
+
+
 TIP_DEVICE = """
 name = "own"
 description = "three sliding axes"

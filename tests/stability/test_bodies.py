@@ -115,6 +115,21 @@ def test_a_body_of_one_node_has_the_map_and_performance_of_a_wall(tmp_path: Path
     assert felt.bandwidth == pytest.approx(expected.bandwidth, rel=0.05)
 
 
+def test_a_tip_that_is_off_its_body_when_it_would_be_pushed_is_judged_by_its_bounces(tmp_path: Path) -> None:
+    """It is not pushed then, and its last half has some ten contacts."""
+    tables = press(one_node(22e3, tmp_path / "one.h5"), "compliance", 1.0)
+    tables["object"]["body"].pop("origin")
+    tables["operator"] |= {"rise": "20 ms"}
+    tables["run"] = {"duration": "0.2 s"}
+    runs = [observe(Scenario.from_dict(tables), 100, hold) for hold in (1.5, 1.505, 1.51)]
+    off = [one for one in runs if not one.trace["touching"][one.held, 0]]
+    assert off
+    for one in off:
+        assert len(one.trace) == one.held + 1
+        assert one.verdict.state is State.BOUNDED_OSCILLATION
+        assert one.verdict.reason.startswith("the tip bounces")
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_contact_is_scaled_in_every_direction_in_which_friction_holds_it(friction: float, tmp_path: Path) -> None:
     """At the margin a root of the loop is on the circle; and only without friction the operator holds the tip."""

@@ -152,6 +152,9 @@ def test_a_run_on_more_nodes_than_a_local_model_holds_is_not_settled(tmp_path: P
     small = simulate(tables(path, 2.0, 2e-4, "0.8 s", radius="18 mm", **here))
     assert summarize(small)["palpation"]["unsolved"] == 0
     assert judge(small).state is State.SETTLED
+    small["solved"][100:120] = 0.0  # on the way: the rest may be another one
+    assert judge(small).state is State.UNDECIDED
+    assert "not found in 20 of 801 samples" in judge(small).reason
 
 
 def test_what_cannot_be_is_refused(block: Path) -> None:

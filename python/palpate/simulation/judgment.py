@@ -46,7 +46,7 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     """
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
-        lacking = _without_force(trace, slice(None))
+        lacking = _without_force(trace)
         if lacking is not None:
             return Verdict(State.UNDECIDED, lacking)
         return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
@@ -131,7 +131,7 @@ def _explained(
 ) -> Verdict:
     """Return the verdict with its reason."""
     time = trace.time
-    lacking = _without_force(trace, window.ending)
+    lacking = _without_force(trace) or _without_force(trace, window.ending)
     if state is State.SETTLED and lacking is not None:
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
     last_fifth = time[window.ending]
@@ -175,15 +175,16 @@ def _explained(
     return Verdict(state, reason, since, axis, amplitude, frequency, _text(linear))
 
 
-def _without_force(trace: Recorded, rows: slice) -> str | None:
-    """Return why the force on a body is not known in rows of the trace; None if it is."""
+def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
+    """Return why the force on a body is not known in the last rows of a trace, or in all; None if it is."""
     missing = np.zeros(1, dtype=bool)
     for solved in of_each_object(trace, "solved"):
         missing = missing | (solved[rows, 0] == 0.0)
     if np.mean(missing) <= SHARE:
         return None
+    samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
     return (
-        f"the contact force was not found in {np.count_nonzero(missing)} of the last {len(missing)} samples: "
+        f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: "
         "more than 128 nodes lie under the tip, it inverts tetrahedra of the body, or the contact has not converged: "
         "use a smaller force or tip, or a coarser mesh"
     )

@@ -7,7 +7,8 @@ its function, first those of the folder that mirrors its own, until one fails. A
 some survivors are equivalent. A test that fails without the mutant too is left out. Tests that use five times their
 processor time and 30 s more count as "hang"; those that merely wait longer count as "timeout", which is no result.
 One process runs at low priority. It collects all tests once and forks for each mutant, whose code replaces that of the
-live function; a mutant outside of functions is written to the copy instead.
+live function; a mutant outside of functions is written to the copy instead, as is one that survives in a function that
+makes others.
 """
 
 from __future__ import annotations
@@ -251,6 +252,14 @@ def replace_code(mutant: Mutant, changed: bytes) -> bool:
     return True
 
 
+def makes_functions(mutant: Mutant, changed: bytes) -> bool:
+    """Return whether the function of a mutant defines others, which may have been made before it was replaced."""
+    names = mutant.functions[0].removesuffix("()").split(".")
+    made = code_of(compile(changed, ROOT / mutant.file, "exec", dont_inherit=True), names)
+    inner = [] if made is None else [one.co_name for one in made.co_consts if isinstance(one, CodeType)]
+    return any(not name.startswith("<") or name == "<lambda>" for name in inner)
+
+
 def run_items(copy: Path, items: list[pytest.Item], change: Callable[[], bool], seconds: float) -> int | None:
     """Run collected tests in a forked process after a change; return what `_fork` returns, 3 if nothing changes."""
     (copy / FAILED).unlink(missing_ok=True)
@@ -284,7 +293,7 @@ def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], items: dict[str, py
             path.write_bytes(changed)
             live = [items[name] for name in group if name in items]
             code = run_items(copy, live, lambda: replace_code(mutant, changed), seconds)
-            if code == 3:
+            if code == 3 or (code == 0 and makes_functions(mutant, changed)):
                 code = run_tests(copy, group, seconds)
         finally:
             path.write_bytes(data)

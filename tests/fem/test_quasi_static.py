@@ -13,6 +13,7 @@ from palpate import fem as bodies
 from palpate.errors import PoseError
 from palpate.fem import BodyError, HyperelasticModel, Law, Material, QuasiStaticSolver, block
 from palpate.fem.checks import TipShape
+from palpate.fem.quasi_static import _history
 from palpate.fem.selectors import half_space
 
 Array = NDArray[np.float64]
@@ -286,6 +287,16 @@ def test_a_tip_over_more_nodes_than_a_local_model_holds_is_refused() -> None:
     down = middle - np.outer(np.append(np.linspace(-1e-4, 4e-4, 100), np.full(60, 4e-4)), UP)
     with pytest.raises(BodyError, match=r"contact forces of \d+ of 160 ticks were not found: more than 128 nodes"):
         body.simulate_path(down, 30e-3, outward=UP, tip="flat")
+
+
+def test_a_second_tip_whose_force_is_not_found_is_refused_too() -> None:
+    rows = np.ones((3, 24))  # ten columns per tip, the last of which is 0 if the force was not found; then four
+    assert _history(rows, 2).force.shape == (3, 2, 3)
+    for tip in range(2):
+        lost = rows.copy()
+        lost[1, 10 * tip + 9] = 0.0
+        with pytest.raises(BodyError, match="contact forces of 1 of 3 ticks were not found"):
+            _history(lost, 2)
 
 
 def test_a_flat_end_on_a_pad_grows_between_that_on_a_half_space_and_its_area() -> None:

@@ -61,6 +61,14 @@ def test_prbs_is_binary_with_flat_correlation():
     np.testing.assert_allclose(correlation[1:], -1.0, atol=1e-9)  # the mark of a maximal-length sequence
 
 
+def test_prbs_channels_are_successive_stretches_of_one_sequence():
+    """Also where all chips together are just one more than the sequence of a shorter register."""
+    for chips in (7, 8, 9, 16):
+        both = prbs([1.0, 1.0], 0.01, seed=2).sample(0.01 * chips, PERIOD)
+        one = prbs([1.0], 0.01, seed=2).sample(0.02 * chips, PERIOD)
+        np.testing.assert_array_equal(both.T.ravel(), one[:, 0])
+
+
 def test_sweep_passes_the_band_once_per_channel():
     values = chirp([1.0, 1.0], (1.0, 30.0), seed=3).sample(10.0, PERIOD)
     assert np.all((values[:, 0] == 0) | (values[:, 1] == 0))

@@ -19,6 +19,7 @@ def test_undamped_stiffness_of_each_hand_stands_on_the_page() -> None:
     assert map_of_slider.stiffest_here == pytest.approx(100.01, rel=1e-3)
     page = zwidth_page(map_of_slider).html()
     assert "<dt>stiffest object at B = 0 N·s/m, as in the scenario</dt><dd>100 N/m</dd>" in page
+    assert "softest stable object" not in page  # every softer one is stable
     rows = page[page.index("nobody holds it</td>") :]
     found = []
     for who in ("nobody holds it", "a rigid grip", "through fingertip tissue"):

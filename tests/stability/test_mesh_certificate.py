@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from time import process_time
 from types import SimpleNamespace
@@ -65,6 +66,9 @@ def test_the_slides_are_stable_in_every_mode_and_any_order_within_five_seconds(n
 def test_a_surface_stiffer_than_its_margin_is_not_stable_and_a_softer_one_is() -> None:
     certificate = certify(_press("300 N/m"))
     assert certificate.stable, certificate.claim
+    assert re.match(
+        r"Stable: each of \d+ contact modes \(.*\) (along|where) the run( rests)? is stable, ", certificate.claim
+    )
     limit = 300.0 * certificate.margin["gain_margin"]
     assert certify(_press(f"{0.9 * limit} N/m")).stable
     assert not certify(_press(f"{1.1 * limit} N/m")).stable

@@ -231,6 +231,19 @@ def test_valleys_are_where_neighbors_rise_and_nowhere_else(tmp_path: Path) -> No
     assert touched(tmp_path, {**pit_mesh(tmp_path), "radius": "3 mm"})._valleys(np.arange(4), 1.0) == []
 
 
+def test_a_site_has_the_modes_of_the_valleys_among_its_faces(tmp_path: Path) -> None:
+    pit = touched(tmp_path)
+    normal, place = pit.normals[0], PIT[PIT_FACES[0]].mean(axis=0)
+    channels = {
+        "angle": np.array([[0.0, 2.2305, 3.2776]]), "command_force": np.zeros((1, 3)),
+        "operator_force": np.zeros((1, 3)), "proxy": place[None], "triangle": np.array([[0]]),
+        "normal": normal[None], "depth": np.array([[3e-4]]), "surface_stiffness": np.array([[400.0]]),
+    }  # fmt: skip
+    site = pit.site(Trace.of(np.zeros(1), channels), 0, np.arange(4))
+    named = [mode.name for mode in site.modes if mode.kind in ("edge", "vertex")]
+    assert named == [mode.name for mode in pit._valleys(np.arange(4), 0.0)]
+
+
 def pit_mesh(tmp_path: Path) -> dict[str, Any]:
     return {"file": str(tmp_path / "pit.obj"), "unit": "m", "open": True}
 

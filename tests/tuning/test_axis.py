@@ -109,6 +109,14 @@ def test_a_step_settles_as_the_reference_model_without_delay(tuned: Any) -> None
     assert found.settling == pytest.approx(4.744 / found.options["reference"], abs=1e-3)
 
 
+def test_a_step_is_settled_from_the_first_sample_from_which_it_stays_in_the_band(tuned: Any) -> None:
+    for (period, delay), found in tuned.items():
+        axis = _Axis(period, delay, DATA)
+        law = axis.law(found.options)
+        off, first = np.abs(axis.step(law, 1.0) - 1.0), round(axis.settling(law) / period)
+        assert off[first - 1] > 0.05 >= off[first:].max()
+
+
 def test_the_share_of_the_optimum_is_that_of_the_axis(tuned: Any) -> None:
     for found in tuned.values():
         assert 0.75 < found.robustness.share < 0.92

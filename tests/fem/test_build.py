@@ -319,6 +319,8 @@ def test_memory_is_checked_before_anything_is_solved(small: Elements) -> None:
     check_memory(len(small.contact_nodes), condensation.memory, "1 GB")
     with pytest.raises(BodyError, match=r"over the budget of 0.01 MB.*coarser mesh, a smaller contact surface"):
         check_memory(len(small.contact_nodes), condensation.memory, "10 kB")
+    with pytest.raises(BodyError, match=r"compliance of 1000 nodes alone takes 36 MB:"):  # 3000^2 numbers of 4 bytes
+        check_memory(1000, 1e9, "10 kB")
 
 
 def test_the_bytes_of_a_front_are_those_of_its_arrays(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import palpate
 import pytest
 from palpate import devices, metrics, stability
 from palpate.errors import PalpateError, ScenarioError, StabilityError
-from palpate.metrics.guard_comparison import _ways
+from palpate.metrics.guard_comparison import _Axis, _ways
 from palpate.scenario import Scenario
 from palpate.simulation import Trace, build_simulation, resolve, simulate
 from palpate.sweeps import sweep
@@ -294,6 +294,15 @@ def test_guards_compare_as_published_on_the_arms_axis() -> None:
     bounds = [row for row in found.rows if row.name.startswith("energy bound")]
     assert len(bounds) == 2
     assert all(row.swing <= 15e-6 for row in bounds)
+
+
+def test_a_press_that_leaves_the_numbers_is_unstable_although_its_rows_are_finite() -> None:
+    """The run ends where it is found unstable, before a number is infinite: its swing then is no number of the way."""
+    tip = metrics.TipAxis(mass=0.045, damping=0.35, coulomb=0.04, count=25e-6)
+    loop = _Axis(tip, 1e-3, 0, 5.0)
+    bare, *_ = _ways(tip, 1e-3, 0)
+    assert loop.press(1e9, bare, 0.1).swing == np.inf
+    assert loop.press(500.0, bare, 0.1).swing < np.inf
 
 
 def test_a_way_to_render_a_wall_has_the_numbers_of_its_name() -> None:

@@ -17,8 +17,10 @@ from palpate.devices.reach import beyond_reach
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation.evidence import lossy, resolution
-from palpate.simulation.judgment import judge
+from palpate.simulation.judgment import _reach, judge
+from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import Evidence, State, decide
+from palpate.simulation.windows import Window
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 PRESS: dict[str, Any] = {
@@ -64,6 +66,16 @@ def test_a_pose_at_the_edge_of_the_reach_is_out_of_reach_from_when_it_becomes_si
     beyond = beyond_reach(device, trace["angle"][0], trace["angle"])
     assert beyond[row]
     assert not beyond[:row].any()
+
+
+@pytest.mark.parametrize("angle", [6.5, -6.5, 13.0])
+def test_a_joint_that_has_turned_round_once_is_named_with_the_time(angle: float) -> None:
+    scenario = Scenario.from_dict(PRESS)
+    angles = np.tile([0.0, 2.2305, 3.2776], (5, 1))
+    angles[3:, 0] += angle
+    trace = Trace.of(np.linspace(0.0, 0.4, 5), {"angle": angles})
+    assert _reach(trace, scenario, Window(0, 4)) == (pytest.approx(0.3), "joint 1 has turned round at t = 0.3 s")
+    assert _reach(trace, scenario, Window(4, 4))[0] == pytest.approx(0.4)
 
 
 def test_settling_refers_to_the_driven_axes() -> None:

@@ -184,6 +184,21 @@ def test_the_radius_of_a_contact_is_per_tick_and_its_margin_that_of_the_scaled_l
     assert scaled.radius(found.stiffness_margin) == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("states", [2, 30])
+def test_an_unstable_contact_has_no_margin_and_fails_its_eigenvalues(
+    states: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if the loop in which the force is scaled is stable."""
+    monkeypatch.setattr("palpate.stability.contact_loop.unstable_poles", lambda _: states)
+    loop: Any = SimpleNamespace(matrix=lambda: 1.5 * np.eye(states), doubt=lambda: 0.0)
+    response: Any = SimpleNamespace(frame=np.eye(3), nodes=5, static=np.eye(3), one_tick=2.0 * np.eye(3))
+    scaled = elastic_loop(400.0)
+    assert scaled.radius() < 1.0
+    found = judge(loop, scaled, response, 1e-3)
+    assert np.isnan(found.stiffness_margin)
+    assert found.criteria["eigenvalues"] is False
+
+
 def test_a_margin_is_infinite_only_if_no_factor_up_to_10000_is_unstable() -> None:
     for edge in (1.02, 3.0, 9_500.0):
         assert stiffness_margin(lambda k, edge=edge: 0.5 + 0.5 * k / edge) == pytest.approx(edge, rel=1e-8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from palpate.linear import HumanArm, LinearDevice, wall_loop
-from palpate.stability.maps.boundary_curve import Boundary, stability_boundary
+from palpate.stability.maps.boundary_curve import Boundary, _has_loose_end, stability_boundary
 
 
 def curve(damping: np.ndarray, stiffness: np.ndarray, jump: float = 0.05) -> Boundary:
@@ -50,6 +50,17 @@ def test_a_curve_is_cut_where_neighbors_are_farther_apart_than_its_jump() -> Non
     gap = curve(b, np.linspace(1.0, 2.0, 100))
     assert gap.stiffest_at(5.0) is None  # no stiffness is told between two pieces
     assert gap.stiffest_at(3.0) == pytest.approx(np.interp(3.0, gap.damping, gap.stiffness))
+
+
+def test_an_end_inside_the_quadrant_is_loose_unless_another_segment_begins_there() -> None:
+    def segment(*points: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        b, k = np.array(points).T
+        return np.zeros(len(b)), b, k
+
+    rise, fall = segment((0.0, 50.0), (3.0, 100.0)), segment((3.0, 100.0), (5.0, 0.0))
+    assert not _has_loose_end([rise, fall], 0.0)
+    for ends in ([rise], [fall], [rise, segment((3.5, 100.0), (5.0, 0.0))]):
+        assert _has_loose_end(ends, 0.0)
 
 
 def test_a_part_of_a_curve_keeps_its_points_and_their_angles() -> None:

@@ -122,6 +122,7 @@ def test_stable_but_not_passive_names_the_hand_that_breaks_it() -> None:
     hand = Scenario.from_text(example.toml())
     assert hand.operator.kind == "arm"
     assert hand.operator.damping == 0.0
+    assert hand.run.substeps >= 20 > Scenario.from_dict(tables).run.substeps
     assert scenario_loop(hand).spectral_radius() > 1
     assert example.growth > 1.5
     assert destabilizing_operator(Scenario.from_dict(slider("90 N/m"))) is None  # a passive wall has none

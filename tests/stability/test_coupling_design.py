@@ -16,7 +16,13 @@ from palpate.stability import (
     llewellyn,
     two_port_margin,
 )
-from palpate.stability.passivity.coupling_design import _AdmittanceLoop
+from palpate.stability.passivity.coupling_design import (
+    SensedPlant,
+    TipFeedback,
+    _AdmittanceLoop,
+    _motion,
+    admittance_loop,
+)
 
 
 def test_an_impedance_coupling_is_at_the_limit_of_the_two_port() -> None:
@@ -54,10 +60,24 @@ def test_an_admittance_coupling_is_at_the_limit_of_llewellyn() -> None:
     assert (double.mass, double.damping) == pytest.approx((2.0 * found.mass, 2.0 * found.damping), rel=1e-9)
 
 
+def tool_radius(tool: float, mass: float, grip: HumanArm) -> float:
+    """Return the spectral radius of the loop of a virtual tool held by a grip, without damping, every 1 ms."""
+    gains, one = workspace(load("slider"), 1e-3).gains, np.ones((1, 1))
+    rates = (gains.position, gains.velocity, np.asarray(gains.observer))
+    feedback = TipFeedback(np.eye(3, 1), one, mass * one, np.zeros(1), 0.0 * one, *rates, 1e-3)
+    a, held = _motion(mass, 0.0, 1e-3, grip)
+    total = mass + grip.mass
+    felt = np.array([[-mass * grip.stiffness, -mass * grip.damping]]) / total
+    plant = SensedPlant(a, held[:, None], np.eye(1, 2), felt, np.array([[mass / total - 1.0]]))
+    return float(np.abs(np.linalg.eigvals(admittance_loop(plant, feedback, tool, 0.0)[0])).max())
+
+
 def test_a_grip_much_heavier_than_the_tip_bounds_the_tool_from_above() -> None:
     found = admittance_coupling(mass=0.06, damping=0.0, period=1e-3, operators=[HumanArm(0.5, 4.5, 560.0)])
     assert 0.02 < found.exact < 0.06
     assert 1.0 < found.heaviest < 10.0
+    radii = [tool_radius(share * found.heaviest, 0.06, HumanArm(0.5, 4.5, 560.0)) for share in (0.999, 1.001)]
+    assert radii[0] < 1.0 < radii[1]
     soft = admittance_coupling(mass=0.06, damping=0.0, period=1e-3, operators=[HumanArm(0.15, 4.5, 560.0)])
     assert soft.heaviest == float("inf")
 

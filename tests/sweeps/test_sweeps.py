@@ -22,6 +22,7 @@ from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
 from palpate.sweeps.axes import Axis, axes_of, limits_of, stored_axis, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
+from palpate.sweeps.sweep_plot import plot_sweep
 from resealed import changed
 from typer.testing import CliRunner
 
@@ -438,6 +439,18 @@ def test_a_key_is_varied_or_drawn_and_not_both() -> None:
     with pytest.raises(SweepError, match=r"object\.stiffness is varied and drawn at random"):
         sweep(SLIDER, {"object.stiffness": [1.0]}, random=drawn)
     assert sweep(SLIDER, {"object.damping": [0.0]}, random=drawn).plan.count == 1
+
+
+def test_cells_that_diverged_are_drawn_above_all_others() -> None:
+    """Their ripple is not known, but it is larger than that of every cell that came to an end."""
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    plan = SimpleNamespace(axes=[Axis("object.stiffness", "N/m", (1e3, 2e3, 3e3, 4e3))], draws=1, tables={})
+    states = np.array([State.SETTLED, State.SETTLED, State.UNSTABLE, State.UNSTABLE], dtype=float)
+    result: Any = SimpleNamespace(plan=plan, outcomes={"ripple": [1e-6, 2e-3, np.inf, np.nan], "verdict": states})
+    ax = plot_sweep(result, figure.subplots())
+    drawn = {x: y for line in ax.lines for x, y in zip(*line.get_data(), strict=True)}
+    assert (drawn[1.0], drawn[2.0]) == pytest.approx((1e-3, 2.0))  # mm over N/mm
+    assert min(drawn[3.0], drawn[4.0]) > 2.0
 
 
 def test_the_page_of_one_cell_gives_it_a_share_of_one() -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -321,6 +322,18 @@ def test_memory_is_checked_before_anything_is_solved(small: Elements) -> None:
         check_memory(len(small.contact_nodes), condensation.memory, "10 kB")
     with pytest.raises(BodyError, match=r"compliance of 1000 nodes alone takes 36 MB:"):  # 3000^2 numbers of 4 bytes
         check_memory(1000, 1e9, "10 kB")
+
+
+def test_the_memory_counts_the_compliance_and_its_factor_if_the_fronts_need_less(
+    small: Elements, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def counted(fronts: float) -> float:
+        solver = SimpleNamespace(memory=fronts, operations=1.0)
+        monkeypatch.setattr("palpate.fem.condensation.MultifrontalSolver", lambda *_: solver)
+        return Condensation(small).memory
+
+    pair = 2 * np.empty((3 * len(small.contact_nodes),) * 2, dtype=np.float32).nbytes
+    assert counted(0.0) == counted(0.9 * pair) == pytest.approx(counted(1.5 * pair) - 0.5 * pair, rel=1e-12)
 
 
 def test_the_bytes_of_a_front_are_those_of_its_arrays(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:

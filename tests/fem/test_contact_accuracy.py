@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from palpate import Mesh
 from palpate import fem as bodies
-from palpate.fem import BodyError, BodyWarning, block, force_error, spacing_for
+from palpate.fem import (
+    BodyError,
+    BodyWarning,
+    HyperelasticModel,
+    Material,
+    QuasiStaticSolver,
+    block,
+    force_error,
+    spacing_for,
+)
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -59,6 +68,37 @@ def test_contradicting_choices_of_the_spacing_are_refused() -> None:
 def test_a_press_on_few_nodes_states_its_error() -> None:
     body = bodies.build(block((0.04, 0.04, 0.02), 0.01), young=5e3, fixed="z < 0.1 mm")
     with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes are in contact.*error up to 180 %"):
-        assert body.indent([0.02, 0.02, 0.02], "4 mm", "0.5 mm").error == 1.8
+        assert body.indent([0.02, 0.02, 0.02], "10 mm", "0.5 mm").error == 1.8
     with pytest.warns(BodyWarning, match="too few for an accurate force: use"):
-        assert body.indent([0.02, 0.02, 0.02], "4 mm", "0.5 mm", tip="flat").error is None
+        assert body.indent([0.0, 0.0, 0.02], "7.5 mm", "0.5 mm", tip="flat").error is None
+
+
+TIPS = block((0.03, 0.03, 0.02), 0.005)
+FINE = bodies.build(block((0.03, 0.03, 0.02), 0.0025), young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")
+COARSE = bodies.build(TIPS, young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")
+
+
+def test_the_error_of_a_tip_between_the_nodes_is_not_known() -> None:
+    """Half the distance of the nodes: the force is wrong by three times what the table says for as many nodes."""
+    point = [0.0175, 0.0175, 0.02]
+    with pytest.warns(BodyWarning, match=r"the tip of 2.5 mm is too small for contact nodes that are 5 mm apart there"):
+        press = COARSE.signed_distance().indent(point, "2.5 mm", "1.5 mm")
+    expected = FINE.signed_distance().indent(point, "2.5 mm", "1.5 mm").force[2]
+    assert press.nodes == 4
+    assert abs(press.force[2] / expected - 1.0) > 3.0 * (force_error(4, signed_distance=True) or 0.0)
+    assert press.error is None
+    with pytest.warns(BodyWarning, match=r"the tip of 3 mm is too small for contact nodes"):
+        COARSE.indent([0.015, 0.015, 0.02], "3 mm", "0.5 mm", tip="flat")
+
+
+@pytest.mark.parametrize("small", ["0.1 mm", "0.5 mm"])
+def test_a_tip_beside_the_nodes_has_no_sideways_force(small: str) -> None:
+    """A sphere beside a node of a body under large displacements would rest on the node's side."""
+    solid = QuasiStaticSolver(HyperelasticModel(TIPS, Material(8e3, 0.4), "z < 0.1 mm", "z > 19.9 mm"))
+    with pytest.raises(BodyError, match="lies beside them, and its force points sideways: use a mesh"):
+        solid.indent([0.015, 0.015, 0.02], small, "1 mm", outward=[0, 0, 1])
+    with pytest.warns(BodyWarning, match="no node is in contact"):
+        force, _ = solid.indent([0.0175, 0.0175, 0.02], small, "0.1 mm", outward=[0, 0, 1])
+    assert not force.any()
+    with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes are in contact"):
+        solid.indent([0.015, 0.015, 0.02], "6 mm", "0.1 mm", outward=[0, 0, 1])

@@ -221,6 +221,25 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     assert "never touches the object" in summarize(simulate(far))["verdict"]
 
 
+def test_the_error_by_the_mesh_is_known_for_resolved_tips_on_quadratic_elements(block: Path, tmp_path: Path) -> None:
+    path, volume = tmp_path / "quadratic.h5", bodies.block((0.04, 0.04, 0.02), (0.005, 0.005, 0.01))
+    bodies.build(volume, young=10e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", output=path)
+
+    def stated(file: Path, radius: str) -> float | None:
+        at = {"kind": "body", "position": ["0 mm", "0 mm", f"-{radius}"]}
+        body = on(file, tip="sphere", radius=radius)
+        trace = simulate(tables(body, object={**at, "body": body}, run={"duration": "80 ms"}))
+        error = summarize(trace)["palpation"]["mesh_error"]
+        file.rename(file.with_suffix(".away"))
+        assert summarize(trace)["palpation"]["mesh_error"] is None
+        file.with_suffix(".away").rename(file)
+        return None if error is None else float(error)
+
+    assert stated(path, "6 mm") is not None
+    assert stated(path, "4 mm") is None
+    assert stated(block, "6 mm") is None
+
+
 def test_a_tip_pushed_through_the_surface_is_still_held(block: Path) -> None:
     """A flat end goes in by more than twice its radius, and the force grows with it."""
     hard = {"shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-2.5 N"]}

@@ -25,7 +25,7 @@ from palpate.fem.checks import (
     positive,
 )
 from palpate.fem.condensed_body import CondensedBody
-from palpate.fem.contact_accuracy import force_error
+from palpate.fem.contact_accuracy import force_error, unresolved
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.model_spec import ModelSpec
 
@@ -34,6 +34,7 @@ _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 _NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 _MAX_TIPS = 8
+_SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
 
@@ -67,7 +68,7 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact cause a warning.
+        Fewer than four nodes in contact, or a tip smaller than the distance of the nodes, cause a warning.
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -86,6 +87,7 @@ class IndentableBody(CondensedBody):
             BodyError: the depth is negative or exceeds the body along the press.
             BodyError: the radius is not positive or exceeds the body's extent.
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
+            BodyError: the tip is smaller than the distance of the nodes, and its force points sideways.
             BodyError: the tip loses contact, or a body under large displacements finds no equilibrium or has inverted
                 tetrahedra.
         """
@@ -100,10 +102,11 @@ class IndentableBody(CondensedBody):
             history = self._settle_hyperelastic(self.core, center, normal, deep, size, tip)
         else:
             history = self._ramp(center, normal, deep, size, tip)
-        nodes = int(history.nodes[-1])
-        error = self._force_error(nodes) if tip == "sphere" else None
-        _warn_of_few_nodes(deep, nodes, error)
-        return Indentation(history.force[-1], self.displacement(), nodes, error)
+        nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
+        error = self._force_error(nodes) if tip == "sphere" and not small else None
+        if deep > 0.0:
+            check_resolved(force, normal, nodes, error, small)
+        return Indentation(force, self.displacement(), nodes, error)
 
     def _force_error(self, nodes: int) -> float | None:
         """Return the relative error of a sphere's force by the mesh; None for models other than the compliance."""
@@ -373,16 +376,36 @@ def count_inverted(points: Array, tetrahedra: Indices, displacement: Array) -> i
     return int((volumes(points, tetrahedra) * volumes(points + displacement, tetrahedra) < 0.0).sum())
 
 
-def _warn_of_few_nodes(deep: float, count: int, error: float | None) -> None:
-    """Warn if fewer than four nodes are in contact at a positive depth."""
-    if deep > 0 and count == 0:
+def check_resolved(force: Array, normal: Array, count: int, error: float | None, small: str) -> None:
+    """Warn of a press that the mesh does not resolve; raise BodyError if its force points sideways as well.
+
+    Args:
+        force: on the tip (3,), N.
+        normal: outward unit normal of the press (3,).
+        count: number of nodes in contact.
+        error: of the force by the mesh, relative; None if unknown.
+        small: of `unresolved`.
+    """
+    if small and count > 0 and force @ normal < _SIDEWAYS * np.linalg.norm(force):
+        raise BodyError(
+            f"{small}: it lies beside them, and its force points sideways: use a mesh with a spacing of the tip's "
+            "radius or a larger tip"
+        )
+    if count == 0:
         warnings.warn(
             "no node is in contact: the surface is fixed or outside of the contact surface there, the mesh is too "
             "coarse, or the contact was lost",
             BodyWarning,
             stacklevel=3,
         )
-    elif deep > 0 and count < 4:
+    elif small:
+        warnings.warn(
+            f"{small}, and the error of its force is not known: use a mesh with a spacing of the tip's radius or a "
+            "larger tip",
+            BodyWarning,
+            stacklevel=3,
+        )
+    elif count < 4:
         warnings.warn(
             f"only {count} of the body's nodes are in contact, too few for an accurate force"
             f"{'' if error is None else f' (error up to {100 * error:.0f} %)'}: use a finer mesh, a larger tip or a "

@@ -24,9 +24,10 @@ from palpate.fem.checks import (
     tick_period,
     whole,
 )
+from palpate.fem.contact_accuracy import unresolved
 from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
-from palpate.fem.indentation import check_found, count_inverted, settle_at_depths
+from palpate.fem.indentation import check_found, check_resolved, count_inverted, settle_at_depths
 
 
 class MultiTipHistory(NamedTuple):
@@ -91,6 +92,8 @@ class QuasiStaticSolver:
     ) -> tuple[Array, Array]:
         """Press a rigid tip in at `point` of the surface at rest, by equilibria at ten depths.
 
+        Fewer than four nodes in contact, or a tip smaller than the distance of the nodes, cause a warning.
+
         Args:
             point: (3,), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
@@ -105,6 +108,7 @@ class QuasiStaticSolver:
         Raises:
             BodyError: the tip loses contact or inverts tetrahedra, there is no equilibrium, or more than 128 nodes
                 lie under the tip.
+            BodyError: the tip is smaller than the distance of the nodes, and its force points sideways.
         """
         x, size, deep = point_of(point), positive(radius, "m", "radius"), indentation_depth(depth)
         normal = directions(outward, (3,))
@@ -119,7 +123,11 @@ class QuasiStaticSolver:
         def inverted() -> int:
             return count_inverted(self.solid.points, self.solid.elements.volume.tetrahedra, self.displacement())
 
-        return settle_at_depths(depths[:, 0], settle, inverted)[0:3], self.displacement()
+        row = settle_at_depths(depths[:, 0], settle, inverted)
+        if deep > 0.0:
+            small = unresolved(self.solid.points[self.solid.elements.contact_nodes], x, size, tip)
+            check_resolved(row[0:3], normal, int(row[7]), None, small)
+        return row[0:3], self.displacement()
 
     def simulate_path(
         self,

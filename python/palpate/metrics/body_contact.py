@@ -10,6 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
+from palpate.simulation.bodies import resolves_tip
 from palpate.simulation.trace import Trace
 
 __all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
@@ -33,7 +34,8 @@ class PalpationMetrics:
         stiffness: force over deflection at that moment, N/m.
         nodes: number of nodes in contact at that moment.
         mesh_error: relative error of that force by the mesh (`palpate.fem.force_error`) for a sphere on the kinds
-            "compliance", "viscoelastic", "modal" and "signed_distance"; None otherwise.
+            "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements, at least as large as the
+            distance of the nodes; None otherwise.
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.
@@ -117,7 +119,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         deepest_force=float(magnitude[at]),
         stiffness=float(magnitude[at] / depth[at]) if depth[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
-        mesh_error=_mesh_error(trace, int(nodes[at, 0])),
+        mesh_error=_mesh_error(trace, first + at, int(nodes[at, 0])),
         path=float(np.sum(np.linalg.norm(move, axis=1)[contact[1:] & contact[:-1]])),
         path_stiffness_median=float(np.median(path_stiffness)) if swept else None,
         path_stiffness_max=float(np.max(path_stiffness)) if swept else None,
@@ -136,10 +138,13 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     )
 
 
-def _mesh_error(trace: Trace, nodes: int) -> float | None:
+def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
+    """Return the relative error of the force in a sample by the mesh; None if it is not known."""
     choice = trace.scenario.get("object", {}).get("body") or {}
     kind = choice.get("kind", "compliance")
     if choice.get("tip", "sphere") != "sphere" or kind not in _ESTIMATED:
+        return None
+    if not resolves_tip(trace, row):
         return None
     return force_error(nodes, signed_distance=kind == "signed_distance")
 

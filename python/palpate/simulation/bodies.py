@@ -17,6 +17,7 @@ from palpate import _core
 from palpate import fem as bodies
 from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError, ScenarioError
+from palpate.fem.contact_accuracy import unresolved
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import seen_from_object
@@ -49,15 +50,38 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     choice = scenario.object.body
     assert choice is not None
     body = scenario_body(scenario)
-    moving = scenario.object.frame is not None
-    anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
-    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    tip = seen_from_object(trace, trace["tip"])[: row % len(trace.time) + 1]
-    way = (tip - anchor) @ turn + origin_of(choice, body)
+    way = _tip_in_body(trace, scenario, body)[: row % len(trace.time) + 1]
     body.core.reset()
     axes = np.tile([0.0, 0.0, 1.0], (len(way), 1)) if choice.tip == "flat" else np.empty((0, 3))
     body.core.simulate_path(np.ascontiguousarray(way), axes, choice.radius, choice.tip == "flat")
     return Pressed(body, way[-1], body.displacement(), body.pressure())
+
+
+def resolves_tip(trace: Recorded, row: int) -> bool:
+    """Return whether a trace's body has quadratic elements with nodes close enough for its tip at sample `row`.
+
+    False also if the body is no longer there.
+    """
+    try:
+        scenario = Scenario.from_dict(trace.metadata["scenario"])
+        choice = scenario.object.body
+        if choice is None or not (Path(choice.file) if choice.file is not None else cache_path(choice)).is_file():
+            return False
+        body = scenario_body(scenario)
+    except PalpateError:
+        return False
+    tip = _tip_in_body(trace, scenario, body)[row]
+    return body.record.get("order") == 2 and not unresolved(body.nodes, tip, choice.radius, choice.tip)
+
+
+def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:
+    """Return the centers of the tip in the frame of the body (n, 3), m."""
+    choice = scenario.object.body
+    assert choice is not None
+    moving = scenario.object.frame is not None
+    anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
+    return np.asarray((seen_from_object(trace, trace["tip"]) - anchor) @ turn + origin_of(choice, body))
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:

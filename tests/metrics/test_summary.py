@@ -113,6 +113,29 @@ def test_a_response_that_returns_settles_to_a_share_of_its_peak() -> None:
     assert found["verdict"].startswith("settled to 5 % of its peak in")
 
 
+@pytest.mark.parametrize("start", ["0 s", "50 ms"])
+def test_settling_counts_from_the_end_of_a_ramp(start: str) -> None:
+    force = {"kind": "force", "shape": "ramp", "rise": "0.2 s", "start": start, "force": ["-1 N", "0 N", "0 N"]}
+    trace = simulate(
+        {**SLIDER, "operator": force, "object": {**SLIDER["object"], "damping": "3 N*s/m"}, "run": {"duration": "1 s"}}
+    )
+    found, x = summarize(trace), trace["deflection"][:, 0]
+    outside = np.flatnonzero(np.abs(x - x[-1]) > 0.05 * np.abs(x[-1]))[-1]
+    end = 0.2 + (0.0 if start == "0 s" else 0.05)
+    assert trace.time[outside] > end
+    settling = found["axes"]["x"]["settling_5_percent_s"]
+    assert settling == pytest.approx(trace.time[outside + 1] - end, abs=2e-3)
+    assert found["verdict"] == f"settled to 5 % in {1e3 * settling:.3g} ms after the end of the ramp"
+
+
+def test_a_ramp_so_slow_that_the_response_follows_it_is_settled_at_its_end() -> None:
+    force = {"kind": "force", "shape": "ramp", "rise": "1 s", "force": ["-1 N", "0 N", "0 N"]}
+    tables = {**SLIDER, "operator": force, "object": {**SLIDER["object"], "damping": "3 N*s/m"}}
+    found = summarize(simulate(tables | {"run": {"duration": "1.5 s"}}))
+    assert found["axes"]["x"]["settling_5_percent_s"] == 0.0
+    assert found["verdict"].startswith("settled to 5 % by the end of the ramp")
+
+
 def test_the_shortest_run_has_a_response() -> None:
     """A servo period has two samples."""
     tables = {key: table for key, table in SLIDER.items() if key != "operator"}

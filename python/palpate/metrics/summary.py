@@ -12,6 +12,7 @@ from palpate.devices.reach import near_limits
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
+from palpate.scenario.signal import Signal
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
@@ -33,10 +34,11 @@ def summarize(trace: Trace) -> dict[str, Any]:
     "state" is the verdict's label and "verdict" a sentence with details. "stable" is true if the state is "settled".
     A reference on several axes has the settling time and the error of the deflection as a vector in "magnitude".
     "warnings" are sentences on the drive and on singular poses. Each driven axis has the steady tip deflection, the
-    expected deflection (reference force over stiffness) and the error against it. It also has the overshoot, the 5 %
-    settling time, and the growth of an oscillation. The whole run has the peak reference, command, torque and object
-    force, and the force that the motors must deliver. The peak of a force is its magnitude over the three axes. A run
-    of an impedance display that records every tick has the energies of `EnergyBalance`.
+    expected deflection (reference force over stiffness) and the error against it. It also has the overshoot, the
+    growth of an oscillation, and the 5 % settling time, which counts from the last step or the end of a ramp. The whole
+    run has the peak reference, command, torque and object force, and the force that the motors must deliver. The peak
+    of a force is its magnitude over the three axes. A run of an impedance display that records every tick has the
+    energies of `EnergyBalance`.
 
     A run on a mesh has "sliding" (`SlidingMetrics`) and a run on a body "palpation" (`PalpationMetrics`) in place of
     the axes. A run that diverged has no steady state, and only the peaks are given.
@@ -119,6 +121,7 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
         return []
     expected, deflection = expected_deflection(scenario), trace["deflection"]
     start = 0.0 if scenario is None else float((scenario.reference or scenario.operator).start)
+    moving = max(0.0, _constant_from(scenario) - start)
     least = max(LEAST_DEFLECTION, BAND * float(np.max(np.linalg.norm(deflection, axis=1))))
     driven, constant = any(expected), windows(external_forces(trace, scenario))[-1].constant
     of_peak = False
@@ -132,7 +135,7 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
             "expected_deflection_m": response.expected,
             "error_percent": response.error_percent,
             "overshoot_percent": None if response.returns else response.overshoot_percent,
-            "settling_5_percent_s": response.settling_time,
+            "settling_5_percent_s": _after(response.settling_time, moving),
             "peak_deflection_m": response.peak,
             "ripple_m": response.ripple,
             "swing_growth": response.swing_growth if constant else None,
@@ -148,17 +151,36 @@ def _on_axes(summary: dict[str, Any], trace: Trace, scenario: Scenario | None) -
     worst: float | None
     if several:
         slowest, worst = _magnitude(trace, expected, start)
+        slowest = _after(slowest, moving)
         summary["magnitude"] = {"settling_5_percent_s": slowest, "error_percent": worst}
     else:
         slowest = max(times)
         worst = max((abs(row["error_percent"]) for row in rows if row["error_percent"] is not None), default=None)
     if slowest is None:
         return [trace.verdict.reason]
-    text = f"to 5 %{' of its peak' if of_peak and not several else ''} in "
-    text += f"{slowest * 1e3:.3g} ms" if slowest < 1.0 else f"{slowest:.3g} s"
+    when = f"in {slowest * 1e3:.3g} ms" if slowest < 1.0 else f"in {slowest:.3g} s"
+    if any(signal.rise is not None for signal in _forces(scenario)):
+        when = f"{when} after the end of the ramp" if slowest else "by the end of the ramp"
+    text = f"to 5 %{' of its peak' if of_peak and not several else ''} {when}"
     if scenario is not None and scenario.run.record_every > 1:
         text += f" (recorded every {1e3 * scenario.run.record_every * scenario.period:.3g} ms)"
     return [text if worst is None else f"{text}, steady error {worst:.3g} %"]
+
+
+def _forces(scenario: Scenario | None) -> list[Signal]:
+    """Return the signals of a scenario that have a force."""
+    signals = () if scenario is None else (scenario.reference, scenario.operator)
+    return [signal for signal in signals if signal is not None and signal.force]
+
+
+def _constant_from(scenario: Scenario | None) -> float:
+    """Return the time, s, from which the steps and ramps of a scenario are constant."""
+    return max((signal.start + (signal.rise or 0.0) for signal in _forces(scenario)), default=0.0)
+
+
+def _after(settling: float | None, moving: float) -> float | None:
+    """Return a settling time, s, less the time in which the external force still moved; None: not settled."""
+    return None if settling is None else max(0.0, settling - moving)
 
 
 def _in_wall(trace: Trace, scenario: Scenario | None) -> list[str]:
@@ -183,9 +205,8 @@ def _one_step(scenario: Scenario | None) -> bool:
     """Return whether the external force is one step or ramp, so that a settling time has a meaning."""
     if scenario is None:
         return True
-    signals = [signal for signal in (scenario.reference, scenario.operator) if signal is not None and signal.force]
     moves = scenario.operator.table is not None or (scenario.reference is not None and scenario.reference.table)
-    return not moves and all(signal.shape in ("step", "ramp") and signal.stop is None for signal in signals)
+    return not moves and all(signal.shape in ("step", "ramp") and signal.stop is None for signal in _forces(scenario))
 
 
 def _on_mesh(summary: dict[str, Any], trace: Trace) -> list[str]:

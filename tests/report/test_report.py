@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -24,7 +25,7 @@ from palpate.plotting.style import new_figure
 from palpate.report import Page
 from palpate.report.contact import in_column, numbers_table
 from palpate.report.html import differs_in_print, number
-from palpate.report.run import run_page
+from palpate.report.run import _axes, _energy, run_page
 from palpate.report.theme import CSS, inline_svg
 from palpate.simulation.trace import Trace
 
@@ -401,6 +402,44 @@ def test_an_extended_page_keeps_sections_and_numbers_of_both() -> None:
     text = page.section("More").html()
     assert re.findall(r'<h2 id="([^"]+)"', text) == ["first", "later", "end", "more"]
     assert [*re.findall(r"<b>Table (\d)", text)] == ["1", "3"]
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (4, 4), (5, 5), (6, 3), (7, 4), (8, 4), (9, 5), (11, 4)])
+def test_rows_of_facts_are_of_about_equal_length(count: int, columns: int) -> None:
+    """The last row lacks fewer facts than there are rows, and the style sheet has the rule of each length."""
+    text = Page("a").facts([(f"{i}", f"{i} N") for i in range(count)]).html()
+    assert f'<dl class="facts columns-{columns}">' in text
+    assert re.search(rf"\.columns-{columns} \{{\s*grid-template-columns: repeat\({columns},1fr\)", CSS)
+    assert columns <= 5
+    assert -(-count // columns) * columns - count < -(-count // columns)
+    assert '<dl class="facts columns-1"></dl>' in Page("a").facts([]).html()
+
+
+def test_a_page_says_once_what_the_linear_loop_says(pressed: Trace) -> None:
+    linear = "the linear loop is unstable (spectral radius 1.1)"
+    for reason in ("it grows", f"it grows; {linear}"):
+        verdict = replace(pressed.verdict, reason=reason, linear=linear)
+        trace = replace(pressed, metadata=dict(pressed.metadata) | {"verdict": verdict.to_dict()})
+        shown = re.sub("<details>.*", "", run_page(trace, summarize(pressed) | {"verdict": str(verdict)}).html())
+        assert shown.lower().count(linear) == 1
+
+
+@pytest.mark.parametrize(
+    ("energy", "shown"),
+    [(0.0, "0 J"), (1.5, "1.5 J"), (-2.218e-6, "−2.22 µJ"), (0.0325, "32.5 mJ"), (3.2e-11, "0.032 nJ")],
+)
+def test_an_energy_has_the_unit_that_suits_it(energy: float, shown: str) -> None:
+    assert _energy(energy) == shown
+
+
+def test_columns_without_a_value_are_left_out_of_the_steady_state() -> None:
+    one = {"steady_deflection_m": 1e-3, "expected_deflection_m": None, "error_percent": None,
+           "overshoot_percent": 3.0, "settling_5_percent_s": None}  # fmt: skip
+    page = Page("a run")
+    _axes(page, {"x": one}, None)
+    heads = re.findall(r"<th scope[^>]*>(.*?)</th>", page.html())
+    assert [re.sub("<.*", "", head) for head in heads] == ["axis", "steady deflection", "overshoot"]
+    assert "Settling" not in page.html()
 
 
 def test_a_page_states_verdict_facts_and_every_warning(pressed: Trace) -> None:

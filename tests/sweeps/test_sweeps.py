@@ -453,6 +453,18 @@ def test_cells_that_diverged_are_drawn_above_all_others() -> None:
     assert min(drawn[3.0], drawn[4.0]) > 2.0
 
 
+@pytest.mark.parametrize(("top", "unit", "shown"), [(150.0, "N/m", 150.0), (4e3, "N/mm", 4.0)])
+def test_soft_walls_are_drawn_in_n_per_m(top: float, unit: str, shown: float) -> None:
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    plan = SimpleNamespace(axes=[Axis("object.stiffness", "N/m", (50.0, top))], draws=1, tables={})
+    settled = np.full(2, State.SETTLED, dtype=float)
+    ax = plot_sweep(
+        SimpleNamespace(plan=plan, outcomes={"ripple": [1e-6, 1e-6], "verdict": settled}), figure.subplots()
+    )
+    assert ax.get_xlabel() == f"object stiffness [{unit}]"
+    assert max(float(x) for line in ax.lines for x in line.get_xdata()) == pytest.approx(shown)
+
+
 def test_the_page_of_one_cell_gives_it_a_share_of_one() -> None:
     text = sweep_page(sweep(SLIDER, {"object.stiffness": [1.0]})).html()
     assert re.search(r'<td class="number">1</td><td class="number">100</td>', text)

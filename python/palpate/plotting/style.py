@@ -24,6 +24,7 @@ RC: Final[dict[Any, Any]] = {
     "axes.edgecolor": INK,
     "axes.facecolor": "none",
     "axes.formatter.limits": (-4, 5),
+    "axes.formatter.useoffset": False,
     "axes.formatter.use_mathtext": False,  # its parser dominates the time of a report
     "axes.grid": True,
     "axes.labelcolor": INK,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Tone = Literal["good", "note", "bad"]
 _STATUS: Final = {"match": "✓ match", "erratum": "✎ erratum", "differs": "✗ differs"}
 _MINUS: Final = "−"
+_FACTS: Final = 5  # facts in a row, at most
 
 
 class Page:
@@ -65,9 +66,11 @@ class Page:
         )
 
     def facts(self, facts: Iterable[tuple[str, Any]]) -> Page:
-        """Add a row of large numbers, given as (label, value with unit)."""
-        entries = "".join(f"<div><dt>{_inline(label)}</dt><dd>{_cell(value)[0]}</dd></div>" for label, value in facts)
-        return self.raw(f'<dl class="facts">{entries}</dl>')
+        """Add large numbers, given as (label, value with unit), in rows of at most five and of about equal length."""
+        listed = list(facts)
+        entries = "".join(f"<div><dt>{_inline(label)}</dt><dd>{_cell(value)[0]}</dd></div>" for label, value in listed)
+        columns = math.ceil(len(listed) / math.ceil(len(listed) / _FACTS)) if listed else 1
+        return self.raw(f'<dl class="facts columns-{columns}">{entries}</dl>')
 
     def table(
         self,
@@ -82,8 +85,8 @@ class Page:
 
         Args:
             header: names of the columns.
-            rows: cells. Columns of numbers are right-aligned, None is a dash, and "match", "erratum" and "differs"
-                become badges.
+            rows: cells. Columns of numbers and dashes are right-aligned, None is a dash, and "match", "erratum" and
+                "differs" become badges.
             caption: text after the number of the table.
             units: of the columns, shown below their names.
             digits: significant digits of numbers.
@@ -95,10 +98,7 @@ class Page:
         for wrong in [row for row in [*listed, *([units] if units else [])] if len(row) != len(header)]:
             raise ValueError(f"a table of {len(header)} columns has a row of {len(wrong)}: {list(wrong)!r:.80}")
         cells = [[_cell(value, digits) for value in row] for row in listed]
-        numeric = [
-            any(row[column][1] for row in cells) and all(row[column][1] or row[column][0] == "–" for row in cells)
-            for column in range(len(header))
-        ]
+        numeric = [all(row[column][1] or row[column][0] == "–" for row in cells) for column in range(len(header))]
         heads = []
         for column, name in enumerate(header):
             unit = f'<span class="unit">{_inline(units[column])}</span>' if units and units[column] else ""

@@ -135,6 +135,9 @@ def _legend(ax: Axes, present: Sequence[State]) -> None:
 
 
 def _scale(axis: Axis) -> tuple[float, str]:
+    """Return the factor from the values of an axis to those drawn, and their unit."""
+    if axis.unit == "N/m" and max(abs(value) for value in axis.values) < 1e3:
+        return 1.0, "N/m"
     return SCALES.get(axis.unit, (1.0, axis.unit.replace("*", "·")))
 
 

@@ -14,7 +14,9 @@ from palpate.fem.builder import _NODES, _check_extent, _spacing_of
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
-from palpate.fem.mesh_estimate import _inner_samples, check_parts, estimate
+from palpate.fem.mesh_estimate import _inner_samples, _needed, check_memory_before, check_parts, estimate
+from palpate.fem.modes_cost import modes_cost
+from palpate.fem.multifrontal import MultifrontalSolver
 from palpate.fem.selectors import parse_selectors
 
 trimesh = pytest.importorskip("trimesh")
@@ -50,6 +52,74 @@ def test_a_build_over_the_budget_is_refused_at_once_with_a_spacing_that_fits() -
         Mesh(SPHERE.vertices, SPHERE.faces), young=5e3, fixed="z < -20 mm", spacing=f"{fits} mm", memory="0.4 GB"
     )
     assert body.record["memory_bytes"] < 0.4e9
+
+
+def test_the_budget_before_the_mesh_counts_the_modes() -> None:
+    mesh = Mesh(SPHERE.vertices, SPHERE.faces)
+    begin = time.process_time()
+    with pytest.raises(BodyError, match=r"mm with 400 modes gives about .* over the budget of 1 GB") as refusal:
+        bodies.build(mesh, young=5e3, fixed="z < -20 mm", spacing="3.5 mm", memory="1 GB", modes=400)
+    assert time.process_time() - begin < 5.0
+    assert "fewer modes" in str(refusal.value)
+    surface = surface_of(SPHERE)
+    check_memory_before(surface, 3.5e-3, 2, "1 GB", touched=True)  # without modes it fits
+    needed = [_needed(surface, 3.5e-3, 2, True, count) for count in (0, 1, 100, 400)]
+    assert needed == sorted(needed)
+    assert needed[-1] > needed[-2]
+
+
+def test_the_budget_of_a_given_mesh_counts_the_modes_before_it_is_condensed() -> None:
+    volume, stages = bodies.block(("40 mm", "40 mm", "20 mm"), "5 mm"), []
+    with pytest.raises(BodyError, match=r"memory: 500 modes need about .* budget of 220 MB: use fewer modes"):
+        bodies.build(
+            volume,
+            young=5e3,
+            fixed="z <= 0 mm",
+            modes=500,
+            memory="220 MB",
+            progress=lambda text, _: stages.append(text),
+        )
+    assert stages
+    assert not any("condensing" in text for text in stages)
+
+
+@pytest.mark.parametrize("library", ["SuperLU", "PARDISO"])
+def test_the_cost_of_modes_grows_with_each_of_its_causes(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.fem.modes_cost.installed", lambda: library)
+    base: dict[str, Any] = {"unknowns": 1e4, "contact_nodes": 60, "count": 50, "entries": 1e7, "operations": 1e10}
+    cost = modes_cost(**base, speed=1e10)
+    for cause in ("unknowns", "contact_nodes", "count", "entries"):
+        assert modes_cost(**{**base, cause: base[cause] * 1.3 // 1}, speed=1e10).memory > cost.memory - 1e-3
+    assert cost.memory > 12.0 * base["entries"] + 8.0 * base["unknowns"] * 2 * base["count"]
+    assert (cost.seconds is None) == (library == "PARDISO")
+    assert ("PARDISO (pip" in cost.remedy) == (library == "SuperLU")
+    if library == "SuperLU":
+        assert cost.seconds is not None
+        assert cost.seconds > 1e10 / 1e10  # slower than a dense product
+        assert f"about {cost.seconds:.2g} s by SuperLU" in str(cost)
+
+
+def test_the_entries_of_the_factor_are_those_of_a_dense_factorization() -> None:
+    """Cholesky's factor in the order of the fronts: fronts of up to 96 nodes count as dense."""
+    elements = Elements(bodies.block(0.04, 0.01), Material("5 kPa"), parse_selectors("z <= 0 mm"), None, 1)
+    free = ~elements.dirichlet
+    stiffness = elements.stiffness[elements.free][:, elements.free]
+    solver = MultifrontalSolver(stiffness, elements.load[free], elements.nodes[free])
+    order = (3 * solver._order[:, None] + np.arange(3)).ravel()
+    pattern = np.abs(stiffness[order][:, order].toarray()) > 0.0
+    definite = np.where(pattern, -np.random.default_rng(0).uniform(0.5, 1.0, pattern.shape), 0.0)
+    definite = np.tril(definite) + np.tril(definite, -1).T
+    np.fill_diagonal(definite, 1e3)
+    entries = np.count_nonzero(np.abs(np.linalg.cholesky(definite)) > 1e-40)
+    assert entries <= solver.factor_entries <= 1.6 * entries
+    assert solver.factor_operations > solver.factor_entries
+
+
+def test_a_fixed_region_that_misses_the_body_is_named_with_the_extent() -> None:
+    with pytest.raises(
+        BodyError, match=r'fixed: "z < -80 mm" holds no place of the body, which has x from -30 to 30, '
+    ):
+        check_parts(surface_of(SPHERE), parse_selectors("z < -80 mm"), 0.01)
 
 
 def test_a_part_without_a_fixed_place_is_refused_at_once() -> None:
@@ -117,7 +187,7 @@ def test_a_size_in_the_wrong_unit_is_asked_about() -> None:
     ball = trimesh.creation.icosphere(1, 30.0)
     with (
         pytest.warns(BodyWarning, match=r'extent of 10\d m: are its coordinates in mm\? Then give unit="mm"'),
-        pytest.raises(BodyError, match="no fixed place"),
+        pytest.raises(BodyError, match="holds no place of the body"),
     ):
         bodies.build(Mesh(ball.vertices, ball.faces), young=5e3, fixed="z < -100 m")
 

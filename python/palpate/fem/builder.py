@@ -15,12 +15,13 @@ from palpate.contact.mesh import Mesh, read_triangles
 from palpate.fem.body import Body
 from palpate.fem.checks import positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
-from palpate.fem.condensation import Condensation, check_memory
+from palpate.fem.condensation import Condensation, check_memory, check_memory_of_modes, speed
 from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
 from palpate.fem.mesh_estimate import check_memory_before, check_parts, estimate
+from palpate.fem.modes_cost import modes_cost
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import Modes
@@ -106,7 +107,7 @@ def build(
 
     def check(surface: ClosedSurface, step: float) -> None:
         check_parts(surface, dirichlet, step)
-        check_memory_before(surface, step, order, memory, touched=contact is None)
+        check_memory_before(surface, step, order, memory, touched=contact is None, modes=modes)
 
     volume = volume_of(source, unit=unit, spacing=spacing, mesher=mesher, check=check)
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
@@ -168,12 +169,17 @@ def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stag
     stages.begin("ordering", f"ordering {len(elements.free):,} unknowns")
     condensation = Condensation(elements)
     check_memory(count, condensation.memory, memory)
+    cost = None
+    if modes:
+        entries, operations = condensation.factor
+        cost = modes_cost(len(elements.free), count, modes, entries, operations, speed())
+        check_memory_of_modes(cost, elements.memory + 36.0 * count**2, memory)
     stages.begin("condensing", str(condensation))
     compliance = condensation.compliance()
     nothing = np.empty((len(compliance), 0), dtype=np.float32)
     found = Modes(np.empty(0), nothing, np.empty(0), nothing)
     if modes:
-        stages.begin("modes", f"computing {modes} modes")
+        stages.begin("modes", str(cost))
         found = find_modes(elements, modes)
     seconds = stages.end()
     record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": versions()}

@@ -16,6 +16,7 @@ from scipy.linalg import blas, lapack
 from palpate.fem.checks import positive
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
+from palpate.fem.modes_cost import ModesCost
 from palpate.fem.multifrontal import MultifrontalSolver
 
 _PROGRAM = 0.15e9  # bytes of the program and its libraries
@@ -26,10 +27,21 @@ def check_memory(vertices: int, working: float, budget: float | str) -> None:
     """Raise BodyError if `working` bytes, for a body of `vertices` contact nodes, exceed `budget`."""
     allowed = positive(budget, "byte", "memory")
     if working > allowed:
+        alone = bytes_text(36.0 * vertices**2)
         raise BodyError(
-            f"memory: the build needs about {_bytes(working)}, over the budget of {_bytes(allowed)}; the compliance of "
-            f"{vertices} nodes alone takes {_bytes(36.0 * vertices**2)}: use a coarser mesh, a smaller contact "
-            "surface, or a larger budget"
+            f"memory: the build needs about {bytes_text(working)}, over the budget of {bytes_text(allowed)}; the "
+            f"compliance of {vertices} nodes alone takes {alone}: use a coarser mesh, a smaller contact surface, or a "
+            "larger budget"
+        )
+
+
+def check_memory_of_modes(cost: ModesCost, kept: float, budget: float | str) -> None:
+    """Raise BodyError if the modes, with `kept` bytes of the elements and the compliance, exceed `budget`."""
+    allowed, working = positive(budget, "byte", "memory"), _PROGRAM + kept + cost.memory
+    if working > allowed:
+        raise BodyError(
+            f"memory: {cost.count} modes need about {bytes_text(working)}, over the budget of {bytes_text(allowed)}: "
+            f"use {cost.remedy}a coarser mesh, or a larger budget"
         )
 
 
@@ -50,10 +62,15 @@ class Condensation:
         check = 2 * 36.0 * self._vertices**2  # the compliance and its factor
         self.memory = _PROGRAM + elements.memory + 20.0 * stiffness.nnz + max(self._solver.memory, check)
 
+    @property
+    def factor(self) -> tuple[float, float]:
+        """Entries of the Cholesky factor of the stiffness, and multiplications that compute it."""
+        return self._solver.factor_entries, self._solver.factor_operations
+
     def __str__(self) -> str:
         return (
-            f"condensing to {self._vertices:,} contact nodes: {_bytes(self.memory)}, "
-            f"{self.operations / 1e9:.3g} Gflop, about {self.operations / (_EFFICIENCY * _speed()):.2g} s"
+            f"condensing to {self._vertices:,} contact nodes: {bytes_text(self.memory)}, "
+            f"{self.operations / 1e9:.3g} Gflop, about {self.operations / (_EFFICIENCY * speed()):.2g} s"
         )
 
     def compliance(self) -> NDArray[np.float32]:
@@ -71,7 +88,7 @@ class Condensation:
         return compliance
 
 
-def _speed() -> float:
+def speed() -> float:
     """Return the floating-point operations per second of a dense product in double precision."""
     a = np.ones((1024, 1024), order="F")
     blas.dgemm(1.0, a, a)
@@ -80,5 +97,6 @@ def _speed() -> float:
     return 2.0 * 1024.0**3 / (time.perf_counter() - begin)
 
 
-def _bytes(number: float) -> str:
+def bytes_text(number: float) -> str:
+    """Return a number of bytes as text."""
     return f"{number / 1e9:.3g} GB" if number >= 1e9 else f"{number / 1e6:.3g} MB"

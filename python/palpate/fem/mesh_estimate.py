@@ -13,6 +13,7 @@ from palpate.contact.simplices import area_vectors, components
 from palpate.fem.checks import positive
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError
+from palpate.fem.modes_cost import ModesCost, fill, modes_cost
 from palpate.fem.selectors import Selector
 
 # Nodes per volume / spacing^3 and per area / spacing^2, by the order of the elements, and contact nodes per
@@ -49,7 +50,7 @@ def estimate(surface: ClosedSurface, spacing: float, order: int) -> MeshEstimate
 
 
 def check_memory_before(
-    surface: ClosedSurface, spacing: float, order: int, memory: float | str, *, touched: bool
+    surface: ClosedSurface, spacing: float, order: int, memory: float | str, *, touched: bool, modes: int = 0
 ) -> None:
     """Raise BodyError if the build clearly exceeds `memory`, and name a spacing that fits.
 
@@ -59,19 +60,22 @@ def check_memory_before(
         order: of the elements.
         memory: budget, bytes or text.
         touched: whether the whole surface is touched. Otherwise its contact nodes are not counted.
+        modes: number of vibration modes.
     """
     allowed = positive(memory, "byte", "memory")
-    size = _needed(surface, spacing, order, touched)
+    size = _needed(surface, spacing, order, touched, modes)
     if size <= _MARGIN * allowed:
         return
     fits = spacing
-    while _needed(surface, fits, order, touched) > 0.7 * allowed and fits < surface.extent:
+    while _needed(surface, fits, order, touched, modes) > 0.7 * allowed and fits < surface.extent:
         fits *= 1.05
     guess = estimate(surface, spacing, order)
-    remedy = f"use a spacing of {1e3 * fits:.2g} mm or more, a smaller contact surface (touch), or a larger budget"
+    dear = modes > 0 and _needed(surface, spacing, order, touched, 0) < size
+    fewer = _modes(surface, spacing, order, modes).remedy if dear else ""
+    remedy = f"a spacing of {1e3 * fits:.2g} mm or more, {fewer}a smaller contact surface (touch), or a larger budget"
     raise BodyError(
-        f"memory: a spacing of {1e3 * spacing:.3g} mm gives about {guess.nodes:.2g} nodes and {size / 1e9:.2g} GB, "
-        f"over the budget of {allowed / 1e9:.3g} GB: {remedy}"
+        f"memory: a spacing of {1e3 * spacing:.3g} mm {f'with {modes} modes ' if dear else ''}gives about "
+        f"{guess.nodes:.2g} nodes and {size / 1e9:.2g} GB, over the budget of {allowed / 1e9:.3g} GB: use {remedy}"
     )
 
 
@@ -93,6 +97,13 @@ def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: floa
             continue
         loose.append(surface.vertices[surface.triangles[np.argmax(own), 0]])
     if loose:
+        if not place.any() and not len(inner):
+            low, high = (1e3 * surface.vertices.min(axis=0)).tolist(), (1e3 * surface.vertices.max(axis=0)).tolist()
+            extent = ", ".join(f"{a} from {x:.4g} to {y:.4g}" for a, x, y in zip("xyz", low, high, strict=True))
+            regions = ", ".join(f'"{region}"' for region in fixed)
+            raise BodyError(
+                f"fixed: {regions} holds no place of the body, which has {extent} mm: choose another region"
+            )
         x, y, z = (1e3 * loose[0]).tolist()
         raise BodyError(
             f"{len(loose)} of the {count} parts of the surface {'has' if len(loose) == 1 else 'have'} no fixed place, "
@@ -100,9 +111,16 @@ def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: floa
         )
 
 
-def _needed(surface: ClosedSurface, spacing: float, order: int, touched: bool) -> float:
+def _needed(surface: ClosedSurface, spacing: float, order: int, touched: bool, modes: int) -> float:
+    """Return the largest memory of the stages of a build, bytes."""
     size = estimate(surface, spacing, order)
-    return size.memory if touched else size.memory - 72.0 * size.contact_nodes**2
+    condensing = size.memory if touched else size.memory - 72.0 * size.contact_nodes**2
+    return max(condensing, _PROGRAM + _modes(surface, spacing, order, modes).memory) if modes else condensing
+
+
+def _modes(surface: ClosedSurface, spacing: float, order: int, modes: int) -> ModesCost:
+    size = estimate(surface, spacing, order)
+    return modes_cost(3.0 * size.nodes, size.contact_nodes, modes, fill(3.0 * size.nodes))
 
 
 def _solid_parts(surface: ClosedSurface) -> Indices:

@@ -74,6 +74,8 @@ class MultifrontalSolver:
     Attributes:
         operations: floating-point operations of `compliance`.
         memory: upper bound of the bytes of `compliance`.
+        factor_entries: of the Cholesky factor of the stiffness in this order.
+        factor_operations: multiplications that compute it.
     """
 
     def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, points: Array) -> None:
@@ -97,6 +99,9 @@ class MultifrontalSolver:
         self._threads = dense.threads()
         self._failures: list[BaseException] = []
         self.operations = float(sum(_operations(*front.sizes) for front in self._fronts))
+        sizes = [(3.0 * (front.end - front.begin), 3.0 * len(front.neighbors)) for front in self._fronts]
+        self.factor_entries = sum(s * (s + 1.0) / 2.0 + s * r for s, r in sizes)
+        self.factor_operations = sum(s**3 / 3.0 + s * s * r + s * r * r for s, r in sizes)
         self.memory = self._peak_memory(len(self._fronts) - 1, self._threads) + 12.0 * self._stiffness.nnz
 
     def compliance(self) -> Single:

@@ -13,10 +13,8 @@ from palpate.arrays import Array, Single
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
 from palpate.fem.factor import Factor
+from palpate.fem.modes_cost import BLOCK, groups
 
-_MAX_GROUPS = 80  # of contact nodes whose loads give residual vectors
-_MAX_BASIS = 3e8  # bytes of the residual vectors
-_BLOCK = 12  # right-hand sides solved at once
 _TOLERANCE = 1e-6  # on the residual of an eigenvalue, relative
 
 
@@ -70,7 +68,7 @@ def _grouped_loads(elements: Elements) -> sparse.csr_matrix:
     centers of larger groups are spread by farthest-point sampling.
     """
     points, areas = elements.nodes[elements.contact_nodes], elements.areas
-    allowed = min(_MAX_GROUPS, max(16, int(_MAX_BASIS / (48 * len(elements.free)))))
+    allowed = groups(len(elements.free), len(points))
     if len(points) <= allowed:
         return sparse.eye(3 * len(points), format="csr")
     distance = np.linalg.norm(points - points[0], axis=1)
@@ -92,17 +90,17 @@ def _largest_eigenpairs(
     the residual of every pair is 1e-6 of its eigenvalue. The start block is fixed, so the result is reproducible.
     """
     size = mass.shape[0]
-    check = min(size, 2 * count + 2 * _BLOCK)
-    storage = np.empty((size, min(size, check + _BLOCK)), order="F")
+    check = min(size, 2 * count + 2 * BLOCK)
+    storage = np.empty((size, min(size, check + BLOCK)), order="F")
     projected = np.empty((0, 0))  # basis^T M K^-1 M basis
-    block = np.random.default_rng(0).standard_normal((size, min(_BLOCK, size)))
+    block = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
     while True:
         before = len(projected)
         block = _orthonormalize(block, storage[:, :before], mass)
         added = block.shape[1]
         total = before + added
         if total > storage.shape[1]:
-            storage = np.concatenate([storage, np.empty((size, max(count // 4, 2 * _BLOCK)))], axis=1).copy(order="F")
+            storage = np.concatenate([storage, np.empty((size, max(count // 4, 2 * BLOCK)))], axis=1).copy(order="F")
         storage[:, before:total] = block
         basis = storage[:, :total]
         block = solve(mass @ block)
@@ -117,7 +115,7 @@ def _largest_eigenpairs(
         residuals = np.sqrt(np.maximum(squares, 0.0))
         if (residuals <= _TOLERANCE * values).all() or total == size or added == 0:
             return values[::-1], basis, vectors[:, ::-1]
-        check = min(size, total + max(count // 4, _BLOCK))
+        check = min(size, total + max(count // 4, BLOCK))
 
 
 def _orthonormalize(block: Array, basis: Array, mass: sparse.csr_matrix) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import re
 import signal
@@ -17,10 +18,13 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import Trace
+from palpate.cli.console import print_columns
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
+from palpate.cli.performance import _guard_rows
 from palpate.errors import OutputError
 from palpate.files import atomic_write, write_folder
+from palpate.metrics import GuardComparison, GuardRow, TipAxis
 from typer.testing import CliRunner
 
 SCENARIO = """
@@ -245,3 +249,21 @@ def test_help_answers_without_the_numerical_packages() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "loaded []" in done.stdout, done.stdout + done.stderr
+
+
+def test_columns_are_aligned_and_a_line_is_never_broken(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [["guard", "wall"], ["a very " * 20, "500 N/m"], ["b", "[none]"]]
+    print_columns(rows)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert {line.index(row[1]) for line, row in zip(lines, rows, strict=True)} == {4 + len(rows[1][0])}
+
+
+def test_the_table_of_guards_has_the_unit_of_every_number() -> None:
+    reaches = GuardRow("damper", 3500.0, 0.987, 2.08, 2.3e-3, "none")
+    never = GuardRow("coupling", 0.0, math.nan, math.nan, math.inf, "every stiffness")
+    found = GuardComparison("slider", TipAxis(0.06, 0.05, 0.0, 0.0), 1e-3, 0, (500.0,), (0.1,), 1.0, (reaches, never))
+    assert _guard_rows(found)[1:] == [
+        ["damper", "3500 N/m", "99%", "2.08 N", "2.3 mm", "none"],
+        ["coupling", "none", "–", "–", "diverges", "every stiffness"],
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.verdict import State
 from palpate.stability import certification, certify, destabilizing_operator, stability_boundary, wall_limit, zwidth
+from palpate.stability.certificate import _margin_line
 from palpate.stability.counter_example import divergence_example, growth, to_toml
 from palpate.stability.maps.zwidth_map import _edge, loop_radii, wall_loops
 from typer.testing import CliRunner
@@ -343,3 +345,20 @@ def test_on_the_boundary_of_two_directions_a_root_is_on_the_circle() -> None:
     assert loop.directions.shape == (3, 2)
     edge = _edge(loop, 60)
     assert loop_radii(loop, edge.stiffness, edge.damping) == pytest.approx(np.ones(len(edge.damping)), abs=2e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("gain_reduction_margin", 0.0, "gain reduction margin: 0 (stable at every smaller gain)"),
+        ("gain_reduction_margin", 0.5, "gain reduction margin: 0.5 (smallest stable factor on the gain of the loop)"),
+        ("gain_margin", math.inf, "gain margin: inf (stable at every larger gain)"),
+        ("gain_margin", 2.0, "gain margin: 2 (largest stable factor on the gain of the loop)"),
+        ("delay_margin_s", 6.5416e-4, "delay margin: 0.65416 ms"),
+        ("doubling_time_s", 55.741, "doubling time: 55.741 s"),
+        ("depth_m", 2.7408e-3, "depth: 2.7408 mm"),
+        ("phase_margin_deg", 0.03, "phase margin: 0.03 deg"),
+    ],
+)
+def test_a_margin_has_a_meaning_and_a_suitable_unit(name: str, value: float, line: str) -> None:
+    assert _margin_line(name, value) == f"  {line}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TextIO
@@ -19,7 +19,9 @@ from palpate.errors import PalpateWarning, printable
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML). Examples lie in scenarios/.")]
 OutFolder = Annotated[
     Path | None,
-    typer.Option("--out", "-o", help="Folder to write; the default is results/ and the scenario's name."),
+    typer.Option(
+        "--out", "-o", help="Folder to write; the default is results/ and the name of the scenario or device."
+    ),
 ]
 
 COLORS = {"good": "green", "note": "yellow", "bad": "red"}  # of the tone of a verdict
@@ -41,6 +43,14 @@ def print_paths(paths: Iterable[Path]) -> None:
     """Print the files that a command wrote."""
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False, soft_wrap=True)
+
+
+def print_columns(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of one length as columns, the first row as their header; lines are as long as they have to be."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for number, row in enumerate(rows):
+        line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        output.print(f"  {line.rstrip()}", style=None if number else "bold", markup=False, soft_wrap=True)
 
 
 @contextmanager

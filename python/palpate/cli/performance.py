@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import OutFolder, ScenarioFile, output, print_paths, progress
+from palpate.cli.console import OutFolder, ScenarioFile, output, print_columns, print_paths, progress
 from palpate.cli.settings import Settings, load_scenario
 from palpate.files import default_name, write_folder
 
 if TYPE_CHECKING:
-    from palpate.metrics import DeviceMeasures
+    from palpate.arrays import Array
+    from palpate.metrics import DeviceMeasures, GuardComparison
+    from palpate.stability import AdmittanceCoupling, ImpedanceCoupling
+
+    Couplings = tuple[tuple[Array, ImpedanceCoupling, AdmittanceCoupling], ...]
 
 GuardsFlag = Annotated[
     bool,
@@ -77,36 +81,56 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         paths = write_folder(folder, {"guards.json": found.save})
     axis = found.axis
     output.print(
-        f"{found.device}: {1e3 * axis.mass:.3g} g, {axis.damping:.3g} N s/m, {axis.coulomb:.3g} N of dry friction, "
-        f"counts of {1e6 * axis.count:.3g} µm, T = {1e3 * found.period:.3g} ms; walls of "
+        f"{found.device}: m = {1e3 * axis.mass:.3g} g, b = {axis.damping:.3g} N s/m, {axis.coulomb:.3g} N of dry "
+        f"friction, counts of {1e6 * axis.count:.3g} µm, T = {1e3 * found.period:.3g} ms; walls of "
         f"{found.stiffnesses[0]:g} to {found.stiffnesses[-1]:g} N/m",
         markup=False,
         soft_wrap=True,
     )
+    print_columns(_guard_rows(found))
     output.print(
-        "  guard: largest wall up to which the tip rests; a guarantee is passivity, which does not make the tip rest"
+        "  wall: the largest up to which the tip rests and 90 % is felt; felt: share of its stiffness; step: largest "
+        "change of the force in one tick; swing: of the tip on the stiffest wall. Passivity does not make the tip "
+        "rest.",
+        markup=False,
+        soft_wrap=True,
     )
-    for row in found.rows:
-        reach = (
-            "no wall"
-            if row.stiffness == 0.0
-            else f"{row.stiffness:g} N/m, {row.felt:.0%} felt, {row.jump:.3g} N a tick"
-        )
-        swing = "diverges" if math.isinf(row.swing) else f"swings {_length(row.swing)}"
-        output.print(
-            f"  {row.name}: {reach}; the stiffest {swing}; guarantee: {row.guarantee}", markup=False, soft_wrap=True
-        )
-    output.print("virtual couplings (Adams & Hannaford), without delay:")
-    for along, stiff, light in couplings:
-        output.print(
-            f"  along {'xyz'[int(along.argmax())]}: impedance display up to {stiff.stiffness:.4g} N/m with "
-            f"{stiff.damping:.3g} N s/m by the two-port, {stiff.exact:.4g} N/m exactly; admittance display from "
-            f"{light.mass:.3g} kg by the two-port of a tip that does not know the force, {light.exact:.3g} kg exactly "
-            "for rigid grips",
-            markup=False,
-            soft_wrap=True,
-        )
+    output.print("virtual couplings (Adams & Hannaford 1999), without delay:")
+    print_columns(_coupling_rows(couplings))
+    output.print(
+        "  impedance display: stiffest coupling; admittance display: least mass of the tool. By the two-port (for the "
+        "latter, of a tip that does not know the force), and exactly (for the latter, in rigid grips).",
+        markup=False,
+        soft_wrap=True,
+    )
     print_paths(paths)
+
+
+def _guard_rows(found: GuardComparison) -> list[list[str]]:
+    """Return the table of the guards, its header first."""
+    rows = [["guard", "wall", "felt", "step", "swing", "passive for"]]
+    for row in found.rows:
+        none = row.stiffness == 0.0
+        shown = ["none", "–", "–"] if none else [f"{row.stiffness:g} N/m", f"{row.felt:.0%}", f"{row.jump:.3g} N"]
+        swing = "diverges" if math.isinf(row.swing) else _length(row.swing)
+        rows.append([row.name, *shown, swing, row.guarantee])
+    return rows
+
+
+def _coupling_rows(couplings: Couplings) -> list[list[str]]:
+    """Return the table of the virtual couplings, its header first."""
+    rows = [["axis", "impedance, two-port", "exactly", "admittance, two-port", "exactly"]]
+    for along, stiff, light in couplings:
+        rows.append(
+            [
+                "xyz"[int(along.argmax())],
+                f"{stiff.stiffness:.5g} N/m with {stiff.damping:.3g} N s/m",
+                f"{stiff.exact:.5g} N/m",
+                f"{light.mass:.3g} kg",
+                f"{light.exact:.3g} kg",
+            ]
+        )
+    return rows
 
 
 def _length(value: float) -> str:

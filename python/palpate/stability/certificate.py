@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,6 +26,15 @@ UNITS = {
     "_deg": " deg",
     "_s": " s",
 }  # suffix of a margin's name to its unit
+_SMALL: Final = 0.1  # s or m: a smaller number is written in ms or mm
+# By the name of a margin: its meaning by value; None: of any other value.
+_REMARKS: Final[dict[str, dict[float | None, str]]] = {
+    "gain_margin": {math.inf: "stable at every larger gain", None: "largest stable factor on the gain of the loop"},
+    "gain_reduction_margin": {
+        0.0: "stable at every smaller gain",
+        None: "smallest stable factor on the gain of the loop",
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -108,8 +117,12 @@ class Certificate:
 
 def _margin_line(name: str, value: float) -> str:
     suffix = next((end for end in UNITS if name.endswith(end)), "")
+    unit = UNITS.get(suffix, "")
+    if suffix in ("_s", "_m") and abs(value) < _SMALL:
+        value, unit = 1e3 * value, f" m{suffix[1:]}"
     digits = 9 if name.startswith("spectral_radius") else 5  # the difference of a radius from 1 is significant
-    return f"  {name.removesuffix(suffix).replace('_', ' ')}: {value:.{digits}g}{UNITS.get(suffix, '')}"
+    remark = _REMARKS.get(name, {}).get(value, _REMARKS.get(name, {}).get(None, ""))
+    return f"  {name.removesuffix(suffix).replace('_', ' ')}: {value:.{digits}g}{unit}{remark and f' ({remark})'}"
 
 
 def _plain(value: Any) -> Any:

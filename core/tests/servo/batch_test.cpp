@@ -20,6 +20,8 @@ using palpate::servo::SimulationSetup;
 
 constexpr int ticks = 400;
 constexpr int width = palpate::servo::outcome_width<1>;
+/// Clang refuses arrays of packs wider than the registers that it compiles for.
+constexpr int lanes = EIGEN_MAX_STATIC_ALIGN_BYTES >= 32 ? 4 : 2;
 
 /// A slider at a spring, with its own delay, drive temperature and jitter. Every third one exceeds its critical stiffness by far.
 SimulationSetup<Slider> cell(int i) {
@@ -58,8 +60,8 @@ TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
   const std::vector<double> nothing(3 * (ticks + 1), 0.0);
   for (const int count : {1, 3, 23}) {
     JobScheduler cells{count, std::vector<double>(static_cast<std::size_t>(width * count)), 0, {}};
-    palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, 4>({&JobScheduler::next, &cells}, ticks, nothing.data(),
-                                                                                   nothing.data());
+    palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, lanes>({&JobScheduler::next, &cells}, ticks, nothing.data(),
+                                                                                       nothing.data());
     int lost = 0;
     for (int i = 0; i < count; ++i) {
       std::vector<double> trace(static_cast<std::size_t>(palpate::servo::record_width<1>) * (ticks + 1));
@@ -82,8 +84,8 @@ TEST(Batch, ALaneTakesTheNextLoopAndForgetsTheLast) {
 TEST(Batch, ASingleLoopHasTheOutcomeOfItsLane) {
   const std::vector<double> zeros(3 * (ticks + 1), 0.0);
   JobScheduler cells{23, std::vector<double>(static_cast<std::size_t>(width * 23)), 0, {}};
-  palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, 4>({&JobScheduler::next, &cells}, ticks, zeros.data(),
-                                                                                 zeros.data());
+  palpate::servo::simulate_side_by_side<Slider, palpate::control::StateSpace, lanes>({&JobScheduler::next, &cells}, ticks, zeros.data(),
+                                                                                     zeros.data());
   for (int i = 0; i < 23; ++i) {
     std::vector<double> row(width);
     palpate::servo::simulate_outcome(cell(i), ticks, zeros.data(), zeros.data(), row.data());

@@ -82,14 +82,13 @@ TEST(PassiveModelSwitch, WorkEqualsPotentialPlusTankLevel) {
 // of both models, its force, energy and deflection alike.
 TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
   SwitchedBlock body(6, 4, 2);
-  auto& [block, solver, models, servo] = body;
   palpate::deformable::TipPair tips;
   tips.count = 1;
   tips.tip[0].radius = 7e-3;
   const auto publish = [&](double depth) {
     tips.tip[0].center = {0.013, 0.011, 0.01 + tips.tip[0].radius - depth};
-    for (int k = 0; k < 10; ++k) solver.step(tips, models->write_slot());
-    models->publish();
+    for (int k = 0; k < 10; ++k) body.solver.step(tips, body.models->write_slot());
+    body.models->publish();
   };
   constexpr int ticks = 20;
   publish(1e-3);
@@ -97,14 +96,14 @@ TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
   const double depth = 2e-3;
   const auto step = [&] {
     tips.tip[0].center.z() = 0.01 + tips.tip[0].radius - depth;
-    return servo->step(*models, tips).tip[0];
+    return body.servo->step(*body.models, tips).tip[0];
   };
   for (int k = 0; k < ticks; ++k) before = step();
   publish(3e-3);
   std::vector<palpate::deformable::ContactResult> blend;
   for (int k = 0; k < ticks; ++k) blend.push_back(step());
   for (int k = 0; k < 3; ++k) after = step();
-  EXPECT_FALSE(servo->tank().empty);
+  EXPECT_FALSE(body.servo->tank().empty);
   EXPECT_NEAR(-before.deflection.z(), 0.8 * depth, 0.1 * depth);  // mean under Hertz's pressure: depth - <r^2> / (2 R)
   ASSERT_GT((after.force - before.force).norm(), 5e-3 * before.force.norm());
   ASSERT_GT((after.deflection - before.deflection).norm(), 5e-3 * before.deflection.norm());

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import warnings
+from dataclasses import fields
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -13,8 +16,9 @@ import palpate
 import pytest
 from palpate.arrays import Array
 from palpate.control import WorkspaceController, closed_loop, gain_interval, loop_margins, workspace
+from palpate.control.workspace_controller import OPTIONS
 from palpate.devices import load
-from palpate.errors import DesignError, PalpateError, ScenarioError
+from palpate.errors import DesignError, PalpateError, PalpateWarning, ScenarioError
 from palpate.linear.discretization import rendering_plant
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
@@ -295,3 +299,34 @@ def test_the_linear_model_of_a_linkage_is_the_small_motion_of_the_core(known: fl
     law = full.linearized(linkage.inverse([0.01, 0.12, 0.0]))
     own, linear = (palpate.simulate(scenario, one) for one in (full, law))
     assert own["object_force"] == pytest.approx(linear["object_force"], abs=1e-3 * 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"bandwidth": 1e5}, "feedback"),
+        ({"bandwidth": 2000.0}, "observer"),
+        ({"observer": 40.0}, "observer"),
+        ({"reference": 1e4}, "reference model"),
+    ],
+)
+def test_a_rate_above_the_nyquist_frequency_is_warned_of(options: dict[str, float], named: str) -> None:
+    """At 2 kHz it is 6283 rad/s; and a period short enough for the same rate is silent."""
+    arm = load("phantom-premium-1.5a")
+    with pytest.warns(PalpateWarning, match=rf"the {named} has a rate of .* above the Nyquist frequency of 6283 rad/s"):
+        workspace(arm, 0.5e-3, **options)
+    fast = max(options.get("bandwidth", 200.0) * options.get("observer", 6.0), options.get("reference", 250.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        workspace(arm, 0.99 * np.pi / fast, **options)
+        workspace(arm, 1e-3)
+
+
+def test_the_help_names_every_option_with_its_default() -> None:
+    text = re.sub(r"\s+", " ", workspace.__doc__ or "")
+    for name in OPTIONS:
+        default = next(one.default for one in fields(WorkspaceController) if one.name == name)
+        shown = default[0] if isinstance(default, tuple) else default
+        described = re.search(rf" {name}: .*?; ([\w.]+)\.(?= )", text)
+        assert described, name
+        assert described[1] == (str(shown) if isinstance(shown, bool) else f"{shown:g}"), name

@@ -7,6 +7,7 @@ estimates a constant disturbance in place of an integrator. The law itself is in
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from palpate import _core
 from palpate.arrays import Array
 from palpate.control.controller import Controller
 from palpate.devices import Device
-from palpate.errors import DesignError, PoseError
+from palpate.errors import DesignError, PalpateWarning, PoseError
 from palpate.units import to_si
 
 _STIFFNESS: Final = 1000.0  # N/m
@@ -198,10 +199,24 @@ def reachable_axes(jacobian: Array) -> Array:
 def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceController:
     """Return the workspace controller of a device.
 
+    A rate above the Nyquist frequency is warned of: it acts within one tick, so noise and encoder counts pass.
+
     Args:
         device: as the controller knows it.
         period: servo period, s, or text with a unit.
-        **options: attributes of `WorkspaceController`, numbers in SI or text with a unit.
+        **options: numbers in SI or text with a unit:
+
+            bandwidth: of the feedback, rad/s; 200. A larger one settles faster and passes more noise.
+            damping: ratio of the feedback, at most 1; 0.9.
+            observer: rate of the observer of position and velocity over the bandwidth; 6.
+            disturbance: rate of the observer of the disturbance over the bandwidth; 0.05.
+            reference: bandwidth of the reference model, which sets the settling time, rad/s; 250.
+            reference_damping: ratio of the reference model, at most 1; 1.
+            share: of the drive's limit that the reference model uses, at most 1; 0.85.
+            stiffness: by which forces without a known stiffness are divided, N/m, one value or three; 1000.
+            normal_only: True tracks an object with a normal along it alone, and the operator moves the tip along
+                the surface; False.
+            operator_mass: that the operator adds to the tip, kg; 0.
 
     Raises:
         DesignError: an unknown option, or a value out of range.
@@ -218,4 +233,26 @@ def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceC
         values[name] = to_si(value, unit or "", f"workspace: {name}", error=DesignError) if text else value
     if "stiffness" in values:
         values["stiffness"] = tuple(np.broadcast_to(np.asarray(values["stiffness"], dtype=float), (3,)).tolist())
-    return WorkspaceController(device, to_si(period, "s", "workspace: period", error=DesignError), **values)
+    found = WorkspaceController(device, to_si(period, "s", "workspace: period", error=DesignError), **values)
+    _warn_of_fast_rates(found)
+    return found
+
+
+def _warn_of_fast_rates(law: WorkspaceController) -> None:
+    """Warn of rates above the Nyquist frequency."""
+    nyquist = np.pi / law.period
+    observer = law.bandwidth * max(law.observer, law.disturbance)
+    for name, rate, remedy in (
+        ("feedback", law.bandwidth, "bandwidth"),
+        ("observer", observer, "bandwidth or observer"),
+        ("reference model", law.reference, "reference"),
+    ):
+        if rate > nyquist:
+            warnings.warn(
+                f"workspace: the {name} has a rate of {rate:.4g} rad/s, above the Nyquist frequency of {nyquist:.4g} "
+                f"rad/s, so it acts within one tick and passes noise and encoder counts: lower {remedy}, or shorten "
+                "the servo period",
+                PalpateWarning,
+                stacklevel=3,
+            )
+            return

@@ -56,7 +56,7 @@ def palpate(*words: object, program: Typer = app) -> tuple[int, str]:
 def scenario(tmp_path: Path) -> Path:
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "slider.toml"
-    path.write_text(SLIDER_TEXT.format(title="plain", duration="0.1 s"), "utf-8")
+    path.write_text(SLIDER_TEXT.format(title="plain", duration="1 s"), "utf-8")
     return path
 
 

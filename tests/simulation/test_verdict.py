@@ -21,6 +21,7 @@ from palpate.simulation.judgment import _reach, judge
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import Evidence, State, decide
 from palpate.simulation.windows import Window
+from palpate.sweeps import sweep
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 PRESS: dict[str, Any] = {
@@ -308,3 +309,41 @@ def test_dry_friction_of_a_surface_may_hide_what_the_linear_loop_does(friction: 
     surface = {"stiffness": "100 N/m", "static_friction": friction, "dynamic_friction": friction}
     scenario = Scenario.from_dict({**PRESS, "object": {"kind": "mesh", "mesh": mesh, "surface": surface}})
     assert lossy(scenario, scenario.load_device().frictionless()) is hides
+
+
+SLOW: dict[str, Any] = {
+    "device": {"name": "slider"},
+    "servo": {"topology": "impedance_display"},
+    "operator": {"kind": "arm", "mass": "0.1 kg", "damping": "100 N*s/m", "stiffness": "10 N/m"},
+    "object": {"kind": "wall", "stiffness": "50 N/m", "normal": [1, 0, 0]},
+}
+
+
+@pytest.mark.parametrize("given", ["0.2 s", "1 s", "2.5 s"])
+def test_a_tip_on_its_way_to_rest_has_not_settled(given: str) -> None:
+    """A time constant of 1.7 s towards 50 mm: after 0.2 s the tip is at 6 mm, in a loop that is stable."""
+    press = {"shape": "step", "force": ["-3 N", "0 N", "0 N"]}
+    trace = palpate.simulate({**SLOW, "operator": {**SLOW["operator"], **press}, "run": {"duration": given}})
+    assert abs(trace["tip"][-1, 0]) < 0.9 * 0.05
+    assert trace.verdict.state is State.UNDECIDED
+    assert "has not settled" in trace.verdict.reason
+    cells = sweep(trace.scenario, {"object.stiffness": ["50 N/m"]})
+    assert cells.outcomes["verdict"].astype(int) == [State.UNDECIDED]
+
+
+def test_a_step_shortly_before_the_end_has_not_settled() -> None:
+    """From 17 to 50 mm with a time constant of 1.7 s, judged in the last 6 % of 10 s; after 20 s the tip rests."""
+    rows = [["0 s", "-1 N", "0 N", "0 N"], ["9.4 s", "-1 N", "0 N", "0 N"], ["9.401 s", "-3 N", "0 N", "0 N"]]
+    press = {"shape": "table", "table": [*rows, ["100 s", "-3 N", "0 N", "0 N"]]}
+    run = {**SLOW, "operator": {**SLOW["operator"], **press}}
+    verdicts = {time: palpate.simulate({**run, "run": {"duration": time}}).verdict for time in ("10 s", "20 s")}
+    assert verdicts["10 s"].state is State.UNDECIDED
+    assert verdicts["20 s"].settled
+
+
+@pytest.mark.parametrize("given", ["0.2 s", "0.34 s"])
+def test_a_turning_point_of_a_slow_oscillation_is_no_rest(given: str) -> None:
+    """At 20 N/m the slider swings by 25 mm with a period of 0.34 s; it hardly moves where it turns."""
+    tables = tomllib.loads((SCENARIOS / "slider-wall-stable.toml").read_text("utf-8"))
+    swinging = {**tables, "object": {"kind": "spring", "stiffness": "20 N/m"}, "run": {"duration": given}}
+    assert palpate.simulate(swinging).verdict.state is State.UNDECIDED

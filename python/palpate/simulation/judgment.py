@@ -132,7 +132,7 @@ def _explained(
     """Return the verdict with its reason."""
     time = trace.time
     lacking = _without_force(trace) or _without_force(trace, window.ending)
-    if state is State.SETTLED and lacking is not None:
+    if state in (State.SETTLED, State.UNDECIDED) and lacking is not None:
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
@@ -231,7 +231,7 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"
-    return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}"
+    return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}: give a longer run.duration"
 
 
 def _reach(trace: Recorded, scenario: Scenario | None, window: Window) -> tuple[float | None, str]:

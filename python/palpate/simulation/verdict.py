@@ -24,6 +24,8 @@ VISIBLE = 1e-4  # of the deflection: a smaller oscillation grows only if it did 
 SWING = 0.01  # of the deflection: a sustained oscillation below it counts as rest
 CREEP = 0.0125  # of the deflection: a motion above it that becomes faster is not rest
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
+LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay where no linear loop is known
+TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillation of a period per fifth has less
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
 PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as persistent; the same near the limit
@@ -136,6 +138,8 @@ class Evidence:
         ripple_before: the same in the fourth fifth; nan if unknown.
         swing: amplitude of the oscillation in the last fifth: the same without the trend of the motion, m.
         swing_before: the same in the fourth fifth, m; nan if unknown.
+        trend: half the range of the trend in the last fifth, m: ripple without swing.
+        trend_before: the same in the fourth fifth, m; nan if unknown.
         deflection: magnitude of the object's mean deflection in the last fifth, m.
         error: relative difference of that deflection from force over stiffness; nan if that is unknown.
         drift: relative change of the commanded force over the last fifth; nan if unknown.
@@ -165,6 +169,8 @@ class Evidence:
     ripple_before: Array
     swing: Array
     swing_before: Array
+    trend: Array
+    trend_before: Array
     deflection: Array
     error: Array
     drift: Array
@@ -189,10 +195,14 @@ class Evidence:
         names = ("ripple_before", "swing_before", "error", "drift", "decay", "kept", "generated", "generated_before")
         unknown = dict.fromkeys(names, np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
+        swing = values.get("swing", values["ripple"])
+        before = values.get("ripple_before", np.nan) - values.get("swing_before", np.nan)
         defaults: Mapping[str, Any] = {
             **unknown,
             **none,
-            "swing": values["ripple"],
+            "swing": swing,
+            "trend": values["ripple"] - swing,
+            "trend_before": before,
             "touching": 1.0,
             "pressed": False,
             "beyond": False,
@@ -220,6 +230,19 @@ def generates(e: Evidence) -> NDArray[np.bool_]:
     """
     steady = (e.generated > GENERATED) & (e.generated >= SUSTAINED * e.generated_before)
     return np.asarray(steady & (e.swing > np.maximum(e.resolution, FLOOR)), dtype=bool)
+
+
+def _ahead(e: Evidence) -> Array:
+    """Return how far tips (n,) have yet to go if their trend goes on, m.
+
+    It decays as the linear loop's slowest motion. Without a linear loop it decays as over the last two fifths, and by
+    `LASTING` per fifth at least.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(e.linear > 0, e.decay, np.fmin(e.trend / e.trend_before, LASTING))
+        left = 2.0 * e.trend * factor / (1.0 - factor)
+    trends = (e.trend > SMALL) & (e.trend > (TREND - 1.0) * e.swing)
+    return np.where(trends, left, 0.0)
 
 
 def decide(e: Evidence) -> NDArray[np.int8]:
@@ -255,6 +278,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
+    rests &= ~(_ahead(e) > band)
     rests &= stable | ~generates(e)
     state = np.select(
         [

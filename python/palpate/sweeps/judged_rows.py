@@ -49,8 +49,10 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         error = steady_error(steady, expected)
     beyond = _beyond(simulation, excursions(rows), expected, error)
     linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
-    with np.errstate(over="ignore"):
-        decay = radii ** ((len(simulation.reference) - 1 - simulation.setup.window_start) // 5)
+    fifth = (len(simulation.reference) - 1 - simulation.setup.window_start) // 5
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        decay = radii**fifth
+        turns = fifth * np.sqrt(out["oscillation_5"] / out["ripple"]) / (2.0 * np.pi)  # in the last fifth
     evidence = Evidence.of(
         count,
         unstable_from=out["unstable_from"],
@@ -58,6 +60,7 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
         prior=out["oscillation_4"],
         late=out["oscillation_5"],
         ripple=out["ripple"],
+        trend=np.where(turns < 1.0, out["ripple"], 0.0),
         deflection=deflection,
         error=error,
         touching=out["touching_5"],

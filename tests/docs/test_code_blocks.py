@@ -22,6 +22,7 @@ PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.m
 # Pages that take more than 10 s.
 SLOW = {"docs/tutorials/press-tissue.md", "docs/how-to/deformable-bodies.md"}
 SLOW_PROGRAMS = {"docs/how-to/run-in-cpp.md"}
+NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 
@@ -40,16 +41,38 @@ def program(page: Path) -> str:
     return "\n".join(lines)
 
 
+def tabled(page: Path) -> list[str]:
+    """The numbers in the columns of a page's tables whose head has a unit in parentheses."""
+    found = []
+    for head, rows in re.findall(r"^(\|.*)\n\|[-|]+\|\n((?:\|.*\n)+)", page.read_text("utf-8"), re.MULTILINE):
+        columns = [i for i, cell in enumerate(head.split("|")) if "(" in cell]
+        cells = [row.split("|")[i].strip() for row in rows.splitlines() for i in columns]
+        found += [cell for cell in cells if re.fullmatch(NUMBER, cell)]
+    return found
+
+
+def half_digit(number: str) -> float:
+    """Half a unit in the last digit of a number, and its rounding."""
+    return 0.501 * 10.0 ** -len(number.partition(".")[2])
+
+
 def name(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=name)
-def test_python_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_blocks_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And a tutorial prints every number of its tables with a unit in the head, to the last digit shown."""
     if name(page) in SLOW and not NIGHTLY:
         pytest.skip("slow page: PALPATE_NIGHTLY=1 runs it")
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     run_program(program(page), str(page), tmp_path, monkeypatch)
+    if page.parent.name == "tutorials":
+        printed = [float(one) for one in re.findall(NUMBER, capsys.readouterr().out)]
+        missing = [x for x in tabled(page) if not any(abs(y - float(x)) <= half_digit(x) for y in printed)]
+        assert missing == []
 
 
 PROGRAMS = [(page, line, code) for page in PAGES for line, code in blocks(page, "cpp") if "int main(" in code]

@@ -347,3 +347,18 @@ def test_a_turning_point_of_a_slow_oscillation_is_no_rest(given: str) -> None:
     tables = tomllib.loads((SCENARIOS / "slider-wall-stable.toml").read_text("utf-8"))
     swinging = {**tables, "object": {"kind": "spring", "stiffness": "20 N/m"}, "run": {"duration": given}}
     assert palpate.simulate(swinging).verdict.state is State.UNDECIDED
+
+
+def test_a_fixed_tip_does_not_hide_its_drive_or_controller() -> None:
+    """15 N of wall on a drive of 8.5 N, and a controller whose command grows by 1 % per tick."""
+    tables = tomllib.loads((SCENARIOS / "hold-inside-a-wall.toml").read_text("utf-8"))
+    deep = {**tables, "object": {**tables["object"], "position": ["0 mm", "5 mm", "0 mm"]}}
+    strong = palpate.simulate({**deep, "device": {**deep["device"], "saturation": True}}).verdict
+    assert (strong.state, strong.since) == (State.DRIVE_LIMIT, 0.0)
+    eye = np.eye(3)
+    growing = {"A": 1.01 * eye, "B": np.hstack([0.0 * eye, eye]), "C": eye, "D": np.hstack([0.0 * eye, -eye])}
+    law = {"kind": "state_space", **{name: rows.tolist() for name, rows in growing.items()}}
+    unstable = palpate.simulate({**deep, "controller": law}).verdict
+    assert unstable.state is State.UNDECIDED
+    assert "the command still changes" in unstable.reason
+    assert palpate.simulate(deep).verdict.settled

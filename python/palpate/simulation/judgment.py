@@ -46,10 +46,7 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     """
     scenario = recorded_scenario(trace)
     if scenario is not None and scenario.operator.kind == "fixed" and trace.unstable_from is None:
-        lacking = _without_force(trace)
-        if lacking is not None:
-            return Verdict(State.UNDECIDED, lacking)
-        return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
+        return _fixed(trace, scenario)
     linear, unknown = linear_radii_of(trace, scenario) if radius is None else (_alone(radius), "")
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
@@ -75,6 +72,30 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
         return Verdict(State.UNDECIDED, reason)
     verdict = _explained(trace, scenario, final, found, state, linear)
     return replace(verdict, linear=f"no linear loop is known: {unknown}") if unknown else verdict
+
+
+def _fixed(trace: Recorded, scenario: Scenario) -> Verdict:
+    """Return the verdict of a run whose tip is fixed: without a loop, but with a drive and a controller."""
+    lacking = _without_force(trace)
+    if lacking is not None or len(trace.time) < 2:
+        return Verdict(State.UNDECIDED, lacking or "the run has no samples to judge")
+    window = windows(external_forces(trace, scenario))[-1]
+    if float(trace["saturated"][window.ending].mean()) > SHARE:
+        since, reason = _limited(trace, window)
+        return Verdict(State.DRIVE_LIMIT, reason, since)
+    command = trace["command_force"][window.ending]
+    change, largest = float(np.ptp(command, axis=0).max()), float(np.linalg.norm(trace["object_force"], axis=1).max())
+    if not np.isfinite(change) or change > BAND * max(largest, 1e-12):
+        span = f"{trace.time[window.ending][-1] - trace.time[window.ending][0]:.3g} s"
+        return Verdict(State.UNDECIDED, f"the tip is fixed, but the command still changes, by {change:.3g} N in {span}")
+    return Verdict(State.SETTLED, "the tip is fixed, so there is no loop that could oscillate")
+
+
+def _limited(trace: Recorded, window: Window) -> tuple[float, str]:
+    """Return when the drive came to its limit, and for which share of the end of the run it is there."""
+    since = float(trace.time[np.flatnonzero(trace["saturated"][:, 0])[0]])
+    share = f"{100 * float(trace['saturated'][window.ending].mean()):.3g} %"
+    return since, f"at the end the drive is at its limit {share} of the time, first at t = {since:.4g} s"
 
 
 def judge_pushed(trace: Recorded, begin: int, kept: float, radius: float | None = None) -> Verdict:
@@ -150,9 +171,7 @@ def _explained(
     elif state is State.CONTACT_LOST:
         since, reason = _lost(trace, float(e.apart[0]))
     elif state is State.DRIVE_LIMIT:
-        since = float(time[np.flatnonzero(trace["saturated"][:, 0])[0]])
-        share = f"{100 * float(e.saturated[0]):.3g} %"
-        reason = f"at the end the drive is at its limit {share} of the time, first at t = {since:.4g} s"
+        since, reason = _limited(trace, window)
     elif state is State.BOUNDED_OSCILLATION:
         bounces = f"the tip bounces, {int(e.contacts[0])} contacts in {span}, and " if e.contacts[0] else "it "
         reason = f"{bounces}oscillates by {swing}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -133,6 +134,11 @@ def test_poses_lie_where_they_say(delayed: tuple[dict[str, Any], Workspace]) -> 
     assert found.tips[found.sections["x-z"]][:, 1] == pytest.approx(found.start[1], abs=1e-12)
     assert found.stiffness[found.least] == found.stiffness.min()
     assert f"{found.stiffness.min():.5g} N/m" in str(found)
+    written = re.search(r"with the normal \(([^)]*)\)", str(found))
+    assert written
+    i, j = found.least
+    assert [float(one) for one in written[1].split(", ")] == pytest.approx(found.directions[i, j], abs=1e-3)
+    assert "-0," not in f"{written[1]},"
 
 
 def test_nobody_holds_a_device_that_tips_over() -> None:

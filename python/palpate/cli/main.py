@@ -28,7 +28,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Model a haptic device, design its controller, run the servo loop, and see whether it is stable.\n\n"
-    "Begin with **palpate run** on a file from scenarios/. Every command explains itself with --help.",
+    "Begin with **palpate new scenario wall**, then **palpate run wall.toml**. More scenarios lie in scenarios/ of the "
+    "repository. Every command explains itself with --help.",
     epilog="Exit codes: 0 done · 1 done, but not settled or stable, or a number differs · 2 wrong input · 130 Ctrl-C",
 )
 

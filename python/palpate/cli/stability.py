@@ -131,7 +131,8 @@ def workspace(
         page = workspace_page(found)
         folder = out if out is not None else Path("results") / default_name(subject)
         paths = write_folder(folder, {"workspace.html": page.save, "workspace.json": found.save})
-    output.print(f"[bold]{escape(found.title)}[/]: {escape(found.loop)}", soft_wrap=True)
+    title = "" if found.loop.startswith(found.title) else f"[bold]{escape(found.title)}[/]: "
+    output.print(f"{title}{escape(found.loop)}", soft_wrap=True)
     output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False)

@@ -10,10 +10,10 @@ from palpate.fem.factor import installed
 MAX_GROUPS: Final = 80  # of contact nodes whose loads give residual vectors
 MAX_BASIS: Final = 3e8  # bytes of the residual vectors
 BLOCK: Final = 12  # right-hand sides solved at once
-# Bytes per entry of the Cholesky factor in the order of nested dissection. SuperLU keeps both triangles: 19 and 26 on
-# balls of 22,554 and 66,135 unknowns.
-_ENTRY: Final = {"SuperLU": 26.0, "CHOLMOD": 12.0, "PARDISO": 12.0}
-_SPEED: Final = 0.06  # of SuperLU over that of a dense product, in multiplications of the Cholesky factor: 0.04 to 0.08
+# Bytes per entry of the Cholesky factor in the order of nested dissection. SuperLU keeps both triangles, and its own
+# order fills more of larger matrices: 19 and 26 on balls of 22,554 and 66,135 unknowns.
+_ENTRY: Final = {"SuperLU": 30.0, "CHOLMOD": 12.0, "PARDISO": 12.0}
+_SPEED: Final = 0.05  # of SuperLU over that of a dense product, in multiplications of the Cholesky factor: 0.04 to 0.08
 _SOLVED: Final = 1.5e9  # entries of two triangles per second in a solution by SuperLU: 1.5e9 to 2.8e9
 _FILL: Final = 30.0  # entries of the factor per unknown^(4/3): 21 to 30 on bodies of 13,230 to 66,135 unknowns
 
@@ -41,7 +41,7 @@ class ModesCost:
     @property
     def remedy(self) -> str:
         """What lowers the cost, beside a coarser mesh."""
-        library = "the faster PARDISO (pip install palpate[body]), " if self.library == "SuperLU" else ""
+        library = "the faster PARDISO (extra body), " if self.library == "SuperLU" else ""
         return f"fewer modes, {library}"
 
 

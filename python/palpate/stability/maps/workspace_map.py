@@ -78,7 +78,8 @@ class Workspace:
 
     def __str__(self) -> str:
         i, j = self.least
-        tip, normal = _millimetres(self.tips[i]), np.round(self.directions[i, j], 3).tolist()
+        tip = _millimetres(self.tips[i])
+        normal = ", ".join(f"{part:.3g}" for part in np.round(self.directions[i, j], 3) + 0.0)
         if self.worst[i] == 0:
             others = self.worst[self.worst > 0]
             remainder = (
@@ -94,7 +95,7 @@ class Workspace:
             )
         return (
             f"Walls up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses in every direction "
-            f"({self.stiffness.shape[1]} tested at each pose). The minimum is at {tip} mm with the normal {normal}, "
+            f"({self.stiffness.shape[1]} tested at each pose). The minimum is at {tip} mm with the normal ({normal}), "
             f"where the loop oscillates at {self.frequency[i, j]:.4g} Hz. The median is "
             f"{np.median(self.worst):.5g} N/m."
         )

@@ -362,3 +362,16 @@ def test_a_fixed_tip_does_not_hide_its_drive_or_controller() -> None:
     assert unstable.state is State.UNDECIDED
     assert "the command still changes" in unstable.reason
     assert palpate.simulate(deep).verdict.settled
+
+
+def test_late_ticks_are_not_judged_by_the_loop_without_them() -> None:
+    """At 90 N/m late ticks destabilize the slider; a short run in which the oscillation shrinks shows nothing."""
+    tables = tomllib.loads((SCENARIOS / "slider-wall-stable.toml").read_text("utf-8"))
+    tables |= {"servo": {**tables["servo"], "jitter": "0.9 ms"}, "object": {"kind": "spring", "stiffness": "90 N/m"}}
+    assert palpate.simulate({**tables, "run": {"duration": "60 s", "record_every": 5}}).verdict.state is State.UNSTABLE
+    for seed in range(4):
+        verdict = palpate.simulate({**tables, "run": {"duration": "2 s", "seed": seed}}).verdict
+        assert not verdict.settled
+        assert "late ticks destabilize a loop" in str(verdict.linear)
+    never = {**tables, "object": {"kind": "spring", "stiffness": "110 N/m"}, "run": {"duration": "2 s"}}
+    assert "the linear loop is unstable" in str(palpate.simulate(never).verdict.linear)

@@ -74,6 +74,14 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
         return None, ""
     if scenario.guard.kind != "none":
         return None, "a guard makes the loop nonlinear, and the linear loop is that without it"
+    found, reason = _of_kind(trace, scenario)
+    if found is not None and scenario.servo.jitter > 0.0 and linear_sign(found.worst) > 0:
+        return None, "late ticks destabilize a loop, and the linear loop is that without them"
+    return found, reason
+
+
+def _of_kind(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
+    """Return the spectral radii of the linear loop without late ticks, or None and the reason, as `linear_radii_of`."""
     if scenario.servo.tool is not None:
         return _display(trace, scenario)
     if scenario.contact_kind in ("mesh", "body"):

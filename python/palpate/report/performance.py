@@ -46,10 +46,10 @@ def performance_page(p: Performance) -> Page:
         )
     bandwidth = "command to hand" if p.topology == "impedance_display" else "reference to object"
     page.table(
-        ("along", "stiffness at rest", "from 0.5 to 8 Hz", "transparent up to", "rate-hardness", "force bandwidth",
+        ("along", "stiffness at rest", "stiffness, 0.5 to 8 Hz", "transparent up to", "rate-hardness", "force bandwidth",
          "static error"),
         [
-            (_name(a), _stiffness(a.static_stiffness), f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
+            (_name(a), a.static_stiffness, f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
              _hertz(a.transparency_bandwidth), None if math.isnan(a.rate_hardness) else a.rate_hardness,
              _hertz(a.bandwidth), 100.0 * a.precision if math.isfinite(a.precision) else None)
             for a in p.along
@@ -57,7 +57,7 @@ def performance_page(p: Performance) -> Page:
         f"Performance along each direction of the object's stiffness. Rate-hardness: mean force rate in the first "
         f"10 ms of a contact over the speed at contact (after Lawrence et al. 1996). Bandwidth: −3 dB, {bandwidth}; "
         f"that of the zero-order hold alone is {p.hold_bandwidth:.4g} Hz.",
-        units=("", "", "N/m", "", "N/m", "", "%"),
+        units=("", "N/m", "N/m", "", "N/m", "", "%"),
     )  # fmt: skip
     page.table(
         ("measure of the device", "least", "largest"),

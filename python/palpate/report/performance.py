@@ -46,8 +46,8 @@ def performance_page(p: Performance) -> Page:
         )
     bandwidth = "command to hand" if p.topology == "impedance_display" else "reference to object"
     page.table(
-        ("along", "stiffness at rest", "stiffness, 0.5 to 8 Hz", "transparent up to", "rate-hardness", "force bandwidth",
-         "static error"),
+        ("along", "stiffness at rest", "stiffness, 0.5 to 8 Hz", "transparent up to", "rate-hardness",
+         "force bandwidth", "static error"),
         [
             (_name(a), a.static_stiffness, f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
              _hertz(a.transparency_bandwidth), None if math.isnan(a.rate_hardness) else a.rate_hardness,

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from palpate import simulate
-from palpate.errors import PalpateError, ScenarioError
+from palpate.devices import load
+from palpate.errors import DeviceError, PalpateError, ScenarioError
 from palpate.files import find_line
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
@@ -578,3 +579,17 @@ def test_a_time_of_zero_is_refused(table: str, key: str) -> None:
 def test_a_display_does_not_divide_by_the_stiffness() -> None:
     with pytest.raises(ScenarioError, match=r"controller.normalize: in an impedance_display"):
         Scenario.from_dict(display(controller={"kind": "none", "normalize": "1 N/mm"}))
+
+
+@pytest.mark.parametrize("head", ['name = "mine"\nmechanism = "slider"', 'based_on = "slider"'])
+def test_a_device_file_in_place_of_a_scenario_is_recognized(tmp_path: Path, head: str) -> None:
+    """And a scenario in place of a device file: one sentence, not one for each key."""
+    file = tmp_path / "mine.toml"
+    file.write_text(f'{head}\n[friction]\nviscous = "1 N*s/m"\n', "utf-8")
+    with pytest.raises(ScenarioError, match=r'mine\.toml: a device file; .* \[device\] name = "mine\.toml"') as refusal:
+        Scenario.load(file)
+    assert "\n" not in str(refusal.value)
+    other = tmp_path / "scenario.toml"
+    other.write_text('title = "t"\n[device]\nname = "slider"\n', "utf-8")
+    with pytest.raises(DeviceError, match=r"scenario\.toml: a scenario; its device"):
+        load(other)

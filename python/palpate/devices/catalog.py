@@ -178,6 +178,8 @@ def _tables(text: str, where: str) -> tuple[str, dict[str, Any]]:
             table = isinstance(value, dict) and key != "servo_period"
             merged[key] = {**_table(merged.get(key)), **value} if table else value
         tables = merged
+    if "mechanism" not in tables and isinstance(tables.get("device"), dict):
+        raise DeviceError(f"{where}: a scenario; its device is the file or the name in its table [device]")
     absent = [key for key in ("name", "description", "mechanism") if not isinstance(tables.get(key), str)]
     if absent:
         raise DeviceError(

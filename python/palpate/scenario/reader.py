@@ -100,6 +100,11 @@ def validate(
     """
     if not isinstance(tables, Mapping):
         raise ScenarioError(f"a scenario's tables are a mapping of them by name, not {tables!r}")
+    if "device" not in tables and isinstance(tables.get("mechanism", tables.get("based_on")), str):
+        raise ScenarioError(
+            f'{name}: a device file; a scenario names it as [device] name = "{Path(name).name}" (palpate new scenario '
+            "writes a scenario)"
+        )
     context = {"base": None if base is None else str(base)}
     try:
         return model.model_validate(dict(tables), context=context)

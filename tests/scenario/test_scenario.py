@@ -587,7 +587,7 @@ def test_a_device_file_in_place_of_a_scenario_is_recognized(tmp_path: Path, head
     file = tmp_path / "mine.toml"
     file.write_text(f'{head}\n[friction]\nviscous = "1 N*s/m"\n', "utf-8")
     with pytest.raises(ScenarioError, match=r'mine\.toml: a device file; .* \[device\] name = "mine\.toml"') as refusal:
-        Scenario.load(file)
+        Scenario.from_file(file)
     assert "\n" not in str(refusal.value)
     other = tmp_path / "scenario.toml"
     other.write_text('title = "t"\n[device]\nname = "slider"\n', "utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -245,14 +246,17 @@ def test_guards_are_compared_from_the_command_line(tmp_path: Path) -> None:
     scenario = SCENARIOS / "slider-wall-stable.toml"
     done = CliRunner().invoke(app, ["performance", str(scenario), "--guards", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert "no guard: no wall" in done.output
-    assert "guarantee: every stiffness, if b is true" in done.output
-    assert "along x: impedance display up to" in done.output
+    lines = [re.split(r"  +", line.strip()) for line in done.output.splitlines()]
+    table = {line[0]: line[1:] for line in lines if len(line) > 4}
+    assert list(table["guard"]) == ["wall", "felt", "step", "swing", "passive for"]
+    assert table["no guard"][:3] == ["none", "–", "–"]
+    assert table["energy bound"][-1] == "every stiffness, if b is true"
+    assert re.fullmatch(r"[\d.]+ N/m with [\d.]+ N s/m", table["x"][0])
     written = json.loads((tmp_path / "guards.json").read_text("utf-8"))
     assert written["axis"]["mass"] == pytest.approx(0.06)
     assert len(written["rows"]) == 15
     axis, walls = written["axis"], written["stiffnesses"]
-    assert f"slider: 60 g, 0.05 N s/m, {axis['coulomb']:.3g} N of dry friction, counts of" in done.output
+    assert f"slider: m = 60 g, b = 0.05 N s/m, {axis['coulomb']:.3g} N of dry friction, counts of" in done.output
     assert f"T = 1 ms; walls of {walls[0]:g} to {walls[-1]:g} N/m" in done.output
     assert written["rows"][0]["felt"] is None
 

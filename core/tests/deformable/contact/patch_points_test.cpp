@@ -55,6 +55,13 @@ TEST(PatchPoints, LieOnTheSphereThatTheTrianglesApproximate) {
   EXPECT_LT(curved, 0.1 * flat);
 }
 
+// Along an edge between a hill and a hollow the normals at both ends lean the same way.
+TEST(PatchPoints, StayInTheirPatchesOnAnUndulatingSurface) {
+  const auto body = body_on(shapes::ball(14, 10e-3, 0.02));
+  for (const auto* points : {&body.patches.round, &body.patches.flat})
+    for (std::int32_t i = 0; i < points->size(); ++i) EXPECT_LT(points->reach(i), 0.7 * points->spacing(i)) << i;
+}
+
 TEST(PatchPoints, StayOnTheFacesOfABoxAndFixedVerticesHaveNone) {
   const shapes::Shape box = shapes::box({10e-3, 8e-3, 6e-3}, 3);
   auto body = body_on(box);

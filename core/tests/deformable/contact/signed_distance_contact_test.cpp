@@ -155,6 +155,27 @@ TEST(SignedDistanceContact, NoClosedPathGainsWork) {
   }
 }
 
+// Counts of three encoders move the tip by steps in three directions.
+TEST(SignedDistanceContact, OneIterationIsTypicalUnderEncoderCounts) {
+  const SurfaceBody body = contact_bodies::soft(shapes::ball(8, 10e-3), 1e4, 6e-3, 4e-3);
+  const TipGeometry tip = TipGeometry::sphere(5e-3);
+  SignedDistanceContact contact = contact_of(body);
+  const double step = 4e-3 * tip.radius;
+  Eigen::Matrix3d joints;
+  joints << 0.9, 0.3, 0.1, -0.2, 1.0, 0.2, 0.1, -0.3, 0.8;
+  const Eigen::Matrix3d angles = joints.inverse();
+  constexpr int ticks = 2000;
+  int more = 0;
+  for (int k = 0; k < ticks; ++k) {
+    const double s = 2.0 * M_PI * k / ticks;
+    const Vector3<> way(3e-3 * std::sin(2.0 * s), 2e-3 * std::sin(3.0 * s), 15e-3 - 2e-3 * std::sin(0.5 * s));
+    const ContactResult& a = contact.step(tip, joints * (angles * way / step).array().round().matrix() * step);
+    ASSERT_TRUE(a.solved);
+    if (contact.iterations() > 1) ++more;
+  }
+  EXPECT_LT(more, 0.35 * ticks);
+}
+
 TEST(SignedDistanceContact, DoesNotDependOnTheFrame) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3<>(0.3, -0.7, 0.4).normalized()).toRotationMatrix();
   const shapes::Shape ball = shapes::ball(3, 10e-3);

@@ -22,6 +22,7 @@ class ContactNewton {
   bool assemble(NearNodes& near) noexcept {
     int size = 0;
     bool stale = false;
+    const double mean = force_.squaredNorm() / (std::max(size_, 1) * std::max(size_, 1));
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       if (p.stiffness == 0.0) continue;
@@ -29,7 +30,7 @@ class ContactNewton {
       if (length > 0.0) p.direction = p.target / length;
       const auto a = static_cast<std::size_t>(size++);
       stale = stale || row_node_[a] != p.node || row_tip_[a] != p.tip || row_place_[a] != k ||
-              (p.direction - row_direction_[a]).squaredNorm() > max_turn;
+              (p.direction - row_direction_[a]).squaredNorm() * std::min(p.target.squaredNorm(), mean) > max_turn * mean;
       row_place_[a] = k;
     }
     if (!stale && size == size_) return false;
@@ -43,7 +44,7 @@ class ContactNewton {
       row_node_[r] = near.place(k).node;
       row_tip_[r] = near.place(k).tip;
       row_direction_[r] = near.place(k).direction;
-      near.along(k, row_direction_[r], line_.data());
+      near.along(k, row_direction_[r], k, line_.data());
       float* column = system_.column(a);
       for (int b = a; b < size; ++b) column[b] = line_[static_cast<std::size_t>(row_place_[static_cast<std::size_t>(b)])];
     }
@@ -108,7 +109,7 @@ class ContactNewton {
 
  private:
   static constexpr double rounding = 1e-7;  // of positions, relative to the radius
-  static constexpr double max_turn = 4e-4;  // square of the change of a direction that renews the matrix
+  static constexpr double max_turn = 4e-4;  // square of the change of a mean force's direction that renews the matrix
 
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(NearNodes::capacity)>;

@@ -39,10 +39,15 @@ class NearCompliance {
 
   NearCompliance() : blocks_(static_cast<std::size_t>(capacity * row_length / 16)) {}
 
+  /// Load what enter() will copy for `next` into the cache.
+  void prefetch(const FullCompliance& compliance, std::int32_t next, const std::int32_t* node, int count) const noexcept {
+    for (int j = 0; j < count; ++j) __builtin_prefetch(compliance.block(next, node[j]));
+  }
+
   /// Copy the blocks of the place k = `count` - 1, whose node is node[k], with all places.
   void enter(const FullCompliance& compliance, const std::int32_t* node, int count) noexcept {
     const int k = count - 1;
-    for (int j = 0; j < count; ++j) __builtin_prefetch(compliance.block(node[k], node[j]));
+    prefetch(compliance, node[k], node, count);
     for (int j = 0; j < count; ++j) {
       const float* block = compliance.block(node[k], node[j]);
       float *mine = entry(k, j), *other = entry(j, k);
@@ -75,12 +80,13 @@ class NearCompliance {
     return {detail::sum_of(x), detail::sum_of(y), detail::sum_of(z)};
   }
 
-  /// Compute d . C_kj s_j for the places j < `count` into `out`: displacement of place k along `direction` by unit forces along s_j.
-  void along(int k, const Vector3<>& direction, const PlaceForces& unit, int count, float* out) const noexcept {
-    const int n = detail::in_registers(count);
-    const detail::Floats* c = detail::as_floats(entry(k, 0));
+  /// Compute d . C_kj s_j for the places `first` <= j < `count` into `out`: displacement of place k along `direction` by unit forces along
+  /// s_j.
+  void along(int k, const Vector3<>& direction, const PlaceForces& unit, int first, int count, float* out) const noexcept {
+    const int n = detail::in_registers(count), from = first / lanes;
+    const detail::Floats* c = detail::as_floats(entry(k, from * lanes));
     const auto d0 = static_cast<float>(direction[0]), d1 = static_cast<float>(direction[1]), d2 = static_cast<float>(direction[2]);
-    for (int j = 0; j < n; ++j, c += 9) {
+    for (int j = from; j < n; ++j, c += 9) {
       detail::Floats sum{};
       for (int b = 0; b < 3; ++b) sum += detail::as_floats(unit.axis(b))[j] * (d0 * c[b] + d1 * c[3 + b] + d2 * c[6 + b]);
       detail::as_floats(out)[j] = sum;

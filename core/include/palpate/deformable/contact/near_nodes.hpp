@@ -23,7 +23,7 @@ namespace palpate::deformable {
 /// The list reaches ahead of each tip by `margin` radii, so that a node is known before it comes into contact. A tick copies the compliance
 /// of the nodes that a tip may reach at once. It also does one of these: renew the list, copy one more node, drop one that is far. A place
 /// that is not engaged is evaluated again only when the tips and the body may have closed its clearance; the body near a tip is taken to
-/// move at most 1.5 times as far as the tips. On a body that moves by itself every place is evaluated.
+/// move at most 1.5 times as far as the tips. On a body that moves by itself every place is evaluated once per tick.
 class NearNodes {
  public:
   static constexpr int capacity = PlaceForces::capacity;
@@ -37,6 +37,9 @@ class NearNodes {
     Vector3<> last_traction = Vector3<>::Zero();                          // of the last tick, as far as the layer still carries it, N
     Vector3<> last_relative = Vector3<>::Zero();                          // displacement less the tip's center at the last tick, m
     Vector3<> free = Vector3<>::Zero();                                   // displacement at the end of the period without force, m
+    Vector3<> free_change = Vector3<>::Zero();                            // of `free` since the last period, m
+    Vector3<> last_way = Vector3<>::Zero();                               // way() of the last tick, m
+    Matrix3<> slope = Matrix3<>::Zero();                                  // estimated derivative of the force by way(), N/m
     double layer_energy = 0.0;                                            // of the points in contact, J
     double last_stiffness = 0.0;                                          // of the points in contact in the last tick, N/m
     Vector3<> change = Vector3<>::Zero();                                 // last change of the force, N
@@ -45,6 +48,8 @@ class NearNodes {
     Vector3<> direction = Vector3<>::Zero();                              // of the target
     double stiffness = 0.0;                                               // of the points in contact, N/m
     double clear_until = 0.0;                                             // value of `travelled_` up to which the node is clear, m
+    double clearance = 0.0;                                               // when last evaluated, m
+    Vector3<> clear_at = Vector3<>::Zero();                               // position relative to the tip then, m
   };
 
   /// A tip and the points that it can press. Set by the contact before update().
@@ -73,6 +78,12 @@ class NearNodes {
   [[nodiscard]] const Tip& tip(int t) const noexcept { return tips_[at(t)]; }
   [[nodiscard]] const Tip& tip_of(const Place& place) const noexcept { return tips_[at(place.tip)]; }
 
+  /// Motion of a place's node relative to its tip since the last tick under constant forces, m; zero if the tip jumps.
+  [[nodiscard]] Vector3<> way(const Place& place) const noexcept {
+    const Tip& tip = tip_of(place);
+    return tip.jump ? Vector3<>(Vector3<>::Zero()) : Vector3<>(place.free_change - tip.last_move);
+  }
+
   [[nodiscard]] int count() const noexcept { return count_; }
   [[nodiscard]] int engaged() const noexcept { return engaged_; }
   [[nodiscard]] Place& place(int k) noexcept { return places_[at(k)]; }
@@ -84,6 +95,8 @@ class NearNodes {
     bool renewed = false;
     for (int t = 0; t < tip_count(); ++t) {
       Tip& tip = tips_[at(t)];
+      for (int k = 0; tip.jump && k < count_; ++k)
+        if (place(k).tip == t) place(k).clearance = 0.0;
       const double moved = (tip.center - tip.listed_center).norm() + (tip.deflection - tip.listed_deflection).norm();
       if (!tip.jump && moved <= 0.25 * ahead(tip)) continue;
       tip.listed_center = tip.center;
@@ -94,21 +107,21 @@ class NearNodes {
     }
     bool all_known = true;
     for (bool one_more = !renewed; pending_count_ > 0;) {
-      const auto end = pending_.begin() + pending_count_;
-      const auto nearest = std::min_element(pending_.begin(), end, [](const Pending& a, const Pending& b) { return a.gap < b.gap; });
-      const Tip& tip = tips_[at(nearest->tip)];
-      const bool urgent = tip.jump || nearest->gap < 2.5 * tip.way + 0.25 * ahead(tip);
+      Pending& nearest = nearest_pending();
+      const Tip& tip = tips_[at(nearest.tip)];
+      const bool urgent = tip.jump || nearest.gap < 2.5 * tip.way + 0.25 * ahead(tip);
       if (!urgent && !one_more) break;
       one_more = false;
       if (count_ == capacity) {
-        all_known = nearest->gap > 0.0;
+        all_known = nearest.gap > 0.0;
         break;
       }
-      enter(nearest->node, nearest->tip);
-      *nearest = pending_[at(--pending_count_)];
+      enter(nearest.node, nearest.tip);
+      nearest = pending_[at(--pending_count_)];
       renewed = true;
     }
     if (!renewed) drop_next();
+    if (pending_count_ > 0) copy_.prefetch(*compliance_, nearest_pending().node, node_.data(), count_);
     return all_known;
   }
 
@@ -150,22 +163,40 @@ class NearNodes {
     return number;
   }
 
-  [[nodiscard]] bool certainly_clear(int k) const noexcept { return motion_ == nullptr && place(k).clear_until > travelled_; }
+  /// Whether a place need not be evaluated; `again`: it has been evaluated in this tick.
+  [[nodiscard]] bool certainly_clear(int k, bool again) const noexcept {
+    return (motion_ == nullptr || again) && place(k).clear_until > travelled_;
+  }
   /// Whether a place was farther from its tip, when last evaluated, than tips and body are expected to move in some ticks.
   [[nodiscard]] bool is_far(int k) const noexcept {
     const Tip& tip = tip_of(place(k));
     return place(k).clear_until - travelled_ > 0.02 * tip.shape.radius + 10.0 * tip.way;
   }
-  void set_clearance(int k, double clearance) noexcept { place(k).clear_until = travelled_ + clearance; }
+  /// Record the clearance of a place at the position `at` relative to its tip [m].
+  void set_clearance(int k, double clearance, const Vector3<>& at) noexcept {
+    Place& p = place(k);
+    p.clear_until = travelled_ + clearance;
+    p.clearance = clearance;
+    p.clear_at = at;
+  }
+  /// Whether a place that is not engaged is clear at `at` by its last clearance and its motion since then.
+  [[nodiscard]] bool still_clear(int k, const Vector3<>& at) noexcept {
+    Place& p = place(k);
+    const double rest = p.clearance - (at - p.clear_at).norm();
+    if (k < engaged_ || !(rest > 0.0)) return false;
+    p.clear_until = travelled_ + rest;
+    return true;
+  }
 
   void engage(int k) noexcept {
     clear_forces(place(k));
+    place(k).last_way = way(place(k));
     swap(k, engaged_++);
   }
   void disengage(int k) noexcept {
     clear_forces(place(k));
     set_force(k);
-    place(k).clear_until = travelled_;
+    set_clearance(k, 0.0, Vector3<>::Zero());
     swap(k, --engaged_);
   }
 
@@ -185,7 +216,9 @@ class NearNodes {
   void set_scratch(int k, const Vector3<>& force) noexcept { scratch_.set(k, force); }
   [[nodiscard]] Vector3<> scratch_displacement(int k) const noexcept { return copy_.displacement(k, scratch_, engaged_); }
   /// See NearCompliance::along(); unit forces along the vectors in the second set.
-  void along(int k, const Vector3<>& direction, float* out) const noexcept { copy_.along(k, direction, scratch_, engaged_, out); }
+  void along(int k, const Vector3<>& direction, int first, float* out) const noexcept {
+    copy_.along(k, direction, scratch_, first, engaged_, out);
+  }
 
  private:
   static constexpr double margin = 0.15;
@@ -198,10 +231,16 @@ class NearNodes {
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
 
+  [[nodiscard]] Pending& nearest_pending() noexcept {
+    return *std::min_element(pending_.begin(), pending_.begin() + pending_count_,
+                             [](const Pending& a, const Pending& b) { return a.gap < b.gap; });
+  }
+
   [[nodiscard]] std::int32_t& slot(std::int32_t node, int tip) noexcept { return place_of_[at(node) * tips_.size() + at(tip)]; }
 
   static void clear_forces(Place& p) noexcept {
     p.force.setZero();
+    p.slope.setZero();
     p.last_force.setZero();
     p.change.setZero();
     p.traction.setZero();
@@ -216,6 +255,14 @@ class NearNodes {
     if (tip.listed_deflection.squaredNorm() > 0.0)
       for (const double share : {0.5, 1.0}) least = std::min(least, tip.shape.distance(y + share * tip.listed_deflection));
     return least - tip.points->reach(node);
+  }
+
+  /// Whether gap() is less than `most`.
+  [[nodiscard]] bool within(const Tip& tip, std::int32_t node, double most) const noexcept {
+    const Vector3<> y = nodes_->point(node) - tip.listed_center;
+    most += tip.points->reach(node);
+    return tip.shape.within(y, most) || tip.shape.within(y + 0.5 * tip.listed_deflection, most) ||
+           tip.shape.within(y + tip.listed_deflection, most);
   }
 
   [[nodiscard]] static double ahead(const Tip& tip) noexcept { return margin * tip.shape.radius; }
@@ -253,9 +300,8 @@ class NearNodes {
     const auto kept = std::remove_if(pending_.begin(), pending_.begin() + pending_count_, [t](const Pending& p) { return p.tip == t; });
     pending_count_ = static_cast<int>(kept - pending_.begin());
     nodes_->query_box(low, high, shape.radius + ahead(tip) + tip.points->max_reach(), [&](std::int32_t node) {
-      if (slot(node, t) >= 0 || pending_count_ == max_pending) return;
-      const double distance = gap(tip, node);
-      if (distance < ahead(tip)) pending_[at(pending_count_++)] = {node, t, distance};
+      if (slot(node, t) >= 0 || pending_count_ == max_pending || !within(tip, node, ahead(tip))) return;
+      pending_[at(pending_count_++)] = {node, t, gap(tip, node)};
     });
   }
 

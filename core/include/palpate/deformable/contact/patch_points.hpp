@@ -26,8 +26,8 @@ struct ContactSurface {
 /// Contact points of the patches of a surface. A patch belongs to a node: the third of each adjacent triangle next to it. Its points move
 /// with the node.
 ///
-/// Points lie on the quadratic surface through the edges' ends and normals (Nagata 2005), not on the flat triangle, unless a triangle at
-/// one of its corners deviates from the corner's normal by more than 35 degrees: edges stay sharp.
+/// Points lie on a quadratic surface through the edges' ends and normals (after Nagata 2005), not on the flat triangle, unless a triangle
+/// at one of its corners deviates from the corner's normal by more than 35 degrees: edges stay sharp.
 ///
 /// Each point carries an elastic layer (Winkler foundation) of the pressure stiffness E* / (beta b), with the radius b of a circle of the
 /// patch's area. The layer restores the local compliance that the mesh lacks: a node of quadratic tetrahedra, loaded by linear hat
@@ -102,12 +102,11 @@ class PatchPoints {
     return normals;
   }
 
-  /// Quadratic coefficient of an edge curve x(s) = x1 + (d - c) s + c s^2 whose ends are normal to n1 and n2: the c of least norm with
-  /// n1.c = n1.d and n2.c = -n2.d.
+  /// Quadratic coefficient c of an edge curve x(s) = x1 + (d - c) s + c s^2 with the normals n1 and n2 at its ends: along n1 + n2, with
+  /// n1.c = n2.c = (n1.d - n2.d) / 2. It equals Nagata's c on a circular arc. Nagata's c has no bound where the surface changes from convex
+  /// to concave between the ends.
   [[nodiscard]] static Vector3<> edge_curvature(const Vector3<>& d, const Vector3<>& n1, const Vector3<>& n2) {
-    const double cosine = n1.dot(n2), determinant = 1.0 - cosine * cosine, one = n1.dot(d), two = -n2.dot(d);
-    if (!(determinant > 1e-10)) return Vector3<>::Zero();
-    return ((one - cosine * two) / determinant) * n1 + ((two - cosine * one) / determinant) * n2;
+    return (n1 - n2).dot(d) / (2.0 + 2.0 * n1.dot(n2)) * (n1 + n2);
   }
 
   static void add_triangle(const ContactSurface& surface, const std::vector<Vector3<>>& normals, const std::vector<double>& stiffness,

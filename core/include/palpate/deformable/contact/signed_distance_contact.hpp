@@ -35,9 +35,9 @@ namespace palpate::deformable {
 ///
 /// Each iteration solves for one number per place, the change of its force along the direction of its points' resultant:
 ///   (d_i.C_ij d_j + 1/h_i) delta = right-hand side,   h_i the stiffness of the node's points in contact,
-/// a positive definite system; the directions follow by fixed point. Start from the forces extrapolated over the last two ticks: one
-/// iteration per tick is typical, `max_iterations` bound it. Friction (LayerFriction) is found between the iterations, and its tractions
-/// move the nodes in all directions.
+/// a positive definite system; the directions follow by fixed point. Start from the forces predicted from the tips' motion: one iteration
+/// per tick is typical, `max_iterations` bound it. Friction (LayerFriction) is found between the iterations, and its tractions move the
+/// nodes in all directions.
 ///
 /// On a body with memory (BodyMotion) C is the compliance of one period, and u contains the displacement at its end without force.
 ///
@@ -143,19 +143,21 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     tip.points = to.shape.shape == TipGeometry::Shape::cylinder ? &patches_->flat : &patches_->round;
     tip.shape = to.shape;
     tip.center = to.center;
-    const double square = tip.last_move.squaredNorm();
-    repeated_[at(t)] = square > 0.0 ? std::clamp(move.dot(tip.last_move) / square, -1.0, 1.0) : 0.0;
     tip.last_move = move;
     return tip.jump;
   }
 
-  /// Extrapolate the forces by the share of its tip's last move that this move repeats.
+  /// Predict the forces by a secant estimate of their derivative with respect to the nodes' motion relative to the tips (Broyden 1965).
   void predict() noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      const Vector3<> old = p.force, next = old + repeated_[at(p.tip)] * (old - p.last_force);
-      if (next.dot(old) > 0.0) p.force = next;
-      p.last_force = old;
+      const double least = 1e-3 * near_.tip_of(p).shape.radius;
+      const Vector3<> unforeseen = p.force - p.last_force - p.slope * p.last_way;
+      p.slope += unforeseen * (p.last_way / (p.last_way.squaredNorm() + least * least)).transpose();
+      p.last_force = p.force;
+      p.last_way = near_.way(p);
+      const Vector3<> change = p.slope * p.last_way;
+      if (change.squaredNorm() < p.force.squaredNorm()) p.force += change;
       near_.set_force(k);
     }
   }
@@ -206,7 +208,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (p.stiffness == 0.0 && p.force.squaredNorm() == 0.0) near_.disengage(k);
     }
     for (int k = near_.engaged(); k < near_.count(); ++k) {
-      if ((!thorough && near_.certainly_clear(k)) || near_.tip_of(near_.place(k)).lost) continue;
+      if ((!thorough && near_.certainly_clear(k, iterations_ > 1)) || near_.tip_of(near_.place(k)).lost) continue;
       energy += evaluate_node(k);
       if (near_.place(k).stiffness > 0.0) near_.engage(k);
     }
@@ -220,12 +222,13 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     const Vector3<> moved = near_.displacement(k);
     p.displacement = p.free + moved;
     const Vector3<> at = nodes_->point(p.node) + p.displacement - tip.center;
+    if (near_.still_clear(k, at)) return 0.0;
     const double gap = tip.shape.distance(at) - tip.points->reach(p.node);
     p.target.setZero();
     p.stiffness = 0.0;
     const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p, tip, at, layer_of(tip));
     p.layer_energy = pressed.energy;
-    near_.set_clearance(k, std::max(pressed.clearance, 0.0));
+    near_.set_clearance(k, std::max(pressed.clearance, 0.0), at);
     return p.layer_energy + 0.5 * p.force.dot(moved);
   }
 
@@ -324,7 +327,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (int k = 0; k < near_.count(); ++k) {
       Place& p = near_.place(k);
       if (k >= near_.engaged() && motion_->costly() && (k + tick_) % far_interval != 0 && near_.is_far(k)) continue;
-      p.free = motion_->next_free(p.node, p.free, near_.displacement(k));
+      const Vector3<> by_forces = k < near_.engaged() ? p.displacement - p.free
+                                  : motion_->costly() ? Vector3<>(Vector3<>::Zero())
+                                                      : near_.displacement(k);
+      const Vector3<> next = motion_->next_free(p.node, p.free, by_forces);
+      p.free_change = next - p.free;
+      p.free = next;
     }
   }
 
@@ -388,7 +396,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   double last_energy_ = 0.0, tick_energy_ = 0.0;  // minimum of the tick's energy: last tick, this tick, J
   double stored_energy_ = 0.0;                    // of body and layers at the end of the tick, J
   std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
-  std::array<double, static_cast<std::size_t>(max_tips)> repeated_{};  // share of a tip's last move
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
   int iterations_ = 0, tick_ = 0;

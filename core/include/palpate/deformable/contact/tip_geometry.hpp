@@ -52,6 +52,12 @@ struct TipGeometry {
     return std::hypot(std::max(side, 0.0), std::max(end, 0.0)) + std::min(std::max(side, end), 0.0) - rim;
   }
 
+  /// Whether distance(y) is less than `most` [m], which is at least -radius.
+  [[nodiscard]] bool within(const Vector3<>& y, double most) const noexcept {
+    if (shape != Shape::capsule) return distance(y) < most;
+    return (y - std::clamp(y.dot(axis), 0.0, length) * axis).squaredNorm() < (radius + most) * (radius + most);
+  }
+
   /// Depth in a cylinder as of evaluate(), whose radius and rim may differ by lane.
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] static Depth<Scalar> in_cylinder(const Vector3<Scalar>& y, const Vector3<Scalar>& normal,

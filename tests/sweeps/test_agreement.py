@@ -240,7 +240,7 @@ def test_the_exact_boundary_of_the_map_separates_the_cells() -> None:
     damping, stiffness = np.vstack([path.vertices for path in contour.get_paths() if len(path.vertices)]).T
     mass = LinearDevice.of_mass(0.06, 0.05)
     exact = [critical_stiffness(mass, period=1e-3, virtual_damping=b) for b in damping[::20]]
-    np.testing.assert_allclose(1e3 * stiffness[::20], exact, rtol=5e-3)
+    np.testing.assert_allclose(stiffness[::20], exact, rtol=5e-3)
     labels = {text.get_text() for text in axes.figure.legends[0].get_texts()}
     assert labels >= {"settled", "unstable", "exact boundary"}
     with pytest.raises(SweepError, match="one or two numeric axes"):

@@ -206,17 +206,17 @@ def workspace(device: Device, period: float | str, **options: Any) -> WorkspaceC
         period: servo period, s, or text with a unit.
         **options: numbers in SI or text with a unit:
 
-            bandwidth: of the feedback, rad/s; 200. A larger one settles faster and passes more noise.
-            damping: ratio of the feedback, at most 1; 0.9.
-            observer: rate of the observer of position and velocity over the bandwidth; 6.
-            disturbance: rate of the observer of the disturbance over the bandwidth; 0.05.
-            reference: bandwidth of the reference model, which sets the settling time, rad/s; 250.
-            reference_damping: ratio of the reference model, at most 1; 1.
-            share: of the drive's limit that the reference model uses, at most 1; 0.85.
-            stiffness: by which forces without a known stiffness are divided, N/m, one value or three; 1000.
-            normal_only: True tracks an object with a normal along it alone, and the operator moves the tip along
-                the surface; False.
-            operator_mass: that the operator adds to the tip, kg; 0.
+            - bandwidth: of the feedback, rad/s; 200. A larger one settles faster and passes more noise.
+            - damping: ratio of the feedback, at most 1; 0.9.
+            - observer: rate of the observer of position and velocity over the bandwidth; 6.
+            - disturbance: rate of the observer of the disturbance over the bandwidth; 0.05.
+            - reference: bandwidth of the reference model, which sets the settling time, rad/s; 250.
+            - reference_damping: ratio of the reference model, at most 1; 1.
+            - share: of the drive's limit that the reference model uses, at most 1; 0.85.
+            - stiffness: by which forces without a known stiffness are divided, N/m, one value or three; 1000.
+            - normal_only: True tracks an object with a normal along it alone, and the operator moves the tip along
+              the surface; False.
+            - operator_mass: that the operator adds to the tip, kg; 0.
 
     Raises:
         DesignError: an unknown option, or a value out of range.

@@ -2,7 +2,8 @@
 
 Measured on meshes of isosurface stuffing with a spacing of 3.3, 4 and 5 mm: a cylinder of 20 x 60 mm, bonded below,
 Poisson's ratio 0.45, a sphere of 8 mm at 24 places, 0.2 to 6 mm deep. The reference is converged linear elasticity
-((axisymmetric quadratic elements). Large strains, another tip and locking add their own errors.
+(axisymmetric quadratic elements). Large strains, another tip and locking add their own errors: spheres of other radii
+exceeded the bound of contact along the normals by up to 1.6 times.
 
 The estimate holds for spheres of at least the distance of the contact nodes. A smaller one meets nodes beside its axis
 or none: of 200 random presses into each of three meshes, up to half exceeded it, by factors of up to 4.4. Flat ends are

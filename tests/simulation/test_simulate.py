@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -553,6 +554,20 @@ def test_a_swing_that_grows_is_called_unstable_before_it_diverges() -> None:
     assert "decays by a factor of" in verdicts[97][1]
     assert verdicts[103][0] is False
     assert verdicts[103][1].startswith("unstable: an oscillation by ")
+
+
+def test_the_decay_of_a_swing_is_that_of_the_linear_loop_and_differs_from_1() -> None:
+    """Just below the limit, an oscillation decays by the spectral radius to the power of the ticks of a fifth."""
+    trace = simulate(
+        slide(
+            operator={"kind": "force", "force": "0.5 N"},
+            object={"kind": "spring", "stiffness": "99.9 N/m"},
+            run={"duration": "1 s"},
+        )
+    )
+    found = re.search(r"decays by a factor of ([\d.]+) in 0.199 s; .*radius ([\d.]+)", trace.verdict.reason)
+    assert found, trace.verdict.reason
+    assert 1.0 - float(found[1]) == pytest.approx(1.0 - float(found[2]) ** 200, rel=0.3)
 
 
 @pytest.mark.parametrize(("frequency", "start"), [("20 Hz", "2.24 s"), ("4.594 Hz", "0 s")], ids=["late", "resonance"])

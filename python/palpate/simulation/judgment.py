@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -165,7 +166,7 @@ def _explained(
         reason = _hidden(trace, e, swing, linear)
     elif state is State.UNSTABLE:
         since = float(time[window.begin])
-        reason = f"an oscillation by {swing} grows by a factor of {ratio:.3g} in {span}"
+        reason = f"an oscillation by {swing} grows by a factor of {_factor(ratio)} in {span}"
     elif state is State.OUT_OF_REACH:
         since, reason = _reach(trace, scenario, window)
     elif state is State.CONTACT_LOST:
@@ -181,7 +182,7 @@ def _explained(
         still = max(BAND * float(e.deflection[0]), float(e.resolution[0]), 1e-6)
         reason = f"the tip rests within {1e3 * float(e.ripple[0]):.2g} mm"
         if e.ripple[0] > still:
-            reason = f"its oscillation of {swing} decays by a factor of {ratio:.3g} in {span}; {linear}"
+            reason = f"its oscillation of {swing} decays by a factor of {_factor(ratio)} in {span}; {linear}"
     else:
         reason = _undecided(time, e, swing)
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
@@ -192,6 +193,12 @@ def _explained(
     if not swings:
         return Verdict(state, reason, since, linear=_text(linear))
     return Verdict(state, reason, since, axis, amplitude, frequency, _text(linear))
+
+
+def _factor(ratio: float) -> str:
+    """Return a ratio with three digits, or with as many as distinguish it from 1."""
+    from_one = abs(ratio - 1.0)
+    return f"{ratio:.{max(3, 1 - math.floor(math.log10(from_one))) if from_one > 0.0 else 3}g}"
 
 
 def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:

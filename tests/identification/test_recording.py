@@ -156,3 +156,10 @@ def test_each_channel_alone_must_have_one_row_per_sample(wrong):
         Recording(**{**values, wrong: values[wrong][:-1]})
     with pytest.raises(RecordingError, match="one row per sample"):
         Recording(**{**values, "time": values["time"][:, None]})
+
+
+def test_a_file_that_is_no_text_is_named_as_such(tmp_path):
+    file = tmp_path / "picture.csv"
+    file.write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff,\xfe\n1\n")
+    with pytest.raises(RecordingError, match=r"picture\.csv, line 1: this is not a text file; a recording is CSV"):
+        Recording.load(file)

@@ -1,6 +1,8 @@
 """identify_recording: from a file to a verdict on data not used for the fit; experiments that drift or run away."""
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,6 +61,15 @@ def test_bad_input_is_one_sentence_with_the_file(tmp_path):
     assert not (tmp_path / "out").exists()
     with pytest.raises(DeviceError):
         identify.identify_recording(premium_recording(), "no-such-device")
+
+
+def test_doubts_about_the_intervals_are_in_summary_and_json(study):
+    assert study[0]["doubts"] == []
+    assert "Doubt" not in study[0]["summary"]
+    late = replace(premium_recording(), torque=np.roll(premium_recording().torque, 1, axis=0))
+    result = identify.identify_recording(late, ARM)
+    assert re.match(r"The torque acts (1|0\.99\d|1\.0\d?) ± 0\.0\d+ ms before its time stamp", result["doubts"][0])
+    assert f"Doubt: {result['doubts'][0]}" in result["summary"]
 
 
 def test_experiment_is_reproducible_and_its_seed_is_the_noise():

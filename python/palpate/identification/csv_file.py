@@ -98,6 +98,11 @@ def _read_table(file: Path) -> _Table:
                     metadata = load_table(text, RecordingError, f"{where}: metadata")
                 continue
             if header is None:
+                if any(not cell.isprintable() or "\ufffd" in cell for cell in map(str.strip, fields)):
+                    raise RecordingError(
+                        f"{where}: this is not a text file; a recording is CSV with a header "
+                        "'time [s], theta1 [rad], ..., tau1 [N*m]', or HDF5"
+                    )
                 header = fields
                 continue
             if len(fields) != len(header):

@@ -8,7 +8,7 @@ functions overlap and the noise is colored, so the covariance is that of correla
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,16 +17,18 @@ from scipy import stats
 
 from palpate.arrays import Array
 from palpate.devices import Device
-from palpate.errors import RecordingError
+from palpate.errors import DeviceError, RecordingError
 from palpate.identification.base import Parameter, base_parameters, friction_parameters, with_base_values
 from palpate.identification.device_file import write_fit
 from palpate.identification.instruments import expected_angles
 from palpate.identification.recording import Recording
-from palpate.identification.weak_form import TestFunctions, WeakRows, slowest_speed, weak_rows
+from palpate.identification.weak_form import TestFunctions, WeakRows, delay_column, slowest_speed, weak_rows
 
 Method = Literal["auto", "instruments", "least_squares"]
 
 SINGULAR = 1e-6  # ratio of singular values of the scaled columns at rounding level
+DELAY = Parameter("delay", "s", "delay of the torque", 0)
+SIGNIFICANT = 4.0  # standard deviations above which a delay or a negative friction is not noise
 MAX_RELATIVE_STD = 0.1  # standard deviation over the joint torque above which a parameter is undetermined
 
 
@@ -47,6 +49,7 @@ class ParameterFit:
         freedom: degrees of freedom of Student's t for the intervals, the number of test functions without overlap.
         template: device with the known lengths, and with the values to compare.
         file: of the recording, or "a recording".
+        doubts: reasons why the intervals may not hold the true values, each a sentence; empty if there is none.
     """
 
     parameters: list[Parameter]
@@ -61,6 +64,7 @@ class ParameterFit:
     freedom: float
     template: Device
     file: str
+    doubts: tuple[str, ...] = ()
 
     @property
     def std(self) -> Array:
@@ -171,15 +175,90 @@ def estimate_parameters(
     columns, target = _stack(rows, weight, keep, len(parameters))
     condition = _check_excitation(columns, parameters)
     expected = None if method == "least_squares" else expected_angles(recording)
-    z = columns
-    if expected is not None:
+    z, known = columns, recording.torque
+    if expected is not None and recording.excitation is not None:
+        known = recording.excitation
         instrument_rows = weak_rows(device, recording, functions, angle=expected, slowest=slowest)
         z = _stack(instrument_rows, weight, keep, len(parameters))[0]
     elif method == "instruments":
         raise RecordingError("instruments need a recording that holds its excitation and a stable loop")
     chosen = "least_squares" if expected is None else "instruments"
     file = str(recording.metadata.get("file", "a recording"))
-    return _solve(parameters, columns, z, target, functions, level, chosen, condition, device, file)
+    fit = _solve(parameters, columns, z, target, functions, level, chosen, condition, device, file)
+    doubts = _nonphysical(fit)
+    late = [
+        _append(c, delay_column(tau, recording.period, functions) * weight * keep)
+        for c, tau in ((columns, recording.torque), (z, known))
+    ]
+    if _condition(late[0]) < 1 / SINGULAR:
+        delayed = _solve(
+            [*parameters, DELAY], late[0], late[1], target, functions, level, chosen, condition, device, file
+        )
+        doubts += _late_torque(fit, delayed)
+    if expected is None:
+        doubts += _loop_bias(fit, columns, target)
+    return replace(fit, doubts=tuple(doubts))
+
+
+def _append(columns: Array, column: Array) -> Array:
+    return np.concatenate([columns, column[:, :, None]], axis=2)
+
+
+def _nonphysical(fit: ParameterFit) -> list[str]:
+    """Return the doubt about estimates that no device has: friction or inertia below zero."""
+    friction = [p.name[0] in "kc" and p.name[1:].isdigit() for p in fit.parameters]
+    negative = friction & (fit.value < -SIGNIFICANT * fit.std)
+    below = [p.name for p, one in zip(fit.parameters, negative, strict=True) if one]
+    said = f"the friction {', '.join(below)} is negative" if below else ""
+    try:
+        _ = fit.device
+    except DeviceError:
+        said = "the inertia matrix is not positive definite" + (f" and {said}" if said else "")
+    except RecordingError:  # a device without gravity, whose masses are not of interest here
+        pass
+    if not said:
+        return []
+    return [f"No device has these parameters: {said}. Check the signs of angles and torques, and the time stamps."]
+
+
+def _late_torque(fit: ParameterFit, delayed: ParameterFit) -> list[str]:
+    """Return the doubt about a torque that acts before or after its sample, if that moves a parameter noticeably."""
+    delay, half = float(delayed.value[-1]), float(delayed.half_width[-1])
+    moved = np.abs(delayed.value[:-1] - fit.value) > 0.5 * fit.half_width
+    if abs(delay) < SIGNIFICANT * float(delayed.std[-1]) or not moved.any():
+        return []
+    names = ", ".join(p.name for p, off in zip(fit.parameters, moved, strict=True) if off)
+    when = "after" if delay > 0 else "before"
+    return [
+        f"The torque acts {1e3 * abs(delay):.3g} ± {1e3 * half:.2g} ms {when} its time stamp, as far as the motion "
+        f"shows. Shift the recorded torque by that time; until then the intervals of {names} do not hold."
+    ]
+
+
+def _loop_bias(fit: ParameterFit, columns: Array, target: Array) -> list[str]:
+    """Return the doubt about least squares in a closed loop, whose bias is no part of the intervals.
+
+    The torque that the fit does not explain bounds the noise. The bias is at most the noise's share of the power.
+    """
+    bias = (fit.torque_error / 100) ** 2
+    reach = fit.half_width * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
+    used = np.any(columns != 0, axis=0)
+    hidden = np.any(used & (reach < bias[:, None]), axis=0)
+    if not hidden.any():
+        return []
+    names = ", ".join(p.name for p, small in zip(fit.parameters, hidden, strict=True) if small)
+    return [
+        f"The recording holds no excitation, and the fit leaves {fit.torque_error.max():.0f} % of a joint's torque. "
+        f"If a servo closed the loop, the estimates of {names} may be biased by more than their intervals; record the "
+        "excitation."
+    ]
+
+
+def _condition(columns: Array) -> float:
+    """Return the condition (1 or more) of the scaled columns."""
+    flat = columns.reshape(-1, columns.shape[2])
+    singular = np.linalg.svd(np.linalg.qr(flat / np.linalg.norm(flat, axis=0), mode="r"), compute_uv=False)
+    return float(singular[0] / max(singular[-1], 1e-300))
 
 
 def _solve(

@@ -77,6 +77,7 @@ def identify_recording(
         "parameters": summary_rows(fit, true_values(arm, fit.parameters)),
         "torque_error_percent": fit.torque_error.tolist(),
         "excitation": {"condition": fit.condition, "undetermined": fit.undetermined},
+        "doubts": list(fit.doubts),
         "free_run": {"device": run, "device_failed": failure, "arx": arx_part["free_run"], "used": USED},
         "arx": arx_part,
     }
@@ -173,6 +174,7 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
     lines += ["", f"Parameters whose interval does not hold the catalog's value: {names}."]
     if fit.undetermined:
         lines.append(f"Too little excitation for {', '.join(fit.undetermined)}: move more, or at more poses.")
+    lines += [f"Doubt: {doubt}" for doubt in fit.doubts]
     runs = result["free_run"]
     lines.append(f"Free run on the last {100 * (1 - USED):.0f} %, not used for the fit, NRMSE per joint:")
     for name, key in (("fitted device", "device"), ("ARX", "arx")):

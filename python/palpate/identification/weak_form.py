@@ -102,9 +102,7 @@ def weak_rows(
         slowest = slowest_speed(recording, tests)
 
     def project(kernel: Array, values: Array) -> Array:
-        flat = values.reshape(len(values), -1)
-        out = signal.oaconvolve(flat, kernel[::-1, None], mode="valid", axes=0)[::stride]
-        return np.asarray(out.reshape(len(out), *values.shape[1:]), dtype=float)
+        return _project(kernel, values, stride)
 
     columns = []
     for one in fictitious(device):
@@ -122,6 +120,23 @@ def weak_rows(
     moving = project(phi, (np.abs(qd) > slowest).astype(float)) / phi.sum()
     time = recording.time[len(phi) // 2 :: stride][: len(torque)]
     return WeakRows(torque, np.stack(columns, axis=2), moving, time)
+
+
+def _project(kernel: Array, values: Array, stride: int) -> Array:
+    """Return the sums (rows, ...) of `values` (n, ...) weighted by the kernel at each test function."""
+    flat = values.reshape(len(values), -1)
+    out = signal.oaconvolve(flat, kernel[::-1, None], mode="valid", axes=0)[::stride]
+    return np.asarray(out.reshape(len(out), *values.shape[1:]), dtype=float)
+
+
+def delay_column(torque: Array, period: float, tests: TestFunctions) -> Array:
+    """Return the regressor (rows, dof) of a delay of the torque (n, dof), N*m; its coefficient is the delay, s.
+
+    If the torque acts a short time d after its sample, its recorded integral is that of the motion plus d times this
+    column.
+    """
+    phi, _, _, stride = tests.kernels(period)
+    return -_project(np.append(np.diff(phi), 0.0), torque - torque.mean(axis=0), stride)
 
 
 def slowest_speed(recording: Recording, tests: TestFunctions) -> Array:

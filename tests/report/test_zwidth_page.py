@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from palpate import simulate
 from palpate.report.zwidth import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
@@ -41,3 +42,64 @@ def test_a_loop_that_needs_an_object_has_a_softest() -> None:
             > loop.spectral_radius(1.001 * found.min_stable_stiffness, damping)
         )
     assert zwidth(Scenario.from_file(SLIDER), simulated=False).min_stable_stiffness == 0.0
+
+
+def resonant(stiffness: str) -> Scenario:
+    """Return a slider in a soft hand, whose force passes a lightly damped resonance at 9 Hz and a notch at 16 Hz."""
+    return Scenario.from_dict(
+        {
+            "device": {"name": "slider"},
+            "start": {"pose": ["0 mm"]},
+            "servo": {"period": "1 ms", "topology": "impedance_display"},
+            "operator": {
+                "kind": "arm",
+                "mass": "0.02 kg",
+                "damping": "3.1 N*s/m",
+                "stiffness": "158 N/m",
+                "shape": "step",
+                "force": ["-0.1 N", "0 N", "0 N"],
+            },
+            "object": {"kind": "spring", "stiffness": stiffness},
+            "controller": {
+                "kind": "state_space",
+                "A": [[0.89756, -3.06233], [0.000948781, 0.998469]],
+                "B": [[0.000948781, 0, 0, -0.000948781, 0, 0], [4.743905e-07, 0, 0, -4.743905e-07, 0, 0]],
+                "C": [[-30.21965, 2220.64782], [0, 0], [0, 0]],
+                "D": [[0.311993, 0, 0, -0.311993, 0, 0], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]],
+            },
+            "run": {"duration": "1 s"},
+        }
+    )
+
+
+def test_a_band_of_unstable_objects_under_the_stiffest_stable_one_is_named() -> None:
+    found = zwidth(resonant("100 N/m"), simulated=False)
+    assert found.stiffest_here is not None
+    (here, *_) = [band for band in found.gaps["the scenario's arm, rigid grip"] if band[0] == 0.0]
+    _, low, high = here
+    assert 100 < low < high < found.stiffest_here
+    loop = scenario_loop(resonant("100 N/m"))
+    for stiffness, stable in ((0.99 * low, True), (1.01 * low, False), (0.99 * high, False), (1.01 * high, True)):
+        assert (loop.spectral_radius(stiffness, 0.0) < 1.0) is stable
+    assert loop.spectral_radius(0.99 * found.stiffest_here, 0.0) < 1.0
+    said = f"with 0 N·s/m: unstable from {low:.4g} to {high:.4g} N/m, below the stiffest stable object."
+    assert any(remark.endswith(said) for remark in found.gap_remarks)
+    page = zwidth_page(found).html()
+    assert said in page
+    assert "below a curve is stable, but for the bands below." in page
+    bands = found.to_dict()["unstable_below"]["the scenario's arm, rigid grip"]
+    assert {"damping_N_s_per_m": 0.0, "stiffness_N_per_m": [low, high]} in bands
+
+
+def test_a_run_agrees_with_the_band_of_unstable_objects() -> None:
+    verdicts = [
+        str(simulate(resonant(stiffness)).verdict).split(":")[0] for stiffness in ("100 N/m", "5 N/mm", "60 N/mm")
+    ]
+    assert verdicts == ["settled", "unstable", "settled"]
+
+
+def test_a_map_without_bands_names_none() -> None:
+    found = zwidth(Scenario.from_file(SLIDER), simulated=False)
+    assert found.gaps == {}
+    assert "Unstable band" not in zwidth_page(found).html()
+    assert "below a curve is stable. The curve" in zwidth_page(found).html()

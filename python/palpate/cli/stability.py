@@ -85,6 +85,8 @@ def zwidth(
         output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
     if found.stiffest_here is not None:
         output.print(f"  with the {found.here[0]:.4g} N·s/m of the scenario: up to {found.stiffest_here:.4g} N/m")
+    for remark in found.gap_remarks:
+        output.print(f"  {remark}", style="yellow", markup=False, soft_wrap=True)
     for name in found.never:
         output.print(f"  {name}: no wall of any size is stable", markup=False)
     if found.passive is not None:

@@ -31,7 +31,8 @@ def zwidth_page(z: ZWidth) -> Page:
     b, k = own.stiffest
     page = Page(
         f"Z-width: {z.title}",
-        "An object of stiffness K and damping B below a curve is stable. The curve is computed from the linearized "
+        f"An object of stiffness K and damping B below a curve is stable{', but for the bands below' * bool(z.gaps)}. "
+        "The curve is computed from the linearized "
         "loop" + ("." if z.simulated is None else "; the dots come from simulations."),
     )
     page.verdict(_sentence(z), "good" if z.stable_here else "bad")
@@ -45,6 +46,8 @@ def zwidth_page(z: ZWidth) -> Page:
     if z.passive is not None:
         facts.append(("stiffest passive object", _written(z.passive[1].max())))
     page.facts(facts)
+    for remark in z.gap_remarks:
+        page.paragraph(f"**Unstable band**: {remark}")
     page.figure(
         zwidth_figure(z),
         f"Below the filled curve: stable objects ({name}). {_dashed(z)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,9 @@ OBLIQUE = "the surface is oblique to the axes, and no spring acts along its norm
 BY_CHOICE = "it was not asked for"
 
 
+TOLERANCE = 1e-7  # modulus over 1 beyond the rounding error of double roots, which is 1.5e-8
+
+
 @dataclass(frozen=True)
 class Corner:
     """Enlarged map about the origin, for an object or passive walls too small for the whole map.
@@ -73,6 +76,8 @@ class ZWidth:
         min_stable_stiffness: least K with which the scenario's loop is stable, N/m, for any damping; above 0 if the
             device is unstable without an object.
         not_simulated: reason why `simulated` is None; empty otherwise.
+        gaps: bands of unstable objects under the boundaries, by operator, at the damping of the scenario's object and
+            at that of the stiffest object: (B, lower K, upper K), N s/m and N/m. An operator without one is absent.
     """
 
     title: str
@@ -86,6 +91,16 @@ class ZWidth:
     never: tuple[str, ...] = ()
     min_stable_stiffness: float = 0.0
     not_simulated: str = ""
+    gaps: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
+
+    @property
+    def gap_remarks(self) -> list[str]:
+        """Return a sentence for each band of unstable objects under a boundary."""
+        return [
+            f"{name}, with {b:.4g} N·s/m: unstable from {low:.4g} to {high:.4g} N/m, below the stiffest stable object."
+            for name, bands in self.gaps.items()
+            for b, low, high in bands
+        ]
 
     @property
     def stiffest_here(self) -> float | None:
@@ -124,6 +139,7 @@ class ZWidth:
             f"<p><b>{escape(self.title)}</b>: stable walls; the object has {self.here[1] / 1e3:.4g} N/mm and "
             f"{self.here[0]:.4g} N*s/m</p><table><thead><tr><th>operator</th><th>undamped [N/mm]</th>"
             f"<th>largest [N/mm]</th><th>at damping [N*s/m]</th></tr></thead><tbody>{rows}</tbody></table>"
+            + "".join(f"<p>{escape(remark)}</p>" for remark in self.gap_remarks)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -147,6 +163,10 @@ class ZWidth:
                 "simulated": _numbers(self.corner.simulated),
             },
             "never_stable": list(self.never),
+            "unstable_below": {
+                name: [{"damping_N_s_per_m": b, "stiffness_N_per_m": [low, high]} for b, low, high in bands]
+                for name, bands in self.gaps.items()
+            },
             "min_stable_stiffness_N_per_m": self.min_stable_stiffness,
             "object": {
                 "damping_N_s_per_m": self.here[0],
@@ -192,15 +212,19 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
     report("exact boundary", 0.05)
     edge = _edge(own)
     min_stable_stiffness = _min_stable_stiffness(own, edge)
+    here = (float(own.damping.max()), float(own.stiffness.max()))
     curves = {operator_name(s): edge}
+    loops = {operator_name(s): own}
     never = []
     for name, arm in other_operators(s):
         try:
-            curves[name] = _edge(scenario_loop(s, arm=arm, operator_force=(0.0, 0.0, 0.0)))
+            loop = scenario_loop(s, arm=arm, operator_force=(0.0, 0.0, 0.0))
+            curves[name] = _edge(loop)
+            loops[name] = loop
         except StabilityError:
             never.append(name)
+    gaps = {name: _unstable_bands(loop, curves[name], here[0]) for name, loop in loops.items()}
     report("passive walls", 0.15)
-    here = (float(own.damping.max()), float(own.stiffness.max()))
     passive, reason = _passive(s, own, edge)
     found, corner = None, None
     if simulated:
@@ -220,7 +244,42 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
     stable = own.spectral_radius() < 1.0
     why = "" if found is not None else OBLIQUE if simulated else BY_CHOICE
     softest = min_stable_stiffness
-    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why)
+    bands = {name: found_bands for name, found_bands in gaps.items() if found_bands}
+    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why, bands)
+
+
+def _unstable_bands(loop: ScenarioLoop, edge: Boundary, damping: float) -> tuple[tuple[float, float, float], ...]:
+    """Return the bands (B, lower K, upper K) in which objects softer than the stiffest stable one are unstable.
+
+    They are searched at `damping` and at the damping of the stiffest object, on 400 values of K. A controller with
+    resonances may stabilize two ranges of stiffness and none in between.
+    """
+    bands = []
+    for b, most in dict([(damping, edge.stiffest_at(damping)), edge.stiffest]).items():
+        if most is None:
+            continue
+        k = np.unique(np.concatenate([np.geomspace(1e-4, 0.999, 200), np.linspace(5e-3, 0.995, 200)])) * most
+        radius = loop_radii(loop, k, np.full(len(k), b))
+        unstable = np.concatenate([[False], radius > 1 + TOLERANCE, [False]])
+        ends = np.flatnonzero(np.diff(unstable.astype(int)))
+        for first, last in zip(ends[::2], ends[1::2], strict=True):
+            low = 0.0 if first == 0 else _crossing(loop, b, k[first - 1], k[first])
+            high = most if last == len(k) else _crossing(loop, b, k[last - 1], k[last])
+            bands.append((b, low, high))
+    return tuple(bands)
+
+
+def _crossing(loop: ScenarioLoop, damping: float, low: float, high: float) -> float:
+    """Return the stiffness between `low` and `high` at which the loop changes its stability, to 0.1 %."""
+
+    def unstable(k: float) -> bool:
+        return bool(loop_radii(loop, np.array([k]), np.array([damping]))[0] > 1 + TOLERANCE)
+
+    below = unstable(low)
+    while high - low > 1e-3 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if unstable(middle) == below else (low, middle)
+    return 0.5 * (low + high)
 
 
 def _min_stable_stiffness(loop: ScenarioLoop, edge: Boundary) -> float:

@@ -20,7 +20,7 @@ def test_the_stiffest_point_is_that_of_the_largest_stiffness() -> None:
     assert (b, k) == (ARC.damping[-1], ARC.stiffness[-1])
     peak = curve(np.array([0.0, 1.0, 2.0]), np.array([5.0, 9.0, 7.0]))
     assert peak.stiffest == (1.0, 9.0)
-    assert str(peak) == "Walls up to 9 N/m are stable, with 1 N s/m; 3 points of the boundary."
+    assert str(peak) == "The stiffest stable wall has 9 N/m, with 1 N s/m; 3 points of the boundary."
 
 
 def test_the_stiffness_at_a_damping_is_the_highest_branch_of_the_curve() -> None:

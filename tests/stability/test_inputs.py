@@ -160,4 +160,4 @@ def test_options_and_devices_that_a_loop_does_not_have_are_told() -> None:
     with pytest.raises(StabilityError, match="give the tip an arm"):
         stability_boundary(alone, period=1e-3)
     held = LinearDevice.at_pose(arm, (0.0, 0.3, 0.2), along=(0, 0, 1), arm=HumanArm(0.15, 4.5, 560.0))
-    assert "Walls up to" in str(stability_boundary(held, period=1e-3))
+    assert "The stiffest stable wall has" in str(stability_boundary(held, period=1e-3))

@@ -42,7 +42,9 @@ class Boundary:
 
     def __str__(self) -> str:
         b, k = self.stiffest
-        return f"Walls up to {k:.5g} N/m are stable, with {b:.4g} N s/m; {len(self.damping)} points of the boundary."
+        return (
+            f"The stiffest stable wall has {k:.5g} N/m, with {b:.4g} N s/m; {len(self.damping)} points of the boundary."
+        )
 
     @property
     def stiffest(self) -> tuple[float, float]:

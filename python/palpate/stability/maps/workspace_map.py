@@ -83,8 +83,8 @@ class Workspace:
         if self.worst[i] == 0:
             others = self.worst[self.worst > 0]
             remainder = (
-                f" At the others walls up to {others.min():.5g} N/m are stable in every direction; the median is "
-                f"{np.median(others):.5g} N/m."
+                f" At the others the least limit in any direction is {others.min():.5g} N/m, the median "
+                f"{np.median(others):.5g} N/m. Soft walls may be unstable there too: they do not hold the device."
                 if len(others)
                 else ""
             )

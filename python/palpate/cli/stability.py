@@ -80,6 +80,9 @@ def zwidth(
         folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"zwidth.html": page.save, "zwidth.json": found.save})
     output.print(f"[bold]{escape(loaded.title)}[/]")
+    output.print(
+        f"  {found.verdict}", style=COLORS["good" if found.stable_here else "bad"], markup=False, soft_wrap=True
+    )
     for name, curve in found.curves.items():
         b, k = curve.stiffest
         output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)

@@ -35,7 +35,7 @@ def zwidth_page(z: ZWidth) -> Page:
         "The curve is computed from the linearized "
         "loop" + ("." if z.simulated is None else "; the dots come from simulations."),
     )
-    page.verdict(_sentence(z), "good" if z.stable_here else "bad")
+    page.verdict(z.verdict, "good" if z.stable_here else "bad")
     facts = [(f"stiffest object at B = {b:.3g} N·s/m, the peak of the curve", _written(k))]
     if z.stiffest_here is not None:
         facts.insert(
@@ -84,12 +84,6 @@ def zwidth_page(z: ZWidth) -> Page:
     page.section("Simulations")
     page.paragraph(_method(z))
     return page
-
-
-def _sentence(z: ZWidth) -> str:
-    b, k = z.here
-    state = "stable" if z.stable_here else "unstable"
-    return f"The loop with the scenario's object, K = {k:g} N/m and B = {b:g} N·s/m, is {state}."
 
 
 def _written(stiffness: float) -> str:

@@ -94,6 +94,13 @@ class ZWidth:
     gaps: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
 
     @property
+    def verdict(self) -> str:
+        """Whether the loop with the scenario's own object is stable, as a sentence."""
+        b, k = self.here
+        state = "stable" if self.stable_here else "unstable"
+        return f"The loop with the scenario's object, K = {k:g} N/m and B = {b:g} N·s/m, is {state}."
+
+    @property
     def gap_remarks(self) -> list[str]:
         """Return a sentence for each band of unstable objects under a boundary."""
         return [

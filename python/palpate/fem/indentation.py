@@ -32,7 +32,7 @@ from palpate.fem.model_spec import ModelSpec
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
-_NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
+NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 _MAX_TIPS = 8
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
@@ -349,7 +349,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
     settled_depth, touched, unsettled = 0.0, False, 0
     for index, depth in enumerate(depths):
         row = settle(index)
-        contact, settled, last = row[_NODES] > 0, row[-1] > 0, index + 1 == len(depths)
+        contact, settled, last = row[NODES] > 0, row[-1] > 0, index + 1 == len(depths)
         touched, unsettled = touched or contact, 0 if settled else unsettled + 1
         turned = inverted()
         if contact and settled and turned == 0:
@@ -442,5 +442,5 @@ def _history(rows: Array) -> ContactHistory:
     """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
     if not rows[:, _SOLVED].all():
         raise BodyError(_TOO_MANY_NODES)
-    nodes, lost = rows[:, _NODES].astype(np.int64), rows[:, _LOST] > 0.0
+    nodes, lost = rows[:, NODES].astype(np.int64), rows[:, _LOST] > 0.0
     return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)

@@ -27,7 +27,7 @@ from palpate.fem.checks import (
 from palpate.fem.contact_accuracy import unresolved
 from palpate.fem.errors import BodyError
 from palpate.fem.hyperelastic import HyperelasticModel
-from palpate.fem.indentation import check_found, check_resolved, count_inverted, settle_at_depths
+from palpate.fem.indentation import NODES, check_found, check_resolved, count_inverted, settle_at_depths
 
 
 class MultiTipHistory(NamedTuple):
@@ -126,7 +126,7 @@ class QuasiStaticSolver:
         row = settle_at_depths(depths[:, 0], settle, inverted)
         if deep > 0.0:
             small = unresolved(self.solid.points[self.solid.elements.contact_nodes], x, size, tip)
-            check_resolved(row[0:3], normal, int(row[7]), None, small)
+            check_resolved(row[0:3], normal, int(row[NODES]), None, small)
         return row[0:3], self.displacement()
 
     def simulate_path(

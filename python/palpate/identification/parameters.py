@@ -190,7 +190,7 @@ def estimate_parameters(
         _append(c, delay_column(tau, recording.period, functions) * weight * keep)
         for c, tau in ((columns, recording.torque), (z, known))
     ]
-    if _condition(late[0]) < 1 / SINGULAR:
+    if _distinguished(late[0]):
         delayed = _solve(
             [*parameters, DELAY], late[0], late[1], target, functions, level, chosen, condition, device, file
         )
@@ -254,11 +254,17 @@ def _loop_bias(fit: ParameterFit, columns: Array, target: Array) -> list[str]:
     ]
 
 
-def _condition(columns: Array) -> float:
-    """Return the condition (1 or more) of the scaled columns."""
+def _distinguished(columns: Array) -> bool:
+    """Return whether no column depends on the others."""
+    singular, _ = _singular(columns)
+    return bool(singular[-1] > SINGULAR * singular[0])
+
+
+def _singular(columns: Array) -> tuple[Array, Array]:
+    """Return the singular values of the scaled columns, and their directions by row."""
     flat = columns.reshape(-1, columns.shape[2])
-    singular = np.linalg.svd(np.linalg.qr(flat / np.linalg.norm(flat, axis=0), mode="r"), compute_uv=False)
-    return float(singular[0] / max(singular[-1], 1e-300))
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat / np.linalg.norm(flat, axis=0), mode="r"))
+    return singular, directions
 
 
 def _solve(
@@ -341,7 +347,7 @@ def _check_excitation(columns: Array, parameters: list[Parameter]) -> float:
             f"too little excitation: no motion depends on {', '.join(still)}; move every joint by some tenths of a "
             "radian"
         )
-    _, singular, directions = np.linalg.svd(np.linalg.qr(flat / size, mode="r"))
+    singular, directions = _singular(columns)
     if singular[-1] < SINGULAR * singular[0]:
         mixed = [p.name for p, share in zip(parameters, np.abs(directions[-1]), strict=True) if share > 0.2]
         raise RecordingError(

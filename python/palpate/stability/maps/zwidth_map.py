@@ -230,7 +230,8 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
             loops[name] = loop
         except StabilityError:
             never.append(name)
-    gaps = {name: _unstable_bands(loop, curves[name], here[0]) for name, loop in loops.items()}
+    bands = {name: _unstable_bands(loop, curves[name], here[0]) for name, loop in loops.items()}
+    gaps = {name: found for name, found in bands.items() if found}
     report("passive walls", 0.15)
     passive, reason = _passive(s, own, edge)
     found, corner = None, None
@@ -251,8 +252,7 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
     stable = own.spectral_radius() < 1.0
     why = "" if found is not None else OBLIQUE if simulated else BY_CHOICE
     softest = min_stable_stiffness
-    bands = {name: found_bands for name, found_bands in gaps.items() if found_bands}
-    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why, bands)
+    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why, gaps)
 
 
 def _unstable_bands(loop: ScenarioLoop, edge: Boundary, damping: float) -> tuple[tuple[float, float, float], ...]:

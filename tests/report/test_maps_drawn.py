@@ -186,8 +186,8 @@ def grid_workspace() -> Workspace:
     }
     zero = np.zeros((len(tips), 3))
     return Workspace(
-        "an arm", "1 kHz", tips, zero, directions, stiffness, stiffness / 10.0, start[0], np.array([0.02, 0.0, -0.05]),
-        sections, 0.01,
+        "an arm", "1 kHz", tips, zero, directions, stiffness, stiffness / 10.0, 0.0 * stiffness, start[0],
+        np.array([0.02, 0.0, -0.05]), sections, 0.01,
     )  # fmt: skip
 
 

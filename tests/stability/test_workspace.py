@@ -149,8 +149,40 @@ def test_nobody_holds_a_device_that_tips_over() -> None:
     stiffness = found.stiffness.copy()
     stiffness[1::2] = 700.0
     assert "At the others the least limit in any direction is 700 N/m" in str(replace(found, stiffness=stiffness))
-    assert "Soft walls may be unstable there too" in str(replace(found, stiffness=stiffness))
     assert "Hatched" in workspace_page(found).html()
+
+
+def test_the_softest_stable_wall_is_that_of_the_pose_by_itself() -> None:
+    """An arm that tips over is held by walls above a stiffness alone: the limit of its loop, searched one by one."""
+    hand = {"kind": "arm", "mass": "0.05 kg", "damping": "1 N*s/m", "stiffness": "1 N/m"}
+    poses = np.array([[0.0, 0.9, -0.3], [0.0, 0.9, 0.6], [0.5, 1.2, 0.4]])
+    normals = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    loops = PoseLoops.of(ARM, poses, Controller.gain(1.0, 1e-3), 1e-3, 0, HumanArm(0.05, 1.0, 1.0))
+    critical, _, softest = loops.critical_stiffness(np.tile(normals, (3, 1, 1)), np.zeros((3, 4)))
+    assert np.sum((softest > 0) & (critical > softest)) >= 2
+    for (i, j), lower in np.ndenumerate(softest):
+        loop = wall_loops(scenario_loop(Scenario.from_dict(placed(display(operator=hand), poses[i], normals[j]))))[0]
+        assert lower == pytest.approx(stability_interval(loop).min_stable_stiffness, rel=1e-5)
+
+
+def test_walls_that_are_too_soft_to_hold_the_arm_are_not_called_stable(
+    delayed: tuple[dict[str, Any], Workspace],
+) -> None:
+    """The claim begins at the softest stable wall, and is none where that is stiffer than the least limit."""
+    _, found = delayed
+    assert found.stable
+    assert 'verdict good"' in workspace_page(found).html()
+    softest = np.zeros_like(found.softest)
+    for lower, tone, says in (
+        (20.0, "note", f"Walls from 20 N/m up to {found.worst.min():.5g} N/m are stable"),
+        (2 * float(found.worst.min()), "bad", "No stiffness is stable at each of"),
+    ):
+        softest[5, 2] = lower
+        held = replace(found, softest=softest)
+        assert not held.stable
+        assert str(held).startswith(says)
+        assert f"below {lower:.5g} N/m are unstable too" in str(held)
+        assert f'verdict {tone}"' in workspace_page(held).html()
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,8 @@ def workspace(
 ) -> None:
     """Map the stiffest stable wall over the reachable workspace of an arm, in every direction, and its minimum.
 
-    A device by itself is held through fingertip tissue. Writes workspace.html and workspace.json.
+    A device by itself is held through fingertip tissue. Writes workspace.html and workspace.json. The exit code is 1
+    unless every wall up to the minimum is stable at every pose.
 
     Example: palpate workspace scenarios/arm-through-tissue-on-a-wall.toml
     """
@@ -141,3 +142,5 @@ def workspace(
     output.print(str(found), markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False)
+    if not found.stable:
+        raise typer.Exit(1)

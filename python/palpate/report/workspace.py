@@ -28,11 +28,12 @@ def workspace_page(w: Workspace) -> Page:
     """Return the page of a workspace."""
     i = w.least[0]
     page = Page(f"Workspace: {w.title}", f"Critical stiffness of a wall over the reachable poses. {w.loop}.")
-    page.verdict(str(w), "good" if w.worst[i] > 0 else "bad")
+    page.verdict(str(w), "good" if w.stable else "bad" if w.worst[i] <= w.least_stable else "note")
     worst = w.worst[np.isfinite(w.worst)]
     page.facts(
         [
             ("minimum", f"{w.worst[i] / 1e3:.4g} N/mm"),
+            *([("softest stable wall", f"{w.least_stable / 1e3:.4g} N/mm")] if w.least_stable > 0 else []),
             ("median", f"{np.median(worst) / 1e3:.4g} N/mm"),
             ("at the start", f"{w.worst[0] / 1e3:.4g} N/mm"),
             ("walls evaluated", f"{w.stiffness.size}"),
@@ -63,9 +64,9 @@ def workspace_page(w: Workspace) -> Page:
         "Critical stiffness over the poses.", units=("", "N/m", "N/m", "N/m", "mm"), digits=5,
     )  # fmt: skip
     page.paragraph(
-        "At each pose the loop is linearized and discretized exactly. Below its critical stiffness, a wall is stable "
-        "for small motions about the pose, with the operator named above. Dry friction and encoder quantization are "
-        "neglected."
+        "At each pose the loop is linearized and discretized exactly. Below its critical stiffness, and above the "
+        "softest stable wall where the device is unstable without one, a wall is stable for small motions about the "
+        "pose, with the operator named above. Dry friction and encoder quantization are neglected."
     )
     return page
 

@@ -94,29 +94,31 @@ class PoseLoops:
             (a, b, c), self.jacobian[window], self.geometric_stiffness[window], self.controller, self.delay, self.period
         )
 
-    def critical_stiffness(self, directions: Array, damping: Array) -> tuple[Array, Array]:
-        """Return the critical stiffness of each loop and direction and the frequency of the oscillation, each (n, d).
+    def critical_stiffness(self, directions: Array, damping: Array) -> tuple[Array, Array, Array]:
+        """Return the first stable interval of stiffness of each loop and direction, each (n, d).
 
         Args:
             directions: (n, d, 3), unit normals of the walls at each pose.
             damping: B of the wall along each, (n, d), N s/m.
 
         Returns:
-            Stiffness in N/m, 0 where no wall is stable and inf where every stiff wall is.
-            Frequency in Hz, nan where there is no limit.
+            Upper end, the critical stiffness, N/m: 0 where no wall is stable and inf where every stiff wall is.
+            Frequency of the oscillation there, Hz; nan where there is no limit.
+            Lower end, N/m: above 0 where the device is unstable without a wall.
         """
         starts = range(0, len(self), CHUNK)
 
-        def job(start: int) -> tuple[Array, Array]:
+        def job(start: int) -> tuple[Array, Array, Array]:
             window = slice(start, start + CHUNK)
             return self.subset(window)._critical(directions[window], damping[window])
 
         with ThreadPoolExecutor(min(os.cpu_count() or 1, max(len(starts), 1))) as pool:
             parts = list(pool.map(job, starts))
         empty = np.zeros((0, directions.shape[1]))
-        return np.concatenate([empty, *(k for k, _ in parts)]), np.concatenate([empty, *(f for _, f in parts)])
+        critical, frequency, lower = (np.concatenate([empty, *(part[i] for part in parts)]) for i in range(3))
+        return critical, frequency, lower
 
-    def _critical(self, directions: Array, damping: Array) -> tuple[Array, Array]:
+    def _critical(self, directions: Array, damping: Array) -> tuple[Array, Array, Array]:
         modes = _TipResponse(self)
         count, d = directions.shape[:2]
         pose, normal = np.repeat(np.arange(count), d), directions.reshape(-1, 3)
@@ -129,18 +131,19 @@ class PoseLoops:
         shape = (count * d, int(place.max(initial=-1)) + 1)
         limits, angles = np.full(shape, np.inf), np.full(shape, np.nan)
         limits[row, place], angles[row, place] = value, angle
-        critical, where = self._first(limits, angles, rate, pose, normal)
+        critical, where, lower = self._first(limits, angles, rate, pose, normal)
         frequency = where / (2 * np.pi * self.period)
         confirmed = np.isfinite(critical) & (critical > 0) & modes.complete[pose]
-        for factor, below in ((0.3, True), (0.999, True), (1.001, False)):
+        for share, below in ((0.3, True), (0.999, True), (1.001, False)):
             which = np.flatnonzero(confirmed)
-            radius = self._radii(factor * critical[which], rate[which], pose[which], normal[which])
+            inside = lower[which] + share * (critical[which] - lower[which])
+            radius = self._radii(inside, rate[which], pose[which], normal[which])
             confirmed[which] = (radius < STABLE) == below
         confirmed |= (critical == 0) & modes.complete[pose]  # every interval was tested
         for i in np.flatnonzero(~confirmed):
             b = float(rate[i] * self.period)
-            critical[i], frequency[i] = self._single_loop(int(pose[i]), normal[i], b)
-        return critical.reshape(count, d), frequency.reshape(count, d)
+            critical[i], frequency[i], lower[i] = self._single_loop(int(pose[i]), normal[i], b)
+        return critical.reshape(count, d), frequency.reshape(count, d), lower.reshape(count, d)
 
     def _crossings(
         self, modes: _TipResponse, directions: Array, pose: NDArray[np.int64], normal: Array, rate: Array
@@ -185,8 +188,10 @@ class PoseLoops:
 
     def _first(
         self, limits: Array, angles: Array, rate: Array, pose: NDArray[np.int64], normal: Array
-    ) -> tuple[Array, Array]:
-        """Return the upper end of the first stable interval of stiffness (k,), N/m, and its angle (k,), rad per sample.
+    ) -> tuple[Array, Array, Array]:
+        """Return the first stable interval of stiffness: upper end, its angle and lower end, each (k,).
+
+        Stiffness in N/m, angle in rad per sample.
 
         Args:
             limits: stiffnesses with a root on the circle, (k, m), N/m, ascending, padded with inf.
@@ -196,13 +201,15 @@ class PoseLoops:
             normal: (k, 3).
         """
         count = len(limits)
-        result, where = np.zeros(count), np.full(count, np.nan)
+        result, where, start = np.zeros(count), np.full(count, np.nan), np.zeros(count)
         lower, inside, open_rows = np.zeros(count), np.zeros(count, dtype=bool), np.arange(count)
         for k in range(limits.shape[1] + 1):
             upper = limits[open_rows, k] if k < limits.shape[1] else np.full(len(open_rows), np.inf)
             middle = np.where(np.isfinite(upper), 0.5 * (lower[open_rows] + upper), 2 * lower[open_rows] + 1.0)
             stable = self._radii(middle, rate[open_rows], pose[open_rows], normal[open_rows]) < STABLE
             ended = inside[open_rows] & ~stable
+            begun = open_rows[stable & ~inside[open_rows]]
+            start[begun] = lower[begun]
             inside[open_rows] = stable
             result[open_rows[ended]] = lower[open_rows[ended]]
             if k:
@@ -211,7 +218,7 @@ class PoseLoops:
             result[open_rows[never]] = np.inf
             lower[open_rows] = upper
             open_rows = open_rows[~ended & np.isfinite(upper)]
-        return result, where
+        return result, where, start
 
     def _radii(self, stiffness: Array, rate: Array, pose: NDArray[np.int64], normal: Array) -> Array:
         """Return the spectral radius (k,) against walls of K (k,), N/m, B/T (k,) and normal (k, 3) at poses (k,)."""
@@ -225,8 +232,8 @@ class PoseLoops:
         closed[:, n, :n] = c
         return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=-1), dtype=float)
 
-    def _single_loop(self, pose: int, direction: Array, damping: float) -> tuple[float, float]:
-        """Return the critical stiffness and frequency of the observable part of one loop."""
+    def _single_loop(self, pose: int, direction: Array, damping: float) -> tuple[float, float, float]:
+        """Return the critical stiffness, its frequency and the lower end for the observable part of one loop."""
         loop = self.subset(slice(pose, pose + 1))
         a, entry, out = (
             m[0]
@@ -237,7 +244,7 @@ class PoseLoops:
         limit = stability_interval(
             wall_loop(SampledDevice(a - np.eye(n), -b[:, 0], np.zeros(n), c[0], 0, self.period)), damping
         )
-        return limit.stiffness, limit.frequency
+        return limit.stiffness, limit.frequency, limit.min_stable_stiffness
 
 
 class _TipResponse:

@@ -42,6 +42,7 @@ class Workspace:
             J M^-1 J^T from heavy to light, and four tilted from the weakest of these.
         stiffness: (n, d), critical stiffness of a wall with that normal, N/m; 0: no wall is stable, inf: every wall is.
         frequency: (n, d), frequency of the oscillation at the critical stiffness, Hz.
+        softest: (n, d), N/m: softer walls are unstable; above 0 where the device is unstable without a wall.
         start: (3,), m: start of the scenario, through which the sections pass.
         hinge: (3,), m: shoulder joint, on the base axis.
         sections: name of a plane ("y-z", "x-z") to the indices (k,) of its poses, on a grid of ``spacing``.
@@ -55,6 +56,7 @@ class Workspace:
     directions: Array
     stiffness: Array
     frequency: Array
+    softest: Array
     start: Array
     hinge: Array
     sections: Mapping[str, NDArray[np.int64]]
@@ -76,6 +78,16 @@ class Workspace:
         """Fraction of the poses at which no wall is stable because the device tips over."""
         return float(np.mean(self.worst == 0))
 
+    @property
+    def least_stable(self) -> float:
+        """Least stiffness above which walls are stable at every pose that has a stable wall, N/m."""
+        return float(self.softest[self.worst > 0].max(initial=0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether every wall from zero up to the least critical stiffness is stable at every pose."""
+        return bool(self.worst.min() > 0) and self.least_stable == 0.0
+
     def __str__(self) -> str:
         i, j = self.least
         tip = _millimetres(self.tips[i])
@@ -84,7 +96,7 @@ class Workspace:
             others = self.worst[self.worst > 0]
             remainder = (
                 f" At the others the least limit in any direction is {others.min():.5g} N/m, the median "
-                f"{np.median(others):.5g} N/m. Soft walls may be unstable there too: they do not hold the device."
+                f"{np.median(others):.5g} N/m.{self._soft_walls}"
                 if len(others)
                 else ""
             )
@@ -93,11 +105,29 @@ class Workspace:
                 "device tips over there under the constant force of its motors, or the controller designed for the "
                 f"start does not fit. Describe the operator in the scenario.{remainder}"
             )
+        if self.least_stable < self.worst[i]:
+            softest = f"from {self.least_stable:.5g} N/m " if self.least_stable > 0 else ""
+            claim = (
+                f"Walls {softest}up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses in every "
+                f"direction ({self.stiffness.shape[1]} tested at each pose). The minimum"
+            )
+        else:
+            claim = f"No stiffness is stable at each of {len(self.tips)} poses in every direction. The least limit"
         return (
-            f"Walls up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses in every direction "
-            f"({self.stiffness.shape[1]} tested at each pose). The minimum is at {tip} mm with the normal ({normal}), "
-            f"where the loop oscillates at {self.frequency[i, j]:.4g} Hz. The median is "
-            f"{np.median(self.worst):.5g} N/m."
+            f"{claim} is {'' if self.least_stable < self.worst[i] else f'{self.worst[i]:.5g} N/m '}at {tip} mm with "
+            f"the normal ({normal}), where the loop oscillates at {self.frequency[i, j]:.4g} Hz. The median is "
+            f"{np.median(self.worst):.5g} N/m.{self._soft_walls}"
+        )
+
+    @property
+    def _soft_walls(self) -> str:
+        """Softest stable walls, in a sentence; "" if walls are stable from zero up."""
+        if self.least_stable == 0.0:
+            return ""
+        soft = (self.softest.max(axis=1) > 0) & (self.worst > 0)
+        return (
+            f" At {np.sum(soft)} poses the device is unstable without a wall. At the worst of them walls below "
+            f"{self.least_stable:.5g} N/m are unstable too."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -118,6 +148,7 @@ class Workspace:
             "pose_rad": self.poses.tolist(),
             "stiffness_N_per_m": [[_plain(k) for k in row] for row in self.stiffness],
             "frequency_Hz": [[_plain(f) for f in row] for row in self.frequency],
+            "min_stable_stiffness_N_per_m": self.softest.tolist(),
         }
 
     def save(self, path: str | Path) -> Path:
@@ -178,9 +209,9 @@ def workspace(
             device, part, controller, s.period, s.device.delay, arm, rest_force, s.servo.gravity_compensation
         )
         parts.append(_tested_walls(loops, _directions(device, part), damping))
-    directions, stiffness, frequency = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    directions, stiffness, frequency, softest = (np.concatenate([part[i] for part in parts]) for i in range(4))
     return Workspace(
-        title, _loop_in_words(s, device, arm), tips, angles, directions, stiffness, frequency,
+        title, _loop_in_words(s, device, arm), tips, angles, directions, stiffness, frequency, softest,
         device.forward(start), shoulder(device)[0], sections, spacing,
     )  # fmt: skip
 
@@ -214,24 +245,20 @@ def _directions(device: Device, poses: Array) -> Array:
     return np.concatenate([np.broadcast_to(np.eye(3), (len(poses), 3, 3)), principal], axis=1)
 
 
-def _tested_walls(loops: PoseLoops, directions: Array, damping: Array) -> tuple[Array, Array, Array]:
-    """Return directions, stiffness and frequency of walls in ``directions`` and in four tilted from the weakest."""
+def _tested_walls(loops: PoseLoops, directions: Array, damping: Array) -> tuple[Array, Array, Array, Array]:
+    """Return walls in ``directions`` and in four tilted from the weakest: K and frequency."""
 
-    def critical(along: Array) -> tuple[Array, Array]:
+    def interval(along: Array) -> tuple[Array, Array, Array]:
         return loops.critical_stiffness(along, np.einsum("ndk,k,ndk->nd", along, damping, along))
 
-    stiffness, frequency = critical(directions)
-    weak = np.take_along_axis(directions, stiffness.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    given = interval(directions)
+    weak = np.take_along_axis(directions, given[0].argmin(axis=1)[:, None, None], axis=1)[:, 0]
     across = np.cross(weak, np.eye(3)[np.abs(weak).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1)[:, None]
     sides = np.stack([across, -across, np.cross(weak, across), np.cross(across, weak)], axis=1)
     tilted = np.cos(TILT) * weak[:, None] + np.sin(TILT) * sides
-    more_stiffness, more_frequency = critical(tilted)
-    return (
-        np.concatenate([directions, tilted], axis=1),
-        np.concatenate([stiffness, more_stiffness], axis=1),
-        np.concatenate([frequency, more_frequency], axis=1),
-    )
+    stiffness, frequency, softest = (np.concatenate(pair, axis=1) for pair in zip(given, interval(tilted), strict=True))
+    return np.concatenate([directions, tilted], axis=1), stiffness, frequency, softest
 
 
 def _scenario(subject: Scenario | Device | Mapping[str, Any] | str | Path) -> tuple[Scenario, str]:

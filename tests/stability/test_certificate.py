@@ -315,6 +315,7 @@ def test_certify_and_zwidth_from_the_command_line(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "N/m and B = 0 N·s/m, is stable." in result.output
     result = runner.invoke(app, ["zwidth", str(bad), "--out", str(tmp_path / "bad"), "--no-simulate"])
+    assert result.exit_code == 1
     assert "K = 130 N/m and B = 0 N·s/m, is unstable." in result.output
     result = runner.invoke(app, ["zwidth", str(good), "--out", str(tmp_path / "good"), "--no-simulate"])
     assert (tmp_path / "good" / "zwidth.html").stat().st_size > 10_000

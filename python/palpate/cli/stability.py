@@ -65,7 +65,7 @@ def zwidth(
 ) -> None:
     """Map the stable stiffness and damping of a scenario's loop: exact curve, simulated boundary, passive region.
 
-    Writes zwidth.html and zwidth.json.
+    Writes zwidth.html and zwidth.json. The exit code is 1 unless the loop with the scenario's object is stable.
 
     Example: palpate zwidth scenarios/slider-wall-stable.toml
     """
@@ -103,6 +103,8 @@ def zwidth(
         output.print(f"  no simulated boundary: {found.not_simulated}", markup=False, soft_wrap=True)
     for path in paths:
         output.print(f"  {path}", style="dim", markup=False)
+    if not found.stable_here:
+        raise typer.Exit(1)
 
 
 def workspace(

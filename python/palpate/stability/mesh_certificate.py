@@ -123,10 +123,11 @@ def _failed(contact: MeshContact, margin: dict[str, float], criteria: dict[str, 
     """Return the certificate of a scenario whose own run diverges, bounces or oscillates."""
     s, run = contact.scenario, contact.observed.verdict
     unstable = [one for one in contact.found if not one.stable]
-    why = "although every contact mode by itself is stable"
-    if unstable:
-        why = f"and the loop is unstable {unstable[0].mode.name}" if len(unstable) == 1 else "as are its contact modes"
-        why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
+    why = f"and {len(unstable)} of {len(contact.found)} contact modes are unstable"
+    if not unstable:
+        why = "although every contact mode by itself is stable"
+    elif len(unstable) == 1:
+        why = f"and the loop is unstable {unstable[0].mode.name}"
     if _decays_slowly(contact, contact.resting.radius):
         reason = f"stable where it rests, but so near its limit that the verdict of the run is {run}."
         return _certificate(contact, criteria, State.UNDECIDED, reason, margin, steps)

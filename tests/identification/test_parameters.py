@@ -11,10 +11,12 @@ from palpate import identification as identify
 from palpate.errors import RecordingError
 from palpate.identification.instruments import expected_angles
 from palpate.identification.parameters import _balance, long_run_covariance
+from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, weak_rows
 from scipy import signal
 
 ARM = devices.load("phantom-premium-1.5a")
+SLIDER = devices.load("slider")
 
 
 def truth(fit, device=ARM):
@@ -246,3 +248,42 @@ def test_the_bias_of_least_squares_in_a_closed_loop_is_named_where_it_exceeds_th
     for fit in fits:
         (doubt,) = [d for d in fit.doubts if d.startswith("The recording holds no excitation")]
         assert "M33" in doubt
+
+
+def clipped(values, share):
+    """The values, cut at a share of their range about its middle."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * share * (high - low)
+    return np.clip(values, middle - half, middle + half)
+
+
+@pytest.mark.parametrize(("channel", "share"), [("torque", 0.5), ("angle", 0.7)])
+def test_a_clipped_channel_is_named(channel, share):
+    """Of a slider, whose mass or friction is then wrong: without the rows at the ends the fit is as good as before."""
+    recording = identify.simulate_experiment(SLIDER, duration=10.0, period=2e-3)
+    assert identify.estimate_parameters(recording, SLIDER).doubts == ()
+    cut = replace(recording, **{channel: clipped(getattr(recording, channel), share)})
+    (doubt,) = identify.estimate_parameters(cut, SLIDER).doubts
+    assert doubt.startswith(f"The recorded {channel} of joint 1 stands at an end of its range in ")
+
+
+def test_a_drive_that_saturates_as_recorded_raises_no_doubt():
+    """A mass of 60 g with .5 N s/m, driven by a multisine that the drive cuts at half: exact motion, no servo."""
+    time = 2e-3 * np.arange(5000)
+    torque = clipped(sum(np.sin(2 * np.pi * f * time + f * f) for f in (0.7, 1.3, 2.9, 4.3))[:, None], 0.5)
+    torque -= torque.mean()
+    decay = np.exp(-0.5 * 2e-3 / 0.06)
+    speed = signal.lfilter([0, (1 - decay) / 0.5], [1, -decay], torque[:, 0])
+    reach = (1 - decay) * 0.06 / 0.5
+    angle = np.cumsum(np.r_[0.0, (reach * speed + (2e-3 - reach) / 0.5 * torque[:, 0])[:-1]])
+    assert np.mean(torque[:, 0] == torque.max()) > 0.05
+    fit = identify.estimate_parameters(Recording(time, angle, torque), SLIDER, coulomb=False)
+    assert fit.value == pytest.approx([0.06, 0.5], rel=0.01)
+    assert fit.doubts == ()
+
+
+def test_an_encoder_that_wraps_is_named_with_its_sample():
+    recording = identify.simulate_experiment(SLIDER, duration=5.0, period=2e-3)
+    low, size = recording.angle.min(), 0.7 * np.ptp(recording.angle)
+    with pytest.raises(RecordingError, match=r"sample \d+: angle 1 jumps from .* the encoder wraps"):
+        identify.estimate_parameters(replace(recording, angle=low + np.mod(recording.angle - low, size)), SLIDER)

@@ -22,13 +22,22 @@ from palpate.identification.base import Parameter, base_parameters, friction_par
 from palpate.identification.device_file import write_fit
 from palpate.identification.instruments import expected_angles
 from palpate.identification.recording import Recording
-from palpate.identification.weak_form import TestFunctions, WeakRows, delay_column, slowest_speed, weak_rows
+from palpate.identification.weak_form import (
+    TestFunctions,
+    WeakRows,
+    clear_rows,
+    delay_column,
+    slowest_speed,
+    weak_rows,
+)
 
 Method = Literal["auto", "instruments", "least_squares"]
 
 SINGULAR = 1e-6  # ratio of singular values of the scaled columns at rounding level
 DELAY = Parameter("delay", "s", "delay of the torque", 0)
 SIGNIFICANT = 4.0  # standard deviations above which a delay or a negative friction is not noise
+BETTER = 2 / 3  # torque error without the rows at an end of a channel's range, below which the channel is clipped
+EXACT = 0.5  # percent of the torque; a fit that leaves less needs no explanation
 MAX_RELATIVE_STD = 0.1  # standard deviation over the joint torque above which a parameter is undetermined
 
 
@@ -197,6 +206,18 @@ def estimate_parameters(
         doubts += _late_torque(fit, delayed)
     if expected is None:
         doubts += _loop_bias(fit, columns, target)
+    trials = []
+    for name, values in (("angle", recording.angle), ("torque", recording.torque)):
+        marked = recording.at_end(values)
+        clear = clear_rows(marked, recording.period, functions)
+        kept = clear if name == "torque" else np.broadcast_to(clear.min(axis=1, keepdims=True), clear.shape)
+        rest = None
+        if np.all((keep * kept).sum(axis=0) >= 2 * len(parameters)):
+            parts = columns * kept[:, :, None], z * kept[:, :, None], target * kept
+            rest = _solve(parameters, *parts, functions, level, chosen, condition, device, file)
+        if np.any(keep * kept < keep):
+            trials.append((name, marked, rest))
+    doubts += _clipped(fit, trials)
     return replace(fit, doubts=tuple(doubts))
 
 
@@ -232,6 +253,40 @@ def _late_torque(fit: ParameterFit, delayed: ParameterFit) -> list[str]:
     return [
         f"The torque acts {1e3 * abs(delay):.3g} ± {1e3 * half:.2g} ms {when} its time stamp, as far as the motion "
         f"shows. Shift the recorded torque by that time; until then the intervals of {names} do not hold."
+    ]
+
+
+def _clipped(fit: ParameterFit, trials: list[tuple[str, Array, ParameterFit | None]]) -> list[str]:
+    """Return the doubt about a channel that stands at an end of its range, if the fit is better without those rows.
+
+    A drive that saturates as recorded leaves the fit as it is.
+
+    Args:
+        fit: of all rows.
+        trials: name of a channel, its samples at an end (n, dof), and the fit without them; None: too few rows remain.
+    """
+
+    def stands(name: str, marked: Array) -> str:
+        joints = ", ".join(str(j + 1) for j in np.flatnonzero(marked.any(axis=0)))
+        return f"The recorded {name} of joint {joints} stands at an end of its range in {100 * marked.mean():.2g} %"
+
+    better = [
+        (rest.torque_error / fit.torque_error, name, marked, rest) for name, marked, rest in trials if rest is not None
+    ]
+    if better:
+        share, name, marked, rest = min(better, key=lambda one: float(one[0].min()))
+        j = int(np.argmin(share))
+        if share[j] < BETTER and fit.torque_error[j] > EXACT:
+            return [
+                f"{stands(name, marked)} of the samples. Without them the fit leaves {rest.torque_error[j]:.2g} % of "
+                f"the torque of joint {j + 1} in place of {fit.torque_error[j]:.2g} %: the recording is clipped, or "
+                "the joint was at a stop. The intervals may not hold; record a larger range."
+            ]
+    return [
+        f"{stands(name, marked)} of the samples, and too few others remain to show whether it is clipped there; record "
+        "a larger range."
+        for name, marked, rest in trials
+        if rest is None
     ]
 
 

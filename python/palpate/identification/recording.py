@@ -20,6 +20,10 @@ from palpate.identification.csv_file import read_csv, write_csv
 from palpate.identification.hdf5_file import read_hdf5, write_hdf5
 from palpate.identification.samples import JITTER, MINIMUM_SAMPLES, Columns, as_columns, check_samples, uniform_period
 
+FEW_VALUES = 10  # different angles, up to which a jump over half of the range may be one count
+JUMP = 10  # times the 90 % quantile of the steps, above which a step is no noise
+STANDS = 3  # samples in a row at the end of a channel's range, above which the channel may be clipped
+
 
 @dataclass(frozen=True)
 class Recording(Columns):
@@ -167,8 +171,18 @@ class Recording(Columns):
             excitation=None if self.excitation is None else lowpass(held(self.excitation)),
         )
 
+    def at_end(self, values: Array) -> Array:
+        """Return where a channel (n, dof) stands at its largest or smallest value, for `STANDS` samples or more."""
+        marked = np.zeros(values.shape, dtype=bool)
+        for joint, column in enumerate(values.T):
+            for end in (column.min(), column.max()):
+                edges = np.flatnonzero(np.diff(np.r_[False, column == end, False].astype(int)))
+                for start, stop in zip(edges[::2], edges[1::2], strict=True):
+                    marked[start:stop, joint] = stop - start >= STANDS
+        return marked
+
     def require_excitation(self) -> None:
-        """Raise RecordingError if a torque or an angle is constant."""
+        """Raise RecordingError if a torque or an angle is constant, or an angle jumps by most of its range."""
         for name, values in (("torque", self.torque), ("angle", self.angle)):
             for joint in range(self.dof):
                 if np.ptp(values[:, joint]) == 0.0:
@@ -176,3 +190,13 @@ class Recording(Columns):
                         f"too little excitation: {name} {joint + 1} is {values[0, joint]:g} in all {len(self)} samples"
                         "; excite every joint"
                     )
+        for joint, angle in enumerate(self.angle.T):
+            steps = np.abs(np.diff(angle))
+            row = int(np.argmax(steps))
+            rare = steps[row] > JUMP * np.quantile(steps, 0.9)
+            if rare and steps[row] > 0.5 * np.ptp(angle) and np.unique(angle).size > FEW_VALUES:
+                raise RecordingError(
+                    f"sample {row + 1}: angle {joint + 1} jumps from {angle[row]:.6g} to {angle[row + 1]:.6g} "
+                    f"{self.units[0]}, over half of its range: the encoder wraps, or a sample is wrong; unwrap the "
+                    "angle before identifying"
+                )

@@ -139,6 +139,12 @@ def delay_column(torque: Array, period: float, tests: TestFunctions) -> Array:
     return -_project(np.append(np.diff(phi), 0.0), torque - torque.mean(axis=0), stride)
 
 
+def clear_rows(marked: Array, period: float, tests: TestFunctions) -> Array:
+    """Return 1 for each test function that is clear of marked samples (n, columns), else 0: (rows, columns)."""
+    phi, _, _, stride = tests.kernels(period)
+    return np.asarray(_project(np.ones_like(phi), marked.astype(float), stride) < 0.5, dtype=float)
+
+
 def slowest_speed(recording: Recording, tests: TestFunctions) -> Array:
     """Return the speed (dof,) at which the direction of motion is still certain: twenty standard errors."""
     period = recording.period

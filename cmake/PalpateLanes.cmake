@@ -1,6 +1,7 @@
 # palpate_add_lanes(TARGET SOURCE...): compile sources once for each SIMD width and add them to a target. Each copy sees its width as
 # PALPATE_LANES; the target sees PALPATE_LANES_4 and PALPATE_LANES_8 for the wide copies that it contains. The width is chosen when the
-# program runs. With PALPATE_NATIVE_LANES, of the wide copies only the widest that this machine runs.
+# program runs. With PALPATE_NATIVE_LANES, of the wide copies only the widest that this machine runs, and the hyperelastic solvers, whose
+# compilation takes longest, in that width only.
 include(CheckCXXCompilerFlag)
 check_cxx_compiler_flag(-fno-weak palpate_local_inlines)
 check_cxx_compiler_flag(-mavx512f palpate_x86)
@@ -35,8 +36,16 @@ function(palpate_add_lanes target)
     set_source_files_properties(${palpate_hyperelastic_lanes} PROPERTIES COMPILE_OPTIONS "-fno-weak;-w;-ffp-contract=fast")
   endif()
   foreach(lanes IN ITEMS 2 ${palpate_wide})
+    set(sources ${ARGN})
+    if(lanes EQUAL 2 AND PALPATE_NATIVE_LANES AND palpate_wide)
+      list(REMOVE_ITEM sources ${palpate_hyperelastic_lanes})
+      target_compile_definitions(${target} PRIVATE PALPATE_NATIVE_SOLVERS)
+    endif()
+    if(NOT sources)
+      continue()
+    endif()
     set(copy ${target}_lanes_${lanes})
-    add_library(${copy} OBJECT ${ARGN})
+    add_library(${copy} OBJECT ${sources})
     target_link_libraries(${copy} PRIVATE palpate palpate_warnings)
     target_compile_definitions(${copy} PRIVATE PALPATE_LANES=${lanes} EIGEN_DONT_VECTORIZE)
     target_compile_options(${copy} PRIVATE $<$<CONFIG:Release>:-O3> -ffp-contract=off -Wno-psabi ${palpate_flags_${lanes}})

@@ -1,4 +1,6 @@
 // Choice of the hyperelastic solver for this machine. A build contains some of the widths: PALPATE_LANES_4 and PALPATE_LANES_8 tell which.
+// PALPATE_NATIVE_SOLVERS: only the widest that the machine of the build runs, without the portable one.
+#include <stdexcept>
 #include <type_traits>
 
 #include "hyperelastic_lanes.hpp"
@@ -16,7 +18,11 @@ auto widest(Make make) {
 #if defined(PALPATE_LANES_4)
   if (__builtin_cpu_supports("avx2")) return make(std::integral_constant<int, 4>());
 #endif
+#if defined(PALPATE_NATIVE_SOLVERS)
+  throw std::runtime_error("palpate was compiled for a processor with wider registers; compile it again on this machine");
+#else
   return make(std::integral_constant<int, 2>());
+#endif
 }
 
 }  // namespace

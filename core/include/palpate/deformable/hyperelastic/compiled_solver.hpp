@@ -60,9 +60,11 @@ class AnyQuasiStaticSolver {
 };
 
 /// Return the model compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
+/// Throws std::runtime_error where PALPATE_NATIVE_LANES compiled it for a processor with wider registers than this one.
 std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh);
 
 /// Return the solver compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
+/// Throws as make_hyperelastic_model() does.
 std::unique_ptr<AnyQuasiStaticSolver> make_quasi_static_solver(HyperelasticLaw law, const TetMesh& mesh, const TetSurface& surface,
                                                                const SolverOptions& options);
 

@@ -66,7 +66,7 @@ nightly: .venv/cross-installed  ## long studies: random tests with ten times the
 docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build
 	$(BIN)/python docs/notebooks.py docs/_build/notebooks
-	PALPATE_NIGHTLY=1 $(BIN)/python -m pytest tests/docs
+	$(BIN)/python -m pytest tests/docs
 
 wheel: .venv/bin/python  ## build a wheel in dist/ and test it in a fresh virtual environment
 	rm -rf dist

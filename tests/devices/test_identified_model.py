@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate.devices.catalog import _identified
+from palpate.devices.catalog import _identified, identified_model, load
 from palpate.errors import DeviceError
 
 MODEL: dict[str, Any] = {
@@ -59,3 +59,8 @@ def test_matrices_and_the_period_that_fit_no_model_are_refused(
 ) -> None:
     with pytest.raises(DeviceError, match=rf"model-0\.toml: {says}$"):
         _identified(written(tmp_path, **changes), dof)
+
+
+def test_a_device_without_an_identified_model_says_so() -> None:
+    with pytest.raises(DeviceError, match="slider has no identified model; give one as identified_model in its file"):
+        identified_model(load("slider"))

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from palpate.errors import OutputError
 from palpate.files import atomic_write, check_readable, default_name, write_folder, write_text
-from palpate.files.output import Writer
+from palpate.files.output import Writer, check_suffix
 
 NAMES = ("trace.h5", "summary.json", "report.html")
 
@@ -147,3 +147,10 @@ def test_results_never_leave_the_results_folder(name: str) -> None:
     with pytest.raises(OutputError, match="name them with --out"):
         default_name(name)
     assert default_name("scenarios/press.v2.toml") == "press.v2"
+
+
+@pytest.mark.parametrize("name", ["page.html", "PAGE.HTML", "page.htm"])
+def test_a_suffix_is_one_of_those_that_are_written(name: str) -> None:
+    assert check_suffix(name, (".html", ".htm"), "a page") == Path(name)
+    with pytest.raises(OutputError, match=r"page\.\w+: a table is saved as \.json or \.csv, not as '\.html?'"):
+        check_suffix(name.lower(), (".json", ".csv"), "a table")

@@ -244,3 +244,12 @@ def test_a_free_tip_that_begins_deep_in_a_wall_is_remarked(above: str, remark: b
     assert (told in summarize(simulate(scenario))["verdict"]) is remark
     held = {**scenario, "operator": {"kind": "fixed"}}
     assert summarize(simulate(held))["verdict"].endswith("there is no loop that could oscillate")
+
+
+@pytest.mark.parametrize("period", [1e-3, 0.5e-3])
+@pytest.mark.parametrize(("frequency", "seen"), [(100.0, True), (5.0, False)])
+def test_the_power_of_a_ripple_is_half_the_square_of_its_amplitude(period: float, frequency: float, seen: bool) -> None:
+    """Of each axis: 0.3 N and 0.4 N are 0.125 N^2; the constant part and slow motions do not count."""
+    wave = np.sin(2.0 * np.pi * frequency * period * np.arange(round(2.0 / period)))
+    force = 5.0 + wave[:, None] * np.array([0.3, 0.0, 0.4])
+    assert _ripple_power(force, period) == pytest.approx(0.125 if seen else 0.0, rel=0.02, abs=2e-3)

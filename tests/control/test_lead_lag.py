@@ -8,7 +8,7 @@ import pytest
 from loops import axes, press
 from palpate import devices
 from palpate.control import Controller, closed_loop, lead_lag, loop_gain, loop_margins, margins
-from palpate.control.lead_lag_design import _gain_sign, _static_gain
+from palpate.control.lead_lag_design import _chain, _conditioning, _decoupler, _gain_sign, _static_gain
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.linear import rendering_plant
@@ -176,3 +176,47 @@ def test_axes_that_act_on_each_other_more_than_on_themselves_need_decoupling(cou
         return
     with pytest.raises(DesignError, match=r"loops are unstable \(spectral radius 1\.0\d+\); use decouple=True"):
         lead_lag(plant, decouple=False)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 4])
+@pytest.mark.parametrize("drive", [(0, 1, 2), (0, 2)])
+def test_behind_its_decoupler_the_real_response_at_the_crossover_is_diagonal(
+    delay: int, drive: tuple[int, ...]
+) -> None:
+    """R z^-n with a real coupled R: the matrix makes R diagonal, whatever the phase of the delay."""
+    period, r = 1e-3, len(drive)
+    coupled = np.array([[2.0, 0.3, -0.2], [0.1, 1.0, 0.25], [-0.3, 0.2, 3.0]])
+    line = control.StateSpace(
+        np.eye(delay, k=-1), np.eye(delay, 1), np.eye(1, delay, delay - 1), np.zeros((1, 1)), period
+    )
+    one = control.StateSpace([], [], [], [[1.0]], period)
+    plant = control.StateSpace([], [], [], coupled, period) * control.append(*[line if delay else one] * 3)
+    matrix = _decoupler(plant, np.array(drive), np.array([150.0, 200.0, 260.0]))
+    found = (coupled @ matrix)[np.ix_(drive, drive)]
+    np.testing.assert_allclose(found, np.diag(np.diag(found)), atol=1e-9)
+    np.testing.assert_allclose(np.diag(matrix), np.ones(3))
+    assert r == 3 or matrix[1].tolist() == [0.0, 1.0, 0.0]
+    singular = control.StateSpace([], [], [], np.ones((3, 3)), period)
+    with pytest.raises(DesignError, match="the axes cannot be decoupled at the crossover"):
+        _decoupler(singular, np.array(drive), np.full(3, 200.0))
+
+
+def test_a_first_order_section_after_a_system_multiplies_its_response() -> None:
+    rng = np.random.default_rng(2)
+    system = control.StateSpace(0.5 * np.eye(2), rng.normal(size=(2, 1)), rng.normal(size=(1, 2)), [[0.7]], 1e-3)
+    chained = _chain(system, 0.9, 0.4, 3.0)
+    for z in (np.exp(0.3j), np.exp(2.0j)):
+        expected = 3.0 * (z - 0.9) / (z - 0.4) * system(z)
+        assert chained(z) == pytest.approx(expected)
+
+
+def test_conditioning_evolves_the_state_as_if_the_error_had_asked_for_the_applied_force() -> None:
+    """Of u = D e + C x applied as v, with B_e the input: x+ = A x + B (e + D^-1 (v - u))."""
+    rng = np.random.default_rng(4)
+    system = control.StateSpace(
+        0.4 * rng.normal(size=(4, 4)), rng.normal(size=(4, 6)), rng.normal(size=(3, 4)), rng.normal(size=(3, 6)), 1e-3
+    )
+    found = _conditioning(system)
+    assert found is not None
+    np.testing.assert_allclose(found @ system.D[:, 3:], system.B[:, 3:], atol=1e-9)
+    assert _conditioning(control.StateSpace([], [], [], np.ones((3, 6)), 1e-3)) is None

@@ -50,20 +50,21 @@ def test_limits_at_many_poses_are_those_of_each_loop_without_a_search(
     """The eigenvalues confirm every limit that the crossings of the response give."""
     loops, directions = loops_of(arm, delay), normals(3)
     monkeypatch.setattr(PoseLoops, "_single_loop", lambda *_: pytest.fail("a limit was not confirmed"))
-    stiffness, frequency = loops.critical_stiffness(directions, np.full((len(loops), 3), damping))
+    stiffness, frequency, lower = loops.critical_stiffness(directions, np.full((len(loops), 3), damping))
     for pose in range(len(loops)):
         for k, normal in enumerate(directions[pose]):
             exact = stability_interval(loop_at(loops, pose, normal), damping)
             assert stiffness[pose, k] == pytest.approx(exact.stiffness, rel=1e-7)
             assert frequency[pose, k] == pytest.approx(exact.frequency, rel=1e-6)
+            assert lower[pose, k] == pytest.approx(exact.min_stable_stiffness, rel=1e-6, abs=1e-9)
 
 
 def test_the_search_of_one_loop_finds_the_limit_of_the_crossings() -> None:
     loops, directions = loops_of(THROUGH_TISSUE, 1), normals(1, 5)
-    stiffness, frequency = loops.critical_stiffness(directions, np.full((len(loops), 1), 1.5))
+    stiffness, frequency, lower = loops.critical_stiffness(directions, np.full((len(loops), 1), 1.5))
     for pose in range(len(loops)):
         found = loops._single_loop(pose, directions[pose, 0], 1.5)
-        assert found == pytest.approx((stiffness[pose, 0], frequency[pose, 0]), rel=1e-6)
+        assert found == pytest.approx((stiffness[pose, 0], frequency[pose, 0], lower[pose, 0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("delay", [0, 2])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from palpate import Mesh
 from palpate import fem as bodies
-from palpate.fem import BodyError, BodyWarning, Volume
+from palpate.fem import BodyError, BodyWarning, Volume, isosurface_stuffing
 from palpate.fem.closed_surface import ClosedSurface
-from palpate.fem.isosurface_stuffing import lattice_over, stuff
+from palpate.fem.isosurface_stuffing import _crossings, _CutPoints, _prism, _signs, _warp, lattice_over, stuff
 from palpate.fem.mesh_improvement import manifold, min_angles
 
 trimesh = pytest.importorskip("trimesh")
@@ -132,3 +132,92 @@ def test_small_holes_are_closed_with_a_warning() -> None:
     with pytest.warns(BodyWarning, match="1 hole closed"):
         filled = bodies.fill(sphere.vertices, sphere.faces[:-1], "10 mm")
     assert filled.size == pytest.approx(sphere.volume, rel=0.05)
+
+
+class Ball:
+    """A sphere with exact distances."""
+
+    def __init__(self, radius: float, center: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        self.radius, self.center, self.vertices = radius, np.array(center), np.zeros((1, 3))
+        self.asked = 0
+
+    def signed(self, points: np.ndarray) -> np.ndarray:
+        return np.asarray(self.radius - np.linalg.norm(points - self.center, axis=-1))
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        return np.abs(self.signed(points))
+
+    def inside(self, points: np.ndarray) -> np.ndarray:
+        self.asked += len(points)
+        return self.signed(points) > 0.0
+
+
+def test_signs_are_those_of_each_point_and_few_points_are_tested() -> None:
+    """Points that no edge across the surface parts have the sign of one of them."""
+    ball, lattice = Ball(0.04, (1e-3, 2e-3, -1e-3)), lattice_over(np.full(3, -0.045), np.full(3, 0.045), 0.008)
+    points = lattice.low + lattice.side / 2.0 * lattice.places()
+    found = _signs(ball, points, lattice.short_edges(), lattice.side)
+    exact = np.sign(ball.signed(points))
+    exact[ball.distance(points) <= 1e-6 * lattice.side] = 0.0
+    np.testing.assert_array_equal(found, exact)
+    assert ball.asked < 0.5 * len(points)
+
+
+def test_crossings_lie_on_the_surface_and_on_their_edges_without_a_bisection(monkeypatch: pytest.MonkeyPatch) -> None:
+    ball, lattice = Ball(0.04), lattice_over(np.full(3, -0.045), np.full(3, 0.045), 0.008)
+    points = lattice.low + lattice.side / 2.0 * lattice.places()
+    edges = np.concatenate([lattice.long_edges(), lattice.short_edges()])
+    sign = np.sign(ball.signed(points)).astype(int)
+    edges = edges[sign[edges[:, 0]] * sign[edges[:, 1]] < 0]
+    bisected: list[int] = []
+    whole = isosurface_stuffing._bisect
+    monkeypatch.setattr(isosurface_stuffing, "_bisect", lambda s, a, w: bisected.append(len(a)) or whole(s, a, w))
+    found = _crossings(ball, points, edges, sign)
+    assert bisected == [0]
+    assert ball.distance(found).max() < 2e-4 * lattice.side
+    a, b = points[edges[:, 0]], points[edges[:, 1]]
+    length = np.linalg.norm(b - a, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(found - a, axis=1) + np.linalg.norm(found - b, axis=1), length, rtol=1e-9)
+    inner = np.where(sign[edges[:, [0]]] > 0, a, b)
+    halved = whole(ball, inner, np.where(sign[edges[:, [0]]] > 0, b, a) - inner)
+    assert np.linalg.norm(halved - found, axis=1).max() < lattice.side / 2**10
+
+
+def test_a_point_moves_onto_its_nearest_crossing_if_that_is_close() -> None:
+    """Three points on a line and a cut at 0.2 of the first edge; the other edge has none below a quarter."""
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    edges, near = np.array([[0, 1], [0, 2], [0, 3]]), np.array([0.25, 0.25, 0.25])
+    crossings = np.array([[0.2, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.9]])
+    sign, moved = _warp(points, edges, crossings, near, np.array([1, -1, -1, -1]))
+    np.testing.assert_array_equal(moved[0], crossings[1])  # the nearer of two
+    np.testing.assert_array_equal(moved[1:3], points[1:3])
+    np.testing.assert_array_equal(moved[3], points[3])  # its edge lost its crossing with the first point
+    assert sign.tolist() == [0, -1, -1, -1]
+    np.testing.assert_array_equal(points[0], np.zeros(3))
+    for place, moves in ((0.249, True), (0.251, False)):
+        sign, _ = _warp(points[:2], edges[:1], np.array([[place, 0.0, 0.0]]), near[:1], np.array([1, -1]))
+        assert bool(sign[0] == 0) is moves
+        assert sign[1] == -1
+
+
+def test_the_number_of_a_crossing_does_not_depend_on_the_order_of_its_ends() -> None:
+    edges = np.array([[4, 9], [7, 2], [0, 3]])
+    number = _CutPoints(10, edges)
+    a, b = edges.T
+    np.testing.assert_array_equal(number(a, b), [10, 11, 12])
+    np.testing.assert_array_equal(number(b, a), [10, 11, 12])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0), (0, 2, 1), (1, 0, 2), (2, 1, 0)])
+def test_a_prism_is_split_into_three_tetrahedra_that_fill_it(order: tuple[int, ...]) -> None:
+    top = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    corners = np.concatenate([top, top - [0.0, 0.0, 1.0]])
+    sources = np.array([order])
+    found = np.concatenate(
+        _prism(tuple(np.array([k]) for k in range(3)), tuple(np.array([k + 3]) for k in range(3)), sources)
+    )
+    edges = corners[found[:, 1:]] - corners[found[:, :1]]
+    np.testing.assert_allclose(np.abs(np.linalg.det(edges)) / 6.0, np.full(3, 1.0 / 6.0))
+    used = {frozenset((int(a), int(b))) for cell in found for a in cell for b in cell if a < 3 <= b and b - a != 3}
+    starts = [min(pair) for pair in used]
+    assert [starts.count(k) for k in range(3)] == list(order)

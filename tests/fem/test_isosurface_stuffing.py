@@ -221,3 +221,20 @@ def test_a_prism_is_split_into_three_tetrahedra_that_fill_it(order: tuple[int, .
     used = {frozenset((int(a), int(b))) for cell in found for a in cell for b in cell if a < 3 <= b and b - a != 3}
     starts = [min(pair) for pair in used]
     assert [starts.count(k) for k in range(3)] == list(order)
+
+
+def test_cuts_near_an_end_are_warped_by_the_kind_of_their_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long edges are of the side of a cube, short ones of half its diagonal; most points are not tested one by one."""
+    ball, lattice = Ball(0.04), lattice_over(np.full(3, -0.045), np.full(3, 0.045), 0.012)
+    lengths: list[np.ndarray] = []
+    whole = isosurface_stuffing._warp
+
+    def warp(points: Any, edges: Any, crossings: Any, near: Any, sign: Any) -> Any:
+        lengths.append(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1) / lattice.side)
+        np.testing.assert_allclose(lengths[0], np.where(near < 0.3, 1.0, 0.75**0.5))
+        return whole(points, edges, crossings, near, sign)
+
+    monkeypatch.setattr(isosurface_stuffing, "_warp", warp)
+    stuff(ball, lattice)
+    assert 0.2 < (lengths[0] > 0.9).mean() < 0.8
+    assert ball.asked < 2 * len(lengths[0]) + 0.5 * len(lattice.places())

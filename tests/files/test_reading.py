@@ -139,3 +139,29 @@ def test_json_text_has_a_longest_length(monkeypatch: pytest.MonkeyPatch) -> None
     assert load_json("[1, 22]", ScenarioError, "file") == [1, 22]
     with pytest.raises(ScenarioError, match="file: 8 characters; JSON text has at most 7"):
         load_json("[1, 22] ", ScenarioError, "file")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("a = [1, 2]", 0),
+        ("a = [1,", 1),
+        ("a = [[1,", 2),
+        ("a = { b = [", 2),
+        ("a = 1]]", 0),
+        ("a = '[' # [", 0),
+        (r'a = "\"["', 0),
+        (r"a = '\' # [", 0),
+        (r'a = "\\" # [', 0),
+        ("a = '''['''", 0),
+        ('a = """[""" ', 0),
+        ("[a] # [[", 0),
+        ("a = ['''[''', [", 2),
+        ('a = ["""]""", "]"', 1),
+    ],
+)
+def test_a_key_is_found_on_the_first_line_after_the_brackets_before_it_are_closed(before: str, after: int) -> None:
+    """Brackets in texts and comments do not count."""
+    text = f"{before}\nc = 1\n" + (f"{']' * after}\nc = 2\n" if after else "")
+    table = ("a",) if before.startswith("[a]") else ()
+    assert find_line(text, (*table, "c")) == (4 if after else 2)

@@ -253,3 +253,15 @@ def test_the_power_of_a_ripple_is_half_the_square_of_its_amplitude(period: float
     wave = np.sin(2.0 * np.pi * frequency * period * np.arange(round(2.0 / period)))
     force = 5.0 + wave[:, None] * np.array([0.3, 0.0, 0.4])
     assert _ripple_power(force, period) == pytest.approx(0.125 if seen else 0.0, rel=0.02, abs=2e-3)
+
+
+def test_a_settling_time_is_told_in_milliseconds_below_a_second() -> None:
+    """5 % are left after three time constants of 12 N s/m over 30 N/m, 1.2 s."""
+    for damping, unit in ((12.0, "s"), (3.0, "ms")):
+        force = {"kind": "force", "shape": "step", "force": ["-1 N", "0 N", "0 N"]}
+        spring = {**SLIDER["object"], "stiffness": "30 N/m", "damping": f"{damping} N*s/m"}
+        found = summarize(simulate({**SLIDER, "operator": force, "object": spring, "run": {"duration": "4 s"}}))
+        time = found["axes"]["x"]["settling_5_percent_s"]
+        assert (time < 1.0) is (unit == "ms")
+        told = f"{time:.3g} s" if unit == "s" else f"{1e3 * time:.3g} ms"
+        assert found["verdict"].startswith(f"settled to 5 % in {told}")

@@ -17,6 +17,7 @@ OPERATORS: Final[dict[type[ast.operator], type[ast.operator]]] = {
 }  # fmt: skip
 NAMES: Final = {"min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin"}
 SYMMETRIC: Final = {
+    "array_equal",
     "maximum",
     "minimum",
     "fmax",
@@ -41,7 +42,11 @@ class Mutant(NamedTuple):
 
 
 def mutants(file: Path, name: str) -> list[Mutant]:
-    """Return every mutant of a file. Messages of errors, annotations and texts are left alone."""
+    """Return every mutant of a file. Messages of errors, annotations and texts are left alone.
+
+    So are changes that cannot change a value: the order of arguments of SYMMETRIC functions, and the number behind the
+    minus of a length in `reshape`, because numpy takes every negative length as the unknown one.
+    """
     data = file.read_bytes()
     starts = [0]
     for line in data.splitlines(keepends=True):
@@ -72,7 +77,13 @@ def _nodes(node: ast.AST, scope: str, constant: str) -> Iterator[tuple[Any, str,
                 constant = target.id if isinstance(target, ast.Name) else ""
             if hasattr(child, "lineno"):
                 yield child, inner if inner.endswith(")") else "", constant
-            yield from _nodes(child, inner, constant)
+            if not (_reshapes(node, field) and isinstance(child, ast.UnaryOp)):
+                yield from _nodes(child, inner, constant)
+
+
+def _reshapes(node: ast.AST, field: str) -> bool:
+    """Return whether a field holds the lengths of a call of `reshape`."""
+    return field == "args" and isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "reshape"
 
 
 def _inner(child: ast.AST, scope: str) -> str:

@@ -458,3 +458,19 @@ def test_a_reader_refuses_what_is_of_another_kind(tmp_path: Path) -> None:
         for read, says in wrong:
             with pytest.raises(OutputError, match=f"not a complete thing: {says}.*; make it again"):
                 read()
+
+
+@pytest.mark.parametrize(("options", "known"), [
+    ({}, True), ({"compression": "gzip"}, True), ({"compression": "gzip", "shuffle": True, "fletcher32": True}, True),
+    ({"compression": "lzf"}, False), ({"scaleoffset": 3}, False), ({"compression": "lzf", "shuffle": True}, False),
+])  # fmt: skip
+def test_data_compressed_by_other_filters_is_refused(options: dict[str, Any], known: bool, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("x", data=np.arange(200.0), chunks=(100,), **options)
+    with open_foreign(path, OutputError, "thing") as found:
+        if known:
+            np.testing.assert_array_equal(found.array("x"), np.arange(200.0))
+        else:
+            with pytest.raises(OutputError, match="x is compressed in an unknown way"):
+                found.array("x")

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from identify_data import premium_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import DeviceError, RecordingError
+from palpate.identification import study as study_module
 from palpate.identification.study import arx_structures
 
 ARM = devices.load("phantom-premium-1.5a")
@@ -127,3 +129,18 @@ def test_linear_models_have_the_orders_two_to_four_and_the_coupling_of_the_masse
         assert np.array_equal(na, na.max() * coupled)
         assert np.array_equal(nb, na)
         assert np.array_equal(nk, coupled)
+
+
+def test_a_free_run_is_as_good_as_it_is_nearer_to_the_record_than_the_record_to_its_mean(monkeypatch):
+    """100 % for the record, 0 for its mean, and 100 % less the misfit in between."""
+    unused = premium_recording()
+    begin = round(study_module.SPEEDS / unused.period)
+    wanted = unused.angle[begin:]
+    for share, offset in ((0.0, 0.0), (1.0, 0.0), (0.3, 0.0), (0.3, 2.0)):
+        moved = replace(unused, angle=unused.angle + offset)
+        run = wanted + offset + share * (wanted.mean(axis=0) - wanted)
+        monkeypatch.setattr(study_module, "estimate_parameters", lambda *_, **__: SimpleNamespace(device=ARM))
+        monkeypatch.setattr(study_module, "torque_response", lambda *_, run=run: run)
+        found, reason = study_module._device_free_run(ARM, unused, moved, True)
+        assert found == pytest.approx([100.0 * (1.0 - share)] * 3, abs=1e-9)
+        assert reason is None

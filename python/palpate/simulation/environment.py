@@ -19,7 +19,7 @@ class _Held:
     """Controller that holds the force of the last action."""
 
     def __init__(self) -> None:
-        self.force = np.zeros(3)
+        self.reset()
 
     def command(self, _tick: Any) -> Array:
         return self.force

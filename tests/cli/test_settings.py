@@ -69,7 +69,10 @@ def test_a_setting_is_the_value_in_the_file(
     }
     assert len(codes) == 1
     assert (tmp_path / "set" / file).read_text("utf-8") == (tmp_path / "edit" / file).read_text("utf-8")
-    palpate(command, plain, *options, "--out", tmp_path / "plain")
+    said = palpate(command, plain, *options, "--out", tmp_path / "plain")[1]
+    assert str(tmp_path / "plain") in said
+    if command in ("performance", "resolve"):
+        assert all(str(written) in said for written in (tmp_path / "plain").iterdir())
     assert (tmp_path / "set" / file).read_text("utf-8") != (tmp_path / "plain" / file).read_text("utf-8")
 
 
@@ -79,7 +82,9 @@ def test_a_sweep_over_a_scenario_with_a_setting(tmp_path: Path) -> None:
     over = ("--over", "object.stiffness=50 N/m, 90 N/m")
     assert palpate("sweep", plain, *over, "--set", "servo.period=2 ms", "--out", tmp_path / "a.h5")[0] == 0
     assert palpate("sweep", edited, *over, "--out", tmp_path / "b.h5")[0] == 0
-    assert palpate("sweep", plain, *over, "--out", tmp_path / "c.h5")[0] == 0
+    code, said = palpate("sweep", plain, *over, "--out", tmp_path / "c.h5")
+    assert code == 0
+    assert str(tmp_path / "c.h5") in said
     found, wanted, plain_sweep = (open_sweep(tmp_path / f"{name}.h5") for name in "abc")
     assert all(np.array_equal(found[name], wanted[name], equal_nan=True) for name in QUANTITIES)
     assert not np.array_equal(found["peak_object_force"], plain_sweep["peak_object_force"])

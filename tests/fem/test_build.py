@@ -19,7 +19,7 @@ from palpate.fem.dissection import _vertex_cover, nested_dissection
 from palpate.fem.elements import Elements
 from palpate.fem.factor import Factor, installed
 from palpate.fem.material import Material, Region, SurfaceLayer
-from palpate.fem.multifrontal import MultifrontalSolver, _contribution_bytes
+from palpate.fem.multifrontal import MultifrontalSolver, _contribution_bytes, _operations, _pivot_bytes
 from palpate.fem.selectors import box, half_space, parse_selector, sphere
 from scipy import sparse
 
@@ -524,3 +524,13 @@ def test_the_progress_of_a_build_rises_within_its_whole() -> None:
     assert max(shares) < 1.0
     assert all(text for text, _ in told)
     assert "assembling 24 tetrahedra, 18 vertices" in [text for text, _ in told]
+
+
+@pytest.mark.parametrize(("s", "r", "m"), [(3, 0, 0), (30, 12, 0), (30, 12, 9), (6, 90, 30)])
+def test_a_front_counts_its_arrays_and_the_products_of_its_elimination(s: int, r: int, m: int) -> None:
+    """A pivot in double precision with its copy in single; q^2 products at each step of the remaining size q."""
+    arrays = [np.zeros((s, s)), np.zeros((r, s)), np.zeros((m, s), np.float32)]
+    copies = [one.astype(np.float32) for one in arrays[:2]]
+    assert _pivot_bytes(s, r, m) == sum(one.nbytes for one in (*arrays, *copies))
+    left = s * (np.arange(1000) + 0.5) / 1000
+    assert _operations(s, r, m) == pytest.approx(s * np.mean((left + r + m) ** 2), rel=1e-6)

@@ -238,3 +238,25 @@ def test_cuts_near_an_end_are_warped_by_the_kind_of_their_edge(monkeypatch: pyte
     stuff(ball, lattice)
     assert 0.2 < (lengths[0] > 0.9).mean() < 0.8
     assert ball.asked < 2 * len(lengths[0]) + 0.5 * len(lattice.places())
+
+
+def test_a_lattice_of_cubes_is_body_centered() -> None:
+    """Centers lie half a side from the corners; each has eight, and neighbors of one kind are a side apart."""
+    lattice = lattice_over(np.zeros(3), np.array([0.02, 0.03, 0.01]), 0.006)
+    points = lattice.low + lattice.side / 2.0 * lattice.places()
+    assert len(points) == lattice.corners().size + lattice.centers().size
+    for edges, length in ((lattice.long_edges(), 1.0), (lattice.short_edges(), 0.75**0.5)):
+        sizes = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+        np.testing.assert_allclose(sizes, length * lattice.side)
+    assert len(lattice.short_edges()) == 8 * lattice.centers().size
+    nx, ny, nz = lattice.shape
+    count = sum((a + 1) * (b + 1) * c + a * b * (c - 1) for a, b, c in ((nx, ny, nz), (ny, nz, nx), (nz, nx, ny)))
+    assert len(lattice.long_edges()) == count
+    middle = np.zeros(len(points), dtype=bool)
+    middle[lattice.centers()[nx // 2, ny // 2, nz // 2]] = True
+    cells = lattice.tetrahedra(middle)
+    assert len(cells) == 24  # four on each of the six faces of a cube
+    volume = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) / 6.0
+    np.testing.assert_allclose(np.abs(volume), lattice.side**3 / 12.0)
+    assert np.all(points.min(axis=0) < 0.0)
+    assert np.all(points.max(axis=0) > [0.02, 0.03, 0.01])

@@ -474,3 +474,30 @@ def test_data_compressed_by_other_filters_is_refused(options: dict[str, Any], kn
         else:
             with pytest.raises(OutputError, match="x is compressed in an unknown way"):
                 found.array("x")
+
+
+def test_what_hdf5_writes_one_after_the_other_lies_one_after_the_other(tmp_path: Path) -> None:
+    """A file that keeps its position, its size and its first failure; a read beyond the end is zero."""
+    handle = os.open(tmp_path / "a", os.O_RDWR | os.O_CREAT)
+    try:
+        sink = hdf5_output._Sink(handle)
+        assert sink.readable()
+        assert sink.writable()
+        assert sink.seekable()
+        assert (sink.write(b"abc"), sink.write(np.arange(2, dtype="u1")), sink.tell(), sink.size) == (3, 2, 5, 5)
+        assert (sink.seek(1), sink.seek(2, os.SEEK_CUR), sink.seek(-2, os.SEEK_END)) == (1, 3, 3)
+        sink.seek(1)
+        found = bytearray(3)
+        assert (sink.readinto(found), sink.readinto(found[:0]), sink.tell()) == (3, 0, 4)
+        assert bytes(found) == b"bc\0"
+        assert sink.readinto(found) == 3
+        assert bytes(found) == b"\1\0\0"
+        assert (sink.seek(2), sink.truncate(), sink.size, sink.truncate(9), sink.size) == (2, 2, 2, 9, 9)
+        assert sink.problem is None
+    finally:
+        os.close(handle)
+    assert (sink.write(b"x"), sink.size) == (1, 9)
+    first = sink.problem
+    assert isinstance(first, OSError)
+    sink.readinto(bytearray(1))
+    assert sink.problem is first

@@ -466,7 +466,9 @@ def test_soft_walls_are_drawn_in_n_per_m(top: float, unit: str, shown: float) ->
 
 
 def test_the_page_of_one_cell_gives_it_a_share_of_one() -> None:
-    text = sweep_page(sweep(SLIDER, {"object.stiffness": [1.0]})).html()
+    page = sweep_page(sweep({**SLIDER, "title": "Slider"}, {"object.stiffness": [1.0]}))
+    assert (page.title, page.lead) == ("Sweep: Slider", "object.stiffness (1)")
+    text = page.html()
     assert re.search(r'<td class="number">1</td><td class="number">100</td>', text)
 
 

@@ -271,3 +271,31 @@ def test_a_peak_that_is_not_an_overshoot_is_given_as_a_peak() -> None:
     row = summarize(palpate.simulate(Path(__file__).parents[2] / "scenarios" / "admittance-display.toml"))["axes"]["z"]
     assert row["overshoot_percent"] is None
     assert abs(row["peak_deflection_m"]) > 20.0 * abs(row["steady_deflection_m"])
+
+
+@pytest.mark.parametrize(
+    ("operator", "tool", "stiffness", "says"),
+    [
+        ({"mass": "0.037 kg", "damping": "0.027 N*s/m", "stiffness": "16 N/m", "force": ["0 N", "0 N", "-0.128 N"]},
+         {"mass": "0.186 kg", "damping": "0.22 N*s/m"}, "995 N/m", "the command still changes"),
+        ({"mass": "0.02 kg", "damping": "8.7 N*s/m", "stiffness": "126 N/m", "force": ["0 N", "0 N", "-0.675 N"]},
+         {"mass": "0.067 kg", "damping": "0.244 N*s/m"}, "18.72 N/mm", "from the tool"),
+    ],
+)  # fmt: skip
+def test_a_tip_that_sticks_off_its_tool_has_not_settled(
+    operator: dict[str, Any], tool: dict[str, str], stiffness: str, says: str
+) -> None:
+    """Dry friction of the rotors holds the tip without any motion; the controller pulls on until it slips."""
+    trace = palpate.simulate(
+        display(
+            device={"name": "phantom-premium-1.5a-rotors"},
+            servo={"period": "0.5 ms", "topology": "admittance_display", "tool": tool},
+            operator={"kind": "arm", **operator},
+            object={"kind": "spring", "stiffness": stiffness},
+            controller={"kind": "workspace", "bandwidth": "120 rad/s"},
+            run={"duration": "0.2 s"},
+        )
+    )
+    assert float(np.ptp(trace["tip"][-80:], axis=0).max()) < 1e-9
+    assert trace.verdict.state is State.UNDECIDED
+    assert says in trace.verdict.reason

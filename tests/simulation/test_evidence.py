@@ -260,6 +260,7 @@ def state(**change: Any) -> State:
 # A swing of 20 um that keeps its size: 2 % of the deflection.
 STEADY = {"early": 1e-6, "prior": 1e-6, "late": 1e-6, "swing": 2e-5, "swing_before": 2e-5, "ripple": 2e-5, "linear": 0,
           "ripple_before": 2e-5}  # fmt: skip
+SMALL = {"swing": 1.5e-6, "ripple": 1.5e-6, "ripple_before": 1e-6}
 
 
 @pytest.mark.parametrize(
@@ -276,8 +277,8 @@ STEADY = {"early": 1e-6, "prior": 1e-6, "late": 1e-6, "swing": 2e-5, "swing_befo
         ({"pressed": True}, "contacts", 3, 4, State.BOUNDED_OSCILLATION),
         (STEADY | {"prior": 1e-6}, "late", 0.899e-6, 0.901e-6, State.BOUNDED_OSCILLATION),
         (STEADY | {"trend": 0.0}, "swing", 0.99e-5, 1.01e-5, State.BOUNDED_OSCILLATION),
-        (STEADY | {"swing": 1.5e-6, "ripple": 1.5e-6}, "deflection", 1.51e-4, 1.49e-4, State.BOUNDED_OSCILLATION),
-        (STEADY | {"deflection": 0.0, "ripple": 9e-7}, "swing", 0.99e-6, 1.01e-6, State.BOUNDED_OSCILLATION),
+        (STEADY | SMALL, "deflection", 1.51e-4, 1.49e-4, State.BOUNDED_OSCILLATION),
+        (STEADY | SMALL | {"deflection": 0.0, "ripple": 9e-7}, "swing", 0.99e-6, 1.01e-6, State.BOUNDED_OSCILLATION),
         (STEADY, "resolution", 2.01e-5, 1.99e-5, State.BOUNDED_OSCILLATION),
         ({}, "kept", 0.299, 0.301, State.BOUNDED_OSCILLATION),
         ({"decay": 0.7}, "kept", 3 * 0.7**4 - 1e-3, 3 * 0.7**4 + 1e-3, State.BOUNDED_OSCILLATION),
@@ -285,7 +286,8 @@ STEADY = {"early": 1e-6, "prior": 1e-6, "late": 1e-6, "swing": 2e-5, "swing_befo
         ({}, "error", 0.0499, 0.0501, State.UNDECIDED),
         ({}, "error", -0.0499, -0.0501, State.UNDECIDED),
         ({}, "drift", 0.0499, 0.0501, State.UNDECIDED),
-        ({"linear": 0, "trend": 0.0, "ripple_before": 1e-4}, "ripple", 4.99e-5, 5.01e-5, State.UNDECIDED),
+        ({"linear": 0, "trend": 0.0, "ripple_before": 7e-5}, "ripple", 4.99e-5, 5.01e-5, State.UNDECIDED),
+        ({"linear": 0, "trend": 0.0}, "ripple_before", 7.49e-5, 7.51e-5, State.UNDECIDED),
         ({"linear": 0, "trend": 0.0, "ripple_before": 1e-5}, "ripple", 1.249e-5, 1.251e-5, State.UNDECIDED),
         ({"linear": 0, "trend": 0.0, "ripple": 2e-5}, "ripple_before", 1.97e-5, 1.95e-5, State.UNDECIDED),
         ({"linear": 0, "swing": 2e-6, "generated_before": 0.0}, "generated", 0.0099, 0.0101, State.UNDECIDED),
@@ -367,7 +369,7 @@ def test_a_tip_off_its_target_rests_if_it_moves_less_than_the_approach_and_the_c
     """Up to 1e-3 of the deflection, or two encoder counts."""
     for ripple, rests in ((0.99e-6, True), (1.01e-6, False)):
         found = settled(error=0.2, ripple=ripple, deflection=deflection, resolution=resolution)
-        said = _undecided(np.array([0.0, 1.0]), found, "its swing")
+        said = _undecided(np.array([0.0, 1.0]), found, "its swing", False)
         expected = "it rests" if rests else "after 1 s it is"
         assert said.startswith(f"{expected} 20 % from force over stiffness")
 

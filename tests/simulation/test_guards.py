@@ -331,3 +331,27 @@ def test_a_way_to_render_a_wall_has_the_numbers_of_its_name() -> None:
 def test_a_comparison_that_cannot_be_made_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(PalpateError, match=says):
         metrics.compare_guards("slider", **options)
+
+
+def test_the_turning_point_of_a_slow_motion_is_no_rest() -> None:
+    """Without a linear loop. A loose hand turns 21 mm deep at the end of 0.2 s, and the tip moves back by 9 mm."""
+    hand = {
+        "kind": "arm", "mass": "0.1 kg", "damping": "0.7 N*s/m", "stiffness": "8 N/m", "tissue_stiffness": "500 N/m",
+        "tissue_damping": "0.3 N*s/m", "force": ["-0.6 N", "0 N", "0 N"],
+    }  # fmt: skip
+    short, long = (
+        simulate(
+            {
+                "device": {"name": "slider"},
+                "servo": {"period": "1 ms", "topology": "impedance_display"},
+                "operator": hand,
+                "object": {"kind": "spring", "stiffness": "39 N/m"},
+                "guard": {"kind": "half_sample"},
+                "run": {"duration": f"{duration} s"},
+            }
+        )
+        for duration in (0.2, 1.0)
+    )
+    assert np.linalg.norm(long["tip"][-1] - short["tip"][-1]) > 0.2 * np.linalg.norm(short["tip"][-1])
+    assert short.verdict.state.label == "undecided"
+    assert short.verdict.reason.startswith("it rests in the last fifth alone, and moved by ")

@@ -11,7 +11,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.recorded import Recorded, held_tip
 from palpate.simulation.windows import Window
 
-__all__ = ["EnergyBalance", "energy_balance"]
+__all__ = ["EnergyBalance", "energy_balance", "frame_channels"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
     fifth, end = window.fifth, window.end
     if scenario.servo.topology != "impedance_display" or scenario.run.record_every > 1 or fifth < 2:
         return None
-    if any(np.ptp(trace[name], axis=0).any() for name in _frames(scenario) if name in trace):
+    if any(np.ptp(trace[name], axis=0).any() for name in frame_channels(scenario) if name in trace):
         return None
     force, tip = trace["operator_force"], held_tip(trace)
     power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1)
@@ -57,7 +57,7 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
     return EnergyBalance(supplied, *works)
 
 
-def _frames(scenario: Scenario) -> list[str]:
+def frame_channels(scenario: Scenario) -> list[str]:
     """Return the names of the channels of the motion of objects that may move by themselves."""
     prefixes = [f"{name}_" if name else "" for name in scenario.each_object]
     return [f"{prefix}frame_{kind}" for prefix in prefixes for kind in ("position", "rotation")]

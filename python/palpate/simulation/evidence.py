@@ -11,11 +11,11 @@ from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
-from palpate.simulation.energy_balance import energy_balance
+from palpate.simulation.energy_balance import energy_balance, frame_channels
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded, held_tip, of_each_object
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.verdict import BAND, Evidence
+from palpate.simulation.verdict import BAND, FLOOR, Evidence
 from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
@@ -60,6 +60,7 @@ def evidence(
     """
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
+    resting = slice(max(before.start, 0 if scenario is None else _moved_until(trace, scenario)), before.stop)
     tip, every = held_tip(trace), 1 if scenario is None else scenario.run.record_every
     interval = None if scenario is None else scenario.period * every
     bend = second_differences(trace.time, tip, interval)
@@ -78,7 +79,7 @@ def evidence(
         prior=largest(last - 2 * fifth, last - fifth),
         late=largest(last - fifth, last),
         ripple=float(np.ptp(tip[ending], axis=0).max(initial=0.0)) / 2.0,
-        ripple_before=float(np.ptp(tip[before], axis=0).max(initial=0.0)) / 2.0,
+        ripple_before=float(np.ptp(tip[resting], axis=0).max()) / 2.0 if resting.start < resting.stop else np.nan,
         swing=swing(trace.time[ending], tip[ending]),
         swing_before=swing(trace.time[before], tip[before]),
         deflection=float(np.linalg.norm(deflection[ending].mean(axis=0))),
@@ -100,17 +101,38 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     generated, generated_before = (np.nan, np.nan) if balance is None else balance.relative
     one_sided = is_one_sided(scenario)
     expected = _expected(trace, scenario, window)
+    counts = float(resolution(scenario, device, trace["angle"][last : last + 1])[0])
     return {
-        "resolution": resolution(scenario, device, trace["angle"][last : last + 1])[0],
+        "resolution": counts,
         "beyond": leaves_reach(trace, scenario, window),
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "lossy": lossy(scenario, device),
         "generated": generated,
         "generated_before": generated_before,
-        "error": np.nan if expected is None else float(steady_error(deflection[ending].mean(axis=0), expected)[0]),
-        "drift": np.nan if scenario.reference is None else _drift(trace, ending),
+        "error": _tool_error(trace, ending, deflection, counts)
+        if "tool" in trace
+        else np.nan
+        if expected is None
+        else float(steady_error(deflection[ending].mean(axis=0), expected)[0]),
+        "drift": _drift(trace, ending) if scenario.reference is not None or "tool" in trace else np.nan,
     }
+
+
+def _moved_until(trace: Recorded, scenario: Scenario) -> int:
+    """Return the row in which objects that move by themselves come to rest; 0 if none moves."""
+    names = [name for name in frame_channels(scenario) if name in trace]
+    rows = [np.flatnonzero(np.diff(trace[name], axis=0).any(axis=1)) for name in names]
+    return max((int(moved[-1]) + 1 for moved in rows if len(moved)), default=0)
+
+
+def _tool_error(trace: Recorded, ending: slice, deflection: Array, counts: float) -> float:
+    """Return the distance of the tip from the tool of an admittance display at the end, over the deflection.
+
+    A tip that sticks off its tool is pulled on until it slips. Within the counts of the encoder it does not rest apart.
+    """
+    off = float(np.linalg.norm(trace["tool"][ending][-1] - held_tip(trace)[ending][-1]))
+    return max(off - max(counts, FLOOR), 0.0) / max(float(np.linalg.norm(deflection[ending].mean(axis=0))), FLOOR)
 
 
 def is_one_sided(scenario: Scenario) -> bool:

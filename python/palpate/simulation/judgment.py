@@ -15,7 +15,9 @@ from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
 from palpate.simulation.verdict import (
     BAND,
+    BEFORE,
     FAILED,
+    FLOOR,
     GROWING,
     OSCILLATES,
     SHARE,
@@ -184,7 +186,7 @@ def _explained(
         if e.ripple[0] > still:
             reason = f"its oscillation of {swing} decays by a factor of {_factor(ratio)} in {span}; {linear}"
     else:
-        reason = _undecided(time, e, swing)
+        reason = _undecided(time, e, swing, "tool" in trace)
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
         reason += f"; contact lost for {1e3 * off:.4g} ms on the way"
     swings = state in OSCILLATES
@@ -242,7 +244,7 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     return since, f"the tip is off the object from t = {since:.4g} s on, under a force that presses it on"
 
 
-def _undecided(time: Array, e: Evidence, swing: str) -> str:
+def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
     if not e.constant[0]:
         return "the external force changes until the end: hold it for the last twentieth of the run or longer"
     if int(e.linear[0]) < 0:
@@ -250,10 +252,14 @@ def _undecided(time: Array, e: Evidence, swing: str) -> str:
     if float(e.drift[0]) > BAND:
         return f"the command still changes, by {100 * float(e.drift[0]):.3g} % of the largest force at the end"
     if abs(float(e.error[0])) > BAND:
-        off = f"{100 * float(e.error[0]):.3g} % from force over stiffness"
+        off = f"{100 * float(e.error[0]):.3g} % from {'the tool' if tool else 'force over stiffness'}"
         if e.ripple[0] > max(APPROACHES * float(e.deflection[0]), float(e.resolution[0])):
             return f"after {time[-1]:.4g} s it is {off}, and still moves by {swing}: give a longer run.duration"
         return f"it rests {off}"
+    band = max(BAND * float(e.deflection[0]), float(e.resolution[0]), FLOOR)
+    if e.ripple[0] <= band and e.ripple_before[0] > BEFORE * band:
+        before = f"{1e3 * float(e.ripple_before[0]):.3g} mm"
+        return f"it rests in the last fifth alone, and moved by {before} in the fourth: give a longer run.duration"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"

@@ -22,6 +22,7 @@ SMALL = 1e-9  # m, likewise
 BAND = 0.05  # of the deflection: a settled loop stays within it, and this near to force over stiffness
 VISIBLE = 1e-4  # of the deflection: a smaller oscillation grows only if it did so from the second fifth on
 SWING = 0.01  # of the deflection: a sustained oscillation below it counts as rest
+BEFORE = 1.5  # of the band: a tip that moved more in the fourth fifth may be at a turning point
 CREEP = 0.0125  # of the deflection: a motion above it that becomes faster is not rest
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay where no linear loop is known
@@ -141,7 +142,8 @@ class Evidence:
         trend: half the range of the trend in the last fifth, m: ripple without swing.
         trend_before: the same in the fourth fifth, m; nan if unknown.
         deflection: magnitude of the object's mean deflection in the last fifth, m.
-        error: relative difference of that deflection from force over stiffness; nan if that is unknown.
+        error: relative difference of that deflection from force over stiffness; nan if that is unknown. Of an
+            admittance display: the distance of tip and tool over the deflection.
         drift: relative change of the commanded force over the last fifth; nan if unknown.
         touching: fraction of the last fifth in contact.
         contacts: number of contacts that begin in the last fifth.
@@ -252,7 +254,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
 
     A run whose linear loop is unstable is never "settled". It is "undecided" if friction, encoder counts or drive
     limits may hide the instability. Otherwise it is "unstable", unless friction, counts or impacts bound its
-    oscillation. An oscillation that decays in a stable linear loop is "settled" before it has come to rest.
+    oscillation. An oscillation that decays in a stable linear loop is "settled" before it has come to rest. Without a
+    stable linear loop the tip must rest in the fourth fifth of the window as well.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(e.late <= STILL, 0.0, e.late / e.prior)
@@ -279,6 +282,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
     rests &= ~(_ahead(e) > band)
+    rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
     state = np.select(
         [

@@ -205,6 +205,7 @@ def test_a_full_disk_is_told_by_the_name_that_was_asked_for(tmp_path: Path) -> N
 def test_devices_lists_the_catalog_and_shows_sources() -> None:
     """Each device by name; each number with the mark of its source."""
     code, text = palpate("devices")
+    assert "Your own is a TOML file of the same kind: palpate devices path/to/file.toml" in " ".join(text.split())
     assert code == 0
     assert "phantom-premium-1.5a-rotors" in text
     code, text = palpate("devices", "slider")

@@ -445,6 +445,13 @@ def test_columns_without_a_value_are_left_out_of_the_steady_state() -> None:
 def test_a_page_states_verdict_facts_and_every_warning(pressed: Trace) -> None:
     found = summarize(pressed) | {"warnings": ["the drive gets warm", "Counts are coarse"]}
     text = run_page(pressed, found).html()
+    assert [
+        one for one in re.findall("<h2[^>]*>([^<]*)</h2>", text) if one in ("Verdict", "Time histories", "Reproduction")
+    ] == [
+        "Verdict",
+        "Time histories",
+        "Reproduction",
+    ]
     for sentence in ("The drive gets warm.", "Counts are coarse."):
         assert text.count(sentence) == 1
     assert found["verdict"][1:] in text

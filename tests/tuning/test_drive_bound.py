@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from palpate.devices import Device, load
 from palpate.devices.device import Parameters
+from palpate.linear.linearization import static_tip_force
 from palpate.metrics import tip_inertia
 from palpate.tuning import drive_bound, remedies
 from palpate.tuning.presses import Press, draw_poses, draw_presses, hold_time, press_tables
@@ -101,3 +102,14 @@ def test_the_first_remedy_that_works_is_found(count: int, share: float) -> None:
     threshold = share * count
     tried = next((k for k in range(count) if k >= threshold), None)
     assert remedies._first(range(count), lambda k: k >= threshold) == tried
+
+
+def test_an_operator_who_pushes_up_carries_a_part_of_the_weight() -> None:
+    """The motors hold |W - F| against a force along the weight's support W, and |W| + F against one down."""
+    pose = np.array([0.0, 0.5, -0.3])
+    weight = static_tip_force(ARM.jacobian(pose), ARM.gravity(pose))
+    size = float(np.linalg.norm(weight))
+    assert size > 0.05
+    up, down = hold_time(ARM, pose, weight, 6.0), hold_time(ARM, pose, -weight, 6.0)
+    assert up > down
+    assert hold_time(ARM, pose, weight, 6.0 + 2.0 * size) == pytest.approx(down, rel=1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -291,3 +292,19 @@ def test_the_loop_on_a_mesh_is_that_of_the_wall_under_the_last_contact() -> None
     np.testing.assert_allclose(found.directions(), [normal], atol=1e-9)
     with pytest.raises(StabilityError, match="never touches the mesh in this run; move the mesh"):
         LoopResponse.on_mesh(scenario, Trace.of(1e-3 * np.arange(5), channels | {"touching": 0.0 * touching}))
+
+
+def test_the_dynamic_stiffness_of_an_object_is_that_of_its_spring_and_damper() -> None:
+    """K + j 2 pi f B, and its directions are those in which it acts and the device moves."""
+    stiffness, damping = np.diag([1000.0, 0.0, 500.0]), np.diag([2.0, 0.0, 0.0])
+    device = SimpleNamespace(jacobian=lambda _: np.diag([0.1, 0.1, 0.0]))
+    loop: Any = SimpleNamespace(stiffness=stiffness, damping=damping, device=device, pose=None)
+    found = LoopResponse.desired(loop, np.array([1.0, 30.0]))
+    assert found.shape == (2, 3, 3)
+    np.testing.assert_allclose(found[1], stiffness + 60j * np.pi * damping)
+    np.testing.assert_array_equal(LoopResponse.directions(loop), [[1.0, 0.0, 0.0]])
+    loop.device = SimpleNamespace(jacobian=lambda _: np.eye(3))
+    np.testing.assert_array_equal(LoopResponse.directions(loop), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    normal = np.array([0.6, 0.0, 0.8])
+    loop.stiffness, loop.damping = 300.0 * np.outer(normal, normal), 0.1 * np.outer(normal, normal)
+    np.testing.assert_allclose(np.abs(LoopResponse.directions(loop)), [normal], atol=1e-12)

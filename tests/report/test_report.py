@@ -24,7 +24,7 @@ from palpate.plotting import figures
 from palpate.plotting.style import new_figure
 from palpate.report import Page
 from palpate.report.contact import in_column, numbers_table
-from palpate.report.html import differs_in_print, number
+from palpate.report.html import _cell, differs_in_print, number
 from palpate.report.run import _axes, _energy, run_page
 from palpate.report.theme import CSS, inline_svg
 from palpate.simulation.trace import Trace
@@ -475,3 +475,12 @@ def test_a_page_reproduces_the_scenario_and_the_controller_of_its_run(pressed: T
     assert json.loads(unescape(codes["Scenario"])) == trace.scenario
     assert json.loads(unescape(codes["Controller"])) == told["controller"]
     assert "± 5 µ&lt;N&gt;" in codes["Controller"]
+
+
+@pytest.mark.parametrize(
+    ("value", "shown", "numeric"),
+    [(-3, "−3", True), (12, "12", True), (True, "yes", False), (False, "no", False), (None, "–", False),
+     (-0.5, "−0.5", True), ("under 0.1", "under 0.1", True), ("-2", "−2", True), ("a < b", "a &lt; b", False)],
+)  # fmt: skip
+def test_a_cell_shows_numbers_with_a_minus_and_words_escaped(value: object, shown: str, numeric: bool) -> None:
+    assert _cell(value) == (shown, numeric)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from palpate.cli.console import COLORS, output, progress
+from palpate.cli.console import COLORS, output, print_paths, progress
 from palpate.cli.settings import Settings, load_scenario
 from palpate.errors import ScenarioError
 from palpate.files import default_name, write_folder, write_text
@@ -48,8 +48,7 @@ def certify(
     state = certificate.verdict.state
     output.print(f"[bold]{escape(loaded.title)}[/]: [bold {COLORS[state.tone]}]{state.label}[/]")
     output.print(str(certificate), markup=False, soft_wrap=True)
-    for path in paths:
-        output.print(f"  {path}", style="dim", markup=False)
+    print_paths(paths)
     if not certificate.stable:
         raise typer.Exit(1)
 
@@ -101,8 +100,7 @@ def zwidth(
         output.print(f"  simulated boundary ({found.simulated.runs:,} runs): {off}", markup=False, soft_wrap=True)
     else:
         output.print(f"  no simulated boundary: {found.not_simulated}", markup=False, soft_wrap=True)
-    for path in paths:
-        output.print(f"  {path}", style="dim", markup=False)
+    print_paths(paths)
     if not found.stable_here:
         raise typer.Exit(1)
 
@@ -142,7 +140,6 @@ def workspace(
     title = "" if found.loop.startswith(found.title) else f"[bold]{escape(found.title)}[/]: "
     output.print(f"{title}{escape(found.loop)}", soft_wrap=True)
     output.print(str(found), markup=False, soft_wrap=True)
-    for path in paths:
-        output.print(f"  {path}", style="dim", markup=False)
+    print_paths(paths)
     if not found.stable:
         raise typer.Exit(1)

@@ -1,0 +1,72 @@
+"""What `zwidth` prints of a map, line by line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate.cli.main import app
+from typer.testing import CliRunner
+
+SCENARIO = """title = "A [slider]"
+device.name = "slider"
+servo = { period = "1 ms", topology = "impedance_display" }
+object = { kind = "spring", stiffness = "50 N/m" }
+run.duration = "0.1 s"
+"""
+
+
+def found(**changes: Any) -> Any:
+    values = {
+        "verdict": "K = 50 N/m is stable", "stable_here": True, "here": (0.5, 50.0), "stiffest_here": 123.456,
+        "curves": {"nobody": SimpleNamespace(stiffest=(1.5, 2000.0)), "a hand": SimpleNamespace(stiffest=(2.5, 3e4))},
+        "gap_remarks": ["a band is unstable"], "never": ["a fist"], "passive": (np.zeros(2), np.array([10.0, 20.0])),
+        "not_passive": "its reason", "simulated": SimpleNamespace(runs=1234, furthest=0.0123),
+        "not_simulated": "no wish",
+    }  # fmt: skip
+    return SimpleNamespace(**{**values, **changes}, save=lambda path: path.write_text("{}", "utf-8"))
+
+
+LINES = [
+    "A [slider]", "K = 50 N/m is stable", "nobody: up to 2000 N/m, with 1.5 N·s/m of damping",
+    "a hand: up to 30000 N/m, with 2.5 N·s/m of damping", "with the 0.5 N·s/m of the scenario: up to 123.5 N/m",
+    "a band is unstable", "a fist: no wall of any size is stable", "passive in every hand: up to 20 N/m",
+    "simulated boundary (1,234 runs): at most 1.2 % of the map off the exact curve",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "replaced"),
+    [
+        ({}, 0, {}),
+        ({"stable_here": False}, 1, {}),
+        ({"stiffest_here": None, "gap_remarks": [], "never": []}, 0, {4: None, 5: None, 6: None}),
+        ({"passive": None}, 0, {7: "passive walls: none known; its reason"}),
+        ({"simulated": None}, 0, {8: "no simulated boundary: no wish"}),
+    ],
+)
+def test_a_z_width_is_told_line_by_line(
+    changes: dict[str, Any], code: int, replaced: dict[int, str | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, bool]] = []
+
+    def zwidth(scenario: Any, *, simulated: bool, progress: Any) -> Any:
+        asked.append((scenario.title, simulated))
+        progress("tracing", 0.5)
+        return found(**changes)
+
+    monkeypatch.setattr("palpate.stability.zwidth", zwidth)
+    page = SimpleNamespace(save=lambda path: path.write_text("a page", "utf-8"))
+    monkeypatch.setattr("palpate.report.zwidth_page", lambda _: page)
+    path, out = tmp_path / "s.toml", tmp_path / ("o" * 90)  # longer than a line
+    path.write_text(SCENARIO, "utf-8")
+    result = CliRunner().invoke(app, ["zwidth", str(path), "--out", str(out), "--no-simulate"])
+    assert result.exit_code == code, result.output
+    lines = [replaced.get(k, line) for k, line in enumerate(LINES)]
+    written = [str(out / name) for name in ("zwidth.html", "zwidth.json")]
+    assert [line.strip() for line in result.stdout.splitlines()] == [*(line for line in lines if line), *written]
+    assert asked == [("A [slider]", False)]
+    assert (out / "zwidth.html").read_text("utf-8") == "a page"

@@ -1,9 +1,14 @@
 """Excitation signals: exact peaks, the band they promise, channels that can be told apart, one signal per seed."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from palpate.devices import load
 from palpate.errors import RecordingError
 from palpate.identification import chirp, crest_factor, multisine, prbs
+from palpate.identification.excitation import _count
+from palpate.identification.servo import respond
 
 PERIOD = 1e-3
 
@@ -109,3 +114,22 @@ def test_the_crest_factor_is_that_of_the_shape_alone():
     expected = [1.0, np.sqrt(2.0), np.sqrt(3.0)]
     for scale in (1.0, 1e-3, 50.0):
         np.testing.assert_allclose(crest_factor(scale * shapes), expected, rtol=1e-2)
+
+
+@pytest.mark.parametrize(("duration", "count"), [(1.4e-3, 0), (1.6e-3, 2), (3e-3, 3)])
+def test_a_signal_has_two_samples_or_more(duration: float, count: int) -> None:
+    if count:
+        assert _count(duration, 1e-3) == count
+    else:
+        with pytest.raises(RecordingError, match=r"0\.0014 s at a period of 0\.001 s are fewer than two samples"):
+            _count(duration, 1e-3)
+
+
+@pytest.mark.parametrize("name", ["excitation", "sway", "angle_noise", "torque_noise"])
+def test_a_signal_of_another_shape_is_refused_by_its_name(name: str) -> None:
+    device, servo = load("slider"), SimpleNamespace()
+    signals = {"excitation": np.zeros((9, 1)), name: np.zeros((8, 2))}
+    excitation = signals.pop("excitation")
+    n, said = (8, "excitation") if name == "excitation" else (9, name.removeprefix("angle_").removeprefix("torque_"))
+    with pytest.raises(RecordingError, match=rf"the {said} must be \({n}, 1\), not \(8, 2\)"):
+        respond(device, servo, excitation, 1e-3, **signals)  # type: ignore[arg-type]

@@ -369,3 +369,10 @@ def test_a_data_frame_has_the_time_as_its_index(pressed: Trace) -> None:
     assert np.array_equal(frame.index, pressed.time)
     assert np.array_equal(frame["object_force_y [N]"], pressed["object_force"][:, 1])
     assert frame.attrs["scenario"] == pressed.scenario
+
+
+@pytest.mark.parametrize("values", [np.zeros((5, 2)), np.zeros(4), np.zeros((2, 2))])
+def test_a_step_response_is_of_two_lists_of_one_length(values: np.ndarray) -> None:
+    time = np.zeros((2, 2)) if values.shape == (2, 2) else np.arange(5.0)
+    with pytest.raises(ValueError, match="time and values must be two lists of one length, not"):
+        step_response(time, values)

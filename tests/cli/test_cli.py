@@ -13,11 +13,13 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from palpate import Trace
+from palpate.cli.body import _print_size
 from palpate.cli.console import print_columns
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
@@ -268,3 +270,18 @@ def test_the_table_of_guards_has_the_unit_of_every_number() -> None:
         ["damper", "3500 N/m", "99%", "2.08 N", "2.3 mm", "none"],
         ["coupling", "none", "–", "–", "diverges", "every stiffness"],
     ]
+
+
+def test_the_size_of_a_body_names_its_elements_and_the_time_without_its_meshing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """36 bytes for each pair of contact nodes; a body of boundary elements has triangles alone."""
+    for cells, elements in ((1200, "1,200 tetrahedra"), (0, "30 triangles")):
+        body: Any = SimpleNamespace(
+            contents=SimpleNamespace(tetrahedra=range(cells), vertices=range(4000)), triangles=range(30),
+            nodes=range(500),
+            record={"source": "a [mesh]", "seconds": {"meshing": 7.0, "solving": 1.5, "writing": 2.0}},
+        )  # fmt: skip
+        _print_size(body)
+        said = " ".join(capsys.readouterr().out.split())
+        assert said == f"a [mesh]: {elements}, 4,000 vertices, 500 contact nodes; 9 MB, solved in 3.5 s"

@@ -90,6 +90,8 @@ def test_compliance_is_that_of_finer_finite_elements_within_four_percent(poisson
     off = coarse.compliance - reference
     assert np.linalg.norm(off) < 0.04 * np.linalg.norm(reference)
     assert coarse.record["asymmetry"] < 0.06
+    assert coarse.record["unknowns"] == 3 * coarse.record["nodes"]
+    assert coarse.record["tetrahedra"] == coarse.record["modes"] == 0
 
 
 def _hats(coarse: fem.Body, fine: fem.Body) -> np.ndarray:

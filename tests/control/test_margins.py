@@ -236,3 +236,13 @@ def test_margins_need_a_sampled_square_loop(dt: Any) -> None:
         loop_margins(control.StateSpace(one.A, one.B, one.C, one.D, dt))
     with pytest.raises(DesignError, match="square and sampled"):
         loop_margins(control.StateSpace(one.A, np.hstack([one.B, one.B]), one.C, [[0.0, 0.0]], one.dt))
+
+
+@pytest.mark.parametrize("direct", [0.0, 2.0])
+def test_a_gain_above_one_at_half_the_sampling_rate_bears_no_further_sample_of_delay(direct: float) -> None:
+    """L = -1.2/(z + 0.5) + D: a sample of delay turns the sign of L(-1), whatever the crossings below it."""
+    loop = control.StateSpace([[-0.5]], [[1.0]], [[-1.2]], [[direct]], T)
+    found = loop_margins(loop)
+    assert found.spectral_radius < 1.0
+    assert spectral_radius(delayed(loop, 1)) > 1.0
+    assert found.delay <= T

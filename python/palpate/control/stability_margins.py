@@ -6,7 +6,8 @@ For a loop L(z) with m channels, stable under negative unity feedback:
   It equals the interval of factors on the object's stiffness.
 - Phase margin: the smallest rotation phi, equal in every channel, that puts an eigenvalue on the unit circle. There an
   eigenvalue of L(e^{j theta}) is -e^{j phi}.
-- Delay margin: the smallest phi / theta over those frequencies, times the period.
+- Delay margin: the smallest phi / theta over those frequencies, times the period. It is at most one period if an
+  eigenvalue of L(-1) has a modulus of 1 or more: every whole number of samples below the margin is stable.
 - Disk margin (symmetric disk, channels perturbed independently): alpha = 1 / max_theta sigma_max(S - I/2). Each channel
   may change simultaneously by any gain in [(2-alpha)/(2+alpha), (2+alpha)/(2-alpha)] or any phase below
   2 atan(alpha/2).
@@ -39,7 +40,7 @@ class Margins:
         gain_down: smallest stable factor on all channels; 0 if there is none.
         gain_up: largest stable factor on all channels; inf if there is none.
         phase: phase margin of all channels, deg; inf if no rotation destabilizes.
-        delay: delay margin of all channels, s; inf if no eigenvalue of L crosses the unit circle.
+        delay: delay margin of all channels, s; inf if the modulus of every eigenvalue of L stays below 1.
         crossover: highest frequency at which an eigenvalue of L has modulus 1, rad/s; 0 if none.
         disk: alpha of the symmetric disk margin; at most 2 for a loop without gain.
         disk_gain: admissible factor (or its inverse) on each channel independently.
@@ -98,6 +99,8 @@ def loop_margins(loop: control.StateSpace) -> Margins:
         phase = min(phase, lag, 2 * np.pi - lag)
         if theta > 0:
             delay = min(delay, lag / theta * float(loop.dt))
+    if np.abs(np.linalg.eigvals(frequency_response(loop, np.pi))).max() >= 1.0:
+        delay = min(delay, float(loop.dt))  # a delay of one sample turns the sign there
     peak, where = _peak(loop)
     alpha = 1 / peak if peak > 0 else np.inf
     ratio = (2 + alpha) / (2 - alpha) if alpha < 2 else np.inf

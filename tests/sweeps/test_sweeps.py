@@ -76,6 +76,21 @@ def test_a_cell_is_what_simulate_finds() -> None:
     assert not found.unstable.all()
 
 
+def test_a_tip_that_still_slides_along_a_wall_is_not_settled() -> None:
+    """It ends far from where it is in a run twenty times as long; the wall's own loop at the start has no slide."""
+    scenario: dict[str, Any] = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "reference": {"force": ["-1.2 N", "0 N", "0 N"]},
+        "object": {"kind": "wall", "normal": [1, 0, 0], "stiffness": "46 N/m", "damping": "1 N*s/m"},
+    }
+    over = {"object.stiffness": ["46 N/m"]}
+    short, long = (sweep({**scenario, "run": {"duration": t}}, over) for t in ("0.24 s", "4.8 s"))
+    way = np.linalg.norm(long["steady_tip"] - short["steady_tip"])
+    assert way > 0.1 * np.linalg.norm(long["steady_tip"])
+    assert not short.settled.any()
+
+
 def test_a_cell_that_rests_off_force_over_stiffness_is_not_settled() -> None:
     """An arm of 100 N/m takes its share of the force: 25, 9.1 and 3.8 % of F/K; up to 5 % count as settled."""
     arm = {"kind": "arm", "mass": "0.05 kg", "damping": "8 N*s/m", "stiffness": "100 N/m"}

@@ -11,12 +11,12 @@ from palpate.control.controller import Controller
 from palpate.devices.reach import NEAR_SINGULAR, conditioning, excursion_beyond, unreachable
 from palpate.errors import PalpateError
 from palpate.simulation.evidence import lossy, resolution
-from palpate.simulation.linear_evidence import linear_sign
+from palpate.simulation.linear_evidence import AT_LIMIT, linear_sign
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.outcome_rows import Excursion, excursions, name_rows
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.verdict import Evidence, decide
+from palpate.simulation.verdict import LASTING, Evidence, decide
 from palpate.stability.maps.zwidth_map import loop_radii
 
 __all__ = ["judge_rows", "linear_radii"]
@@ -51,7 +51,8 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     linear = np.array([linear_sign(radius) for radius in radii], dtype=float)
     fifth = (len(simulation.reference) - 1 - simulation.setup.window_start) // 5
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        decay = radii**fifth
+        slide = _slowest_slide(simulation) ** fifth
+        decay = np.fmax(radii**fifth, slide if slide > LASTING else np.nan)  # a shorter window does not show its decay
         turns = fifth * np.sqrt(out["oscillation_5"] / out["ripple"]) / (2.0 * np.pi)  # in the last fifth
     evidence = Evidence.of(
         count,
@@ -75,6 +76,26 @@ def judge_rows(simulation: Simulation, rows: Array, columns: Mapping[str, Array]
     )
     reach = np.where(np.isnan(out["unstable_from"]), beyond.astype(float), np.nan)
     return {**out, "beyond_reach": reach, "linear": linear, "verdict": decide(evidence).astype(float)}
+
+
+def _slowest_slide(simulation: Simulation) -> float:
+    """Return the factor per tick of the slowest motion along a wall that decays; nan if unknown or without a wall.
+
+    At the start pose it may be decoupled from the wall, and the linear loop lacks it; at other poses it is not.
+    """
+    scenario = simulation.scenario
+    if scenario.contact_kind != "wall":
+        return np.nan
+    everywhere = scenario.object.model_copy(update={"kind": "spring", "normal": None})
+    law = simulation.controller
+    try:
+        loop = scenario_loop(
+            scenario.model_copy(update={"object": everywhere}), controller=law if isinstance(law, Controller) else None
+        )
+    except PalpateError:
+        return np.nan
+    moduli = np.abs(np.linalg.eigvals(loop.path.A))
+    return max((float(modulus) for modulus in moduli if modulus < 1.0 - AT_LIMIT), default=np.nan)
 
 
 def _beyond(simulation: Simulation, joints: Excursion, expected: Array, error: Array) -> Flags:

@@ -243,7 +243,7 @@ def test_fronts_give_what_columns_give(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_threads_share_the_fronts_and_change_nothing(small: Elements, monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the last bit: what is left is added in the order of the fronts, whoever comes first."""
+    """Bit for bit: remainders are added in the order of the fronts, whichever thread is first."""
     monkeypatch.setattr("palpate.fem.dissection._LEAF", 12)
     found = []
     for count in (1, 2, 5):

@@ -32,7 +32,7 @@ class NearNodes {
     std::int32_t node = 0;
     int tip = 0;
     bool rubs = false;                                                    // since the last tick at least: friction acts
-    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip's points on the node; of the last tick, N
+    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip on the node; that of the last tick, N
     Vector3<> traction = Vector3<>::Zero();                               // friction on the node, across `direction`, N
     Vector3<> last_traction = Vector3<>::Zero();                          // of the last tick, as far as the layer still carries it, N
     Vector3<> last_relative = Vector3<>::Zero();                          // displacement less the tip's center at the last tick, m

@@ -25,7 +25,7 @@
 
 namespace palpate::deformable {
 
-/// Contact of rigid tips with a linear body, without a direction that anybody chooses.
+/// Contact of rigid tips with a linear body. No direction has to be chosen.
 ///
 /// A tip at c presses the points of the nodes' patches (PatchPoints) along its own normals. With the forces F_i on the nodes and their
 /// displacements u = C F, the forces minimize one energy,

@@ -375,3 +375,45 @@ def test_late_ticks_are_not_judged_by_the_loop_without_them() -> None:
         assert "late ticks destabilize a loop" in str(verdict.linear)
     never = {**tables, "object": {"kind": "spring", "stiffness": "110 N/m"}, "run": {"duration": "2 s"}}
     assert "the linear loop is unstable" in str(palpate.simulate(never).verdict.linear)
+
+
+def retreat(until: str, duration: str) -> Trace:
+    """Return a run of a hand on a wall that moves away by 2 mm, farther than the hand's force over its stiffness."""
+    return palpate.simulate(
+        {
+            "device": {"name": "slider"},
+            "servo": {"period": "1 ms", "topology": "impedance_display"},
+            "operator": {"kind": "arm", "mass": "0.3 kg", "damping": "10 N*s/m", "stiffness": "130 N/m",
+                         "force": ["-0.12 N", "0 N", "0 N"]},
+            "object": {"kind": "wall", "normal": [1, 0, 0], "stiffness": "500 N/m",
+                       "frame": {"displacement": [["0 s", "0 mm", "0 mm", "0 mm"], [until, "-2 mm", "0 mm", "0 mm"]]}},
+            "run": {"duration": duration},
+        }
+    )  # fmt: skip
+
+
+def test_a_run_whose_object_moves_until_the_end_is_undecided() -> None:
+    verdict = retreat("100 s", "1 s").verdict
+    assert verdict.state is State.UNDECIDED
+    assert "the object moves until the end" in verdict.reason
+
+
+@pytest.mark.parametrize("duration", ["3 s", "6 s", "9 s"])
+def test_the_rounding_of_a_hand_at_rest_presses_on_nothing(duration: str) -> None:
+    trace = retreat("0.5 s", duration)
+    assert not trace["touching"][-1, 0]
+    assert np.linalg.norm(trace["operator_force"][-1]) < 1e-3
+    assert trace.verdict.state is State.SETTLED
+    assert trace.verdict.reason.endswith("off the object")
+
+
+@pytest.mark.parametrize(("before", "state"), [(1.0, State.UNDECIDED), (5.0, State.SETTLED)])
+def test_a_fast_linear_loop_does_not_explain_a_tip_that_slides_on(before: float, state: State) -> None:
+    slides = {"ripple": 1e-4, "ripple_before": before * 1e-4, "swing": 1e-9, "swing_before": 1e-9}
+    found = decide(
+        Evidence.of(
+            1, unstable_from=np.nan, early=1e-10, prior=4e-12, late=3.9e-12, deflection=3e-3, linear=1, decay=8e-4,
+            **slides,
+        )
+    )  # fmt: skip
+    assert State(int(found[0])) is state

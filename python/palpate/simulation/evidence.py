@@ -21,7 +21,17 @@ from palpate.simulation.windows import Window
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
-__all__ = ["evidence", "interruption", "leaves_reach", "lossy", "resolution", "second_differences", "swing"]
+__all__ = [
+    "evidence",
+    "interruption",
+    "is_one_sided",
+    "leaves_reach",
+    "lossy",
+    "moved_until",
+    "resolution",
+    "second_differences",
+    "swing",
+]
 
 
 def lossy(scenario: Scenario, device: Device) -> bool:
@@ -60,7 +70,8 @@ def evidence(
     """
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
     before = slice(ending.start - max(fifth, 1), ending.start)
-    resting = slice(max(before.start, 0 if scenario is None else _moved_until(trace, scenario)), before.stop)
+    moved = 0 if scenario is None else moved_until(trace, scenario)
+    resting = slice(max(before.start, moved), before.stop)
     tip, every = held_tip(trace), 1 if scenario is None else scenario.run.record_every
     interval = None if scenario is None else scenario.period * every
     bend = second_differences(trace.time, tip, interval)
@@ -86,7 +97,7 @@ def evidence(
         touching=0.0 if lost else float(touching[ending].mean()),  # lost in a body, the tip may still touch others
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
         saturated=float(trace["saturated"][ending].mean()),
-        constant=window.constant,
+        constant=window.constant and moved <= ending.start,
         linear=0 if radius is None else linear_sign(radius),
         decay=np.nan if radius is None else min(radius, FASTEST ** (1.0 / (fifth * every or 1))) ** (fifth * every),
         kept=kept,
@@ -119,7 +130,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     }
 
 
-def _moved_until(trace: Recorded, scenario: Scenario) -> int:
+def moved_until(trace: Recorded, scenario: Scenario) -> int:
     """Return the row in which objects that move by themselves come to rest; 0 if none moves."""
     names = [name for name in frame_channels(scenario) if name in trace]
     rows = [np.flatnonzero(np.diff(trace[name], axis=0).any(axis=1)) for name in names]
@@ -248,7 +259,10 @@ def pushed_through(trace: Recorded) -> float | None:
 
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:
     """Return whether the force at the end presses the tip against the object, as far as the run shows its normal."""
-    load = trace["reference_force"][last] + trace["operator_force"][last]
+    loads = trace["reference_force"] + trace["operator_force"]
+    load = loads[last]
+    if np.linalg.norm(load) <= BAND * np.linalg.norm(loads[: last + 1], axis=1).max():
+        return False  # the rounding of an arm at rest has a direction
     if scenario.contact_kind in ("wall", "force_law") and scenario.object.normal is not None:
         return bool(presses(load, scenario.object.normal)[0])
     if touching[: last + 1].any():

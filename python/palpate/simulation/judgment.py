@@ -10,7 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.evidence import evidence, interruption, pushed_through
+from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
 from palpate.simulation.verdict import (
@@ -185,8 +185,12 @@ def _explained(
         reason = f"the tip rests within {1e3 * float(e.ripple[0]):.2g} mm"
         if e.ripple[0] > still:
             reason = f"its oscillation of {swing} decays by a factor of {_factor(ratio)} in {span}; {linear}"
+        if scenario is not None and is_one_sided(scenario) and e.touching[0] == 0.0:
+            reason += ", off the object"
     else:
-        reason = _undecided(time, e, swing, "tool" in trace)
+        moves = scenario is not None and window.constant and moved_until(trace, scenario) > window.ending.start
+        moving = "the object moves until the end: hold it at rest for the last fifth of the run"
+        reason = moving if moves else _undecided(time, e, swing, "tool" in trace)
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
         reason += f"; contact lost for {1e3 * off:.4g} ms on the way"
     swings = state in OSCILLATES

@@ -237,11 +237,13 @@ def generates(e: Evidence) -> NDArray[np.bool_]:
 def _ahead(e: Evidence) -> Array:
     """Return how far tips (n,) have yet to go if their trend goes on, m.
 
-    It decays as the linear loop's slowest motion. Without a linear loop it decays as over the last two fifths, and by
-    `LASTING` per fifth at least.
+    It decays as the linear loop's slowest motion. Without a linear loop, or if that motion is far too fast to explain
+    it, as for a tip that slides on, it decays as over the last two fifths, and by `LASTING` per fifth at least.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(e.linear > 0, e.decay, np.fmin(e.trend / e.trend_before, LASTING))
+        measured = e.trend / e.trend_before
+        explained = (e.linear > 0) & ~(measured > np.sqrt(np.sqrt(e.decay)))
+        factor = np.where(explained, e.decay, np.fmin(measured, LASTING))
         left = 2.0 * e.trend * factor / (1.0 - factor)
     trends = (e.trend > SMALL) & (e.trend > (TREND - 1.0) * e.swing)
     return np.where(trends, left, 0.0)

@@ -166,6 +166,8 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     if record("surface_layer"):
         yield "surface_layer", str(record("surface_layer"))
     yield "fixed", ", ".join(record("fixed") or ["?"])
+    if held := record("held"):
+        yield "held", ", ".join(held)
     yield "contact", record("touch") or "whole surface that is not fixed"
     elements = {1: "linear", 2: "quadratic"}.get(record("order", 0), "?")
     if record("method"):

@@ -52,7 +52,7 @@ _ARRAYS: Final = {
 _NUMBER: Final = (int, float)
 _RECORD: Final[dict[str, tuple[Any, Any]]] = {  # entry: (its type, type of its own entries)
     **dict.fromkeys(("source", "method", "surface_layer", "touch", "unit"), (str, str)),
-    **dict.fromkeys(("regions", "fixed"), (list, str)),
+    **dict.fromkeys(("regions", "fixed", "held"), (list, str)),
     **dict.fromkeys(("order", "tetrahedra", "nodes", "unknowns", "modes"), (int, int)),
     **dict.fromkeys(("young_Pa", "poisson", "density_kg_per_m3", "volume_m3"), (_NUMBER, int)),
     **dict.fromkeys(("memory_bytes", "operations", "scaled_stiffness", "asymmetry"), (_NUMBER, int)),

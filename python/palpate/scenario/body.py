@@ -7,7 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
-from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from palpate.scenario.fields import (
     NOT_NEGATIVE,
@@ -72,6 +80,10 @@ def _options_text(options: Mapping[str, float]) -> dict[str, Any]:
 Poisson = Annotated[Number, must(lambda value: value < 0.5, "must be below 0.5 (soft tissue: 0.45 to 0.495)")]
 
 
+def _listed(regions: Any) -> Any:
+    return (regions,) if isinstance(regions, str) else regions
+
+
 class BodyChoice(Section):
     """[object.body]: body from a file, or a block or phantom; its `origin` lies at [object] position.
 
@@ -90,6 +102,7 @@ class BodyChoice(Section):
             phantom, the origin of the frame of a file.
         rotation: rotation about that point, about x, then y, then z of the device, rad.
         stiffness_scale: factor on every Young's modulus.
+        held: regions whose contact nodes are held in place, see `palpate.fem.Body.held`.
         tip: "sphere", or "flat" for the end of a rod along the body's z axis.
         radius: of the tip, m.
     """
@@ -115,6 +128,7 @@ class BodyChoice(Section):
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
     stiffness_scale: Annotated[Number, POSITIVE] = 1.0
+    held: Annotated[tuple[str, ...], BeforeValidator(_listed)] = ()
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")

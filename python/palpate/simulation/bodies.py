@@ -152,10 +152,11 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         field = "object.body.kind"
         chosen = {} if choice.contact is None else {"contact": choice.contact}
         options = tuple(sorted({**choice.options, **chosen}.items()))
-        return _of_kind(_state(path), choice.stiffness_scale, choice.kind, options, scenario.period)
+        supported = (_state(path), choice.held)
+        return _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period)
     except PalpateError as problem:
         key, _, sentence = str(problem).partition(": ")  # the message about a number begins with its name
-        if key in choice.options or key in _recipe(choice) or key == "stiffness_scale":
+        if key in choice.options or key in _recipe(choice) or key in ("stiffness_scale", "held"):
             raise scenario.mistake(f"object.body.{key}", sentence) from None
         hint = ""
         if field == "object.body" and path.is_file():
@@ -226,11 +227,21 @@ def _read(state: tuple[str, int, int]) -> Body:
     return load(state[0])
 
 
+@lru_cache(maxsize=2)
+def _held(state: tuple[str, int, int], regions: tuple[str, ...]) -> Body:
+    return _read(state).held(regions) if regions else _read(state)
+
+
 @lru_cache(maxsize=4)
 def _of_kind(
-    state: tuple[str, int, int], scale: float, kind: str, options: tuple[tuple[str, Any], ...], period: float
+    supported: tuple[tuple[str, int, int], tuple[str, ...]],
+    scale: float,
+    kind: str,
+    options: tuple[tuple[str, Any], ...],
+    period: float,
 ) -> Body:
-    body = _read(state) if scale == 1.0 else _read(state).scaled_stiffness(scale)
+    body = _held(*supported)
+    body = body if scale == 1.0 else body.scaled_stiffness(scale)
     from palpate.fem import Law
 
     if kind == "compliance":

@@ -1,0 +1,109 @@
+"""Supports added to a condensed body: the laws of static elimination, and a new build with the same support."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import fem, simulate
+from palpate.errors import ScenarioError
+from palpate.fem import Body, BodyError
+
+LEFT, FRONT = "x < 11 mm", "y < 6 mm"
+
+
+def pushed(body: Body, x: float = 20e-3) -> float:
+    """Return the force of a sphere of 8 mm, 2 mm deep in the top at `x`, m."""
+    return float(np.linalg.norm(body.signed_distance().indent((x, 20e-3, 20e-3), 8e-3, 2e-3).force))
+
+
+def built(fixed: list[str], path: Path | None = None, **options: Any) -> Body:
+    """40 x 40 x 20 mm of 10 kPa, touched on its top."""
+    volume = fem.block(["40 mm", "40 mm", "20 mm"], "5 mm")
+    return fem.build(volume, young="10 kPa", fixed=fixed, touch="z > 19.9 mm", output=path, **options)
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return built(["z < 0.1 mm"], modes=5)
+
+
+def test_held_rows_are_struck_from_the_stiffness(body: Body) -> None:
+    """(C'^-1) is C^-1 without the rows and columns of the held nodes."""
+    keep = np.repeat(body.nodes[:, 0] > 11e-3, 3)
+    stiffness = np.linalg.inv(body.compliance.astype(float))
+    held = body.held(LEFT)
+    np.testing.assert_array_equal(held.nodes, body.nodes[keep[::3]])
+    np.testing.assert_array_equal(held.normals, body.normals[keep[::3]])
+    np.testing.assert_array_equal(held.contents.areas, body.contents.areas[keep[::3]])
+    np.testing.assert_array_equal(held.compliance, held.compliance.T)
+    expected = np.linalg.inv(stiffness[np.ix_(keep, keep)])
+    np.testing.assert_allclose(held.compliance, expected, atol=2e-6 * expected.max())
+
+
+def test_supports_add_up_in_any_order(body: Body) -> None:
+    both = body.held([LEFT, FRONT])
+    for one, other in ((LEFT, FRONT), (FRONT, LEFT)):
+        after = body.held(one).held(other)
+        np.testing.assert_array_equal(after.nodes, both.nodes)
+        np.testing.assert_allclose(after.compliance, both.compliance, atol=2e-6 * both.compliance.max())
+        assert after.record["held"] == [one, other]
+    assert body.held([]).contents is body.contents
+
+
+def test_a_held_body_is_that_of_a_new_build(body: Body) -> None:
+    """Springs and tetrahedra hold the same vertices; the condensed force differs by the edge of the support."""
+    held, new = body.held(LEFT), built(["z < 0.1 mm", "surface box -1 -1 19.9 to 11 41 21 mm"])
+    np.testing.assert_array_equal(held.nodes, new.nodes)
+    np.testing.assert_array_equal(held.contents.dirichlet, new.contents.dirichlet)
+    assert pushed(held) == pytest.approx(pushed(new), rel=0.03)
+    assert pushed(held) > 1.01 * pushed(body)
+    assert pushed(held, 30e-3) == pytest.approx(pushed(new, 30e-3), rel=1e-3)
+
+
+def test_a_held_body_keeps_its_model_and_its_file(body: Body, tmp_path: Path) -> None:
+    rough = body.with_friction(0.5).signed_distance().held(LEFT)
+    assert rough.kind.name == "signed_distance"
+    assert rough.kind.friction == (0.5, 0.5)
+    again = fem.load(body.held(LEFT).save(tmp_path / "held.h5"))
+    assert again.record["held"] == [LEFT]
+    np.testing.assert_array_equal(again.compliance, rough.compliance)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda body: body.held("x < -1 mm"), r'held: no contact node lies in "x < -1 mm"'),
+        (lambda body: body.held([LEFT, "z < 10 mm"]), r'in "z < 10 mm"; only contact nodes can be held'),
+        (lambda body: body.held("z > 0 mm"), "held: all contact nodes are held"),
+        (lambda body: body.held("left"), 'held: "left" is no region'),
+        (lambda body: body.held(LEFT).modal("1 ms"), "a body with held nodes has no modes"),
+    ],
+)
+def test_a_support_that_is_none_is_refused(body: Body, change: Any, sentence: str) -> None:
+    with pytest.raises(BodyError, match=sentence):
+        change(body)
+
+
+def test_a_scenario_holds_regions(tmp_path: Path) -> None:
+    """It runs on the body held; a mistake names the key."""
+    path = tmp_path / "block.h5"
+    body = built(["z < 0.1 mm"], path, order=1)
+    pressed = {"kind": "signed_distance", "file": str(path), "origin": ["20 mm", "20 mm", "20 mm"], "radius": "8 mm"}
+    scenario: dict[str, Any] = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "fixed"},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-6 mm"], "body": pressed},
+        "run": {"duration": "10 ms"},
+    }
+    for held in ([], FRONT, [LEFT, FRONT]):
+        scenario["object"]["body"] = {**pressed, "held": held}
+        force = np.linalg.norm(simulate(scenario)["object_force"][-1])
+        assert force == pytest.approx(pushed(body.held(held)), rel=1e-3), held
+    scenario["object"]["body"] = {**pressed, "held": "x < -1 mm"}
+    with pytest.raises(ScenarioError, match=r"object\.body\.held: no contact node"):
+        simulate(scenario)

@@ -19,8 +19,6 @@ from scripts import run_program
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)]
-# Pages that take more than 10 s.
-SLOW = {"docs/tutorials/press-tissue.md", "docs/how-to/deformable-bodies.md"}
 SLOW_PROGRAMS = {"docs/how-to/run-in-cpp.md"}
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
@@ -65,8 +63,6 @@ def test_python_blocks_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And a tutorial prints every number of its tables with a unit in the head, to the last digit shown."""
-    if name(page) in SLOW and not NIGHTLY:
-        pytest.skip("slow page: PALPATE_NIGHTLY=1 runs it")
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     run_program(program(page), str(page), tmp_path, monkeypatch)
     if page.parent.name == "tutorials":

@@ -62,8 +62,8 @@ class Body(IndentableBody):
 
         It takes a fraction of the time of a build (`palpate.fem.supports`): build the body once, with the least
         support. Each held node keeps the mean displacement of its patch zero; nothing else in a region is held. Next
-        to the held nodes, the compliance depends on the edge of the support within the spacing. The vibration modes
-        are lost.
+        to the held nodes, the compliance depends on the edge of the support within the spacing. A tip does not touch
+        held nodes. The vibration modes are lost.
 
         Raises:
             BodyError: a region has another form or contains no contact node, or all contact nodes are held.

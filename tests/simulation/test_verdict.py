@@ -417,3 +417,24 @@ def test_a_fast_linear_loop_does_not_explain_a_tip_that_slides_on(before: float,
         )
     )  # fmt: skip
     assert State(int(found[0])) is state
+
+
+def test_the_loop_in_contact_does_not_judge_a_tip_that_never_touches_its_wall() -> None:
+    wall = {"kind": "wall", "normal": [1, 0, 0], "stiffness": "50 N/mm", "position": ["-5 mm", "0 mm", "0 mm"]}
+    hand = {"kind": "arm", "mass": "0.3 kg", "damping": "10 N*s/m", "stiffness": "200 N/m"}
+    verdicts = [
+        palpate.simulate(
+            {
+                "device": {"name": "slider", "delay": 2},
+                "servo": {"period": "1 ms", "topology": "impedance_display"},
+                "operator": {**hand, "force": [push, "0 N", "0 N"]},
+                "object": wall,
+                "run": {"duration": "1 s"},
+            }
+        ).verdict
+        for push in ("-0.5 N", "0.5 N", "-3 N")
+    ]
+    assert all("never touches" in str(verdict.linear) for verdict in verdicts[:2])
+    assert verdicts[0].state in (State.CONTACT_LOST, State.SETTLED)
+    assert verdicts[1].state is State.SETTLED
+    assert verdicts[2].state in (State.UNSTABLE, State.BOUNDED_OSCILLATION)

@@ -82,6 +82,8 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
 
 def _of_kind(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
     """Return the spectral radii of the linear loop without late ticks, or None and the reason, as `linear_radii_of`."""
+    if scenario.contact_kind == "wall" and "touching" in trace and len(trace.time) and not trace["touching"].any():
+        return None, "the tip never touches the object"
     if scenario.servo.tool is not None:
         return _display(trace, scenario)
     if scenario.contact_kind in ("mesh", "body"):

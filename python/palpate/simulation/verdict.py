@@ -26,6 +26,7 @@ BEFORE = 1.5  # of the band: a tip that moved more in the fourth fifth may be at
 CREEP = 0.0125  # of the deflection: a motion above it that becomes faster is not rest
 FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay where no linear loop is known
+FAST = 0.1  # factor per fifth of the linear loop's slowest motion below which it does not explain a lasting trend
 TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillation of a period per fifth has less
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
@@ -242,7 +243,7 @@ def _ahead(e: Evidence) -> Array:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         measured = e.trend / e.trend_before
-        explained = (e.linear > 0) & ~(measured > np.sqrt(np.sqrt(e.decay)))
+        explained = (e.linear > 0) & ~((e.decay < FAST) & (measured > np.sqrt(np.sqrt(e.decay))))
         factor = np.where(explained, e.decay, np.fmin(measured, LASTING))
         left = 2.0 * e.trend * factor / (1.0 - factor)
     trends = (e.trend > SMALL) & (e.trend > (TREND - 1.0) * e.swing)

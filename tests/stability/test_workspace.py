@@ -13,7 +13,8 @@ import pytest
 from palpate import devices, simulate
 from palpate.cli.main import app
 from palpate.control import Controller
-from palpate.errors import StabilityError
+from palpate.devices.device import Parameters
+from palpate.errors import PoseError, StabilityError
 from palpate.linear import HumanArm
 from palpate.report import workspace_page
 from palpate.scenario import Scenario
@@ -218,3 +219,19 @@ def test_workspace_from_the_command_line(tmp_path: Path) -> None:
     assert html.count("<svg") == 2
     assert runner.invoke(app, ["workspace", "phantm", "--out", str(tmp_path / "none")]).exit_code == 2
     assert not (tmp_path / "none").exists()
+
+
+def test_no_pose_of_a_map_is_beyond_the_limits_of_a_joint() -> None:
+    start = np.array([0.0, 0.3, 0.2])
+    low, high = start - [0.4, 0.3, 0.5], start + [0.2, 0.4, 0.3]
+    limits = {"limits.lower": tuple(low), "limits.upper": tuple(high)}
+    limited = devices.Device(ARM.name, "", ARM.mechanism, Parameters({**ARM.parameters.values, **limits}))
+    poses, free = (reachable_poses(device, start, 500)[2] for device in (limited, ARM))
+    within = free[np.all((free >= low) & (free <= high), axis=1)]
+    assert 5 < len(poses) < len(free) / 2
+    assert poses == pytest.approx(within, abs=0.0)
+
+
+def test_a_map_from_a_singular_start_is_refused() -> None:
+    with pytest.raises(PoseError, match="workspace: the Jacobian is singular"):
+        workspace(display(start={"pose": ["0 rad", "2.2305 rad", f"{2.2305 + np.pi / 2} rad"]}), poses=50)

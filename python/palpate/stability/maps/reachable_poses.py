@@ -59,9 +59,12 @@ def _pose_at(device: Device, tip: Array, start: Array, hinge: Array, reach: floa
     """Return the pose at ``tip`` with the elbow configuration of the start; None if it is out of reach."""
     if np.linalg.norm(tip - hinge) > reach:
         return None
+    low, high = device.joint_limits
     elbow, side = np.linalg.det(device.jacobian(start)), _axis_distance(device, start)
     for q in device.core.inverse(tip, start)[0]:
         pose = start + np.angle(np.exp(1j * (np.asarray(q) - start)))
+        if np.any((pose < low) | (pose > high)):
+            continue
         if abs(pose[0] - start[0]) > TURN + 1e-9 or _axis_distance(device, pose) * side <= 0:
             continue
         jacobian = device.jacobian(pose)

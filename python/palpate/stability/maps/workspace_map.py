@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 from palpate.devices import Device, load
+from palpate.devices.reach import check_reach
 from palpate.errors import DeviceError, StabilityError
 from palpate.files import as_path, check_suffix, load_toml, read_utf8, write_json
 from palpate.linear.linear_device import HumanArm
@@ -176,7 +177,8 @@ def workspace(
     Motions that the wall does not observe must be stable too; a certificate does not require this.
 
     Reachable poses are on the start's side of the base axis, with the elbow configuration of the start and the base
-    rotated by up to 90 degrees. The ratio of the Jacobian's smallest to largest singular value is at least 0.1.
+    rotated by up to 90 degrees, within the joint limits of the device. The ratio of the Jacobian's smallest to largest
+    singular value is at least 0.1.
 
     Args:
         subject: a Scenario, its tables or file (.toml with [object]); or a Device, its name or file.
@@ -193,6 +195,7 @@ def workspace(
     device = s.load_device()
     _require_mappable(s, device)
     start = device.inverse(s.start.tip) if s.start.tip is not None else np.array(s.start.pose)
+    check_reach(device, start, "workspace")
     controller = build_controller(s, device, start)
     report("reachable poses", 0.05)
     spacing, tips, angles, sections = reachable_poses(device, start, poses)

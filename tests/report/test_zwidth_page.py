@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from palpate import simulate
-from palpate.report.zwidth import zwidth_page
+from palpate.report.zwidth import zwidth_figure, zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import zwidth
@@ -89,6 +92,30 @@ def test_a_band_of_unstable_objects_under_the_stiffest_stable_one_is_named() -> 
     assert "below a curve is stable, but for the bands below." in page
     bands = found.to_dict()["unstable_below"]["the scenario's arm, rigid grip"]
     assert {"damping_N_s_per_m": 0.0, "stiffness_N_per_m": [low, high]} in bands
+
+
+def test_the_map_is_filled_where_objects_are_stable() -> None:
+    """A band of unstable objects is a hole, and a map without bands has none."""
+    for scenario in (resonant("100 N/m"), Scenario.from_file(SLIDER)):
+        found = zwidth(scenario, simulated=False)
+        figure = zwidth_figure(replace(found, curves=dict([next(iter(found.curves.items()))])))
+        (panel,) = figure.axes
+        for line in (*panel.lines, *panel.texts):
+            line.set_visible(False)
+        panel.grid(visible=False)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3]
+        own, loop = next(iter(found.curves.values())), scenario_loop(scenario)
+        rng, states = np.random.default_rng(1), set()
+        for share in rng.uniform(0.03, 1.0, (60, 2)):
+            b, k = share * [own.damping.max(), own.stiffness.max()]
+            margin = loop.spectral_radius(k, b) - 1.0
+            x, y = panel.transData.transform((b, k * 1e-3))
+            if abs(margin) > 1e-4:
+                assert (pixels[int(y), int(x)].min() < 250) == (margin < 0.0), (b, k)
+                states.add(margin < 0.0)
+        assert states == {True, False}
 
 
 def test_a_run_agrees_with_the_band_of_unstable_objects() -> None:

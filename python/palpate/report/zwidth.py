@@ -50,7 +50,7 @@ def zwidth_page(z: ZWidth) -> Page:
         page.paragraph(f"**Unstable band**: {remark}")
     page.figure(
         zwidth_figure(z),
-        f"Below the filled curve: stable objects ({name}). {_dashed(z)}"
+        f"Filled: stable objects ({name}). {_dashed(z)}"
         + ("" if z.corner is not None else _dark(z))
         + _runs(z.simulated),
         label="map of stable stiffness against damping",
@@ -199,12 +199,28 @@ def _has_larger(z: ZWidth) -> bool:
 def _curves(panel: Axes, curves: Iterable[tuple[str, Boundary]], scale: float = 1e-3) -> None:
     for index, (name, c) in enumerate(curves):
         label: str | None = f"{name}, computed" if index == 0 else name
+        if index == 0:
+            _fill(panel, c, scale)
         for first, last in c.pieces:
             x, y = c.damping[first:last], c.stiffness[first:last] * scale
-            if index == 0:
-                panel.fill_between(x, y, color=COLORS[0], alpha=0.12, linewidth=0)
             panel.plot(x, y, color=COLORS[index % len(COLORS)], label=label, linestyle="-" if index == 0 else "--")
             label = None
+
+
+def _fill(panel: Axes, c: Boundary, scale: float) -> None:
+    """Fill the stable objects: those below a piece of the curve, less those below a piece under it."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    pieces = [np.column_stack([c.damping[a:b], c.stiffness[a:b] * scale]) for a, b in c.pieces]
+    rings = [np.vstack([piece, piece[-1] * [1, 0], piece[0] * [1, 0], piece[0]]) for piece in pieces]
+    turned = []
+    for piece, ring in zip(pieces, rings, strict=True):
+        depth = sum(Path(other).contains_point(piece[len(piece) // 2]) for other in rings if other is not ring)
+        (x, y), (ahead, above) = ring[:-1].T, ring[1:].T
+        left = np.sum(x * above - y * ahead) > 0.0
+        turned.append(Path(ring if left == (depth % 2 == 0) else ring[::-1], closed=True))  # a hole turns the other way
+    panel.add_patch(PathPatch(Path.make_compound_path(*turned), color=COLORS[0], alpha=0.12, linewidth=0))
 
 
 def _passive(panel: Axes, z: ZWidth, scale: float) -> None:

@@ -223,7 +223,7 @@ def test_workspace_from_the_command_line(tmp_path: Path) -> None:
 
 def test_no_pose_of_a_map_is_beyond_the_limits_of_a_joint() -> None:
     start = np.array([0.0, 0.3, 0.2])
-    low, high = start - [0.4, 0.3, 0.5], start + [0.2, 0.4, 0.3]
+    low, high = start - [0.4, 0.3, 0.5], start + np.array([0.2, 0.4, 0.3])
     limits = {"limits.lower": tuple(low), "limits.upper": tuple(high)}
     limited = devices.Device(ARM.name, "", ARM.mechanism, Parameters({**ARM.parameters.values, **limits}))
     poses, free = (reachable_poses(device, start, 500)[2] for device in (limited, ARM))

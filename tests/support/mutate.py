@@ -40,7 +40,7 @@ from mutants import Mutant, mutants
 ROOT: Final = Path(__file__).parents[2]
 PACKAGE: Final = Path("python/palpate")
 PRELOADED: Final = ("numpy", "scipy.linalg", "scipy.signal", "scipy.optimize", "h5py", "pint", "typer", "hypothesis")
-SKIPPED: Final = ("benchmarks", "core", "docs", "examples", "experiments", "support")  # folders of tests
+SKIPPED: Final = ("benchmarks", "core", "support")  # folders of tests
 MEMORY: Final = 12 << 30  # bytes of address space of one run of tests
 PATIENCE: Final = 6.0  # time on the clock over processor time of one run of tests
 OWN: Final = {"palpate", "experiments", "benchmarks", "tests"} | {
@@ -330,7 +330,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=3600.0, help="after which no other mutant begins")
     parser.add_argument(
-        "--limit", type=float, default=30.0, help="seconds of tests of its folder, and of others, that a mutant meets"
+        "--limit", type=float, default=60.0, help="seconds of tests of its folder, and of others, that a mutant meets"
     )
     parser.add_argument("--at", nargs="*", default=[], help="every mutant of these lines instead: units.py:40")
     parser.add_argument("--only", nargs="*", default=[], help="folders, or files, of the package: control units.py")

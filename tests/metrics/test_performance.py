@@ -23,6 +23,7 @@ from palpate.metrics import (
     ripple,
     vibration_threshold,
 )
+from palpate.metrics.performance import _bandwidth
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
 from typer.testing import CliRunner
@@ -308,3 +309,12 @@ def test_the_dynamic_stiffness_of_an_object_is_that_of_its_spring_and_damper() -
     normal = np.array([0.6, 0.0, 0.8])
     loop.stiffness, loop.damping = 300.0 * np.outer(normal, normal), 0.1 * np.outer(normal, normal)
     np.testing.assert_allclose(np.abs(LoopResponse.directions(loop)), [normal], atol=1e-12)
+
+
+@pytest.mark.parametrize("corner", [0.31, 4.7, 61.0])
+def test_a_bandwidth_lies_between_the_frequencies_of_its_grid(corner: float) -> None:
+    frequency = np.geomspace(0.01, 1000.0, 400)
+    gain = np.abs(1.0 / (1.0 + 1j * frequency / corner))
+    exact = corner * np.sqrt(2.0 / gain[0] ** 2 - 1.0)  # 3 dB below the gain at the first frequency
+    assert _bandwidth(frequency, gain) == pytest.approx(exact, rel=2e-4)
+    assert _bandwidth(frequency, np.ones(400)) == np.inf

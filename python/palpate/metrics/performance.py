@@ -195,7 +195,6 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
     display = s.servo.topology == "impedance_display"
     transfer = loop.transmitted(f, scenario_arm(s) or DEFAULT_ARM, n) if display else n @ loop.reference(f) @ n
     gain = np.abs(transfer)
-    low = np.flatnonzero(gain < gain[0] / np.sqrt(2))
     static = _static_stiffness(loop, n)
     return DirectionalPerformance(
         (float(n[0]), float(n[1]), float(n[2])), f, rendered, desired, free,
@@ -203,9 +202,20 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
         (float(in_band.min()), float(in_band.max())),
         float(f[-1] if not deviates.any() else 0.0 if deviates[0] else f[int(np.argmax(deviates)) - 1]),
         rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
-        float(f[low[0]]) if low.size else float("inf"),
+        _bandwidth(f, gain),
         _precision(loop, n, static if display else None),
     )  # fmt: skip
+
+
+def _bandwidth(f: Array, gain: Array) -> float:
+    """Return the frequency at which a gain (k,) falls by 3 dB, Hz; inf if it does not. It is linear in log f (k,)."""
+    level = gain[0] / np.sqrt(2)
+    low = np.flatnonzero(gain < level)
+    if not low.size:
+        return float("inf")
+    above, below = low[0] - 1, low[0]
+    share = (gain[above] - level) / (gain[above] - gain[below])
+    return float(f[above] * (f[below] / f[above]) ** share)
 
 
 def _static_stiffness(loop: LoopResponse, n: Array) -> float:

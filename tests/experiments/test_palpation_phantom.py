@@ -84,16 +84,25 @@ def test_loops_oscillate_where_the_linear_contact_says(block: dict[str, Any], la
     assert not summarize(above)["stable"]
 
 
-def test_soft_and_stiff_bodies_come_to_rest_under_every_law(block: dict[str, Any]) -> None:
-    """2 and 100 kPa; the body gives no energy and keeps none, beyond what adding up finite steps misses."""
+def test_soft_and_stiff_bodies_are_stable_under_every_law(block: dict[str, Any]) -> None:
+    """2 and 100 kPa; the body gives no energy and keeps none, beyond what adding up finite steps misses.
+
+    All come to rest, but for the stiff body under the LQG: there the tip slides on across the smooth top.
+    """
     held = press_all((2e3, 100e3), body=block)
     assert len(held) == 2 * len(LAWS)
     for one in held:
-        assert one.stable, (one.law, one.young)
+        assert one.contact is not None
+        assert one.contact.stable
+        if (one.law, one.young) == ("LQG", 100e3):
+            x, _, z = (one.trace["tip"][-1] - one.trace["tip"][-1001]).tolist()  # in the last second
+            assert abs(x) > 1e-5 > 10 * abs(z)
+            assert not one.stable
+        else:
+            assert one.stable, (one.law, one.young)
         assert one.found.touches == 1
         assert 0.3e-3 < one.found.final_deflection < 1.3e-3
         assert abs(one.found.lost) < 1e-3 * one.found.work
-        assert one.contact is not None
         assert one.contact.critical_stiffness > 3.0 * one.contact.static_stiffness
     soft, stiff = held[0].contact, held[1].contact
     assert soft is not None

@@ -22,22 +22,10 @@ from palpate.stability import certification, certify, destabilizing_operator, st
 from palpate.stability.certificate import _margin_line
 from palpate.stability.counter_example import divergence_example, growth, to_toml
 from palpate.stability.maps.zwidth_map import _edge, loop_radii, wall_loops
+from slider_press import slider
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-
-
-def slider(stiffness: str = "97 N/m", **tables: Any) -> dict[str, Any]:
-    """A slider leant on with half a newton."""
-    return {
-        "title": "Slider",
-        "device": {"name": "slider"},
-        "servo": {"period": "1 ms", "topology": "impedance_display"},
-        "operator": {"kind": "force", "shape": "step", "force": ["0.5 N", "0 N", "0 N"]},
-        "object": {"kind": "spring", "stiffness": stiffness},
-        "run": {"duration": "2 s"},
-        **tables,
-    }
 
 
 def test_stable_and_passive_slider() -> None:

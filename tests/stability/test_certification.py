@@ -24,18 +24,11 @@ from palpate.stability.certification import (
     _stiffness_factor,
 )
 from palpate.stability.passivity import field_damping, quantized_stiffness
+from slider_press import slider as leant_on
 
 
 def slider(stiffness: str = "90 N/m", **tables: Any) -> dict[str, Any]:
-    return {
-        "title": "Slider",
-        "device": {"name": "slider"},
-        "servo": {"period": "1 ms", "topology": "impedance_display"},
-        "operator": {"kind": "force", "shape": "step", "force": ["0.5 N", "0 N", "0 N"]},
-        "object": {"kind": "spring", "stiffness": stiffness},
-        "run": {"duration": "0.1 s"},
-        **tables,
-    }
+    return leant_on(stiffness, **{"run": {"duration": "0.1 s"}, **tables})
 
 
 def press(**tables: Any) -> Scenario:

@@ -113,6 +113,9 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     one_sided = is_one_sided(scenario)
     expected = _expected(trace, scenario, window)
     counts = float(resolution(scenario, device, trace["angle"][last : last + 1])[0])
+    error = np.nan if expected is None else float(steady_error(deflection[ending].mean(axis=0), expected)[0])
+    if "tool" in trace:
+        error = _tool_error(trace, ending, deflection, counts)
     return {
         "resolution": counts,
         "beyond": leaves_reach(trace, scenario, window),
@@ -121,11 +124,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "lossy": lossy(scenario, device),
         "generated": generated,
         "generated_before": generated_before,
-        "error": _tool_error(trace, ending, deflection, counts)
-        if "tool" in trace
-        else np.nan
-        if expected is None
-        else float(steady_error(deflection[ending].mean(axis=0), expected)[0]),
+        "error": error,
         "drift": _drift(trace, ending) if scenario.reference is not None or "tool" in trace else np.nan,
     }
 

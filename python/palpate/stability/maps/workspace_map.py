@@ -110,14 +110,16 @@ class Workspace:
             softest = f"from {self.least_stable:.5g} N/m " if self.least_stable > 0 else ""
             claim = (
                 f"Walls {softest}up to {self.worst[i]:.5g} N/m are stable at each of {len(self.tips)} poses in every "
-                f"direction ({self.stiffness.shape[1]} tested at each pose). The minimum"
+                f"direction ({self.stiffness.shape[1]} tested at each pose). The minimum is"
             )
         else:
-            claim = f"No stiffness is stable at each of {len(self.tips)} poses in every direction. The least limit"
+            claim = (
+                f"No stiffness is stable at each of {len(self.tips)} poses in every direction. The least limit is "
+                f"{self.worst[i]:.5g} N/m"
+            )
         return (
-            f"{claim} is {'' if self.least_stable < self.worst[i] else f'{self.worst[i]:.5g} N/m '}at {tip} mm with "
-            f"the normal ({normal}), where the loop oscillates at {self.frequency[i, j]:.4g} Hz. The median is "
-            f"{np.median(self.worst):.5g} N/m.{self._soft_walls}"
+            f"{claim} at {tip} mm with the normal ({normal}), where the loop oscillates at "
+            f"{self.frequency[i, j]:.4g} Hz. The median is {np.median(self.worst):.5g} N/m.{self._soft_walls}"
         )
 
     @property
@@ -249,7 +251,7 @@ def _directions(device: Device, poses: Array) -> Array:
 
 
 def _tested_walls(loops: PoseLoops, directions: Array, damping: Array) -> tuple[Array, Array, Array, Array]:
-    """Return walls in ``directions`` and in four tilted from the weakest: K and frequency."""
+    """Return walls in ``directions`` and in four tilted from the weakest: K, frequency and softest."""
 
     def interval(along: Array) -> tuple[Array, Array, Array]:
         return loops.critical_stiffness(along, np.einsum("ndk,k,ndk->nd", along, damping, along))

@@ -8,7 +8,7 @@ import pytest
 from loops import axes, press
 from palpate import devices
 from palpate.control import Controller, closed_loop, lead_lag, loop_gain, loop_margins, margins
-from palpate.control.lead_lag_design import _chain, _conditioning, _decoupler, _gain_sign, _static_gain
+from palpate.control.lead_lag_design import _chain, _compensate, _conditioning, _decoupler, _gain_sign, _static_gain
 from palpate.control.stability_margins import frequency_response
 from palpate.errors import DesignError
 from palpate.linear import rendering_plant
@@ -57,6 +57,52 @@ def test_the_steady_error_asked_for_is_kept() -> None:
     loose, tight = lead_lag(SOFT, steady_error=0.5), lead_lag(SOFT, steady_error=1e-4)
     assert all(c["lag"] is None for c in loose.notes["compensators"].values())
     assert all(c["lag"] is not None for c in tight.notes["compensators"].values())
+
+
+@pytest.mark.parametrize(
+    ("ahead", "error", "lagged"), [(1.0, 0.1, True), (0.8, 0.2, True), (-0.1, 0.1, True), (1.0, 0.5, False)]
+)
+def test_one_axis_has_the_crossover_the_margin_and_the_steady_error(ahead: float, error: float, lagged: bool) -> None:
+    """|L| = 1 with the margin at the crossover, and |1/(1 + L)| at rest, also of a response that begins reversed."""
+    crossover, margin = 120.0, np.radians(70.0)
+    slow = control.StateSpace([[0.97]], [[1.0]], [[0.03]], [[0.0]], T)
+    loop = slow * slow * control.StateSpace([[0.0]], [[1.0]], [[1.0 - ahead]], [[ahead]], T) * 0.5  # 0.5 at rest
+    block = _compensate(loop, crossover, margin, error, "x")
+    whole = block.realize(T) * loop
+    at, rest = complex(whole(np.exp(1j * crossover * T))), complex(whole(1.0)).real
+    assert abs(at) == pytest.approx(1.0, rel=1e-9)
+    assert (block.gain < 0.0) is (block.lead is None) is (ahead < 0.0)
+    if block.lead is not None:
+        assert np.pi + np.angle(at) == pytest.approx(margin, abs=np.radians(0.2))
+    assert (block.lag is not None) is lagged
+    if lagged:
+        assert abs(1.0 / (1.0 + rest)) == pytest.approx(error, rel=0.01)
+
+
+def test_a_loop_that_leads_by_itself_gets_a_gain_alone() -> None:
+    """1 - 1/z has the phase 90 deg - w T/2 and the gain 2 sin(w T/2); without static gain a lag would not help."""
+    difference = control.StateSpace([[0.0]], [[1.0]], [[-1.0]], [[1.0]], T)
+    block = _compensate(difference, 180.0, np.radians(60.0), 0.001, "x")
+    assert (block.lead, block.lag) == (None, None)
+    assert block.gain == pytest.approx(0.5 / np.sin(90.0 * T))
+    with pytest.raises(DesignError, match="axis x has no response at 180 rad/s"):
+        _compensate(difference * 0.0, 180.0, np.radians(60.0), 0.001, "x")
+
+
+def test_integrators_need_a_gain_alone_and_a_controller_without_states() -> None:
+    """T/(z - 1) has the gain T / (2 sin(w T/2)) and the phase -90 deg - w T/2."""
+    plant = control.StateSpace(np.eye(3), T * np.eye(3), np.eye(3), np.zeros((3, 3)), T)
+    found = lead_lag(plant, crossover=[100.0, 200.0, 300.0], phase_margin=[10.0, 30.0, 0.5]).system
+    assert found.nstates == 0
+    gains = [2.0 * np.sin(0.5 * w * T) / T for w in (100.0, 200.0, 300.0)]
+    np.testing.assert_allclose(found.D, np.hstack([np.diag(gains), -np.diag(gains)]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("texts", [("180 rad/s", "60 deg"), (["180 rad/s"] * 3, ("60 deg",) * 3)])
+def test_a_crossover_and_a_margin_may_have_units(texts: tuple[str, str]) -> None:
+    found = lead_lag(SOFT, crossover=texts[0], phase_margin=texts[1])
+    assert found.notes["phase_margin"] == pytest.approx([60.0] * 3)
+    np.testing.assert_allclose(found.system.D, ONE_DESIGN.system.D, rtol=1e-9)
 
 
 def test_a_loop_that_needs_no_lead_gets_none() -> None:
@@ -133,6 +179,9 @@ def test_conditioning_is_stable() -> None:
     [
         ({"phase_margin": 88.0, "crossover": 400.0}, "axis . needs .* deg of lead"),
         ({"crossover": 7000.0}, "crossover must be one value or three between 0 and 6283"),
+        ({"crossover": np.pi / T}, "crossover must be one value or three between 0 and 6283"),
+        ({"phase_margin": 90.0}, "phase_margin must be one value or three between 0 and 90 deg"),
+        ({"steady_error": 1.0}, "steady_error must be one value or three between 0 and 1 of F_ref"),
         ({"crossover": [100.0, 100.0]}, "one value or three"),
         ({"phase_margin": np.nan}, "phase_margin"),
         ({"steady_error": 0.0}, "steady_error"),
@@ -199,6 +248,15 @@ def test_behind_its_decoupler_the_real_response_at_the_crossover_is_diagonal(
     singular = control.StateSpace([], [], [], np.ones((3, 3)), period)
     with pytest.raises(DesignError, match="the axes cannot be decoupled at the crossover"):
         _decoupler(singular, np.array(drive), np.full(3, 200.0))
+
+
+def test_a_decoupler_takes_out_the_common_phase_of_the_response() -> None:
+    """R z^-1 is as real as R. Two phases: one at which twice the turn, and one at which its inverse, leaves nothing."""
+    coupled = np.array([[2.0, 0.3, -0.2], [0.1, 1.0, 0.25], [-0.3, 0.2, 3.0]])
+    late = control.StateSpace(np.zeros((3, 3)), coupled, np.eye(3), np.zeros((3, 3)), 1e-3)
+    for phase in (0.25 * np.pi, 0.5 * np.sqrt(0.25 * np.pi**2 + 1.0) - 0.25 * np.pi):
+        found = coupled @ _decoupler(late, np.arange(3), np.full(3, 1e3 * phase))
+        np.testing.assert_allclose(found, np.diag(np.diag(found)), atol=1e-9)
 
 
 def test_a_first_order_section_after_a_system_multiplies_its_response() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -75,6 +76,27 @@ def test_limits_of_what_is_felt() -> None:
     alone = 1 / response(tables).displacement(f, object_on=False)[:, 0, 0]
     s = 2j * np.pi * f
     assert alone == pytest.approx(MASS * s**2 + B * s, rel=1e-10)
+
+
+@pytest.mark.parametrize("compensated", [True, False])
+def test_a_slow_push_moves_the_arm_as_statics_says(compensated: bool) -> None:
+    """J^T (N + F - K (x - x0)) = g(q) with the weight N at the tip; without compensation, constant torques."""
+    tables = {**slider("9 N/m"), "device": {"name": "phantom-premium-1.5a"}}
+    tables["start"] = {"pose": ["0.2 rad", "2.1 rad", "3.2 rad"]}
+    loop = replace(response(tables), gravity_compensation=compensated)
+    arm, pose, k = loop.device, loop.pose, 9.0
+    weight = np.linalg.solve(arm.jacobian(pose).T, arm.gravity(pose))
+
+    def torque(q: np.ndarray) -> np.ndarray:
+        jacobian, spring = arm.jacobian(q), -k * (arm.forward(q) - arm.forward(pose))
+        held = jacobian.T @ weight if compensated else arm.gravity(pose)
+        return np.asarray(held + jacobian.T @ spring - arm.gravity(q))
+
+    step = 1e-5 * np.eye(3)
+    by_pose = np.column_stack([(torque(pose + e) - torque(pose - e)) / 2e-5 for e in step])
+    moved = -arm.jacobian(pose) @ np.linalg.solve(by_pose, arm.jacobian(pose).T)
+    found = loop.displacement([1e-3])[0]
+    np.testing.assert_allclose(found.real, moved, atol=1e-5 * np.abs(moved).max())
 
 
 @pytest.mark.parametrize("frequency", [4.0, 12.0, 40.0])

@@ -210,11 +210,10 @@ def test_a_margin_is_infinite_only_if_no_factor_up_to_10000_is_unstable() -> Non
 def test_nyquist_counts_the_unstable_eigenvalues(seed: int) -> None:
     """Of the body's impulse response, without its states; in one, two and three directions, with unstable arms too."""
     loop = body_loop(1 + seed % 3, seed, 40.0 * 6.0 ** (seed % 4))
-    if seed % 4 == 3:  # an arm that tips over
+    if seed % 4 == 3:  # an arm whose swing grows by itself
         p = loop.path
-        a = p.A.copy()
-        a[0, 0] += 0.3
-        loop = BodyLoop(sampled(a, p.B, p.C, p.D), loop.body, loop.markov, loop.axes, loop.normal, loop.error)
+        loop = replace(loop, path=sampled(1.02 * p.A, p.B, p.C, p.D))
+        assert np.abs(np.linalg.eigvals(loop.path.A)).max() > 1.0
     assert unstable_poles(loop) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
 
 
@@ -235,6 +234,29 @@ def test_nyquist_counts_by_the_measured_response_whatever_states_realize_it(seed
     elastic = sampled(np.zeros((0, 0)), np.zeros((0, axes)), np.zeros((axes, 0)), 0.1 * loop.body.D)
     wrong = replace(loop, body=elastic)
     assert unstable_poles(wrong) == int(np.sum(np.abs(np.linalg.eigvals(loop.matrix())) > 1.0))
+
+
+@pytest.mark.parametrize(("share", "unstable"), [(0.3, 0), (-0.0425, 0), (-0.0445, 2)])
+def test_nyquist_resolves_a_resonance_of_the_measured_response_that_no_state_expects(
+    share: float, unstable: int
+) -> None:
+    """A mode of the body that decays by 2 % in a tick: of the closed loop's poles some are 0.1 % beside the circle."""
+    loop = replace(elastic_loop(20.0), path=sampled([[0.0]], [[0.01]], [[1.0]], [[0.0]]))
+    mode = 0.98 * np.array([[np.cos(1.0), np.sin(1.0)], [-np.sin(1.0), np.cos(1.0)]])
+    body = sampled(mode, [[0.0], [1.0]], [[100.0 * share, 0.0]], [[20.0]])
+    rings = control.impulse_response(body, np.arange(800) * PERIOD).outputs * PERIOD
+    whole = replace(loop, markov=rings.reshape(-1, 1, 1), body=body)
+    assert int(np.sum(np.abs(np.linalg.eigvals(whole.matrix())) > 1.0)) == unstable
+    assert unstable_poles(replace(whole, body=loop.body)) == unstable
+
+
+@pytest.mark.parametrize("decay", [1e-2, 1e-4, 1e-6])
+def test_the_doubt_of_a_narrow_resonance_is_that_at_its_peak(decay: float) -> None:
+    """1/(1 - 2 r cos a z^-1 + r^2 z^-2) at z = exp(j a): 1 / (decay |1 - r exp(-2 j a)|)."""
+    r, a = 1.0 - decay, 0.7
+    path = sampled([[2.0 * r * np.cos(a), -r * r], [1.0, 0.0]], [[1.0], [0.0]], [[1.0, 0.0]], [[0.0]])
+    loop = replace(elastic_loop(0.0), path=path)
+    assert loop.doubt() == pytest.approx(2.0 / (decay * abs(1.0 - r * np.exp(-2j * a))), rel=1e-4 + decay)
 
 
 def test_some_of_these_loops_are_stable_and_some_are_not() -> None:

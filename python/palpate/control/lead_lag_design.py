@@ -125,7 +125,6 @@ def _compensate(loop: control.StateSpace, crossover: float, margin: float, error
     phase = phase - 2 * np.pi if phase > np.pi / 2 else phase
     big = 2 / period * np.tan(crossover * period / 2)
 
-    needs_lag = np.isfinite(rest) and abs(rest) > 0  # an integrating plant has no steady error
     lack = margin - (np.pi + phase)
     lead_angle = max(0.0, lack)
     lag_ratio = 1.0
@@ -138,12 +137,10 @@ def _compensate(loop: control.StateSpace, crossover: float, margin: float, error
             )
         spread = (1 + np.sin(lead_angle)) / (1 - np.sin(lead_angle))
         gain = 1 / (abs(response) * np.sqrt(spread))  # the gain of the lead at its center is sqrt(spread)
-        if not needs_lag:
+        if rest == 0:  # a lag would not help
             break
-        at_rest = abs(rest) * gain
+        at_rest = abs(rest) * gain  # inf of an integrating plant, which has no steady error
         lag_ratio = max(1.0, (1 / error - np.sign(rest * sign)) / at_rest)
-        if lag_ratio == 1.0:
-            break
         zero = 1j * LAG_DECADE
         lag = (zero + 1) / (zero + 1 / lag_ratio)
         lead_angle = max(0.0, lack - float(np.angle(lag)))
@@ -243,9 +240,7 @@ def _assemble(blocks: dict[int, Compensator], matrix: Array, smooth: bool, perio
     for part in a_parts:
         a[at : at + len(part), at : at + len(part)] = part
         at += len(part)
-    b = np.vstack(b_rows) if size else np.zeros((0, 6))
-    c_all = np.hstack(c_columns) if size else np.zeros((3, 0))
-    return control.StateSpace(a, b, c_all, d, period)
+    return control.StateSpace(a, np.vstack(b_rows), np.hstack(c_columns), d, period)
 
 
 def _conditioning(system: control.StateSpace) -> Array | None:

@@ -88,6 +88,22 @@ def test_the_energy_supplied_is_stored_in_the_springs_or_dissipated() -> None:
     assert trace.verdict.state is State.SETTLED
 
 
+def test_the_energy_supplied_to_a_free_device_is_stored_in_it_or_dissipated_by_it() -> None:
+    """The kinetic energy of the arm, five times as heavy as the device, is no part of it."""
+    arm = {
+        "kind": "arm",
+        "mass": "0.3 kg",
+        "damping": "6 N*s/m",
+        "stiffness": "200 N/m",
+        "force": ["-3 N", "0 N", "0 N"],
+    }
+    trace = palpate.simulate(leaning(operator=arm, object={"kind": "none"}, run={"duration": "0.5 s"}))
+    _, _, balance = judged(trace)
+    assert balance is not None
+    lost = np.concatenate([[0.0], np.cumsum(SLIDER_FRICTION * trace["velocity"][1:, 0] ** 2) * 1e-3])
+    assert balance.supplied == pytest.approx(float((trace["energy"][:, 0] + lost).max()), rel=1e-2)
+
+
 @pytest.mark.parametrize("name", ["press-stiff-cube-lqg", "moving-surface"])
 def test_no_energy_is_stated_where_motors_or_objects_supply_it_by_design(name: str) -> None:
     trace = palpate.simulate(SCENARIOS / f"{name}.toml")

@@ -11,6 +11,7 @@ from palpate.arrays import Array
 from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
 from palpate.simulation.bodies import resolves_tip
+from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.trace import Trace
 
 __all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
@@ -26,6 +27,9 @@ _ESTIMATED = ("compliance", "viscoelastic", "modal", "signed_distance")  # model
 @dataclass(frozen=True)
 class PalpationMetrics:
     """Metrics of a tip in contact with a body, from the first contact to the end of the run, in m, N and J.
+
+    Paths and energies are those in the frame of the body, if that moves. The tip of an admittance display is its
+    virtual tool.
 
     Attributes:
         touches: number of times contact began.
@@ -99,8 +103,9 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     if "contact_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
         return None
     first = max(int(np.argmax(trace["touching"][:, 0] > 0.0)) - 1, 0)  # the sample before, without stored energy
-    names = ("touching", "tip", "object_force", "deflection", "contact_nodes", "solved")
-    touching, tip, force, deflection, nodes, solved = (trace[name][first:] for name in names)
+    names = ("touching", "deflection", "contact_nodes", "solved")
+    touching, deflection, nodes, solved = (trace[name][first:] for name in names)
+    tip, force = touching_tip(trace)[first:], turned_to_object(trace, trace["object_force"])[first:]
     stored, saved = trace["stored_energy"][first:], trace["tank_energy"][first:]
     time, contact = trace.time[first:], touching[:, 0] > 0.0
     depth = np.linalg.norm(deflection, axis=1)
@@ -131,7 +136,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         held=work - float(np.sum(force[:-1] * move)) if every_tick else None,
         final_deflection=float(np.mean(depth[last])),
         final_force=float(np.mean(magnitude[last])),
-        final_swing=float(np.max(np.ptp(force[last], axis=0))),
+        final_swing=float(np.max(np.ptp(trace["object_force"][first:][last], axis=0))),
         touching_at_end=bool(contact[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
@@ -156,7 +161,7 @@ def work_so_far(trace: Trace) -> Array:
     (`modal`, `viscoelastic`, `mass_spring`) holds the force F_k over the tick that ends at sample k. The work of a tick
     is then F_k . (x_k - x_k-1). For samples n ticks apart the later force then has the weight (1 + 1/n) / 2.
     """
-    force, tip = trace["object_force"], trace["tip"]
+    force, tip = turned_to_object(trace, trace["object_force"]), touching_tip(trace)
     choice, run = trace.scenario.get("object", {}).get("body") or {}, trace.scenario.get("run", {})
     later = 0.5 + (0.5 / int(run.get("record_every", 1)) if choice.get("kind") in HOLDING else 0.0)
     each = ((later * force[1:] + (1.0 - later) * force[:-1]) * np.diff(tip, axis=0)).sum(axis=1)
@@ -169,7 +174,7 @@ def stiffness_along_path(trace: Trace) -> tuple[Array, Array]:
     The samples are at least 0.1 mm apart and have at least half of the median force.
     """
     contact = trace["touching"][:, 0] > 0.0
-    force, tip = trace["object_force"], trace["tip"]
+    force, tip = turned_to_object(trace, trace["object_force"]), touching_tip(trace)
     magnitude = np.linalg.norm(force, axis=1)
     pressed = contact & (magnitude > 0.5 * np.median(magnitude[contact])) if contact.any() else contact
     if not pressed.any():

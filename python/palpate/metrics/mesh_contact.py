@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from palpate.arrays import Array
+from palpate.simulation.moving_frame import seen_from_object, touching_tip, turned_to_object
 from palpate.simulation.trace import Trace
 from palpate.units import parse_quantity
 
@@ -23,6 +24,9 @@ LAST = 0.1  # s at the end of a run, over which the final state is averaged
 @dataclass(frozen=True)
 class SlidingMetrics:
     """Metrics of a tip on a mesh, from the first contact to the end of the run, in N, m, J and N^2.
+
+    Paths and energies are those in the frame of the mesh, if that moves. The tip of an admittance display is its
+    virtual tool.
 
     Attributes:
         path: length of the path of the proxy on the surface.
@@ -92,8 +96,10 @@ def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> Sliding
         return None
     first = int(np.argmax(trace["touching"][:, 0] > 0.0))
     time = trace.time[first:]
-    names = ("touching", "proxy", "tip", "normal", "depth", "surface_stiffness", "triangle", "object_force")
-    touching, proxy, tip, normal, depth, stiffness, triangle, force = (trace[name][first:] for name in names)
+    names = ("touching", "normal", "depth", "surface_stiffness", "triangle", "object_force")
+    touching, normal, depth, stiffness, triangle, force = (trace[name][first:] for name in names)
+    tip, proxy = touching_tip(trace)[first:], seen_from_object(trace, trace["proxy"])[first:]
+    own_normal, own_force = (turned_to_object(trace, trace[name])[first:] for name in ("normal", "object_force"))
     contact = touching[:, 0] > 0.0
     both = contact[1:] & contact[:-1]
     every_tick = _record_every(trace) == 1
@@ -102,7 +108,7 @@ def sliding_metrics(trace: Trace, *, tangential: float | None = None) -> Sliding
     last = time >= time[-1] - LAST
     spring = _tangential(trace) if tangential is None else tangential
     along = stiffness[:, 0] if spring is None else np.where(contact, spring, 0.0)
-    generated, dissipated = _energy(tip, proxy, normal, depth[:, 0], stiffness[:, 0], along, force)
+    generated, dissipated = _energy(tip, proxy, own_normal, depth[:, 0], stiffness[:, 0], along, own_force)
     expected = _expected(trace, first, normal, stiffness[:, 0], contact)
     at_rest = last & contact
     deflection = float(np.mean(depth[at_rest])) if at_rest.any() else 0.0

@@ -14,7 +14,7 @@ from palpate.plotting.style import COLORS, FAINT, INK, new_figure
 from palpate.plotting.surface import frame, new_space
 from palpate.scenario import Scenario
 from palpate.simulation.meshes import touched_mesh
-from palpate.simulation.moving_frame import seen_from_object
+from palpate.simulation.moving_frame import seen_from_object, touching_tip, turned_to_object
 from palpate.simulation.trace import Trace
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def trajectory(trace: Trace) -> Figure:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     contact = trace["touching"][:, 0] > 0.0
-    tip, proxy = (seen_from_object(trace, trace[name]) for name in ("tip", "proxy"))
+    tip, proxy = touching_tip(trace), seen_from_object(trace, trace["proxy"])
     start = tip[0]
     tip, proxy = 1e3 * (tip - start), 1e3 * (proxy - start)
     proxy = np.where(contact[:, None], proxy, np.nan)
@@ -71,11 +71,12 @@ def profile(trace: Trace) -> Figure:
     """Return the paths of tip and proxy in the plane of the normal and the direction of motion, mm from the start."""
     contact = trace["touching"][:, 0] > 0.0
     up = _mean_normal(trace)
-    heading = _heading(trace["tip"][contact], up)
+    tip, proxy = touching_tip(trace), seen_from_object(trace, trace["proxy"])
+    heading = _heading(tip[contact], up)
     figure, rows = new_figure(1, 1, height=2.6)
     side = rows[0][0]
-    for name, color in (("tip", COLORS[1]), ("proxy", COLORS[0])):
-        path = 1e3 * (trace[name] - trace["tip"][0])
+    for name, color, points in (("tip", COLORS[1], tip), ("proxy", COLORS[0], proxy)):
+        path = 1e3 * (points - tip[0])
         if name == "proxy":
             path = np.where(contact[:, None], path, np.nan)
         side.plot(path @ heading, path @ up, color=color, label=name)
@@ -118,8 +119,8 @@ def _surface_of(trace: Trace) -> tuple[Mesh, Array]:
 
 
 def _mean_normal(trace: Trace) -> Array:
-    """Return the mean unit normal in contact (3,)."""
-    mean = trace["normal"][trace["touching"][:, 0] > 0.0].mean(axis=0)
+    """Return the mean unit normal in contact (3,), in the frame of the mesh if that moves."""
+    mean = turned_to_object(trace, trace["normal"])[trace["touching"][:, 0] > 0.0].mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean), dtype=float)
 
 

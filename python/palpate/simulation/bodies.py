@@ -20,7 +20,7 @@ from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import unresolved
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
-from palpate.simulation.moving_frame import seen_from_object
+from palpate.simulation.moving_frame import touching_tip
 from palpate.simulation.recorded import Recorded
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:
     moving = scenario.object.frame is not None
     anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    return np.asarray((seen_from_object(trace, trace["tip"]) - anchor) @ turn + origin_of(choice, body))
+    return np.asarray((touching_tip(trace) - anchor) @ turn + origin_of(choice, body))
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:

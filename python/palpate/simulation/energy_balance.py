@@ -22,7 +22,8 @@ class EnergyBalance:
     the energy that the display generates. In a motion that persists, friction and the operator's arm dissipate it.
 
     Attributes:
-        supplied: largest net work of the operator on the device from the start of the run to any sample.
+        supplied: largest net work of the operator on the device from the start of the run to any sample. The kinetic
+            energy of a rigid arm is no part of it.
         generated: work of the varying motor torque in the last fifth of the judged window.
         generated_before: the same in the fourth fifth.
     """
@@ -51,16 +52,29 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
         return None
     force, tip = trace["operator_force"], held_tip(trace)
     power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1)
-    supplied = float(np.cumsum(power).max(initial=0.0))
+    supplied = np.concatenate([[0.0], np.cumsum(power)]) - _kinetic_energy_of_arm(trace.time, tip, scenario)
     torque, angle = trace["torque"], trace["angle"]
     works = (_varying_work(torque[a : a + fifth], angle[a : a + fifth + 1]) for a in (end - fifth, end - 2 * fifth))
-    return EnergyBalance(supplied, *works)
+    return EnergyBalance(float(supplied.max()), *works)
 
 
 def frame_channels(scenario: Scenario) -> list[str]:
     """Return the names of the channels of the motion of objects that may move by themselves."""
     prefixes = [f"{name}_" if name else "" for name in scenario.each_object]
     return [f"{prefix}frame_{kind}" for prefix in prefixes for kind in ("position", "rotation")]
+
+
+def _kinetic_energy_of_arm(time: Array, tip: Array, scenario: Scenario) -> Array:
+    """Return the kinetic energy of an arm that grips the tip (n, 3), m, rigidly, since the start (n,), J.
+
+    The recorded force of such an arm lacks its inertial force.
+    """
+    operator = scenario.operator
+    if operator.kind != "arm" or operator.tissue_stiffness is not None:
+        return np.zeros(len(time))
+    velocity = np.gradient(tip, time, axis=0)
+    velocity[0] = 0.0  # the device starts at rest
+    return np.asarray(0.5 * (operator.mass or 0.0) * np.sum(velocity**2, axis=1), dtype=float)
 
 
 def _varying_work(torque: Array, angle: Array) -> float:

@@ -53,7 +53,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "torque": ("N*m", "joint torques of the command and the gravity compensation"),
     "motor_torque": ("N*m", "share of the motors"),
     "reference_force": ("N", "reference force, exerted by the operator"),
-    "operator_force": ("N", "force of the operator on the tip"),
+    "operator_force": ("N", "force of the operator on the tip, without the inertial force of a rigid arm"),
     "tool": ("m", "position of the virtual tool, which touches the object"),
     "measured_force": ("N", "force of the operator on the tip, as the servo measures it"),
     "guarded": ("", "1 while the guard changes the force"),

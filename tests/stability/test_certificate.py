@@ -91,7 +91,7 @@ def test_a_wall_seen_through_an_encoder_needs_friction_to_be_passive() -> None:
         passive, required, remark = certification._passivity_condition(scenario, scenario_loop(scenario))
         assert passive is not encoder
         assert required == pytest.approx(0.045)  # K T / 2
-        needs = "counts of 23 µm at the tip require friction for 90 N/m, and the friction suffices for 0 N/m"
+        needs = "counts of 23 µm at the tip require 0.001035 N of dry friction of joint 1, and it has 0 N (Abbott"
         assert (needs in remark) is encoder
 
 

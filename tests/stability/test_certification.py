@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.control.stability_margins import loop_margins
+from palpate.devices import Device
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
@@ -18,12 +19,11 @@ from palpate.stability.certification import (
     _dominant_angle,
     _longest_interval,
     _passivity_condition,
-    _quantization_bound,
     _range,
     _stable_factor,
     _stiffness_factor,
 )
-from palpate.stability.passivity import field_damping, quantized_stiffness
+from palpate.stability.passivity import field_damping
 from slider_press import slider as leant_on
 
 
@@ -175,23 +175,6 @@ def test_of_several_directions_the_condition_of_the_stiffest_is_sufficient_only(
     )
 
 
-def test_one_count_at_the_tip_is_that_of_the_joint_that_moves_it_most() -> None:
-    """Friction of a joint over its lever is a force at the tip; the least of the joints counts."""
-    for scenario in (press(), Scenario.from_dict(slider(device={"name": "slider", "encoder": True}))):
-        loop, device = scenario_loop(scenario), scenario.load_device()
-        pose = np.array(scenario.start.pose if scenario.start.pose is not None else [0.0])
-        lever = np.abs(loop.directions.T @ device.jacobian(pose)).max(axis=0)
-        counts = [arm * step for arm, step in zip(lever, device.encoder_step, strict=True)]
-        forces = [c / arm for c, arm in zip(device.coulomb, lever, strict=True) if arm > 1e-6]
-        quantum, bound = _quantization_bound(scenario, loop)
-        assert quantum == pytest.approx(max(counts))
-        assert bound == pytest.approx(
-            quantized_stiffness(
-                damping=loop.device_damping, coulomb=min(forces), period=scenario.period, quantum=max(counts)
-            )
-        )
-
-
 def test_no_hand_is_searched_for_an_identified_model() -> None:
     """Its response includes whatever held it."""
     scenario = press(
@@ -304,16 +287,12 @@ def test_encoder_counts_need_friction_up_to_the_stiffness_that_it_suffices_for(
     stiffness: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = Scenario.from_dict(slider(f"{stiffness} N/m", device={"name": "slider", "encoder": True}))
-    monkeypatch.setattr(certification, "_quantization_bound", lambda s, loop: (2e-5, 50.0) if s is scenario else None)
+    monkeypatch.setattr(Device, "coulomb", np.array([50.0 * 23e-6 / 2.0]))
     passive, _, remark = _passivity_condition(scenario, scenario_loop(scenario))
     assert passive is (stiffness < 50.0)
-    needs = (
-        f"Encoder counts of 20 µm at the tip require friction for {stiffness:g} N/m, and the friction suffices for 50"
-    )
-    assert (needs in remark) is (stiffness > 50.0)
+    assert ("Encoder counts of 23 µm at the tip require 0.001035 N of dry friction" in remark) is (stiffness > 50.0)
     damped = {"kind": "spring", "stiffness": f"{stiffness} N/m", "damping": "1 N*s/m"}
     lossy = Scenario.from_dict(slider(object=damped, device={"name": "slider", "encoder": True}))
-    monkeypatch.setattr(certification, "_quantization_bound", lambda *_: (2e-5, 5.0))
     assert "Encoder counts" not in _passivity_condition(lossy, scenario_loop(lossy))[2]  # not passive without them
 
 

@@ -178,6 +178,9 @@ def test_field_quantisation_and_coulomb_bounds() -> None:
     assert field_damping(lipschitz=1000, longest_period=2e-3, delay=1, virtual_damping=0.5) == pytest.approx(3.5)
     assert quantized_stiffness(damping=0.05, coulomb=0.04, period=1e-3, quantum=23e-6) == pytest.approx(100)
     assert quantized_stiffness(damping=5, coulomb=0.04, period=1e-3, quantum=40e-6) == pytest.approx(2000)
+    damped = {"damping": 5, "coulomb": 0.04, "period": 1e-3, "quantum": 40e-6}
+    assert quantized_stiffness(**damped, virtual_damping=0.6) == pytest.approx(800)  # 2f_c/Delta - 2B/T
+    assert quantized_stiffness(**damped, virtual_damping=1.1) == 0.0
     swing = coulomb_amplitude(mass=0.06, stiffness=600, damping=0.1, coulomb=0.02, period=1e-3)
     assert swing == pytest.approx(4 * 0.02 / (np.pi * 100 * 0.2))
     assert coulomb_amplitude(mass=0.06, stiffness=200, damping=0.1, coulomb=0.02, period=1e-3) == np.inf

@@ -16,11 +16,12 @@ from palpate.simulation.linear_evidence import loop_at_rest
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import FAILED, State, Verdict
-from palpate.stability.assumptions import assumptions, method, start_pose
+from palpate.stability.assumptions import assumptions, method
 from palpate.stability.certificate import Certificate
 from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
 from palpate.stability.criteria import check_stability
-from palpate.stability.passivity import field_damping, passive_damping, quantized_stiffness
+from palpate.stability.encoder_counts import count_at_tip, friction_for_counts
+from palpate.stability.passivity import field_damping, passive_damping
 
 __all__ = ["certify_spring"]
 
@@ -251,24 +252,18 @@ def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, 
     )
     if (several or late) and not passive:
         passive = None
-    if s.device.encoder:
-        quantum, bound = _quantization_bound(s, loop)
-        if passive and k > bound:
-            passive = False
+    if s.device.encoder and passive:
+        needed = friction_for_counts(s, loop, gain * loop.stiffness, gain * loop.damping)
+        own = s.load_device().coulomb
+        if np.any(lacks := needed > own):
+            passive, joint = False, int(np.argmax(np.where(lacks, needed - own, -np.inf)))
+            unit = s.load_device().torque_unit.replace("*", " ")
             remark += (
-                f" Encoder counts of {quantum * 1e6:.3g} µm at the tip require friction for {k:.4g} N/m, and the "
-                f"friction suffices for {bound:.4g} N/m (Abbott & Okamura 2005)."
+                f" Encoder counts of {count_at_tip(s, loop) * 1e6:.3g} µm at the tip require "
+                f"{needed[joint]:.4g} {unit} of dry friction of joint {joint + 1}, and it has {own[joint]:.4g} {unit} "
+                "(Abbott & Okamura 2005)."
             )
     return passive, required, remark
-
-
-def _quantization_bound(s: Scenario, loop: ScenarioLoop) -> tuple[float, float]:
-    """Return one encoder count at the tip (m), and the largest passive stiffness with it (N/m)."""
-    device = s.load_device()
-    jacobian = np.abs(loop.directions.T @ device.jacobian(start_pose(s))).max(axis=0)
-    quantum = float((jacobian * device.encoder_step).max())
-    friction = float(np.where(jacobian > 1e-9, device.coulomb / np.maximum(jacobian, 1e-9), np.inf).min())
-    return quantum, quantized_stiffness(damping=loop.device_damping, coulomb=friction, period=s.period, quantum=quantum)
 
 
 def _longest_interval(s: Scenario, loop: ScenarioLoop) -> float:

@@ -21,10 +21,11 @@ from palpate.linear.linear_device import HumanArm, SampledDevice
 from palpate.linear.wall import WallLoop, wall_loop
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
+from palpate.stability.encoder_counts import friction_for_counts
 from palpate.stability.maps.boundary_curve import Boundary, stability_boundary, trace_boundary
 from palpate.stability.maps.simulated import SimulatedBoundary, simulated_boundary
 from palpate.stability.maps.wall_interval import wall_spectral_radius
-from palpate.stability.passivity import passive_stiffness
+from palpate.stability.passivity import field_damping, passive_stiffness
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -456,6 +457,31 @@ def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[tuple[Arr
     if not loop.rests:
         return None, "without an operator the device tips over under gravity, so no wall is passive"
     gain = max(s.controller.gain or (1.0,))
+    counts: tuple[float, float] | None = None  # K without B and B without K, for which the joints have friction
+    if s.device.encoder:
+        counts = _friction_suffices(s, loop)
+        if min(counts) <= 0.0:
+            return None, "encoder counts generate energy that only dry friction dissipates, and a joint has none"
     b = np.linspace(0, min(float(edge.damping.max()), 1.02 * loop.device_damping / gain), 25)
-    k = passive_stiffness(damping=loop.device_damping, period=s.period, virtual_damping=b * gain, delay=s.device.delay)
+    k = _passive_stiffness(s, loop.device_damping, b * gain)
+    if counts is not None:
+        k = np.clip(k, 0.0, counts[0] * (1.0 - b * gain / counts[1]).clip(min=0.0))
     return (b, k / gain), ""
+
+
+def _passive_stiffness(s: Scenario, own: float, b: Array) -> Array:
+    """Return the largest passive K (k,), N/m, with dampers B (k,), N s/m, and the device's own damping, N s/m."""
+    if not s.servo.jitter:
+        return passive_stiffness(damping=own, period=s.period, virtual_damping=b, delay=s.device.delay)
+    longest = s.period + s.servo.jitter  # the servo divides differences over it by the period
+    left = own - b * longest / s.period
+    unit = field_damping(lipschitz=1.0, longest_period=longest, delay=s.device.delay)
+    return np.asarray(np.maximum(left, 0.0) / unit, dtype=float)
+
+
+def _friction_suffices(s: Scenario, loop: ScenarioLoop) -> tuple[float, float]:
+    """Return K, N/m, without B, and B, N s/m, without K, for which the joints have the friction that counts need."""
+    own = s.load_device().coulomb
+    needed = (friction_for_counts(s, loop, k, b) for k, b in ((1.0, 0.0), (0.0, 1.0)))
+    stiffest, damped = (float(np.divide(own, n, out=np.full_like(own, np.inf), where=n > 0.0).min()) for n in needed)
+    return stiffest, damped

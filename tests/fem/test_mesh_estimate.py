@@ -14,8 +14,17 @@ from palpate.fem.builder import _NODES, _check_extent, _spacing_of
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
-from palpate.fem.mesh_estimate import _inner_samples, _needed, check_memory_before, check_parts, estimate
-from palpate.fem.modes_cost import modes_cost
+from palpate.fem.mesh_estimate import (
+    _MEMORY,
+    _PROGRAM,
+    _inner_samples,
+    _needed,
+    _surface_samples,
+    check_memory_before,
+    check_parts,
+    estimate,
+)
+from palpate.fem.modes_cost import fill, modes_cost
 from palpate.fem.multifrontal import MultifrontalSolver
 from palpate.fem.selectors import parse_selectors
 
@@ -66,6 +75,57 @@ def test_the_budget_before_the_mesh_counts_the_modes() -> None:
     needed = [_needed(surface, 3.5e-3, 2, True, count) for count in (0, 1, 100, 400)]
     assert needed == sorted(needed)
     assert needed[-1] > needed[-2]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_memory_is_that_of_the_factor_the_compliance_and_the_modes(order: int) -> None:
+    """Three unknowns a node; the compliance has 8 bytes for each two of the unknowns that are touched."""
+    surface = surface_of(SPHERE)
+    size = estimate(surface, 4e-3, order)
+    compliance, factor = 8.0 * (3.0 * size.contact_nodes) ** 2, _MEMORY * (3.0 * size.nodes) ** 1.25
+    assert _needed(surface, 4e-3, order, False, 0) == pytest.approx(_PROGRAM + factor)
+    assert _needed(surface, 4e-3, order, True, 0) == pytest.approx(_PROGRAM + compliance + factor)
+    modes = modes_cost(3.0 * size.nodes, size.contact_nodes, 2000, fill(3.0 * size.nodes)).memory
+    assert _needed(surface, 4e-3, order, True, 2000) == pytest.approx(_PROGRAM + modes)
+    plate = surface_of(trimesh.creation.box((0.1, 0.1, 1e-3)))
+    few = _needed(plate, 1e-3, order, True, 1)  # one mode costs less than the compliance of a plate
+    assert few == _needed(plate, 1e-3, order, True, 0)
+    for count in (0, 1):
+        check_memory_before(plate, 1e-3, order, few / 1.49, touched=True, modes=count)
+        with pytest.raises(BodyError, match=r"spacing of 1 mm gives about .* use a spacing of (.*) mm or more, a sma"):
+            check_memory_before(plate, 1e-3, order, few / 1.51, touched=True, modes=count)
+
+
+def test_the_named_spacing_needs_seven_tenths_of_the_budget_within_a_twentieth_of_spacing() -> None:
+    surface = surface_of(SPHERE)
+    for spacing, budget in ((1e-3, 0.4e9), (2e-3, 0.9e9)):
+        with pytest.raises(BodyError) as refusal:
+            check_memory_before(surface, spacing, 2, budget, touched=True)
+        fits = 1e-3 * float(str(refusal.value).split("use a spacing of ")[1].split()[0])
+        assert _needed(surface, 1.02 * fits, 2, True, 0) < 0.7 * budget < _needed(surface, fits / 1.08, 2, True, 0)
+
+
+def test_a_surface_is_sampled_at_least_every_step_within_the_number_of_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(n + 1)(n + 2)/2 points for each triangle whose longest edge has n steps; its corners are three of them."""
+    corners = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, 0.01]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    surface = ClosedSurface(corners, faces)
+    points, owner = _surface_samples(surface, 0.0101)
+    for triangle in range(4):
+        a, b, c = surface.vertices[surface.triangles[triangle]]
+        longest = max(float(np.linalg.norm(one)) for one in (b - a, c - b, a - c))
+        own, n = points[owner == triangle], int(np.ceil(longest / 0.0101))
+        assert len(own) == len(np.unique(own.round(12), axis=0)) == (n + 1) * (n + 2) // 2
+        weights = np.linalg.lstsq(np.column_stack([b - a, c - a]), (own - a).T, rcond=None)[0]
+        np.testing.assert_allclose(n * weights, (n * weights).round(), atol=1e-9)
+        assert weights.min() >= -1e-12
+        assert weights.sum(axis=0).max() <= 1.0 + 1e-12
+        np.testing.assert_allclose(np.column_stack([b - a, c - a]) @ weights, (own - a).T, atol=1e-12)
+    assert len(_surface_samples(surface, 1e-6)[0]) == 4 * 61 * 62 // 2  # not more, however fine
+    assert len(_surface_samples(surface, 1.0)[0]) == 4 * 3
+    for allowed, n in ((1e5, 60), (600, 15), (200, 7), (60, 3), (1, 1)):  # halved until few enough
+        monkeypatch.setattr("palpate.fem.mesh_estimate._SAMPLES", allowed)
+        assert len(_surface_samples(surface, 1e-6)[0]) == 4 * (n + 1) * (n + 2) // 2
 
 
 def test_the_budget_of_a_given_mesh_counts_the_modes_before_it_is_condensed() -> None:
@@ -127,6 +187,23 @@ def test_a_part_without_a_fixed_place_is_refused_at_once() -> None:
     with pytest.raises(BodyError, match="1 of the 2 parts of the surface has no fixed place"):
         bodies.build(Mesh(two.vertices, two.faces), young=5e3, fixed="x < 0 mm", spacing=2e-3)
     check_parts(surface_of(two), parse_selectors("z < 0 mm"), 0.01)
+
+
+@pytest.mark.parametrize("fixed", ["surface x < 0 mm", "sphere 0 0 0 radius 9 mm"])
+def test_the_part_without_a_fixed_place_is_named_by_one_of_its_points(fixed: str) -> None:
+    two = trimesh.util.concatenate([SPHERE, SPHERE.copy().apply_translation([0.1, 0.02, 0.0])])
+    with pytest.raises(BodyError, match=r"1 of the 2 parts .* the first at \(.*\) mm") as refusal:
+        check_parts(surface_of(two), parse_selectors(fixed), 0.01)
+    place = [float(one) for one in str(refusal.value).split("at (")[1].split(")")[0].split(",")]
+    assert np.linalg.norm(np.array(place) - [100.0, 20.0, 0.0]) == pytest.approx(30.0, abs=0.05)
+
+
+def test_a_part_apart_from_two_that_intersect_needs_its_own_fixed_place() -> None:
+    balls = [SPHERE.copy().apply_translation([x, 0.0, 0.0]) for x in (0.0, 0.03, 0.1)]
+    surface = surface_of(trimesh.util.concatenate(balls))
+    with pytest.raises(BodyError, match="1 of the 2 parts of the surface has no fixed place"):
+        check_parts(surface, parse_selectors("x < -20 mm"), 0.01)
+    check_parts(surface, parse_selectors(["x < -20 mm", "x > 125 mm"]), 0.01)
 
 
 def test_parts_that_do_not_meet_need_a_place_each_although_their_boxes_meet() -> None:

@@ -11,6 +11,7 @@ from palpate.devices.device import Parameters
 from palpate.errors import PoseError, StabilityError
 from palpate.metrics import (
     LoopResponse,
+    TwoPort,
     device_measures,
     hold_response,
     measure_performance,
@@ -78,18 +79,58 @@ def test_the_arm_at_its_peak_uses_the_whole_limit_beside_its_weight(direction: l
     assert moved == pytest.approx(a * e, rel=1e-9, abs=1e-9 * a)
 
 
+def limited(**numbers: Any) -> Device:
+    """Return the arm with other limits of its drives."""
+    values = {k.replace("__", "."): v for k, v in numbers.items()}
+    return Device(ARM.name, "", "premium", Parameters({**ARM.parameters.values, **values}))
+
+
+@pytest.mark.parametrize("direction", [[1, 0, 0], [0, 3, 0], [0, -0.2, 0], [1, 2, -1], [-1, -2, 1]])
+def test_the_arm_at_its_peak_uses_the_torque_of_one_motor_beside_its_weight(direction: list[float]) -> None:
+    torques = np.array([0.05, 0.3, 0.2])
+    device = limited(drive__peak_torque=tuple(torques), drive__peak_force=(np.inf,))
+    e = np.array(direction) / np.linalg.norm(direction)
+    weight = np.linalg.solve(device.jacobian(POSE).T, device.gravity(POSE))
+    force = peak_force(device, POSE, direction)
+    assert force > 0.0
+    assert np.max(np.abs(device.jacobian(POSE).T @ (weight + force * e)) / torques) == pytest.approx(1.0)
+
+
+def test_the_peak_of_the_arm_is_taken_both_ways_along_the_axes_of_its_inertia() -> None:
+    axes = np.linalg.eigh(tip_inertia(ARM, POSE))[1].T
+    both = [peak_force(ARM, POSE, sign * e) for e in axes for sign in (1, -1)]
+    found = device_measures(ARM, POSE).peak_force
+    assert found == pytest.approx((min(both), max(both)))
+    forward = [peak_force(ARM, POSE, e) for e in axes]
+    backward = [peak_force(ARM, POSE, -e) for e in axes]
+    assert (min(forward), max(forward)) != pytest.approx(found) != (min(backward), max(backward))
+
+
+def test_drives_that_cannot_carry_the_weight_have_no_force_left() -> None:
+    weight = np.linalg.solve(ARM.jacobian(POSE).T, ARM.gravity(POSE))
+    e = -weight / np.linalg.norm(weight)
+    for share in (0.9, 0.3):
+        assert peak_force(limited(drive__peak_force=(share * np.linalg.norm(weight),)), POSE, e) == 0.0
+    small = limited(drive__peak_force=(1.1 * np.linalg.norm(weight),))
+    assert peak_force(small, POSE, -e) == pytest.approx(0.1 * np.linalg.norm(weight))
+    torque = np.abs(ARM.gravity(POSE))
+    weak = limited(drive__peak_torque=(np.inf, 0.9 * torque[1], np.inf), drive__peak_force=(np.inf,))
+    up = np.linalg.solve(ARM.jacobian(POSE).T, [0.0, np.sign(ARM.gravity(POSE)[1]), 0.0])
+    assert peak_force(weak, POSE, up) == 0.0
+
+
 def test_a_planar_device_is_limited_by_the_torque_of_one_motor() -> None:
-    limited = Device(
+    device = Device(
         FIVE_BAR.name, "", "five_bar", Parameters({**FIVE_BAR.parameters.values, "drive.peak_torque": (0.1, 0.2)})
     )
-    jacobian = limited.jacobian(FLAT)
+    jacobian = device.jacobian(FLAT)
     e = np.array([0.6, 0.8, 0.0])
-    torque = jacobian.T @ (peak_force(limited, FLAT, e) * e)
+    torque = jacobian.T @ (peak_force(device, FLAT, e) * e)
     assert np.max(np.abs(torque) / [0.1, 0.2]) == pytest.approx(1.0)
-    m = device_measures(limited, FLAT)
+    m = device_measures(device, FLAT)
     values = np.linalg.svd(jacobian, compute_uv=False)
     assert m.kinematic_isotropy == pytest.approx(values[1] / values[0])
-    assert m.tip_mass == pytest.approx(np.sort(1.0 / np.linalg.eigvals(_mobility(limited))), rel=1e-9)
+    assert m.tip_mass == pytest.approx(np.sort(1.0 / np.linalg.eigvals(_mobility(device))), rel=1e-9)
 
 
 def _mobility(device: Device) -> np.ndarray:
@@ -153,6 +194,33 @@ def test_the_two_port_of_the_slider_in_closed_form(delay: int) -> None:
     assert rigid == pytest.approx(port.h11 + port.width, rel=1e-6)
     assert port.force_error == pytest.approx(np.abs(port.h12 - 1.0))
     assert np.all(np.isfinite(llewellyn(port.h11, port.h12, port.h21, port.h22)))
+
+
+def test_the_two_port_takes_the_response_of_the_controller_and_any_length_of_the_direction() -> None:
+    """u = -0.5 (z - 0.3)/(z - 0.6) F_object along x."""
+    f = np.array([3.0, 30.0, 300.0])
+    z, tables = np.exp(2j * np.pi * f * T), slider("impedance_display", 1.0)
+    one = np.eye(3)
+    tables["controller"] = {
+        "kind": "state_space",
+        "A": (0.6 * one).tolist(),
+        "B": np.hstack([0 * one, one]).tolist(),
+        "C": (-0.5 * 0.3 * one).tolist(),
+        "D": np.hstack([0 * one, -0.5 * one]).tolist(),
+    }
+    port = two_port(tables, f, [-2.0, 0.0, 0.0])
+    assert port.h12 == pytest.approx(0.5 * (z - 0.3) / (z - 0.6) * hold_response(f, T), rel=1e-9)
+    assert port.h11 == pytest.approx(MASS * 2j * np.pi * f + B, rel=1e-9)
+    assert np.array_equal(port.width, np.full(3, np.inf + 0j))
+
+
+def test_the_width_is_the_change_of_the_transmitted_impedance_up_to_a_rigid_environment() -> None:
+    """Also of a damper of 1 N s/m, whose admittance is 1."""
+    real, imaginary = np.random.default_rng(3).normal(size=(2, 4, 5))
+    h11, h12, h21, h22 = real + 1j * imaginary
+    h22[0] = 1.0
+    port = TwoPort(np.ones(5), h11, h12, h21, h22)
+    assert port.width == pytest.approx(port.transmitted(1e14 * np.ones(5)) - port.transmitted(np.zeros(5)), rel=1e-9)
 
 
 @pytest.mark.parametrize(("stiffness", "damping"), [(0.4, 0.0), (0.0, 0.4), (0.4, 0.4)])

@@ -70,7 +70,7 @@ def check_memory_before(
     while _needed(surface, fits, order, touched, modes) > 0.7 * allowed and fits < surface.extent:
         fits *= 1.05
     guess = estimate(surface, spacing, order)
-    dear = modes > 0 and _needed(surface, spacing, order, touched, 0) < size
+    dear = _needed(surface, spacing, order, touched, 0) < size
     fewer = _modes(surface, spacing, order, modes).remedy if dear else ""
     remedy = f"a spacing of {1e3 * fits:.2g} mm or more, {fewer}a smaller contact surface (touch), or a larger budget"
     raise BodyError(
@@ -89,7 +89,9 @@ def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: floa
         place |= region.inside(points)
     supported = np.zeros(count, dtype=bool)
     supported[part[triangle[place]]] = True
-    inner = _inner_samples(surface, fixed, spacing) if not supported.all() else points[:0]
+    if supported.all():
+        return
+    inner = _inner_samples(surface, fixed, spacing)
     loose = []
     for number in np.flatnonzero(~supported).tolist():
         own = np.isin(part, number)
@@ -130,8 +132,6 @@ def _solid_parts(surface: ClosedSurface) -> Indices:
     """
     part = surface.parts
     count = int(part.max()) + 1
-    if count == 1:
-        return part
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     corners = surface.vertices[surface.triangles]
     np.minimum.at(low, part, corners.min(axis=1))

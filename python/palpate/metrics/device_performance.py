@@ -77,8 +77,7 @@ def device_measures(device: Device, pose: ArrayLike) -> DeviceMeasures:
     values = np.linalg.svd(device.jacobian(q), compute_uv=False)
     peak = np.array([peak_force(device, q, e) for e in directions])
     moving = np.array([moving_force(device, q, e) for e in directions])
-    with np.errstate(divide="ignore"):
-        ratio = np.where(moving > 0.0, peak / np.where(moving > 0.0, moving, 1.0), np.inf)
+    ratio = np.divide(peak, moving, out=np.full_like(peak, np.inf), where=moving > 0.0)
     steps = np.linalg.norm(device.jacobian(q), axis=0) * device.encoder_step
     return DeviceMeasures(
         _ends(peak),
@@ -128,7 +127,7 @@ def moving_force(device: Device, pose: ArrayLike, direction: ArrayLike) -> float
     """Return the least tip force along a direction that moves a joint: min_i breakaway_i / |e . J_i|, N."""
     e = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     lever = np.abs(e @ device.jacobian(pose))
-    seen = lever > 1e-9 * max(float(lever.max(initial=0.0)), 1e-300)
+    seen = lever > 1e-9 * lever.max(initial=0.0)
     return float(np.min(device.breakaway[seen] / lever[seen], initial=np.inf))
 
 

@@ -340,3 +340,47 @@ def test_a_bandwidth_lies_between_the_frequencies_of_its_grid(corner: float) -> 
     exact = corner * np.sqrt(2.0 / gain[0] ** 2 - 1.0)  # 3 dB below the gain at the first frequency
     assert _bandwidth(frequency, gain) == pytest.approx(exact, rel=2e-4)
     assert _bandwidth(frequency, np.ones(400)) == np.inf
+
+
+@pytest.mark.parametrize("stiffness", ["40 N/m", "80 N/m"])
+def test_at_the_transparency_bandwidth_the_stiffness_deviates_by_the_noticeable_difference(stiffness: str) -> None:
+    tables = slider(stiffness, "0.03 N*s/m")
+    found = measure_performance({**tables, "run": {"duration": "0.1 s"}}).along[0].transparency_bandwidth
+    deviation = felt(tables, [found]) / response(tables).desired(np.array([found]))[:, 0, 0] - 1.0
+    assert abs(deviation[0]) == pytest.approx(0.23, rel=1e-3)
+
+
+def test_the_least_and_largest_stiffness_of_the_band_are_those_of_a_dense_grid() -> None:
+    """The weight of the arm off its start turns it into an oscillator with little friction in the band."""
+    tables = {
+        "device": {"name": "phantom-premium-1.5a-rotors"},
+        "start": {"pose": ["0.2 rad", "2.2 rad", "3.3 rad"]},
+        "servo": {"period": "0.25 ms", "topology": "impedance_display"},
+        "object": {"kind": "spring", "stiffness": "260 N/m"},
+        "run": {"duration": "0.05 s"},
+    }
+    found, loop = measure_performance(tables), response(tables)
+    dense = np.linspace(0.5, 8.0, 6000)
+    for one in found.along:
+        n = np.array(one.direction)
+        values = (1.0 / (n @ loop.displacement(dense) @ n)).real
+        size = np.ptp(values)
+        assert one.band_stiffness[0] <= values.min() + 1e-9 * size
+        assert one.band_stiffness[1] >= values.max() - 1e-9 * size
+
+
+def test_an_unstable_loop_has_no_ripple_and_its_page_no_green_tick() -> None:
+    found = measure_performance(slider("300 N/m", run={"duration": "1 s"}))
+    assert found.ripple is None
+    assert found.remark.startswith("The run is unstable, an oscillation by ")
+
+
+@pytest.mark.parametrize("slow", [11.0, 15.0])
+def test_a_motion_slower_than_a_ripple_is_none(slow: float) -> None:
+    """The window spreads its line over 20 Hz; a ripple beside it keeps its line."""
+    t = T * np.arange(500)
+    motion = 1e-3 * np.sin(2 * np.pi * slow * t)
+    assert ripple(motion, T).ratio < 0.05
+    beside = ripple(motion + 0.5e-6 * np.sin(2 * np.pi * 250 * t), T)
+    assert beside.worst == pytest.approx(250.0)
+    assert beside.ratio == pytest.approx(5.0, rel=0.02)

@@ -24,12 +24,14 @@ from palpate.simulation.controllers import read_scenario
 from palpate.simulation.linear_loop import require_linear_parts, scenario_arm
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 
 __all__ = ["DirectionalPerformance", "Performance", "measure_performance"]
 
 Progress = Callable[[str, float], None]
 JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1990)
 BAND = (0.5, 8.0)  # Hz, voluntary motion
+_NO_MOTION = "no ripple is measured, and the frequency responses are those of no motion that lasts."
 RIPPLE_WINDOW = 0.5  # s, over which ripple is measured
 DEFAULT_ARM = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)  # for a scenario without operator
 
@@ -81,8 +83,8 @@ class Performance:
         topology: "impedance_display" or "force_tracking".
         hold_bandwidth: -3 dB frequency of the hold alone (clamped tip), Hz.
         along: performance along each direction of the object.
-        ripple: ripple of the tip in the half second of contact with the least motion; None: the run diverged, or the
-            contact is too short.
+        ripple: ripple of the tip in the half second of contact with the least motion; None: the run is unstable, or
+            the contact is too short.
         remark: the ripple in words.
         device: measures of the device itself at that pose, as its file gives them.
     """
@@ -189,9 +191,13 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
     f = np.geomspace(0.1, 0.499 / loop.period, 400)
     rendered, free = (np.array(1 / (n @ loop.displacement(f, on) @ n), dtype=complex) for on in (True, False))
     desired = np.array(n @ loop.desired(f) @ n, dtype=complex)
-    deviates = np.abs(rendered / desired - 1) > JND
-    band = np.linspace(*BAND, 60)
-    in_band = (1 / (n @ loop.displacement(band) @ n)).real
+
+    def deviation(at: Array) -> Array:
+        return np.abs(1 / (n @ loop.displacement(at) @ n) / (n @ loop.desired(at) @ n) - 1)
+
+    def felt(at: Array) -> Array:
+        return np.asarray((1 / (n @ loop.displacement(at) @ n)).real, dtype=float)
+
     display = s.servo.topology == "impedance_display"
     transfer = loop.transmitted(f, scenario_arm(s) or DEFAULT_ARM, n) if display else n @ loop.reference(f) @ n
     gain = np.abs(transfer)
@@ -199,12 +205,35 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
     return DirectionalPerformance(
         (float(n[0]), float(n[1]), float(n[2])), f, rendered, desired, free,
         static,
-        (float(in_band.min()), float(in_band.max())),
-        float(f[-1] if not deviates.any() else 0.0 if deviates[0] else f[int(np.argmax(deviates)) - 1]),
+        (_least(felt), -_least(lambda at: -felt(at))),
+        _transparent_up_to(f, deviation),
         rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
         _bandwidth(f, gain),
         _precision(loop, n, static if display else None),
     )  # fmt: skip
+
+
+def _transparent_up_to(f: Array, deviation: Callable[[Array], Array]) -> float:
+    """Return the frequency up to which a deviation stays within JND, Hz, refined between the frequencies f (k,)."""
+    for _ in range(3):
+        beyond = deviation(f) > JND
+        if not beyond.any():
+            return float(f[-1])
+        if beyond[0]:
+            return 0.0
+        first = int(np.argmax(beyond))
+        f = np.geomspace(f[first - 1], f[first], 33)
+    return float(f[0])
+
+
+def _least(function: Callable[[Array], Array]) -> float:
+    """Return the least value of a function of the frequency in BAND, by a grid that is refined about it."""
+    f = np.linspace(*BAND, 600)
+    for _ in range(4):
+        values = function(f)
+        k = int(np.argmin(values))
+        f = np.linspace(f[max(k - 1, 0)], f[min(k + 1, len(f) - 1)], 33)
+    return float(values[k])
 
 
 def _bandwidth(f: Array, gain: Array) -> float:
@@ -233,7 +262,9 @@ def _precision(loop: LoopResponse, n: Array, static: float | None) -> float:
 
 def _ripple(s: Scenario, trace: Trace) -> tuple[Ripple | None, str]:
     if not trace.completed:
-        return None, f"The run diverges at {trace.unstable_from:g} s: no ripple is measured."
+        return None, f"The run diverges at {trace.unstable_from:g} s: {_NO_MOTION}"
+    if trace.verdict.state is State.UNSTABLE:
+        return None, f"The run is unstable, {trace.verdict.reason}: {_NO_MOTION}"
     period = s.period * s.run.record_every
     tip, touching = trace["tip"], trace["touching"][:, 0] > 0
     length = math.ceil(RIPPLE_WINDOW / period)

@@ -67,7 +67,7 @@ def ripple(tip: ArrayLike, period: float, lowest: float = 20.0) -> Ripple:
     Args:
         tip: (n,) or (n, axes), m, uniformly sampled; a linear trend is removed.
         period: sampling period, s.
-        lowest: lowest frequency of ripple, Hz.
+        lowest: lowest frequency of ripple, Hz. Lines above it that are the flank of a slower motion do not count.
 
     Raises:
         StabilityError: the motion is too short for ``lowest``, or not finite.
@@ -88,6 +88,8 @@ def ripple(tip: ArrayLike, period: float, lowest: float = 20.0) -> Ripple:
     amplitude = np.asarray(np.linalg.norm(lines, axis=1), dtype=float)
     f = np.fft.rfftfreq(len(x), t)
     keep = (f >= lowest) & (f < 0.5 / t)
+    falls = np.diff(amplitude, prepend=0.0) < 0.0
+    keep[: int(np.argmax(keep & ~falls))] = False  # the flank of a slower motion, which the window spreads
     f, amplitude, threshold = f[keep], amplitude[keep], vibration_threshold(f[keep])
     at = int(np.argmax(amplitude / threshold))
     return Ripple(np.asarray(f, float), amplitude, threshold, float(f[at]), float(amplitude[at] / threshold[at]))
